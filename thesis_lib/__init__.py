@@ -1,0 +1,1 @@
+"""Contact models in robotic manipulation: reproduce, criticise, augment, learn the rest."""

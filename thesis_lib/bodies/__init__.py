@@ -1,0 +1,1 @@
+"""Planar rigid bodies: shapes, inertia, gap and contact Jacobians."""

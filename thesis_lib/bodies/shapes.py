@@ -1,0 +1,132 @@
+"""Convex planar shapes and the point with which they touch a level surface (thesis section 3.3, figure 3-1).
+
+| on paper | in code     | unit | shape  |                                                                   |
+|----------|-------------|------|--------|-------------------------------------------------------------------|
+| θ        | `theta`     | rad  | (n,)   | body angle, counter-clockwise                                     |
+| r        | `r`         | m    | (n, 2) | contact point from the body origin, in the axes of the surface    |
+| φ_n      | `phi_n`     | m    | (n,)   | gap between body and surface                                      |
+| k        | `k_g`       | m    |        | radius of gyration                                                |
+
+The body origin is the believed centre of mass.  Shapes are pydantic models, because they are part of
+dataset.yaml; all their geometry is vectorised over angles.
+"""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Shape(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def contact_point(self, theta: np.ndarray) -> np.ndarray:
+        """Lowest point of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
+        raise NotImplementedError
+
+    def outline(self, points: int = 180) -> np.ndarray:
+        """Closed outline in the body frame, (points, 2) in m, for drawing."""
+        raise NotImplementedError
+
+    @property
+    def radius_of_gyration(self) -> float:
+        """Radius of gyration in m of the uniform lamina of this shape about its centroid."""
+        raise NotImplementedError
+
+    @property
+    def extent(self) -> float:
+        """Largest distance in m of the outline from the body origin."""
+        return float(np.max(np.linalg.norm(self.outline(), axis=1)))
+
+    def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
+        """Gap φ_n (n,) in m between the body with origin at height `y` and the surface at `height`."""
+        return np.asarray(y) + self.contact_point(theta)[..., 1] - height
+
+
+class Ellipse(_Shape):
+    """Ellipse with semi-axes (a, b) in m along body x and y."""
+
+    kind: Literal["ellipse"] = "ellipse"
+    semi_axes: tuple[Length, Length]
+
+    def contact_point(self, theta: np.ndarray) -> np.ndarray:
+        a2, b2 = self.semi_axes[0] ** 2, self.semi_axes[1] ** 2
+        sin, cos = np.sin(theta), np.cos(theta)
+        # support point in direction (0, -1): r = -(R A R') n / sqrt(n' R A R' n), A = diag(a², b²), n = (0, 1)
+        h = np.sqrt(a2 * sin**2 + b2 * cos**2)
+        return np.stack([-(a2 - b2) * sin * cos / h, -h], axis=-1)
+
+    def outline(self, points: int = 180) -> np.ndarray:
+        angle = np.linspace(0.0, 2.0 * np.pi, points)
+        return np.stack([self.semi_axes[0] * np.cos(angle), self.semi_axes[1] * np.sin(angle)], axis=-1)
+
+    @property
+    def radius_of_gyration(self) -> float:
+        return float(np.hypot(*self.semi_axes) / 2.0)
+
+
+class Disk(_Shape):
+    """Disk of a given radius in m about the body origin."""
+
+    kind: Literal["disk"] = "disk"
+    radius: Length
+
+    def contact_point(self, theta: np.ndarray) -> np.ndarray:
+        theta = np.asarray(theta, dtype=float)
+        return np.stack([np.zeros_like(theta), np.full_like(theta, -self.radius)], axis=-1)
+
+    def outline(self, points: int = 180) -> np.ndarray:
+        angle = np.linspace(0.0, 2.0 * np.pi, points)
+        return self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+    @property
+    def radius_of_gyration(self) -> float:
+        return self.radius / np.sqrt(2.0)
+
+
+class Polygon(_Shape):
+    """Polygon with vertices in m in the body frame, in either order; its convex hull is what touches."""
+
+    kind: Literal["polygon"] = "polygon"
+    vertices: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=1000)]
+
+    @model_validator(mode="after")
+    def _has_area(self) -> "Polygon":
+        if abs(_polygon_area(np.array(self.vertices))) < 1e-12:
+            raise ValueError("the polygon has no area: its vertices lie on a line or cross each other")
+        return self
+
+    def contact_point(self, theta: np.ndarray) -> np.ndarray:
+        theta = np.asarray(theta, dtype=float)
+        vertices = np.array(self.vertices)
+        height = np.sin(theta)[..., None] * vertices[:, 0] + np.cos(theta)[..., None] * vertices[:, 1]
+        lowest = np.argmin(height, axis=-1)
+        x, y = vertices[lowest, 0], vertices[lowest, 1]
+        return np.stack(
+            [np.cos(theta) * x - np.sin(theta) * y, np.sin(theta) * x + np.cos(theta) * y], axis=-1
+        )
+
+    def outline(self, points: int = 180) -> np.ndarray:
+        return np.array([*self.vertices, self.vertices[0]])
+
+    @property
+    def radius_of_gyration(self) -> float:
+        p = np.array(self.vertices)
+        q = np.roll(p, -1, axis=0)
+        cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
+        area = cross.sum() / 2.0
+        centroid = ((p + q) * cross[:, None]).sum(axis=0) / (6.0 * area)
+        # polar second moment of area about the origin, moved to the centroid (parallel axes)
+        polar = (cross * ((p * p).sum(1) + (p * q).sum(1) + (q * q).sum(1))).sum() / 12.0
+        return float(np.sqrt(polar / area - centroid @ centroid))
+
+
+Shape = Annotated[Ellipse | Disk | Polygon, Field(discriminator="kind")]
+
+
+def _polygon_area(p: np.ndarray) -> float:
+    q = np.roll(p, -1, axis=0)
+    return float((p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]).sum() / 2.0)

@@ -1,0 +1,50 @@
+"""dataset.yaml as typed, checked data (dataset format, schema 1)."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from thesis_lib.bodies.shapes import Shape
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Body(_Section):
+    """The object that is dropped; the origin of its frame is the believed centre of mass."""
+
+    shape: Shape
+    mass: Positive | None = Field(
+        None, description="kg; optional, planar impacts need only the radius of gyration"
+    )
+    radius_of_gyration: Positive = Field(description="m, about the centre of mass")
+
+
+class Surface(_Section):
+    """The half-plane y ≤ height."""
+
+    height: Annotated[float, Field(allow_inf_nan=False)] = Field(0.0, description="m")
+
+
+class Noise(_Section):
+    """One-sigma measurement noise, independent for each column."""
+
+    position: Positive | None = Field(None, description="m, each x and y")
+    angle: Positive | None = Field(None, description="rad, each theta")
+    velocity: Positive | None = Field(None, description="m/s, each vx and vy (impacts.csv only)")
+    angular_velocity: Positive | None = Field(None, description="rad/s, each omega (impacts.csv only)")
+
+
+class Header(_Section):
+    """The content of dataset.yaml."""
+
+    schema_: Literal[1] = Field(alias="schema", description="version of this format")
+    description: str = ""
+    body: Body
+    surface: Surface = Surface()
+    gravity: Positive = Field(9.81, description="m/s²")
+    rate: Positive | None = Field(None, description="Hz, of trajectories")
+    noise: Noise | None = Field(None, description="optional: else estimated from the arcs")

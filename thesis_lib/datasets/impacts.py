@@ -1,0 +1,142 @@
+"""Impacts as arrays: what every law, fit and figure takes.
+
+One row is one impact: the pose q = (x, y, θ) at the instant of impact, the velocities v = (v_x, v_y, ω) just
+before and just after, and the contact point r = (r_x, r_y) from the body origin (design: dataset format 3.1).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.shapes import Shape
+
+POSE = ("x", "y", "theta")
+V_PRE = ("vx_pre", "vy_pre", "omega_pre")
+V_POST = ("vx_post", "vy_post", "omega_post")
+STATE = POSE + V_PRE + V_POST  # order of rows and columns of the covariance
+IMPACT_COLUMNS = ("trial", "impact", *STATE)
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """n impacts of one body.
+
+    Attributes:
+        trial, impact: (n,) integers; `trial` is one release and the unit of every split.
+        q: (n, 3) pose at impact, m, m, rad.
+        v_pre, v_post: (n, 3) m/s, m/s, rad/s.
+        r: (n, 2) contact point from the body origin, m.
+        k_g: radius of gyration, m.
+        mass: kg (1.0 stands in where the dataset gives none; impulses are then per unit mass).
+        t: (n,) instant of impact in s, NaN where unknown.
+        cov: (n, 9, 9) covariance of (q, v_pre, v_post), or None where unknown.
+        flags: (n,) text, ';'-joined names of failed quality tests ('' = none); flagged impacts are kept.
+    """
+
+    trial: np.ndarray
+    impact: np.ndarray
+    q: np.ndarray
+    v_pre: np.ndarray
+    v_post: np.ndarray
+    r: np.ndarray
+    k_g: float
+    mass: float = 1.0
+    t: np.ndarray = field(default=None)  # type: ignore[assignment]
+    cov: np.ndarray | None = None
+    flags: np.ndarray = field(default=None)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.t is None:
+            object.__setattr__(self, "t", np.full(len(self), np.nan))
+        if self.flags is None:
+            object.__setattr__(self, "flags", np.full(len(self), "", dtype=object))
+
+    def __len__(self) -> int:
+        return len(self.trial)
+
+    @property
+    def dv(self) -> np.ndarray:
+        """Velocity change Δv = v_post − v_pre, (n, 3)."""
+        return self.v_post - self.v_pre
+
+    def select(self, rows: np.ndarray | Sequence[int]) -> "Impacts":
+        """The impacts at `rows` (indices or a mask), in that order."""
+        rows = np.asarray(rows)
+        return Impacts(
+            trial=self.trial[rows],
+            impact=self.impact[rows],
+            q=self.q[rows],
+            v_pre=self.v_pre[rows],
+            v_post=self.v_post[rows],
+            r=self.r[rows],
+            k_g=self.k_g,
+            mass=self.mass,
+            t=self.t[rows],
+            cov=None if self.cov is None else self.cov[rows],
+            flags=self.flags[rows],
+        )
+
+    @classmethod
+    def from_table(
+        cls, table: pd.DataFrame, shape: Shape, k_g: float, mass: float | None = None
+    ) -> "Impacts":
+        """Impacts from a table with at least `IMPACT_COLUMNS`.
+
+        Contact points are taken from `r_x`, `r_y` where present, else derived from shape and θ.
+        """
+        q = table[list(POSE)].to_numpy(float)
+        has_r = {"r_x", "r_y"} <= set(table.columns)
+        r = table[["r_x", "r_y"]].to_numpy(float) if has_r else shape.contact_point(q[:, 2])
+        return cls(
+            trial=table["trial"].to_numpy(),
+            impact=table["impact"].to_numpy(),
+            q=q,
+            v_pre=table[list(V_PRE)].to_numpy(float),
+            v_post=table[list(V_POST)].to_numpy(float),
+            r=r,
+            k_g=float(k_g),
+            mass=1.0 if mass is None else float(mass),
+            t=table["t"].to_numpy(float) if "t" in table else None,
+            cov=_covariance_from(table),
+            flags=table["flags"].fillna("").to_numpy(object) if "flags" in table else None,
+        )
+
+    def to_table(self) -> pd.DataFrame:
+        """The inverse of `from_table`, with r_x, r_y, and t, flags and covariance columns where known."""
+        table = pd.DataFrame({"trial": self.trial, "impact": self.impact})
+        if not np.all(np.isnan(self.t)):
+            table["t"] = self.t
+        for names, values in (
+            (POSE, self.q),
+            (V_PRE, self.v_pre),
+            (V_POST, self.v_post),
+            (("r_x", "r_y"), self.r),
+        ):
+            for i, name in enumerate(names):
+                table[name] = values[:, i]
+        table["flags"] = self.flags
+        if self.cov is not None:
+            i, j = np.tril_indices(len(STATE))
+            columns = {covariance_column(a, b): self.cov[:, a, b] for a, b in zip(i, j)}
+            table = pd.concat([table, pd.DataFrame(columns)], axis=1)
+        return table
+
+
+def covariance_column(i: int, j: int) -> str:
+    """Column name of the covariance between `STATE[i]` and `STATE[j]` (i ≥ j)."""
+    return f"cov_{STATE[i]}_{STATE[j]}"
+
+
+COVARIANCE_COLUMNS = tuple(covariance_column(a, b) for a, b in zip(*np.tril_indices(len(STATE))))
+
+
+def _covariance_from(table: pd.DataFrame) -> np.ndarray | None:
+    if COVARIANCE_COLUMNS[0] not in table:
+        return None
+    i, j = np.tril_indices(len(STATE))
+    cov = np.zeros((len(table), len(STATE), len(STATE)))
+    cov[:, i, j] = table[list(COVARIANCE_COLUMNS)].to_numpy(float)
+    cov[:, j, i] = cov[:, i, j]
+    return cov
