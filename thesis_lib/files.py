@@ -1,13 +1,12 @@
 """Reading and writing result files: atomic, deterministic, and with errors that name the file.
 
 Every result is written under a temporary name and renamed, so that an interrupted run leaves either the old
-file or the whole new one.  Tables are CSV with a fixed float format; JSON has sorted keys; neither holds times
-or paths, so that equal inputs give equal bytes.
+file or the whole new one.  Tables are CSV with a fixed float format; JSON has sorted keys; neither holds
+times or paths, so that equal inputs give equal bytes.
 """
 
 import contextlib
 import json
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -31,7 +30,7 @@ def atomic(path: str | Path) -> Iterator[Path]:
     tmp = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         yield tmp
-        os.replace(tmp, path)
+        tmp.replace(path)
     except BaseException:
         tmp.unlink(missing_ok=True)
         raise
@@ -62,9 +61,7 @@ def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
         raise CorruptFileError(f"{path} cannot be read ({error}); delete it and run again.") from error
     missing = [name for name in columns if name not in table.columns]
     if missing:
-        raise CorruptFileError(
-            f"{path} lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}; delete it and run again."
-        )
+        raise CorruptFileError(f"{path} lacks column(s) {', '.join(missing)}; delete it and run again.")
     return table
 
 

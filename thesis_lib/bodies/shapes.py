@@ -55,7 +55,7 @@ class Ellipse(_Shape):
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         a2, b2 = self.semi_axes[0] ** 2, self.semi_axes[1] ** 2
         sin, cos = np.sin(theta), np.cos(theta)
-        # support point in direction (0, -1): r = -(R A R') n / sqrt(n' R A R' n), A = diag(a², b²), n = (0, 1)
+        # support point towards n = (0, -1): r = R A R' n / sqrt(n' R A R' n), A = diag(a², b²)
         h = np.sqrt(a2 * sin**2 + b2 * cos**2)
         return np.stack([-(a2 - b2) * sin * cos / h, -h], axis=-1)
 

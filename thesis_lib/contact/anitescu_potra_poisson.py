@@ -1,0 +1,63 @@
+"""Anitescu-Potra with Poisson's restitution: two linear complementarity problems, compression and decompression.
+
+As defined:
+    compression     the plastic problem (Newton's law with ε = 0) gives c^c and v^c;
+    decompression   the normal impulse is N = ε c_n^c + x with 0 ≤ x ⊥ v_n⁺ ≥ 0, and friction |T| ≤ μ N opposes the
+                    final slip.  With x = 0: T = −(v_t^c + K_tn N) / K_tt clipped to ±μ N.  Where that would
+                    penetrate (only if μ |K_tn| > K_nn), the plastic problem is solved again from v^c.
+
+As published (the authors' code): restitution scales the normal impulse only, c = (c_t^c, (1 + ε) c_n^c).  (The code
+also solves the plastic problem again where that penetrates, which cannot happen: v_n⁺ = K_nn ε c_n^c ≥ 0.)
+
+Source: Anitescu and Potra, Nonlinear Dynamics 14 (1997), doi:10.1023/A:1008292328909; thesis section 3.3.2.
+"""
+
+from types import MappingProxyType
+
+import numpy as np
+
+from thesis_lib.contact.anitescu_potra_newton import impulse_to_normal_velocity
+from thesis_lib.contact.law import Law, Promise
+from thesis_lib.contact.space import ContactSpace
+
+
+def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) of compression and decompression together."""
+    c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
+    normal = epsilon * c_n
+    limit = mu * normal
+    v_t = space.v_t + space.K_tt * c_t + space.K_tn * (c_n + normal)
+    tangential = np.minimum(np.maximum(v_t / -space.K_tt, -limit), limit)
+    penetrates = space.K_nn * normal + space.K_tn * tangential < 0.0
+    if penetrates.any():
+        v_t, v_n = space.velocity_after(c_t, c_n)
+        after = ContactSpace(v_t, v_n, space.K_tt, space.K_nn, space.K_tn)
+        again_t, again_n = impulse_to_normal_velocity(after, mu, -v_n)
+        tangential, normal = np.where(penetrates, again_t, tangential), np.where(penetrates, again_n, normal)
+    return c_t + tangential, c_n + normal
+
+
+def impulse_as_published(
+    space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) of the authors' code."""
+    c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
+    return c_t, (1.0 + epsilon) * c_n
+
+
+LAW = Law(
+    name="anitescu_potra_poisson",
+    title="AP Poisson",
+    impulse=impulse,
+    promises=frozenset(Promise),
+    reference="Anitescu and Potra 1997, doi:10.1023/A:1008292328909",
+)
+
+LAW_AS_PUBLISHED = Law(
+    name="anitescu_potra_poisson_as_published",
+    title="AP Poisson (as published)",
+    impulse=impulse_as_published,
+    promises=frozenset(Promise) - {Promise.NO_ENERGY_GAIN, Promise.CENTRAL},
+    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.036}),
+    reference="authors' code, github.com/mcubelab/planar-impact-dataset",
+)

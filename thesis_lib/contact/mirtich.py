@@ -1,0 +1,122 @@
+"""Mirtich: incremental friction along the impulse path with Stronge's energetic restitution.
+
+W(p) = ∫ v_n dp is the work of the normal impulse, W_c < 0 at maximum compression.  The impact ends when restitution
+has given back ε² |W_c|, that is at W = (1 − ε²) W_c.
+
+As defined, on the path of Coulomb's law (slip_path.py):
+    the first slip lasts to the end       c_n = (1 + ε) p_c
+    it ends before, at p_s with v_n = u   c_n = p_s + (−u + √(u² + 2 b₂ ((1 − ε²) W_c − W_s))) / b₂,
+                                          W_s = v_n p_s + b p_s²/2,
+                                          W_c = W_s − u²/(2 b₂) if u < 0 (in compression), else −v_n²/(2 b).
+
+As published (the authors' code): the tangential rate is *viscous*, dc_t/dp = −μ v_t instead of −μ sign(v_t), and
+μ has the unit s/m.  With κ = μ K_tt the slip is v_t(p) = v_t φ₀ + K_tn φ₁, φ₀ = exp(−κ p), φ_{i+1} = ∫ φ_i dp.
+
+Sources: Mirtich, PhD thesis, Berkeley 1996; Stronge, Proc. R. Soc. A 431 (1990), doi:10.1098/rspa.1990.0125;
+thesis section 3.3.2.
+"""
+
+from types import MappingProxyType
+
+import numpy as np
+
+from thesis_lib.contact.law import Law, Promise
+from thesis_lib.contact.slip_path import slip_path, tangential_impulse
+from thesis_lib.contact.space import ContactSpace
+
+MAX_STEPS = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
+SERIES_BELOW = 1e-3  # κp: four terms are then exact to rounding
+RELATIVE_STEP = 1e-13  # of the normal impulse: its rounding error after some twenty operations
+
+
+def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) at the end of restitution."""
+    path = slip_path(space, mu)
+    p, u = path.p_slip, path.v_slip
+    c_n = (1.0 + epsilon) * path.p_c
+    slip_ends = p < c_n
+    # after the first slip: v_n = u + b₂ d and W = W_s + u d + b₂ d²/2 at p = p_s + d
+    W_s = p * (space.v_n + 0.5 * path.b * p)
+    in_compression = u < 0.0
+    half_u2 = 0.5 * u * u
+    W_c = np.where(in_compression, W_s - half_u2 / path.b2, space.v_n * space.v_n / (-2.0 * path.b))
+    # v_n at the end, b₂ (c_n − p_s) + u; ε √(−2 b₂ W_c) where slip ends in compression
+    gained = np.where(in_compression, -epsilon * epsilon * W_c, (1.0 - epsilon * epsilon) * W_c - W_s)
+    v_end = np.sqrt(2.0 * np.maximum(path.b2 * gained + np.where(in_compression, 0.0, half_u2), 0.0))
+    c_n = np.where(slip_ends, p + (v_end - u) / path.b2, c_n)
+    return tangential_impulse(path, c_n), c_n
+
+
+def impulse_as_published(
+    space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) of the authors' code: viscous tangential rate."""
+    kappa = mu * space.K_tt
+
+    def integrals(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        # φ₀ = e^{−κp} and its repeated integrals over p; by their series where κp is small
+        x = kappa * p
+        phi0 = np.exp(-x)
+        small = x < SERIES_BELOW
+        phi1 = np.where(small, p * (1 - x / 2 + x * x / 6 - x**3 / 24), -np.expm1(-x) / kappa)
+        phi2 = np.where(small, p * p * (1 / 2 - x / 6 + x * x / 24 - x**3 / 120), (p - phi1) / kappa)
+        series = p**3 * (1 / 6 - x / 24 + x * x / 120 - x**3 / 720)
+        return phi0, phi1, phi2, np.where(small, series, (0.5 * p * p - phi2) / kappa)
+
+    def slip(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        # v_t(p) = v_t φ₀ + K_tn φ₁, its integral and its double integral
+        phi0, phi1, phi2, phi3 = integrals(p)
+        tn = space.K_tn
+        return space.v_t * phi0 + tn * phi1, space.v_t * phi1 + tn * phi2, space.v_t * phi2 + tn * phi3
+
+    def v_n(p: np.ndarray) -> np.ndarray:
+        return space.v_n + space.K_nn * p - mu * space.K_tn * slip(p)[1]
+
+    def dv_n(p: np.ndarray) -> np.ndarray:
+        return space.K_nn - mu * space.K_tn * slip(p)[0]
+
+    def work(p: np.ndarray) -> np.ndarray:
+        return p * (space.v_n + 0.5 * space.K_nn * p) - mu * space.K_tn * slip(p)[2]
+
+    frictionless = -space.v_n / space.K_nn
+    p_c = _increasing_root(v_n, dv_n, 0.0 * (frictionless + kappa), frictionless + 0.0 * kappa)
+    W_f = (1.0 - epsilon * epsilon) * work(p_c)
+    p_f = _increasing_root(lambda p: work(p) - W_f, v_n, p_c + 0.0 * epsilon, (1.0 + epsilon) * p_c)
+    # ε = 0 is a double root (v_n = 0 at p_c), which Newton finds only to half the digits
+    p_f = np.where(epsilon == 0.0, p_c, p_f)
+    return -mu * slip(p_f)[1], p_f
+
+
+def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Batched root above `low` of a function that is negative before it and positive after: bracketed Newton."""
+    p, high = start, np.full(np.shape(start), np.inf)
+    for _ in range(MAX_STEPS):
+        f = value(p)
+        low, high = np.where(f < 0.0, p, low), np.where(f < 0.0, high, p)
+        newton = p - f / slope(p)
+        inside = (newton > low) & (newton < high)
+        middle = np.where(np.isfinite(high), 0.5 * (low + high), 2.0 * p)
+        step = np.where(f == 0.0, 0.0, np.where(inside, newton, middle) - p)
+        p = p + step
+        if not np.any(np.abs(step) > RELATIVE_STEP * p):
+            return p
+    return np.where(np.abs(step) > RELATIVE_STEP * p, np.nan, p)  # becomes NO_SOLUTION
+
+
+LAW = Law(
+    name="mirtich",
+    title="Mirtich",
+    impulse=impulse,
+    promises=frozenset(Promise),
+    reference="Mirtich 1996; Stronge 1990, doi:10.1098/rspa.1990.0125",
+)
+
+LAW_AS_PUBLISHED = Law(
+    name="mirtich_as_published",
+    title="Mirtich (as published)",
+    impulse=impulse_as_published,
+    promises=frozenset({Promise.NON_PENETRATION, Promise.FRICTIONLESS, Promise.PLASTIC}),
+    breaks=MappingProxyType({Promise.HOMOGENEOUS: 1.0}),
+    reference="authors' code, github.com/mcubelab/planar-impact-dataset",
+    mu_unit="s/m",
+)

@@ -1,0 +1,180 @@
+"""Contact space of a planar body that touches a level surface (thesis section 3.3.1, equations 3.2 to 3.6).
+
+| on paper        | in code                | unit     | shape  |                                            |
+|-----------------|------------------------|----------|--------|--------------------------------------------|
+| v = (v_x,v_y,ω) | `v_pre`, `v_post`      | m/s, rad/s | (n, 3) | velocity of the centre of mass            |
+| r = (r_x, r_y)  | `r`                    | m        | (n, 2) | contact point from the centre of mass      |
+| v_C = (v_t,v_n) | `v_t`, `v_n`           | m/s      | (n,)   | velocity of the contact point              |
+| M_C⁻¹           | `K_tt`, `K_nn`, `K_tn` | 1/kg     | (n,)   | contact space compliance                   |
+| M_C             | `M_c`                  | kg       | (n,2,2)| contact space inertia                      |
+| c = (c_t, c_n)  | `c_t`, `c_n`           | N s      | (n,)   | impulse on the body                        |
+| α               | `alpha`                | 1        | (n,)   | contact-space energy after over before     |
+
+Contact frame: t = +x, n = +y, so J_t = [1, 0, −r_y] and J_n = [0, 1, r_x].
+Equation 3.6 of the thesis needs M_C on its right-hand side, as in equation 4.5; it is used here so corrected.
+Source of the energy ellipse: Chatterjee and Ruina, J. Appl. Mech. 65 (1998), doi:10.1115/1.2791929.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class ContactSpace:
+    """Velocity of the contact point and compliance M_C⁻¹ of n impacts; arrays (n,), broadcastable."""
+
+    v_t: np.ndarray
+    v_n: np.ndarray
+    K_tt: np.ndarray
+    K_nn: np.ndarray
+    K_tn: np.ndarray
+
+    @cached_property
+    def det(self) -> np.ndarray:
+        """det M_C⁻¹ > 0, 1/kg²."""
+        return self.K_tt * self.K_nn - self.K_tn * self.K_tn
+
+    @property
+    def M_c(self) -> np.ndarray:
+        """Contact space inertia M_C, (n, 2, 2) in kg, order (t, n)."""
+        rows = [[self.K_nn, -self.K_tn], [-self.K_tn, self.K_tt]]
+        return np.moveaxis(np.array(rows) / self.det, -1, 0)
+
+    def velocity_after(self, c_t: np.ndarray, c_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity (v_t, v_n) of the contact point after the impulse: v_C⁺ = v_C + M_C⁻¹ c (eq. 3.4)."""
+        return (
+            self.v_t + self.K_tt * c_t + self.K_tn * c_n,
+            self.v_n + self.K_tn * c_t + self.K_nn * c_n,
+        )
+
+    def impulse_to(self, v_t: np.ndarray | float, v_n: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+        """Impulse (c_t, c_n) that brings the contact point to (v_t, v_n): c = M_C (v_C⁺ − v_C)."""
+        d_t, d_n = v_t - self.v_t, v_n - self.v_n
+        return (
+            (self.K_nn * d_t - self.K_tn * d_n) / self.det,
+            (self.K_tt * d_n - self.K_tn * d_t) / self.det,
+        )
+
+    def energy(self, v_t: np.ndarray, v_n: np.ndarray) -> np.ndarray:
+        """Quadratic form v_Cᵀ M_C v_C (twice the contact-space kinetic energy) in J."""
+        return (self.K_nn * v_t**2 - 2.0 * self.K_tn * v_t * v_n + self.K_tt * v_n**2) / self.det
+
+    def alpha(self, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+        """Level α of the energy ellipse on which the impulse lies (eq. 3.5): 1 keeps the energy, 0 takes all."""
+        return self.energy(*self.velocity_after(c_t, c_n)) / self.energy(self.v_t, self.v_n)
+
+    def __getitem__(self, rows: np.ndarray) -> "ContactSpace":
+        """The impacts at `rows`."""
+        return ContactSpace(*(a[rows] for a in (self.v_t, self.v_n, self.K_tt, self.K_nn, self.K_tn)))
+
+
+def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> ContactSpace:
+    """Contact space of impacts with velocity `v_pre` (n, 3) and contact point `r` (n, 2) (eq. 3.4).
+
+    K_tt = 1/m + r_y²/I,  K_nn = 1/m + r_x²/I,  K_tn = −r_x r_y/I,  with I = m k².
+    """
+    v_x, v_y, omega = v_pre[..., 0], v_pre[..., 1], v_pre[..., 2]
+    r_x, r_y = r[..., 0], r[..., 1]
+    w, w_I = 1.0 / mass, 1.0 / (mass * k_g * k_g)
+    x_I, y_I = r_x * w_I, r_y * w_I
+    return ContactSpace(
+        v_t=v_x - r_y * omega,
+        v_n=v_y + r_x * omega,
+        K_tt=w + r_y * y_I,
+        K_nn=w + r_x * x_I,
+        K_tn=-r_x * y_I,
+    )
+
+
+def velocity_change(
+    c_t: np.ndarray, c_n: np.ndarray, r: np.ndarray, *, mass: float, k_g: float
+) -> np.ndarray:
+    """Velocity change Δv = M⁻¹ Jᵀ c of the centre of mass, (..., 3) (eq. 3.2)."""
+    dv = np.empty(np.broadcast_shapes(np.shape(c_t), r.shape[:-1]) + (3,))
+    dv[..., 0] = c_t / mass
+    dv[..., 1] = c_n / mass
+    dv[..., 2] = (r[..., 0] * c_n - r[..., 1] * c_t) / (mass * k_g * k_g)
+    return dv
+
+
+def measured_impulse(
+    dv: np.ndarray, r: np.ndarray, *, mass: float, k_g: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) that explains a measured velocity change best: c_irb = M_C J Δv (eq. 3.7).
+
+    The least squares of eq. 3.7 is taken in the kinetic metric √(Δv_x² + Δv_y² + (k Δω)²), in which an error of
+    ω counts by the velocity it gives to the rim; the thesis leaves the units of its norm open (our choice).
+    """
+    return contact_space(-dv, r, mass=mass, k_g=k_g).impulse_to(0.0, 0.0)
+
+
+def residual_couple(dv: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> np.ndarray:
+    """Couple τ (n,) in N m s about the contact point that no point impulse can give.
+
+    τ = m (k² Δω − r_x Δv_y + r_y Δv_x), counter-clockwise; zero for every impulse through the contact point.
+    """
+    return mass * (k_g * k_g * dv[..., 2] - r[..., 0] * dv[..., 1] + r[..., 1] * dv[..., 0])
+
+
+def velocity_error(dv: np.ndarray, k_g: float) -> np.ndarray:
+    """Kinetic norm √(δv_x² + δv_y² + (k δω)²) of a velocity error (..., 3), in m/s (thesis, figure 3-8)."""
+    return np.sqrt(dv[..., 0] ** 2 + dv[..., 1] ** 2 + (k_g * dv[..., 2]) ** 2)
+
+
+@dataclass(frozen=True)
+class EnergyEllipse:
+    """Geometry of the energy ellipse (eq. 3.6) of one or n impacts, for figures and for the bounds.
+
+    Attributes:
+        centre: (n, 2) full-plastic stick impulse −M_C v_C, N s.
+        semi_axes: (n, 2) lengths at α = 1, major first, N s.
+        angle: (n,) of the major axis from the t axis, rad.
+    """
+
+    centre: np.ndarray
+    semi_axes: np.ndarray
+    angle: np.ndarray
+
+    def outline(self, alpha: float = 1.0, points: int = 181) -> np.ndarray:
+        """Points (n, points, 2) of the ellipse at level `alpha`."""
+        phase = np.linspace(0.0, 2.0 * np.pi, points)
+        axes = np.sqrt(alpha) * self.semi_axes
+        x, y = axes[:, :1] * np.cos(phase), axes[:, 1:] * np.sin(phase)
+        cos, sin = np.cos(self.angle)[:, None], np.sin(self.angle)[:, None]
+        return self.centre[:, None, :] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def energy_ellipse(space: ContactSpace) -> EnergyEllipse:
+    """Energy ellipse (c + M_C v_C)ᵀ M_C⁻¹ (c + M_C v_C) ≤ α v_Cᵀ M_C v_C of each impact."""
+    centre = np.stack(space.impulse_to(0.0, 0.0), axis=-1)
+    K = np.stack([np.stack([space.K_tt, space.K_tn], -1), np.stack([space.K_tn, space.K_nn], -1)], -2)
+    stiffness, axes = np.linalg.eigh(K)  # ascending: the softest direction is the major axis
+    lengths = np.sqrt(space.energy(space.v_t, space.v_n)[:, None] / stiffness)
+    major = axes[:, :, 0]
+    return EnergyEllipse(centre, lengths, np.arctan2(major[:, 1], major[:, 0]))
+
+
+def line_of_sticking(space: ContactSpace, c_n: np.ndarray) -> np.ndarray:
+    """c_t on the line of sticking v_t⁺ = 0 at the given c_n."""
+    return -(space.v_t + space.K_tn * c_n) / space.K_tt
+
+
+def line_of_maximum_compression(space: ContactSpace, c_t: np.ndarray) -> np.ndarray:
+    """c_n on the line of maximum compression v_n⁺ = 0 at the given c_t."""
+    return -(space.v_n + space.K_tn * c_t) / space.K_nn
+
+
+def admissible(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
+    """Whether an impulse pushes, does not penetrate and does not gain energy (thesis, figure 3-2).
+
+    `tolerance` is relative to the impulse, velocity and energy before the impact.
+    """
+    v_t, v_n = space.velocity_after(c_t, c_n)
+    before = space.energy(space.v_t, space.v_n)
+    return (
+        (c_n >= -tolerance * np.abs(space.v_n) / space.K_nn)
+        & (v_n >= -tolerance * np.abs(space.v_n))
+        & (space.energy(v_t, v_n) <= (1.0 + tolerance) * before)
+    )

@@ -1,0 +1,28 @@
+"""Wang-Mason: Routh's impulse path with Poisson's restitution, c_n = (1 + ε) p_c.
+
+The five modes of the paper (sliding, C- and R-sticking, C- and R-reversed) are the pieces of one path.
+
+Source: Wang and Mason, J. Appl. Mech. 59 (1992), doi:10.1115/1.2893771; thesis section 3.3.2.
+"""
+
+import numpy as np
+
+from thesis_lib.contact.law import Law, Promise
+from thesis_lib.contact.slip_path import slip_path, tangential_impulse
+from thesis_lib.contact.space import ContactSpace
+
+
+def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) at the end of restitution."""
+    path = slip_path(space, mu)
+    c_n = (1.0 + epsilon) * path.p_c
+    return tangential_impulse(path, c_n), c_n
+
+
+LAW = Law(
+    name="wang_mason",
+    title="Wang-Mason",
+    impulse=impulse,
+    promises=frozenset(Promise),
+    reference="Wang and Mason 1992, doi:10.1115/1.2893771",
+)

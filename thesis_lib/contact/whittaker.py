@@ -1,0 +1,63 @@
+"""Whittaker: Newton's restitution and friction that opposes the initial slip but may not reverse it.
+
+As defined: c_n = −(1 + ε) v_n / (K_nn − s μ K_tn), c_t = −s μ c_n with s the sign of the initial slip, if that
+keeps s v_t⁺ ≥ 0; otherwise the contact sticks, c = M_C (−v_t, −(1 + ε) v_n), even where that leaves the cone.
+Without initial slip the contact sticks.
+
+As published (the authors' code): the stick impulse; where it leaves the cone, c_t = ±μ c_n against the resulting
+slip, *without* solving c_n again.  The normal impulse then does not depend on μ, and the contact may penetrate.
+
+Sources: Whittaker, Analytical Dynamics, 1904; reviewed by Chatterjee and Ruina 1998, doi:10.1115/1.2791929;
+thesis section 3.3.2.
+"""
+
+from types import MappingProxyType
+
+import numpy as np
+
+from thesis_lib.contact.law import Law, Promise
+from thesis_lib.contact.space import ContactSpace
+
+
+def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n): slide with the initial slip, or stick."""
+    dv_n = (-1.0 - epsilon) * space.v_n
+    slope = -np.copysign(mu, space.v_t)
+    reach = space.K_nn + slope * space.K_tn
+    slide_n = dv_n / reach
+    slide_t = slope * slide_n
+    v_t = space.v_t + space.K_tt * slide_t + space.K_tn * slide_n
+    slides = (v_t * space.v_t >= 0.0) & (reach > 0.0) & (space.v_t != 0.0)
+    stick_t = -(space.K_nn * space.v_t + space.K_tn * dv_n) / space.det
+    stick_n = (space.K_tt * dv_n + space.K_tn * space.v_t) / space.det
+    return np.where(slides, slide_t, stick_t), np.where(slides, slide_n, stick_n)
+
+
+def impulse_as_published(
+    space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) of the authors' code."""
+    c_t, c_n = space.impulse_to(0.0, -epsilon * space.v_n)
+    limit = mu * c_n
+    v_t = space.v_t + space.K_tt * limit + space.K_tn * c_n  # slip if friction were +μ c_n
+    edge = np.where(v_t * limit > 0.0, -limit, limit)
+    return np.where(np.abs(c_t) > limit, edge, c_t), c_n
+
+
+LAW = Law(
+    name="whittaker",
+    title="Whittaker",
+    impulse=impulse,
+    promises=frozenset(Promise) - {Promise.FRICTION_CONE, Promise.NO_ENERGY_GAIN, Promise.FRICTIONLESS},
+    breaks=MappingProxyType({Promise.FRICTION_CONE: 0.04, Promise.FRICTIONLESS: 0.16}),
+    reference="Whittaker 1904; Chatterjee and Ruina 1998, doi:10.1115/1.2791929",
+)
+
+LAW_AS_PUBLISHED = Law(
+    name="whittaker_as_published",
+    title="Whittaker (as published)",
+    impulse=impulse_as_published,
+    promises=frozenset({Promise.FRICTION_CONE, Promise.HOMOGENEOUS, Promise.STICKS, Promise.CENTRAL}),
+    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.125, Promise.NON_PENETRATION: 0.136}),
+    reference="authors' code, github.com/mcubelab/planar-impact-dataset",
+)
