@@ -43,6 +43,6 @@ LAW = Law(
     title="AP Newton",
     impulse=impulse,
     promises=frozenset(Promise) - {Promise.NO_ENERGY_GAIN},
-    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.0195}),
+    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.0184}),
     reference="Anitescu and Potra 1997, doi:10.1023/A:1008292328909",
 )

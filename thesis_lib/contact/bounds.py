@@ -95,7 +95,9 @@ def project_on_cut_disc(
         & (np.sum(up * z, axis=-1) >= -slack)
     )
     distance = np.where(feasible, np.linalg.norm(z - target, axis=-1), np.inf)
-    return np.take_along_axis(z, np.argmin(distance, axis=0)[None, :, None], axis=0)[0]
+    nearest = np.take_along_axis(z, np.argmin(distance, axis=0)[None, :, None], axis=0)[0]
+    # without a target there is no nearest point, though the corners are still feasible
+    return np.where(np.isfinite(target).all(axis=1, keepdims=True), nearest, np.nan)
 
 
 def best_post_hoc(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

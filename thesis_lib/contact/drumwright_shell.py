@@ -78,7 +78,8 @@ LAW = Law(
     name="drumwright_shell",
     title="Drumwright-Shell",
     impulse=impulse,
-    promises=frozenset(Promise) - {Promise.NO_ENERGY_GAIN, Promise.PLASTIC, Promise.CENTRAL, Promise.STICKS},
+    promises=frozenset(Promise) - {Promise.PLASTIC, Promise.CENTRAL, Promise.STICKS},
+    breaks=MappingProxyType({Promise.PLASTIC: 0.277, Promise.CENTRAL: 0.431, Promise.STICKS: 0.709}),
     reference="Drumwright and Shell 2010, doi:10.1007/978-3-642-17452-0_15",
 )
 
@@ -87,6 +88,6 @@ LAW_AS_PUBLISHED = Law(
     title="Drumwright-Shell (as published)",
     impulse=impulse_as_published,
     promises=frozenset(Promise) - {Promise.NO_ENERGY_GAIN, Promise.PLASTIC, Promise.CENTRAL},
-    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.151}),
+    breaks=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.154, Promise.PLASTIC: 0.634, Promise.CENTRAL: 0.431}),
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
 )

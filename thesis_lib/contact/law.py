@@ -24,7 +24,7 @@ class Status(enum.IntEnum):
 
 
 class Promise(enum.StrEnum):
-    """Properties that a law may promise; momentum and mirror symmetry hold for all."""
+    """Properties that a law may promise; momentum holds for all, mirror symmetry wherever the impulse pushes."""
 
     NON_PENETRATION = "v_n⁺ ≥ 0"
     FRICTION_CONE = "|c_t| ≤ μ c_n, c_n ≥ 0"
@@ -112,9 +112,11 @@ class Law:
             space = contact_space(v_pre, r, mass=mass, k_g=k_g)
             c_t, c_n = self.impulse(space, mu, epsilon)
             status = np.zeros(len(v_pre), dtype=np.int8)
-            if not np.isfinite(c_t.sum() + c_n.sum()):
+            # an infinite velocity can give a finite impulse, so the input is looked at too
+            if not np.isfinite(c_t.sum() + c_n.sum() + v_pre.sum() + r.sum()):
                 status[~(np.isfinite(c_t) & np.isfinite(c_n))] = Status.NO_SOLUTION
-                status[~np.isfinite(space.v_t + space.v_n + space.K_tt + space.K_nn)] = Status.INVALID_INPUT
+                valid = np.isfinite(v_pre).all(axis=1) & np.isfinite(r).all(axis=1)
+                status[~valid] = Status.INVALID_INPUT
                 failed = status != Status.OK
                 c_t, c_n = np.where(failed, np.nan, c_t), np.where(failed, np.nan, c_n)
             away = space.v_n >= 0.0
@@ -137,9 +139,9 @@ class Law:
 def _check(
     v_pre: np.ndarray, r: np.ndarray, mass: float, k_g: float, mu: np.ndarray, epsilon: np.ndarray
 ) -> None:
-    n = len(v_pre)
     if v_pre.ndim != 2 or v_pre.shape[1] != 3:
         raise ValueError(f"v_pre must have shape (n, 3), got {v_pre.shape}")
+    n = len(v_pre)
     if r.shape != (n, 2):
         raise ValueError(f"r must have shape ({n}, 2) like v_pre, got {r.shape}")
     if not (mass > 0 and k_g > 0 and np.isfinite(mass) and np.isfinite(k_g)):

@@ -26,7 +26,7 @@ from thesis_lib.contact.space import ContactSpace
 
 MAX_STEPS = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
 SERIES_BELOW = 1e-3  # κp: four terms are then exact to rounding
-RELATIVE_STEP = 1e-13  # of the normal impulse: its rounding error after some twenty operations
+RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of φ₃; Newton squares it
 
 
 def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,28 +63,32 @@ def impulse_as_published(
         series = p**3 * (1 / 6 - x / 24 + x * x / 120 - x**3 / 720)
         return phi0, phi1, phi2, np.where(small, series, (0.5 * p * p - phi2) / kappa)
 
-    def slip(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        # v_t(p) = v_t φ₀ + K_tn φ₁, its integral and its double integral
+    def slip(v_t: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        # from v_t on: v_t(p) = v_t φ₀ + K_tn φ₁, its integral and its double integral
         phi0, phi1, phi2, phi3 = integrals(p)
         tn = space.K_tn
-        return space.v_t * phi0 + tn * phi1, space.v_t * phi1 + tn * phi2, space.v_t * phi2 + tn * phi3
+        return v_t * phi0 + tn * phi1, v_t * phi1 + tn * phi2, v_t * phi2 + tn * phi3
 
     def v_n(p: np.ndarray) -> np.ndarray:
-        return space.v_n + space.K_nn * p - mu * space.K_tn * slip(p)[1]
+        return space.v_n + space.K_nn * p - mu * space.K_tn * slip(space.v_t, p)[1]
 
     def dv_n(p: np.ndarray) -> np.ndarray:
-        return space.K_nn - mu * space.K_tn * slip(p)[0]
-
-    def work(p: np.ndarray) -> np.ndarray:
-        return p * (space.v_n + 0.5 * space.K_nn * p) - mu * space.K_tn * slip(p)[2]
+        return space.K_nn - mu * space.K_tn * slip(space.v_t, p)[0]
 
     frictionless = -space.v_n / space.K_nn
     p_c = _increasing_root(v_n, dv_n, 0.0 * (frictionless + kappa), frictionless + 0.0 * kappa)
-    W_f = (1.0 - epsilon * epsilon) * work(p_c)
-    p_f = _increasing_root(lambda p: work(p) - W_f, v_n, p_c + 0.0 * epsilon, (1.0 + epsilon) * p_c)
-    # ε = 0 is a double root (v_n = 0 at p_c), which Newton finds only to half the digits
-    p_f = np.where(epsilon == 0.0, p_c, p_f)
-    return -mu * slip(p_f)[1], p_f
+    v_c, slid, slid_twice = slip(space.v_t, p_c)
+    W_c = p_c * (space.v_n + 0.5 * space.K_nn * p_c) - mu * space.K_tn * slid_twice
+
+    # restitution is counted from p_c, where v_n = 0: from p = 0 small ε would be lost in rounding
+    def v_n_restored(d: np.ndarray) -> np.ndarray:
+        return space.K_nn * d - mu * space.K_tn * slip(v_c, d)[1]
+
+    def missing_work(d: np.ndarray) -> np.ndarray:
+        return 0.5 * space.K_nn * d * d - mu * space.K_tn * slip(v_c, d)[2] + epsilon * epsilon * W_c
+
+    d = _increasing_root(missing_work, v_n_restored, 0.0 * (p_c + epsilon), epsilon * p_c)
+    return -mu * (slid + slip(v_c, d)[1]), p_c + d
 
 
 def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -94,7 +98,7 @@ def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray) -> np.nda
         f = value(p)
         low, high = np.where(f < 0.0, p, low), np.where(f < 0.0, high, p)
         newton = p - f / slope(p)
-        inside = (newton > low) & (newton < high)
+        inside = (newton >= low) & (newton <= high)
         middle = np.where(np.isfinite(high), 0.5 * (low + high), 2.0 * p)
         step = np.where(f == 0.0, 0.0, np.where(inside, newton, middle) - p)
         p = p + step
@@ -115,8 +119,17 @@ LAW_AS_PUBLISHED = Law(
     name="mirtich_as_published",
     title="Mirtich (as published)",
     impulse=impulse_as_published,
-    promises=frozenset({Promise.NON_PENETRATION, Promise.FRICTIONLESS, Promise.PLASTIC}),
-    breaks=MappingProxyType({Promise.HOMOGENEOUS: 1.0}),
+    promises=frozenset(
+        {Promise.NON_PENETRATION, Promise.NO_ENERGY_GAIN, Promise.FRICTIONLESS, Promise.PLASTIC}
+    ),
+    breaks=MappingProxyType(
+        {
+            Promise.FRICTION_CONE: 0.192,
+            Promise.HOMOGENEOUS: 1.0,
+            Promise.CENTRAL: 0.978,
+            Promise.STICKS: 1.0,  # the slip that is left falls only with 1/μ
+        }
+    ),
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
     mu_unit="s/m",
 )

@@ -1,0 +1,29 @@
+# Contact models in robotic manipulation: the whole reproduction.  snakemake --cores 2 [TARGET]
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+
+
+report: "workflow/report/workflow.rst"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/datasets.smk"
+include: "workflow/rules/chapter3.smk"
+include: "workflow/rules/claims.smk"
+
+
+localrules:
+    all,
+    chapter3,
+
+
+rule all:
+    input:
+        rules.chapter3.input,
+        rules.claims.output,
+        rules.provenance.output,
+    default_target: True

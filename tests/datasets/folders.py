@@ -1,0 +1,77 @@
+"""Small valid dataset folders for tests to break."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+
+RATE = 250.0
+SQUARE = [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]
+
+
+def header(**changes) -> dict:
+    """dataset.yaml of a 60 mm square as a mapping."""
+    content = {
+        "schema": 1,
+        "description": "test",
+        "body": {
+            "shape": {"kind": "polygon", "vertices": SQUARE},
+            "mass": 0.05,
+            "radius_of_gyration": 0.0245,
+        },
+        "surface": {"height": 0.0},
+        "gravity": 9.81,
+        "rate": RATE,
+        "noise": {"position": 3.0e-4, "angle": 3.0e-3},
+    }
+    return content | changes
+
+
+def trajectories(trials: int = 3, samples: int = 40) -> pd.DataFrame:
+    """Free flights: trial, t, x, y, theta."""
+    trial, i = np.divmod(np.arange(trials * samples), samples)
+    t = i / RATE
+    return pd.DataFrame(
+        {
+            "trial": trial,
+            "t": t,
+            "x": 0.1 * trial + 0.5 * t,
+            "y": 0.25 - 9.81 * t**2 / 2.0,
+            "theta": 0.3 + (2.0 + trial) * t,
+        }
+    )
+
+
+def impacts(trials: int = 12, per_trial: int = 2) -> pd.DataFrame:
+    """Central impacts of the square's corner: velocities reversed at a restitution of 0.5."""
+    trial, impact = np.divmod(np.arange(trials * per_trial), per_trial)
+    n = len(trial)
+    theta = np.pi / 4.0 + 0.01 * np.cos(np.arange(n))
+    return pd.DataFrame(
+        {
+            "trial": trial,
+            "impact": impact,
+            "x": 0.01 * np.arange(n),
+            "y": 0.06 / np.sqrt(2.0),
+            "theta": theta,
+            "vx_pre": 0.5,
+            "vy_pre": -2.0,
+            "omega_pre": np.linspace(-3.0, 3.0, n),
+            "vx_post": 0.4,
+            "vy_post": 1.0,
+            "omega_post": np.linspace(-9.0, 9.0, n),
+        }
+    )
+
+
+def write(folder: Path, head: dict | str | None = None, **tables: pd.DataFrame | str) -> Path:
+    """Write a dataset folder from a header (mapping or text) and tables (frames or text) by stem."""
+    folder.mkdir(parents=True, exist_ok=True)
+    head = header() if head is None else head
+    text = head if isinstance(head, str) else yaml.safe_dump(head)
+    (folder / "dataset.yaml").write_text(text, encoding="utf-8")
+    for stem, table in tables.items():
+        content = table if isinstance(table, str) else table.to_csv(index=False)
+        (folder / f"{stem}.csv").write_text(content, encoding="utf-8")
+    return folder

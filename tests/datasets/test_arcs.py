@@ -1,0 +1,158 @@
+"""Arc fits: exact without noise, covariances that mean what they say, symmetries."""
+
+import numpy as np
+import pytest
+from bouncing import Flights, ellipse_header, fly
+
+from thesis_lib.datasets.arcs import fit_arcs
+from thesis_lib.datasets.detect import FoundImpacts, find_in_arrays
+from thesis_lib.datasets.samples import ArcSettings, make_samples
+
+EXACT_V = 1e-8  # m/s, k rad/s: rounding of positions (1e-16 m) over 0.1 s, times the condition of the fit
+EXACT_T = 1e-9  # s
+# 600 impacts x 9 values: the mean chi² per dof has a standard error of √(2/5400) = 0.02
+CHI2_PER_DOF = (0.9, 1.1)
+COVERAGE = (0.925, 0.975)  # of 95 % intervals: standard error over 600 impacts 0.009
+# correlated noise and contact spread are estimated, and AR(1) is only a model of the correlation
+LOOSE_CHI2 = (0.7, 1.4)
+
+
+@pytest.fixture(scope="module")
+def flights() -> Flights:
+    return fly(ellipse_header(), np.random.default_rng(11), 300)
+
+
+@pytest.fixture(scope="module")
+def found(flights: Flights) -> FoundImpacts:
+    return find(flights)
+
+
+def find(f: Flights, settings: ArcSettings | None = None) -> FoundImpacts:
+    return find_in_arrays(f.trial, f.t, f.q, f.header, settings)
+
+
+def errors(f: Flights, found: FoundImpacts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """State errors (n, 9), errors of t (n,) and index of the true impact (n,), of the impacts used."""
+    impacts = found.impacts
+    true_key, key = f.hit_trial * 1e3 + f.hit_t, impacts.trial * 1e3 + impacts.t
+    near = np.abs(true_key[None] - key[:, None]).argmin(1)
+    error = np.c_[
+        impacts.q - f.hit_q[near], impacts.v_pre - f.hit_pre[near], impacts.v_post - f.hit_post[near]
+    ]
+    return error, impacts.t - f.hit_t[near], near
+
+
+def chi2_per_dof(error: np.ndarray, cov: np.ndarray) -> float:
+    values = np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])
+    return float(values.mean() / error.shape[1])
+
+
+def test_exact_without_noise():
+    f = fly(ellipse_header(), np.random.default_rng(3), 40, position=0.0, angle=0.0)
+    found = find(f)
+    error, t_error, _ = errors(f, found)
+    assert len(error) > 60
+    scale = np.array([1, 1, 0.0192])
+    assert np.abs(error[:, 3:6] * scale).max() < EXACT_V
+    assert np.abs(error[:, 6:9] * scale).max() < EXACT_V
+    assert np.abs(t_error).max() < EXACT_T
+
+
+def test_covariance_is_calibrated(flights: Flights, found: FoundImpacts):
+    error, t_error, _ = errors(flights, found)
+    cov = found.impacts.cov
+    assert len(error) >= 500
+    assert CHI2_PER_DOF[0] < chi2_per_dof(error, cov) < CHI2_PER_DOF[1]
+    std = np.sqrt(np.einsum("nii->ni", cov))
+    inside = (np.abs(error) < 1.96 * std).mean(0)
+    assert (inside > COVERAGE[0]).all() and (inside < COVERAGE[1]).all()
+    t_std = found.arcs["t_std"][found.arcs["used"]].to_numpy()
+    assert CHI2_PER_DOF[0] ** 2 < np.mean((t_error / t_std) ** 2) < CHI2_PER_DOF[1] ** 2 * 1.1
+    # no bias: mean normalised errors within 4 standard errors
+    assert np.abs((error / std).mean(0)).max() < 4.0 / np.sqrt(len(error))
+
+
+def test_calibration_check_sees_noise_understated_by_a_third(flights: Flights):
+    header = ellipse_header(noise={"position": 2e-4, "angle": 2e-3})
+    found = find_in_arrays(flights.trial, flights.t, flights.q, header)
+    assert chi2_per_dof(errors(flights, found)[0], found.impacts.cov) > CHI2_PER_DOF[1]
+
+
+def test_velocity_errors_are_those_of_a_line_through_25_samples(found: FoundImpacts):
+    full = (found.arcs["n_pre"][found.arcs["used"]] == 25).to_numpy()
+    std = np.sqrt(found.impacts.cov[full, 3, 3])
+    alone = 3e-4 * 250.0 / np.sqrt(25 * (25**2 - 1) / 12)  # σ rate / √(n(n²−1)/12)
+    # the other arc adds what it knows of the position at t_c: at best as if that were exact, half the error
+    assert (std < 1.05 * alone).all() and (std > 0.5 * alone).all()
+
+
+def test_mirror_symmetry(flights: Flights, found: FoundImpacts):
+    flip = np.array([-1.0, 1.0, -1.0])
+    other = find_in_arrays(flights.trial, flights.t, flights.q * flip, flights.header)
+    np.testing.assert_array_equal(other.impacts.trial, found.impacts.trial)
+    np.testing.assert_allclose(other.impacts.v_pre * flip, found.impacts.v_pre, atol=EXACT_V)
+    np.testing.assert_allclose(other.impacts.v_post * flip, found.impacts.v_post, atol=EXACT_V)
+    sign = np.tile(flip, 3)
+    np.testing.assert_allclose(other.impacts.cov * np.outer(sign, sign), found.impacts.cov, atol=1e-9)
+
+
+def test_wrong_surface_height_hardly_moves_the_velocities(flights: Flights, found: FoundImpacts):
+    wrong = ellipse_header(surface={"height": 0.013})
+    other = find_in_arrays(flights.trial, flights.t, flights.q, wrong).impacts
+    same = np.isin(found.impacts.trial * 100 + found.impacts.impact, other.trial * 100 + other.impact)
+    there = np.isin(other.trial * 100 + other.impact, found.impacts.trial * 100 + found.impacts.impact)
+    shift = other.v_post[there] - found.impacts.v_post[same]
+    std = np.sqrt(np.einsum("nii->ni", found.impacts.cov)[same, 6:])
+    # one sigma of the touch (1 mm) is ten times the position error at t_c: a hundredth of a sigma or so
+    assert np.median(np.abs(shift / std)) < 0.05
+
+
+def test_contact_spread_is_estimated_and_widens_the_covariance():
+    f = fly(ellipse_header(), np.random.default_rng(5), 200, position=3e-5, angle=1e-3)
+    rng, k_g, spread = np.random.default_rng(6), 0.0192, 2e-4
+    dv = f.hit_post - f.hit_pre
+    size = np.sqrt((dv * [1, 1, k_g]) ** 2 @ np.ones(3))
+    offset = rng.normal(size=dv.shape) * (spread * size)[:, None] / [1, 1, k_g]
+    for trial, t, step in zip(f.hit_trial, f.hit_t, offset):
+        f.q[(f.trial == trial) & (f.t > t)] += step
+    found = find(f)
+    assert found.noise.contact_spread == pytest.approx(spread, rel=0.25)
+    error = errors(f, found)[0][:, 3:]
+    cov = found.impacts.cov[:, 3:, 3:]
+    assert LOOSE_CHI2[0] < chi2_per_dof(error, cov) < LOOSE_CHI2[1]
+    stiff = find(f, ArcSettings(contact_spread=0.0))
+    assert chi2_per_dof(errors(f, stiff)[0][:, 3:], stiff.impacts.cov[:, 3:, 3:]) > 2 * LOOSE_CHI2[1]
+
+
+def test_correlated_noise_widens_the_covariance():
+    f = fly(ellipse_header(), np.random.default_rng(7), 200, position=0.0, angle=0.0)
+    rho, rng = 0.6, np.random.default_rng(8)
+    white = rng.normal(size=f.q.shape) * [3e-4, 3e-4, 3e-3] * np.sqrt(1 - rho**2)
+    noise = np.zeros_like(white)
+    for i in range(1, len(noise)):
+        noise[i] = rho * noise[i - 1] + white[i]
+    f.q[:] = f.exact + noise
+    found = find(f)
+    assert (found.noise.colour > 2.0).all() and any("correlated" in text for text in found.warnings)
+    assert (
+        LOOSE_CHI2[0] < chi2_per_dof(errors(f, found)[0][:, 3:], found.impacts.cov[:, 3:, 3:]) < LOOSE_CHI2[1]
+    )
+
+
+def test_fit_recovers_from_a_detection_two_samples_off(flights: Flights, found: FoundImpacts):
+    samples = make_samples(flights.trial, flights.t, flights.q, flights.header, ArcSettings())
+    sigma = np.array([3e-4, 3e-4, 3e-3])
+    first = found.arcs[found.arcs["used"] & (found.arcs["impact"] == 0) & (found.arcs["n_post"] >= 20)]
+    key = first["trial"].to_numpy() * 1e3 + first["t"].to_numpy()
+    at = np.searchsorted(samples.trial * 1e3 + samples.t, key) - 1
+    right, shifted = (fit_arcs(samples, at + d, sigma, flights.header, ArcSettings()) for d in (0, 2))
+    np.testing.assert_array_equal(shifted.at, right.at)
+    # not equal: a sample next to t_c may be used by the one and not by the other
+    assert np.abs(shifted.t - right.t).max() < 0.6 * right.t_std.max()
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(ValueError, match="min_window"):
+        ArcSettings(min_window=30)
+    with pytest.raises(ValueError, match="scales"):
+        ArcSettings(scales=(1, 3))

@@ -1,0 +1,223 @@
+"""The commands fetch, check and init, as a user types them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from folders import header, impacts, trajectories, write
+
+from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.__main__ import main
+from thesis_lib.datasets.rig_log import parse_columns, parse_shape, parse_units
+from thesis_lib.errors import UserError
+
+ROOT = Path(__file__).resolve().parents[2]
+COLUMNS = "trial=run,t=time,x=X,y=Z,theta=angle"
+
+
+def rig(frame: pd.DataFrame, *, down: bool = False) -> pd.DataFrame:
+    """The poses as a rig might log them: ms, mm, degrees, own names, a column more."""
+    return pd.DataFrame(
+        {
+            "run": frame["trial"],
+            "time": frame["t"] * 1e3,
+            "X": frame["x"] * 1e3,
+            "Z": frame["y"] * (-1e3 if down else 1e3),
+            "angle": np.degrees(frame["theta"]),
+            "quality": 1,
+        }
+    )
+
+
+def init(tmp_path, *args: str) -> int:
+    return main(["init", *args, "-o", str(tmp_path / "out"), "--shape", "square:0.06"])
+
+
+def same_poses(tmp_path, expected: pd.DataFrame) -> None:
+    poses = read_dataset(tmp_path / "out").trajectories
+    np.testing.assert_array_equal(poses["trial"], expected["trial"])
+    columns = ["t", "x", "y", "theta"]
+    np.testing.assert_allclose(poses[columns], expected[columns], atol=1e-12)  # rounding of the unit factors
+
+
+def test_check_prints_a_summary(tmp_path, capsys):
+    folder = write(tmp_path / "drops", trajectories=trajectories(), impacts=impacts(3, 2))
+    assert main(["check", str(folder)]) == 0
+    text = capsys.readouterr().out
+    for part in (
+        "trials      3",
+        "120 samples",
+        "250 Hz",
+        "mass 0.05 kg",
+        "noise       position 0.0003 m",
+        "rad/s",
+    ):
+        assert part in text
+    assert text.endswith("The dataset is valid.\n")
+
+
+def test_check_lists_problems_and_exits_with_2(tmp_path, capsys):
+    folder = write(tmp_path, header(colour=1), trajectories=trajectories().assign(speed=0))
+    assert main(["check", str(folder)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("error: The dataset")
+    assert "has 2 problems" in err
+    assert "Traceback" not in err
+
+
+def test_check_as_json(tmp_path, capsys):
+    folder = write(tmp_path / "a", trajectories=trajectories().drop(index=5))
+    assert main(["check", str(folder), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["valid"] and facts["trials"] == 3
+    assert len(facts["warnings"]) == 1
+    assert facts["trajectories"]["range"]["theta"][0] == pytest.approx(0.3)
+    assert main(["check", str(tmp_path / "none"), "--json"]) == 2
+    facts = json.loads(capsys.readouterr().out)
+    assert not facts["valid"]
+    assert facts["problems"][0]["what"] == "the folder does not exist"
+
+
+def test_command_line_from_a_shell(tmp_path):
+    folder = write(tmp_path / "drops", impacts=impacts())
+    command = [sys.executable, "-m", "thesis_lib.datasets"]
+    done = subprocess.run(
+        [*command, "check", str(folder)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "impacts     24" in done.stdout
+    done = subprocess.run([*command, "--help"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "init log.csv -o data/my_drops --units mm,deg" in done.stdout
+
+
+def test_fetch_from_a_local_copy(tmp_path, capsys, raw_folder):
+    raw = raw_folder("planar_impact")
+    for source in (raw, raw.parent):
+        assert main(["fetch", "planar-impact", "--from", str(source), "--to", str(tmp_path)]) == 0
+        assert "impacts     1718" in capsys.readouterr().out
+    assert main(["fetch", "planar-dice", "--from", str(tmp_path), "--to", str(tmp_path)]) == 2
+    assert "does not hold the published set planar_dice" in capsys.readouterr().err
+
+
+def test_init_converts_units_names_and_says_what_it_left_out(tmp_path, capsys):
+    log = rig(trajectories())
+    log.loc[[7, 8], "X"] = np.nan
+    log.to_csv(tmp_path / "log.csv", index=False)
+    assert init(tmp_path, str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
+    text = capsys.readouterr().out
+    assert "note: columns left out: quality" in text
+    assert "note: 2 of 120 rows left out" in text
+    assert "radius of gyration 0.024495 m, that of a uniform lamina" in text
+    assert "Next:" in text
+    same_poses(tmp_path, trajectories().drop(index=[7, 8]))
+    content = yaml.safe_load((tmp_path / "out" / "dataset.yaml").read_text())
+    assert content["rate"] == 250.0
+    assert content["body"]["radius_of_gyration"] == pytest.approx(0.06 / np.sqrt(6.0))
+
+
+def test_init_flips_axes_and_reads_other_delimiters(tmp_path):
+    rig(trajectories(), down=True).to_csv(tmp_path / "log.csv", index=False, sep=";")
+    columns = COLUMNS.replace("y=Z", "y=-Z")
+    args = [
+        "--units",
+        "mm,deg,ms",
+        "--columns",
+        columns,
+        "--delimiter",
+        ";",
+        "--mass",
+        "0.05",
+        "--k-g",
+        "0.02",
+    ]
+    assert init(tmp_path, str(tmp_path / "log.csv"), *args) == 0
+    same_poses(tmp_path, trajectories())
+    assert read_dataset(tmp_path / "out").k_g == 0.02
+
+
+def test_init_takes_a_file_for_each_trial_without_times(tmp_path):
+    files = []
+    for number, part in trajectories().groupby("trial"):
+        files.append(str(tmp_path / f"run{number}.csv"))
+        part[["x", "y", "theta"]].to_csv(files[-1], index=False)
+    assert init(tmp_path, *files, "--per-trial-files", "--rate", "250") == 0
+    same_poses(tmp_path, trajectories())
+
+
+def test_init_numbers_named_trials_and_starts_their_clocks(tmp_path, capsys):
+    frame = trajectories()
+    frame.assign(trial="run_" + frame["trial"].astype(str), t=frame["t"] + 1.7e9).to_csv(
+        tmp_path / "l.csv", index=False
+    )
+    assert init(tmp_path, str(tmp_path / "l.csv")) == 0
+    assert "0 = run_0, …, 2 = run_2" in capsys.readouterr().out
+    poses = read_dataset(tmp_path / "out").trajectories
+    np.testing.assert_allclose(poses["t"], frame["t"], atol=1e-6)  # the clock's own resolution at 1.7e9 s
+
+
+def test_init_makes_wrapped_degrees_continuous(tmp_path, capsys):
+    frame = trajectories().assign(theta=lambda table: 60.0 * table["t"])
+    log = frame.assign(theta=(np.degrees(frame["theta"]) + 180.0) % 360.0 - 180.0)
+    log.to_csv(tmp_path / "l.csv", index=False)
+    assert init(tmp_path, str(tmp_path / "l.csv"), "--units", "deg") == 0
+    assert "theta made continuous" in capsys.readouterr().out
+    same_poses(tmp_path, frame)
+
+
+def test_init_refuses_what_is_still_wrong_and_says_so(tmp_path, capsys):
+    rig(trajectories()).to_csv(tmp_path / "log.csv", index=False)
+    args = [str(tmp_path / "log.csv"), "--units", "deg,ms", "--columns", COLUMNS]
+    assert init(tmp_path, *args) == 2
+    error = capsys.readouterr().err
+    assert "was written, but it is not usable yet" in error
+    assert "column y: looks like millimetres" in error
+    assert init(tmp_path, *args) == 2
+    assert "already holds a dataset" in capsys.readouterr().err
+    assert init(tmp_path, *args, "--units", "mm,deg,ms", "--force") == 0
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["--columns", "x=XX"], "has no column XX, y, theta (did you mean 'X'?)"),
+        (["--columns", "q=X"], "'q=X' is not OURS=YOURS"),
+        (
+            ["--columns", "t=time,y=Z,theta=angle,x=word"],
+            "column word, row 2: 'abc' is not a number (120 such cells)",
+        ),
+        (["--units", "inch"], "'inch' is unknown; known are m, cm, mm"),
+        (["--units", "mm,cm"], "gives two units of length"),
+        (["--columns", "x=X,y=Z,theta=angle"], "has no time column: give --columns t=NAME, or --rate HZ"),
+        (["--delimiter", ";"], "and check --delimiter"),
+        (["--columns", COLUMNS, "--mass", "-1"], "--mass: -1.0: Input should be greater than 0"),
+        (["--columns", COLUMNS, "--rate", "0"], "--rate: 0.0 Hz is impossible"),
+    ],
+)
+def test_init_mistakes(tmp_path, capsys, args, message):
+    rig(trajectories()).assign(word="abc").to_csv(tmp_path / "log.csv", index=False)
+    assert init(tmp_path, str(tmp_path / "log.csv"), *args) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_init_of_a_missing_file(tmp_path, capsys):
+    assert init(tmp_path, str(tmp_path / "no.csv")) == 2
+    assert "does not exist" in capsys.readouterr().err
+
+
+def test_parsers():
+    assert parse_units("mm, deg") == {"length": 1e-3, "angle": pytest.approx(np.pi / 180.0), "time": 1.0}
+    assert parse_columns("t=time_s, y=-Z") == {"t": ("time_s", 1.0), "y": ("Z", -1.0)}
+    assert parse_shape("disk:0.03").radius == 0.03
+    assert parse_shape("ellipse:0.035,0.025").semi_axes == (0.035, 0.025)
+    assert len(parse_shape("polygon:0,0;1,0;0,1").vertices) == 3
+    for text in ("disk:-1", "disk:a", "blob:1", "ellipse:1", "polygon:0,0;1,1", "square:"):
+        with pytest.raises(UserError, match="--shape"):
+            parse_shape(text)

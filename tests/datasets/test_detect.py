@@ -1,0 +1,222 @@
+"""Detection and driver: all impacts found, none invented; noise; glitches; rest; records without impacts."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from bouncing import Flights, ellipse_header, fly
+
+from thesis_lib.datasets.detect import FoundImpacts, find_impacts, find_in_arrays
+from thesis_lib.datasets.impacts import IMPACT_COLUMNS
+from thesis_lib.datasets.quality import REASONS
+from thesis_lib.errors import UserError
+
+FOUND = 0.99  # share of measurable impacts; the rest are weak ones with 6 to 9 samples on a side
+MATCH = 4e-3  # s, one frame
+NOISE = 0.1  # relative; 600 impacts give 2 %
+SECONDS = 2.5  # for 2000 trials of 150 samples; measured 1.5 on one core
+SAME = 1e-9  # m, rad, m/s: order of summation
+
+
+@pytest.fixture(scope="module")
+def flights() -> Flights:
+    return fly(ellipse_header(), np.random.default_rng(21), 300)
+
+
+@pytest.fixture(scope="module")
+def found(flights: Flights) -> FoundImpacts:
+    return find_in_arrays(flights.trial, flights.t, flights.q, flights.header)
+
+
+def matched(f: Flights, trial: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Index of the nearest true impact (n,), and whether it is within a frame."""
+    distance = np.abs((f.hit_trial * 1e3 + f.hit_t)[None] - (trial * 1e3 + t)[:, None])
+    return distance.argmin(1), distance.min(1) < MATCH
+
+
+def test_finds_measurable_impacts_and_no_others(flights: Flights, found: FoundImpacts):
+    index, true = matched(flights, found.impacts.trial, found.impacts.t)
+    assert true.all()
+    assert len(np.unique(index)) == len(index)
+    measurable = np.flatnonzero((flights.room() >= 6).all(1))
+    assert len(measurable) > 600
+    assert np.isin(measurable, index).mean() >= FOUND
+    assert set(found.left_out["reason"]) <= set(REASONS)
+    assert len(found.arcs) == len(found.impacts) + len(found.left_out)
+    # nothing invented among the left out, either
+    assert (
+        matched(flights, found.left_out["trial"].to_numpy(), found.left_out["t"].to_numpy())[1].mean() > 0.9
+    )
+
+
+def test_ordinals_count_all_hits_in_time(found: FoundImpacts):
+    for _, rows in found.arcs.groupby("trial"):
+        assert list(rows["impact"]) == list(range(len(rows))) and rows["t"].is_monotonic_increasing
+
+
+def test_noise_is_estimated_from_the_arcs(found: FoundImpacts):
+    noise = found.noise
+    assert noise.source == "arcs" and noise.contact_spread == 0.0
+    assert noise.position == pytest.approx(3e-4, rel=NOISE)
+    assert noise.angle == pytest.approx(3e-3, rel=NOISE)
+    np.testing.assert_array_equal(noise.colour, 1.0)
+    np.testing.assert_allclose(found.impacts.r[:, 1], -(found.impacts.q[:, 1] - 0.012), atol=2e-3)
+
+
+def test_header_noise_is_compared_with_the_arcs(flights: Flights):
+    for position, warns in ((3e-4, False), (1e-3, True), (1e-4, True)):
+        header = ellipse_header(noise={"position": position, "angle": 3e-3})
+        found = find_in_arrays(flights.trial, flights.t, flights.q, header)
+        assert any("dataset.yaml states" in text for text in found.warnings) is warns
+        assert found.noise.used[0] == position
+        assert found.noise.position == pytest.approx(3e-4, rel=NOISE)
+        assert matched(flights, found.impacts.trial, found.impacts.t)[1].mean() > 0.999
+
+
+def test_order_of_trials_and_of_rows_is_indifferent(flights: Flights, found: FoundImpacts):
+    rng = np.random.default_rng(0)
+    label = rng.permutation(300)
+    rows = rng.permutation(len(flights.t))
+    other = find_in_arrays(
+        label[flights.trial][rows], flights.t[rows], flights.q[rows], flights.header
+    ).impacts
+    order = np.lexsort((other.impact, np.argsort(label)[other.trial]))
+    np.testing.assert_allclose(other.v_post[order], found.impacts.v_post, atol=SAME)
+    np.testing.assert_allclose(other.q[order], found.impacts.q, atol=SAME)
+
+
+def test_times_and_places_far_from_zero_do_not_matter(flights: Flights, found: FoundImpacts):
+    far = find_in_arrays(flights.trial, flights.t + 1000.0, flights.q + [50.0, 0, 40 * np.pi], flights.header)
+    assert len(far.impacts) == len(found.impacts)
+    # 1000 s has digits of 1e-13 s, times 4 m/s over 0.1 s
+    np.testing.assert_allclose(far.impacts.v_post, found.impacts.v_post, atol=1e-6)
+
+
+def test_single_sample_glitch_is_masked_and_reported(flights: Flights, found: FoundImpacts):
+    rng = np.random.default_rng(1)
+    q = flights.q.copy()
+    trials = np.arange(0, 300, 5)
+    rows = trials * 150 + rng.integers(5, 25, len(trials))
+    index = np.searchsorted(
+        flights.trial * 1e3 + flights.t, (rows // 150) * 1e3 + (rows % 150) * 0.004 - 1e-6
+    )
+    q[index] += rng.normal(size=(len(rows), 3)) * [0.02, 0.02, 0.3] + [0.01, 0, 0]
+    other = find_in_arrays(flights.trial, flights.t, q, flights.header)
+    assert matched(flights, other.impacts.trial, other.impacts.t)[1].all()
+    assert len(other.impacts) >= len(found.impacts) - 2
+    reported = set(zip(other.glitches["trial"], np.round(other.glitches["t"] / 0.004)))
+    injected = set(zip(flights.trial[index], np.round(flights.t[index] / 0.004)))
+    assert len(injected & reported) >= 0.95 * len(injected)
+    assert any("glitches" in text for text in other.warnings)
+
+
+def test_rest_after_the_bounces_gives_no_impacts(flights: Flights):
+    """The body lies still for 0.4 s after its last sample: nothing there may be used as an impact."""
+    parts, last = [], np.r_[np.flatnonzero(np.diff(flights.trial)), len(flights.t) - 1]
+    rng = np.random.default_rng(2)
+    for i in last[:100]:
+        rest = np.tile(flights.exact[i] * [1, 0, 0] + [0, 0.012 + 0.025, 0], (100, 1))
+        rest += rng.normal(size=rest.shape) * [3e-4, 3e-4, 3e-3]
+        parts.append((np.full(100, flights.trial[i]), flights.t[i] + 0.004 * np.arange(5, 105), rest))
+    keep = flights.trial < 100
+    trial, t, q = (
+        np.concatenate([a[keep], *(p[j] for p in parts)])
+        for j, a in enumerate((flights.trial, flights.t, flights.q))
+    )
+    found = find_in_arrays(trial, t, q, flights.header)
+    end = flights.t[last[:100]]
+    assert (found.impacts.t < end[found.impacts.trial]).all()
+    assert len(found.impacts) > 150
+
+
+def test_free_flight_and_rest_hold_no_impacts():
+    header, rng = ellipse_header(), np.random.default_rng(3)
+    t = np.tile(np.arange(100) * 0.004, 400)
+    trial = np.repeat(np.arange(400), 100)
+    fall = np.stack([0.3 * t, 2.0 + 1.0 * t - 4.905 * t**2, 5.0 * t], 1)
+    still = np.tile([0.1, 0.037, 0.0], (len(t), 1))
+    noise = rng.normal(size=fall.shape) * [3e-4, 3e-4, 3e-3]
+    for q in (fall, still):
+        found = find_in_arrays(trial, t, q + noise, header)
+        assert len(found.impacts) == 0 and len(found.left_out) == 0
+
+
+def test_a_rocking_body_is_not_an_impact():
+    """Rolling and rocking on the surface: smooth accelerations, no spikes."""
+    header, rng = ellipse_header(), np.random.default_rng(4)
+    t = np.tile(np.arange(200) * 0.004, 20)
+    trial = np.repeat(np.arange(20), 200)
+    theta = 0.5 * np.sin(12.0 * t + trial)
+    q = np.stack([-0.03 * theta, 0.012 - header.body.shape.contact_point(theta)[:, 1], theta], 1)
+    found = find_in_arrays(trial, t, q + rng.normal(size=q.shape) * [3e-4, 3e-4, 3e-3], header)
+    assert len(found.impacts) == 0
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2, 3, 5, 8, 12])
+def test_very_short_records(samples: int):
+    f = fly(ellipse_header(), np.random.default_rng(5), 30)
+    keep = (f.t > 0.2) & (f.t < 0.2 + samples * 0.004 + 1e-6) if samples else f.t < -1
+    found = find_in_arrays(f.trial[keep], f.t[keep], f.q[keep], f.header)
+    if len(found.impacts):
+        assert matched(f, found.impacts.trial, found.impacts.t)[1].all()
+    assert samples > 10 or len(found.impacts) == 0
+
+
+def test_impacts_given_by_the_user_win():
+    values = [[0, 0, 0.0, 0.037, 0.1, 0.5, -2.0, 3.0, 0.4, 1.0, -5.0]]
+    table = pd.DataFrame(values, columns=list(IMPACT_COLUMNS))
+    poses = pd.DataFrame({"trial": [0], "t": [0.0], "x": [0.0], "y": [1.0], "theta": [0.0]})
+    noise = {"position": 1e-3, "angle": 2e-3, "velocity": 0.02, "angular_velocity": 0.5}
+    for header, diagonal in (
+        (ellipse_header(noise=noise), [1e-3, 1e-3, 2e-3] + [0.02, 0.02, 0.5] * 2),
+        (ellipse_header(noise={"position": 1e-3}), None),
+        (ellipse_header(), None),
+    ):
+        dataset = SimpleNamespace(name="given", header=header, trajectories=poses, impacts=table)
+        found = find_impacts(dataset)
+        assert len(found.impacts) == 1 and found.left_out.empty
+        if diagonal is None:
+            assert found.impacts.cov is None
+        else:
+            np.testing.assert_allclose(np.diag(found.impacts.cov[0]), np.square(diagonal))
+
+
+def test_driver_takes_a_dataset_and_refuses_an_empty_one(flights: Flights, found: FoundImpacts):
+    poses = pd.DataFrame(np.c_[flights.t, flights.q], columns=["t", "x", "y", "theta"])
+    poses.insert(0, "trial", flights.trial)
+    dataset = SimpleNamespace(name="drops", header=flights.header, trajectories=poses, impacts=None)
+    np.testing.assert_array_equal(find_impacts(dataset).impacts.t, found.impacts.t)
+    summary = found.summary()
+    assert len(found.arcs) == summary["used"] + sum(summary["left_out"].values())
+    empty = SimpleNamespace(name="drops", header=flights.header, trajectories=None, impacts=None)
+    with pytest.raises(UserError, match="neither"):
+        find_impacts(empty)
+
+
+def test_speed():
+    f = fly(ellipse_header(), np.random.default_rng(6), 2000)
+    start = time.process_time()
+    find_in_arrays(f.trial, f.t, f.q, f.header)
+    assert time.process_time() - start < 2 * SECONDS  # twice: shared machines
+
+
+def test_measured_dice(planar_dice_dir):
+    """Known of the 500 throws: two to three clean impacts per roll or so, eps near 0.5, first touch at 50 ms."""
+    from thesis_lib.datasets.quality import contact_measures
+    from thesis_lib.datasets.read import read_dataset
+
+    found = find_impacts(read_dataset(planar_dice_dir))
+    assert 1200 < len(found.impacts) < 2200
+    assert len(np.unique(found.impacts.trial)) > 480
+    first = found.arcs[found.arcs["impact"] == 0]
+    assert len(first) == 500 and 0.04 < first["t"].median() < 0.06
+    # the body is where it should be: the median gap at impact is well below the side of 60 mm
+    used = found.arcs[found.arcs["used"]]
+    assert used["gap"].abs().median() < 1.5e-3
+    c = contact_measures(found.impacts)
+    assert 0.4 < np.median(-c.v_c_post[:, 1] / c.v_c_pre[:, 1]) < 0.7
+    # many first impacts are two corners within a frame or so
+    reasons = found.left_out[found.left_out["impact"] == 0]["reason"].value_counts()
+    assert reasons.idxmax() == "second_hit"

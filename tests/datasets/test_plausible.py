@@ -1,0 +1,140 @@
+"""Units and signs: wrong ones are named, right ones pass.  Both sides are tested on the measured sets."""
+
+import numpy as np
+import pytest
+from folders import header, impacts, trajectories, write
+
+from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.validate import DatasetError
+from thesis_lib.datasets.write import write_dataset
+
+DEG = 180.0 / np.pi
+
+
+def errors(folder) -> str:
+    with pytest.raises(DatasetError) as caught:
+        read_dataset(folder)
+    return str(caught.value)
+
+
+def rewritten(dataset, tmp_path, **changes) -> str:
+    """Folder of the dataset with changed tables."""
+    parts = {"trajectories": dataset.trajectories, "impacts": dataset.impacts} | changes
+    return write_dataset(Dataset(dataset.name, dataset.header, **parts), tmp_path / "changed")
+
+
+@pytest.fixture(scope="module")
+def dice(planar_dice_dir):
+    return read_dataset(planar_dice_dir)
+
+
+@pytest.fixture(scope="module")
+def ellipse(planar_impact_dir):
+    return read_dataset(planar_impact_dir)
+
+
+def test_measured_sets_pass_without_warnings(dice, ellipse):
+    assert dice.warnings == ellipse.warnings == ()
+    assert np.abs(dice.trajectories["theta"]).max() > 2.0 * np.pi
+
+
+def test_every_single_throw_passes(dice, tmp_path):
+    """Small datasets are where a median misleads."""
+    for number in range(1, 501, 10):
+        part = dice.trajectories[dice.trajectories["trial"] == number]
+        assert read_dataset(rewritten(dice, tmp_path, trajectories=part)).warnings == ()
+
+
+def test_dice_in_degrees(dice, tmp_path):
+    poses = dice.trajectories
+    assert "looks like degrees" in errors(
+        rewritten(dice, tmp_path, trajectories=poses.assign(theta=poses["theta"] * DEG))
+    )
+    wrapped = (poses["theta"] * DEG + 180.0) % 360.0 - 180.0
+    assert "looks like degrees" in errors(rewritten(dice, tmp_path, trajectories=poses.assign(theta=wrapped)))
+
+
+def test_few_throws_in_degrees(dice, tmp_path):
+    caught = 0
+    for number in range(1, 501, 25):
+        part = dice.trajectories[dice.trajectories["trial"].between(number, number + 4)]
+        folder = rewritten(dice, tmp_path, trajectories=part.assign(theta=part["theta"] * DEG))
+        caught += "looks like degrees" in errors(folder)
+    assert caught == 20
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "message"),
+    [
+        (("x", "y"), 1000.0, "column x: looks like millimetres or centimetres"),
+        (("x", "y"), 1000.0, "column y: looks like millimetres or centimetres"),
+        (("y",), 1000.0, "column y: looks like millimetres"),
+        (("x", "y"), 100.0, "bodies fall at 96 times gravity"),
+        (("y",), -1.0, "y must point up"),
+    ],
+)
+def test_dice_in_wrong_lengths(dice, tmp_path, columns, factor, message):
+    poses = dice.trajectories.assign(**{name: dice.trajectories[name] * factor for name in columns})
+    assert message in errors(rewritten(dice, tmp_path, trajectories=poses))
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "message"),
+    [
+        (("theta",), DEG, "column theta: looks like degrees"),
+        (("omega_pre", "omega_post"), DEG, "look like degrees per second"),
+        (("x", "y"), 1000.0, "columns x, y: looks like millimetres"),
+        (("r_x", "r_y"), 1000.0, "columns r_x, r_y: look like millimetres"),
+        (("vx_pre", "vy_pre", "vx_post", "vy_post"), 1000.0, "looks like mm/s or cm/s"),
+        (("y",), -1.0, "y must point up"),
+    ],
+)
+def test_impacts_in_wrong_units(ellipse, tmp_path, columns, factor, message):
+    table = ellipse.impacts.assign(**{name: ellipse.impacts[name] * factor for name in columns})
+    assert message in errors(rewritten(ellipse, tmp_path, impacts=table))
+
+
+def test_impacts_in_degrees_without_contact_points(ellipse, tmp_path):
+    table = ellipse.impacts.drop(columns=["r_x", "r_y"])
+    assert read_dataset(rewritten(ellipse, tmp_path / "a", impacts=table)).warnings == ()
+    both = table.assign(**{name: table[name] * DEG for name in ("theta", "omega_pre", "omega_post")})
+    assert "look like degrees per second" in errors(rewritten(ellipse, tmp_path / "b", impacts=both))
+
+
+def test_wrong_signs_are_warnings(tmp_path):
+    frame = impacts()
+    flipped = frame.assign(vy_pre=frame["vy_post"], vy_post=frame["vy_pre"])
+    texts = "\n".join(map(str, read_dataset(write(tmp_path / "a", impacts=flipped)).warnings))
+    assert "the contact point does not approach the surface before the impact" in texts
+    assert "100% of the impacts gain energy" in texts
+    assert read_dataset(write(tmp_path / "b", impacts=frame)).warnings == ()
+
+
+def test_mass_in_grams_noise_in_degrees_and_a_sunken_body_are_warnings(tmp_path):
+    content = header(noise={"angle": 3.0})
+    content["body"] = content["body"] | {"mass": 50.0}
+    frame = trajectories().assign(y=0.01)
+    texts = [str(problem) for problem in read_dataset(write(tmp_path, content, trajectories=frame)).warnings]
+    assert len(texts) == 3
+    assert "grams?" in texts[0]
+    assert "degrees?" in texts[1]
+    assert "deep inside the surface in 100% of the rows" in texts[2]
+
+
+@pytest.mark.parametrize("kind", ["rest", "spin", "high", "unreset"])
+def test_unusual_but_right_data_pass(tmp_path, kind):
+    frame = trajectories(3, 40)
+    rng = np.random.default_rng(0)
+    n = len(frame)
+    if kind == "rest":  # a body at rest, angle noise far above position noise
+        frame = frame.assign(
+            x=rng.normal(0, 1e-5, n), y=0.03 + rng.normal(0, 1e-5, n), theta=rng.normal(0, 0.01, n)
+        )
+    elif kind == "spin":  # 30 turns a second in free flight
+        frame["theta"] = 190.0 * frame["t"]
+    elif kind == "high":  # dropped from 3 m
+        frame["y"] += 2.75
+    elif kind == "unreset":  # an encoder that counts turns since it was switched on
+        frame["theta"] += 400.0
+    assert read_dataset(write(tmp_path, trajectories=frame)).warnings == ()

@@ -1,0 +1,208 @@
+"""The contact LCP: its conditions, published values, Drake's solver, and what it says when it fails."""
+
+import numpy as np
+import pytest
+from pydrake.solvers import MathematicalProgram, MobyLcpSolver
+
+from thesis_lib.simulate.lcp import (
+    MAX_UNKNOWNS,
+    LcpStatus,
+    complementarity_residual,
+    contact_lcp,
+    contact_lcp_matrices,
+    impact,
+    solve_lcp_enumeration,
+)
+
+RESIDUAL_TOL = 1e-9  # promised complementarity on dimensionless data; rounding leaves about 1e-14
+AGREEMENT_TOL = (
+    1e-9  # relative; both solvers are direct, conditioning of K (about 1e2) times rounding is 1e-14
+)
+PUBLISHED_TOL = 5e-7  # the reference values carry six digits on impulses below 1 N s
+
+
+def inertia(r, k2, mass=1.0):
+    """K (n, 2, 2) written out, independently of any Jacobian code."""
+    r, k2 = np.asarray(r, float), np.asarray(k2, float)
+    K_tt = (1 + r[:, 1] ** 2 / k2) / mass
+    K_nn = (1 + r[:, 0] ** 2 / k2) / mass
+    K_tn = -r[:, 0] * r[:, 1] / k2 / mass
+    return np.stack([np.stack([K_tt, K_tn], -1), np.stack([K_tn, K_nn], -1)], -2)
+
+
+def random_cases(n, seed=0):
+    rng = np.random.default_rng(seed)
+    k2, r = rng.uniform(0.02, 0.5, n), rng.uniform(-1, 1, (n, 2))
+    v_c = np.stack([rng.uniform(-2, 2, n), -rng.uniform(0.05, 2, n)], axis=1)
+    return inertia(r, k2), v_c, rng.uniform(0, 1.5, n), rng.uniform(0, 1, n)
+
+
+def test_every_random_case_is_solved_and_complementary():
+    K, v_c, mu, epsilon = random_cases(20_000)
+    out = contact_lcp(K, v_c, mu, epsilon)
+    assert (out.status == LcpStatus.SOLVED).all()
+    assert out.residual.max() <= RESIDUAL_TOL
+
+
+def test_impulse_obeys_newton_coulomb_and_opposes_the_final_slip():
+    K, v_c, mu, epsilon = random_cases(20_000, seed=1)
+    out = contact_lcp(K, v_c, mu, epsilon)
+    (c_t, c_n), (v_t, v_n) = out.c.T, out.v_c_post.T
+    np.testing.assert_allclose(out.v_c_post, v_c + np.einsum("nij,nj->ni", K, out.c), atol=AGREEMENT_TOL)
+    np.testing.assert_allclose(v_n, -epsilon * v_c[:, 1], atol=AGREEMENT_TOL)
+    assert (c_n > 0).all()
+    assert (np.abs(c_t) <= mu * c_n + AGREEMENT_TOL).all()
+    slides = np.abs(v_t) > AGREEMENT_TOL
+    assert 0.1 < slides.mean() < 0.9  # both modes are exercised
+    np.testing.assert_allclose(c_t[slides], (-np.sign(v_t) * mu * c_n)[slides], atol=AGREEMENT_TOL)
+
+
+def test_agrees_with_drake_moby():
+    K, v_c, mu, epsilon = random_cases(3000, seed=2)
+    out = contact_lcp(K, v_c, mu, epsilon)
+    M, q = contact_lcp_matrices(K, v_c, mu, epsilon, v_c[:, 1])
+    solver, solved, worst = MobyLcpSolver(), 0, 0.0
+    for i in range(len(q)):
+        program = MathematicalProgram()
+        z = program.NewContinuousVariables(4)
+        program.AddLinearComplementarityConstraint(M[i], q[i], z)
+        result = solver.Solve(program, None, None)
+        if result.is_success():
+            solved += 1
+            c_n, b_1, b_2, _ = result.GetSolution(z)
+            worst = max(worst, np.linalg.norm(out.c[i] - [b_2 - b_1, c_n]) / np.linalg.norm(out.c[i]))
+    assert solved == len(q)
+    assert worst <= AGREEMENT_TOL
+    # the comparison can fail: another restitution is far away
+    other = contact_lcp(K, v_c, mu, epsilon + 1e-3)
+    assert np.max(np.abs(other.c - out.c)) > 1e3 * AGREEMENT_TOL
+
+
+B = dict(r=(0.006, -0.031), k2=3.7e-4, mass=0.0364, v=(0.6, -2.5))
+ROD = dict(r=(-np.sqrt(0.125), -np.sqrt(0.125)), k2=1 / 12, mass=1.0, v=(0.2, -1.0))
+
+
+@pytest.mark.parametrize(
+    ("case", "mu", "epsilon", "expected"),
+    [
+        (dict(r=(0.0, -0.05), k2=0.5 * 0.05**2, mass=1.0, v=(1.0, -2.0)), 0.2, 0.6, (-1 / 3, 3.2)),
+        (dict(r=(0.0, -0.05), k2=0.5 * 0.05**2, mass=1.0, v=(1.0, -2.0)), 0.0, 0.6, (0.0, 3.2)),
+        (B, 0.2, 0.6, (-0.0262975, 0.144737)),
+        (B, 0.2, 0.0, (-0.0182592, 0.0912961)),
+        (B, 0.0, 0.6, (0.0, 0.132690)),
+        (ROD, 0.2, 0.6, (0.145455, 0.727273)),
+        (ROD, 1.2, 0.6, (0.475, 0.925)),
+        (ROD, 0.2, 0.0, (0.0909091, 0.454545)),
+        ({**ROD, "v": (0.6, -1.0)}, 0.5, 0.9, (0.3375, 0.9625)),
+    ],
+)
+def test_known_impulses(case, mu, epsilon, expected):
+    K = inertia([case["r"]], [case["k2"]], case["mass"])
+    out = contact_lcp(K, np.array([case["v"]]), mu, epsilon)
+    np.testing.assert_allclose(out.c[0], expected, atol=PUBLISHED_TOL)
+
+
+def test_energy_paradox_of_newton_restitution_is_there():
+    K = inertia([ROD["r"]], [ROD["k2"]])
+    out = contact_lcp(K, np.array([[0.6, -1.0]]), 0.5, 0.9)
+    before, after = np.array([0.6, -1.0]), out.v_c_post[0]
+    M_c = np.linalg.inv(K[0])
+    assert after @ M_c @ after / (before @ M_c @ before) == pytest.approx(1.265625)
+
+
+def test_mirror_and_scale():
+    K, v_c, mu, epsilon = random_cases(2000, seed=3)
+    out = contact_lcp(K, v_c, mu, epsilon)
+    flip = np.array([-1.0, 1.0])
+    mirrored = contact_lcp(K * np.outer(flip, flip), v_c * flip, mu, epsilon)
+    np.testing.assert_allclose(mirrored.c, out.c * flip, atol=AGREEMENT_TOL)
+    # c is homogeneous in v and in 1/K: grams and kilometres make no difference to what is solved
+    scaled = contact_lcp(K * 1e6, v_c * 1e-4, mu, epsilon)
+    assert (scaled.status == LcpStatus.SOLVED).all()
+    np.testing.assert_allclose(scaled.c * 1e10, out.c, rtol=AGREEMENT_TOL, atol=AGREEMENT_TOL)
+
+
+def test_limits():
+    K, v_c, _, epsilon = random_cases(2000, seed=4)
+    frictionless = contact_lcp(K, v_c, 0.0, epsilon).c
+    np.testing.assert_allclose(frictionless[:, 0], 0.0, atol=AGREEMENT_TOL)
+    np.testing.assert_allclose(frictionless[:, 1], -(1 + epsilon) * v_c[:, 1] / K[:, 1, 1])
+    # plastic and rough: the contact stops, unless that would take an impulse that pulls
+    pushes = np.linalg.solve(K, -v_c[:, :, None])[:, 1, 0] > 0.0
+    assert 0.5 < pushes.mean() < 1.0
+    rough = contact_lcp(K, v_c, 1e6, 0.0)
+    np.testing.assert_allclose(rough.v_c_post[pushes], 0.0, atol=AGREEMENT_TOL)
+    assert (rough.c[:, 1] > 0.0).all()
+
+
+def test_separating_and_resting_contacts_get_no_impulse():
+    K, v_c, mu, epsilon = random_cases(500, seed=5)
+    v_c[:, 1] *= -1.0
+    v_c[:100, 1] = 0.0  # with much friction, some of these could also jam: two solutions
+    v_c[:5] = 0.0
+    out = contact_lcp(K, v_c, mu, epsilon)
+    assert (out.status == LcpStatus.SOLVED).all()
+    np.testing.assert_allclose(out.c, 0.0, atol=AGREEMENT_TOL)
+
+
+def test_restitution_refers_to_the_velocity_before_the_free_step():
+    K, v_c, mu, _ = random_cases(500, seed=6)
+    v_n_pre = v_c[:, 1] + 0.01  # gravity has already acted on v_c
+    out = contact_lcp(K, v_c, mu, 0.5, v_n_pre)
+    np.testing.assert_allclose(out.v_c_post[:, 1], np.maximum(-0.5 * v_n_pre, v_c[:, 1]), atol=AGREEMENT_TOL)
+
+
+def test_impact_changes_momentum_by_the_impulse():
+    rng = np.random.default_rng(7)
+    n, mass, k2 = 500, 0.3, 0.07
+    r, v = rng.uniform(-1, 1, (n, 2)), rng.normal(size=(n, 3))
+    one, zero = np.ones(n), np.zeros(n)
+    J = np.stack([np.stack([one, zero, -r[:, 1]], -1), np.stack([zero, one, r[:, 0]], -1)], axis=1)
+    M = np.broadcast_to(np.diag([mass, mass, mass * k2]), (n, 3, 3))
+    out, v_post = impact(M, J, v, 0.4, 0.5)
+    np.testing.assert_allclose(mass * (v_post - v)[:, :2], out.c, atol=AGREEMENT_TOL)
+    torque = r[:, 0] * out.c[:, 1] - r[:, 1] * out.c[:, 0]
+    np.testing.assert_allclose(mass * k2 * (v_post - v)[:, 2], torque, atol=AGREEMENT_TOL)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", J, v_post), out.v_c_post, atol=AGREEMENT_TOL)
+
+
+def test_failures_keep_their_row_and_their_status():
+    M = np.array([[[2.0]], [[-1.0]], [[np.nan]], [[1.0]]])
+    q = np.array([[-4.0], [-1.0], [-1.0], [np.inf]])
+    z, status = solve_lcp_enumeration(M, q)
+    assert status.tolist() == [
+        LcpStatus.SOLVED,
+        LcpStatus.NO_SOLUTION,
+        LcpStatus.INVALID_INPUT,
+        LcpStatus.INVALID_INPUT,
+    ]
+    np.testing.assert_array_equal(z, [[2.0], [np.nan], [np.nan], [np.nan]])
+    K, v_c, mu, epsilon = random_cases(3, seed=8)
+    v_c[1, 0] = np.nan
+    out = contact_lcp(K, v_c, mu, epsilon)
+    assert out.status.tolist() == [LcpStatus.SOLVED, LcpStatus.INVALID_INPUT, LcpStatus.SOLVED]
+    assert np.isnan(out.c[1]).all() and np.isnan(out.residual[1]) and np.isfinite(out.c[[0, 2]]).all()
+
+
+def test_general_lcp_of_any_small_size():
+    rng = np.random.default_rng(9)
+    for k in (1, 2, 3, 6):
+        A = rng.normal(size=(200, k, k))
+        M = A @ np.swapaxes(A, 1, 2) + 0.1 * np.eye(k)  # positive definite: exactly one solution
+        truth = rng.uniform(0.1, 1, (200, k)) * rng.integers(0, 2, (200, k))
+        slack = rng.uniform(0.1, 1, (200, k)) * (truth == 0)
+        q = slack - np.einsum("nij,nj->ni", M, truth)
+        z, status = solve_lcp_enumeration(M, q)
+        assert (status == LcpStatus.SOLVED).all()
+        np.testing.assert_allclose(z, truth, atol=AGREEMENT_TOL)
+        assert complementarity_residual(M, q, z).max() <= RESIDUAL_TOL
+        # and the residual sees an error of any component
+        assert complementarity_residual(M, q, z + 1e-6).min() > RESIDUAL_TOL
+
+
+def test_wrong_shapes_and_sizes_are_refused():
+    with pytest.raises(ValueError, match="expected M"):
+        solve_lcp_enumeration(np.eye(4), np.ones(4))
+    k = MAX_UNKNOWNS + 1
+    with pytest.raises(ValueError, match="too many"):
+        solve_lcp_enumeration(np.eye(k)[None], np.ones((1, k)))

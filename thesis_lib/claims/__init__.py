@@ -1,0 +1,16 @@
+"""The claims ledger: what the thesis states, what this program finds, and whether that has changed.
+
+| module          | concept                                                                                   |
+|-----------------|-------------------------------------------------------------------------------------------|
+| `reading`       | YAML and CSV read strictly: every mistake listed in one error, no guessing of types       |
+| `ledger`        | the format of config/claims.yaml: a published statement, where ours is found, the check   |
+| `result`        | a claim's status (reproduced, deviates, data not present, error) and the table claims.csv |
+| `evaluate`      | our cell selected from the results and compared                                           |
+| `expected`      | the statuses committed per scale; a change in either direction fails the check            |
+| `figure_format` | the format of config/figures.yaml: the columns of each figure's CSV and their tolerances  |
+| `figure_check`  | figures' CSVs against small stored copies                                                 |
+| `page`          | results/claims.html and a Markdown summary                                                |
+
+`python -m thesis_lib.claims --help` says how to check, update and print.  A run of the pipeline does not fail on
+an honest deviation from the thesis; continuous integration fails when a status changes.
+"""

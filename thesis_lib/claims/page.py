@@ -1,0 +1,204 @@
+"""results/claims.html and a Markdown summary: the ledger as a person reads it.
+
+The page needs no network and no script.  Statuses are told by word and sign, with colour only as a help (blue and
+orange of Okabe and Ito, which stay apart in all common kinds of colour blindness), and it prints in black and white.
+"""
+
+from collections.abc import Sequence
+from html import escape
+from itertools import groupby
+from pathlib import Path
+
+from thesis_lib.claims.result import Result, Status, count_statuses, summary_line
+from thesis_lib.files import write_text
+
+SIGNS = {Status.REPRODUCED: "✓", Status.DEVIATES: "≠", Status.NO_DATA: "○", Status.ERROR: "!"}
+CLASSES = {
+    Status.REPRODUCED: "reproduced",
+    Status.DEVIATES: "deviates",
+    Status.NO_DATA: "no-data",
+    Status.ERROR: "error",
+}
+HEADINGS = {  # heading: class that sets the column's width
+    "Where": "where",
+    "What is claimed": "claim",
+    "Published": "value",
+    "Ours": "value",
+    "Difference": "difference",
+    "Status": "found",
+}
+
+_STYLE = """
+:root { color-scheme: light; --blue: #00588f; --orange: #a84300; --grey: #5a5a5a; --red: #8b0000; }
+* { box-sizing: border-box; }
+body { font: 15px/1.45 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; color: #1b1b1b;
+  background: #fff; margin: 0 auto; max-width: 84rem; padding: 1.5rem 1.25rem 3rem; }
+h1 { font-size: 1.6rem; margin: 0 0 .4rem; } h2 { font-size: 1.2rem; margin: 2rem 0 .5rem; }
+p { max-width: 52rem; margin: .4rem 0; } .summary { font-size: 1.1rem; font-weight: 600; }
+a { color: #00588f; }
+.legend { display: grid; grid-template-columns: max-content 1fr; gap: .15rem .8rem; margin: .8rem 0;
+  max-width: 52rem; }
+.legend dt { font-weight: 600; } .legend dd { margin: 0; }
+.bar { display: flex; height: .7rem; max-width: 32rem; border: 1px solid #777; margin: .3rem 0 .6rem; }
+.bar .reproduced { background: #0072b2; } .bar .deviates { background: #e69f00; }
+.bar .no-data { background: #fff; } .bar .error { background: #8b0000; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; table-layout: fixed; width: 100%; min-width: 56rem; font-size: .92rem; }
+caption { text-align: left; padding: .2rem 0 .4rem; }
+th, td { text-align: left; vertical-align: top; overflow-wrap: anywhere;
+  padding: .4rem .6rem; border-bottom: 1px solid #ccc; }
+thead th { overflow-wrap: normal; border-bottom: 2px solid #444; background: #f3f3f3; }
+tbody th { font-weight: normal; }
+.where { width: 12%; } .claim { width: 26%; } .value { width: 14%; } .difference { width: 11%; } .found { width: 23%; }
+.look { columns: 17rem; margin: .3rem 0 .8rem; padding-left: 1.2rem; } .look li { break-inside: avoid; }
+.id { display: block; font: .78rem ui-monospace, Menlo, Consolas, monospace; color: var(--grey);
+  overflow-wrap: anywhere; }
+.number { font-variant-numeric: tabular-nums; } .detail { display: block; color: #333; font-size: .88rem; }
+.mark { font-weight: 700; white-space: nowrap; }
+td.reproduced .mark, dt.reproduced { color: var(--blue); } td.deviates .mark, dt.deviates { color: var(--orange); }
+td.no-data .mark, dt.no-data { color: var(--grey); } td.error .mark, dt.error { color: var(--red); }
+td.deviates { border-left: 4px solid #e69f00; } td.error { border-left: 4px double var(--red); }
+td.reproduced { border-left: 4px solid #0072b2; } td.no-data { border-left: 4px dotted #777; }
+@media print {
+  @page { size: A4 landscape; margin: 12mm; }
+  body { font-size: 9.5pt; max-width: none; padding: 0; } .scroll { overflow: visible; }
+  table { min-width: 0; } thead { display: table-header-group; } tr { break-inside: avoid; }
+  h2 { break-after: avoid; } a { color: inherit; text-decoration: none; }
+}
+"""
+
+
+def render_page(results: Sequence[Result], scale: str = "") -> str:
+    """The whole ledger as one self-contained HTML page, by chapter and in the ledger's order.
+
+    Args:
+        scale: shown in the introduction if given.
+    """
+    at_scale = f" This run was at scale <em>{escape(scale)}</em>." if scale else ""
+    chapters = [_chapter(number, list(group)) for number, group in _by_chapter(results)]
+    return "\n".join(
+        [
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>Claims ledger</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<main>",
+            "<h1>What the thesis states, and what this program finds</h1>",
+            f'<p class="summary">{escape(summary_line(results))}</p>',
+            _bar(results),
+            f"<p>Each row is one statement of the thesis beside our own result.{at_scale} A deviation is not a "
+            "failure: it is what an honest repetition found, with the reason where it is known.</p>",
+            _legend(),
+            *chapters,
+            "</main>\n</body>\n</html>\n",
+        ]
+    )
+
+
+def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> None:
+    """Write `render_page` to a file, atomically."""
+    write_text(render_page(results, scale), path)
+
+
+def summary_markdown(results: Sequence[Result]) -> str:
+    """Counts by chapter, then what deviates or could not be compared, in Markdown."""
+    lines = [summary_line(results), "", "| chapter | reproduced | deviates | data not present | error |"]
+    lines.append("|---|---:|---:|---:|---:|")
+    for number, group in _by_chapter(results):
+        counts = count_statuses(group)
+        lines.append(f"| {number} | " + " | ".join(str(counts[status]) for status in Status) + " |")
+    worth_a_look = [r for r in results if r.status in (Status.DEVIATES, Status.ERROR)]
+    if worth_a_look:
+        lines += ["", "| where | claim | published | ours | status |", "|---|---|---|---|---|"]
+        for r in worth_a_look:
+            status = f"{SIGNS[r.status]} {r.status}: {r.reason}"
+            cells = (r.claim.location, r.claim.statement, r.published, r.ours, status)
+            lines.append("| " + " | ".join(map(_markdown_cell, cells)) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _by_chapter(results: Sequence[Result]) -> list[tuple[int, list[Result]]]:
+    ordered = sorted(results, key=lambda r: r.claim.chapter)  # stable: the ledger's order within a chapter
+    return [(number, list(group)) for number, group in groupby(ordered, key=lambda r: r.claim.chapter)]
+
+
+def _markdown_cell(text: str) -> str:
+    for sign in "\\`*_<>|":  # what Markdown would read as markup
+        text = text.replace(sign, "\\" + sign)
+    return " ".join(text.split())
+
+
+def _bar(results: Sequence[Result]) -> str:
+    parts = "".join(
+        f'<span class="{CLASSES[status]}" style="flex: {count}"></span>'
+        for status, count in count_statuses(results).items()
+        if count
+    )
+    return f'<div class="bar" aria-hidden="true">{parts}</div>'
+
+
+def _legend() -> str:
+    meanings = {
+        Status.REPRODUCED: "our value agrees within the tolerance stated beside it",
+        Status.DEVIATES: "it does not; by how much, and why if known, stands beside it",
+        Status.NO_DATA: "the measurements behind it were not at hand in this run; nothing is said",
+        Status.ERROR: "our value is missing or not a number; this run is incomplete",
+    }
+    rows = [
+        f'<dt class="{CLASSES[status]}">{SIGNS[status]} {escape(str(status))}</dt><dd>{escape(text)}</dd>'
+        for status, text in meanings.items()
+    ]
+    return f'<dl class="legend">{"".join(rows)}</dl>'
+
+
+def _chapter(number: int, results: list[Result]) -> str:
+    head = "".join(f'<th scope="col" class="{kind}">{name}</th>' for name, kind in HEADINGS.items())
+    deviating = [r for r in results if r.status in (Status.DEVIATES, Status.ERROR)]
+    links = "".join(
+        f'<li><a href="#{escape(r.claim.id)}">{SIGNS[r.status]} {escape(r.claim.location)}</a></li>'
+        for r in deviating
+    )
+    look = f'<p>To look at:</p>\n<ul class="look">{links}</ul>\n' if links else ""
+    body = "\n".join(_row(result) for result in results)
+    return (
+        f"<section>\n<h2>Chapter {number}</h2>\n{look}"
+        f'<div class="scroll" tabindex="0" role="region" aria-label="Claims of chapter {number}"><table>\n'
+        f"<caption>{escape(summary_line(results))}</caption>\n"
+        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>\n</section>"
+    )
+
+
+def _row(result: Result) -> str:
+    claim, kind = result.claim, CLASSES[result.status]
+    unit = "" if claim.unit == "1" else f" {claim.unit}"
+    numeric = result.difference == result.difference  # NaN where the claim is no number
+    ours = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
+    if result.std == result.std:
+        ours += f" ± {result.std:.2g}"
+    difference = f"{result.difference:+.3g}{unit}" if numeric else ""
+    if result.relative_difference == result.relative_difference:
+        difference += f" ({100 * result.relative_difference:+.3g}\u00a0%)"
+    published = f"{result.published}{unit}" if numeric or _is_number(result.published) else result.published
+    reason = result.reason
+    if numeric and result.status is Status.DEVIATES:
+        reason = claim.note or "reason unknown"  # by how much stands in its own column
+    detail = f'<span class="detail">{escape(reason)}</span>' if reason else ""
+    return (
+        f'<tr id="{escape(claim.id)}"><th scope="row">{escape(claim.location)}</th>'
+        f'<td>{escape(claim.statement)}<span class="id">{escape(claim.id)}</span></td>'
+        f'<td class="number">{_breakable(published)}</td><td class="number">{_breakable(ours or "–")}</td>'
+        f'<td class="number">{escape(difference or "–")}</td>'
+        f'<td class="status {kind}"><span class="mark">{SIGNS[result.status]} {escape(str(result.status))}</span>'
+        f'{detail}<span class="detail">Check: {escape(claim.check.text())}</span></td></tr>'
+    )
+
+
+def _breakable(text: str) -> str:
+    """Escaped text that may be broken after an underscore, as names of laws are long."""
+    return escape(text).replace("_", "_<wbr>")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.removeprefix("> ").removeprefix("< "))
+    except ValueError:
+        return False
+    return True

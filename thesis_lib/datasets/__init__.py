@@ -1,0 +1,16 @@
+"""Datasets of measured or simulated drops: read, validate, write, and find the impacts in them.
+
+`read_dataset(path)` gives a `Dataset`; `find_impacts(dataset)` gives its impacts with covariance.  Both are
+imported on first use, so that importing this package stays cheap.
+"""
+
+from importlib import import_module
+
+_FACE = {"read_dataset": "thesis_lib.datasets.read", "find_impacts": "thesis_lib.datasets.detect"}
+__all__ = ["find_impacts", "read_dataset"]
+
+
+def __getattr__(name: str):
+    if name in _FACE:
+        return getattr(import_module(_FACE[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,177 @@
+"""`python -m thesis_lib.datasets`: fetch published sets, check a dataset, convert a rig's logs."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from thesis_lib.errors import UserError
+
+EXAMPLES = """\
+examples:
+  python -m thesis_lib.datasets fetch planar-impact
+  python -m thesis_lib.datasets fetch planar-dice --from ../shared/data
+  python -m thesis_lib.datasets check data/my_drops
+  python -m thesis_lib.datasets init log.csv -o data/my_drops --units mm,deg \\
+      --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06 --mass 0.05
+"""
+INIT_EXAMPLES = """\
+examples:
+  one log with all runs, millimetres and degrees:
+    python -m thesis_lib.datasets init log.csv -o data/my_drops --units mm,deg \\
+        --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06
+  one file a run, no time column, y pointing down in the camera's image:
+    python -m thesis_lib.datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
+        --columns "x=u,y=-v,theta=-phi" --shape ellipse:0.035,0.025
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(
+        prog="python -m thesis_lib.datasets",
+        description="Datasets of measured drops: a folder with dataset.yaml and trajectories.csv or impacts.csv.",
+        epilog=EXAMPLES,
+        formatter_class=raw,
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="{fetch,check,init}")
+
+    fetch = commands.add_parser(
+        "fetch",
+        help="get a published measured set",
+        description="Get a published measured set, check the SHA-256 of every file, and convert it.",
+    )
+    fetch.add_argument("name", choices=["planar-impact", "planar-dice"])
+    fetch.add_argument(
+        "--from", dest="source", metavar="DIR", help="local copy to use instead of the network"
+    )
+    fetch.add_argument(
+        "--to", default="data/measured", metavar="DIR", help="where <name>/ goes (default: %(default)s)"
+    )
+
+    check = commands.add_parser(
+        "check",
+        help="say what is in a dataset and what is wrong with it",
+        description="Read a dataset, print what it holds, and list everything that is wrong. Exit code 0 or 2.",
+    )
+    check.add_argument("folder", metavar="DIR")
+    check.add_argument("--json", action="store_true", help="print JSON instead of text")
+
+    init = commands.add_parser(
+        "init",
+        help="convert a rig's logs into a dataset",
+        description="Convert CSV logs of poses into a dataset folder, then check it.",
+        epilog=INIT_EXAMPLES,
+        formatter_class=raw,
+    )
+    init.add_argument("files", nargs="+", metavar="FILE.csv")
+    init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
+    init.add_argument("--units", default="m,rad,s", help="m|mm|cm, rad|deg, s|ms|us; default: %(default)s")
+    init.add_argument("--columns", default="", help="OURS=YOURS,…; a minus sign before YOURS flips an axis")
+    init.add_argument(
+        "--shape", required=True, help="ellipse:A,B | disk:R | square:SIDE | polygon:'x1,y1;x2,y2;…' in m"
+    )
+    init.add_argument("--mass", type=float, help="kg; optional")
+    init.add_argument(
+        "--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape"
+    )
+    init.add_argument("--rate", type=float, help="Hz; needed if the log has no time column")
+    init.add_argument("--gravity", type=float, default=9.81, help="m/s²; default: %(default)s")
+    init.add_argument(
+        "--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s"
+    )
+    init.add_argument("--delimiter", default=",", help="between cells, such as ';' or '\\t'; default: comma")
+    init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
+    init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    args = build_parser().parse_args(argv)
+    try:
+        return {"fetch": _fetch, "check": _check, "init": _init}[args.command](args)
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {error.filename or 'a file'}: {error.strerror or error}", file=sys.stderr)
+        return 2
+
+
+def _fetch(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.fetch import fetch
+    from thesis_lib.datasets.read import read_dataset
+    from thesis_lib.datasets.summary import summary_text
+
+    folder = fetch(args.name, args.to, args.source, say=lambda text: print(text, file=sys.stderr, flush=True))
+    print(summary_text(read_dataset(folder)))
+    print(f"written to {folder}")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.read import read_dataset
+    from thesis_lib.datasets.summary import summarise, summary_text
+    from thesis_lib.datasets.validate import DatasetError
+
+    if not args.json:
+        print(summary_text(read_dataset(args.folder)))
+        return 0
+    try:
+        print(
+            json.dumps(
+                {"valid": True, "problems": [], **summarise(read_dataset(args.folder))}, ensure_ascii=False
+            )
+        )
+        return 0
+    except DatasetError as error:
+        problems = [vars(problem) for problem in error.problems]
+        print(json.dumps({"valid": False, "dataset": error.name, "problems": problems}, ensure_ascii=False))
+        return 2
+
+
+def _init(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.read import read_dataset
+    from thesis_lib.datasets.rig_log import convert_logs, parse_columns, parse_shape, parse_units
+    from thesis_lib.datasets.summary import summary_text
+    from thesis_lib.datasets.write import write_dataset
+
+    out = Path(args.out)
+    if (out / "dataset.yaml").exists() and not args.force:
+        raise UserError(
+            f"{out} already holds a dataset; choose another folder, or give --force to replace it."
+        )
+    delimiter = {"\\t": "\t", "tab": "\t"}.get(args.delimiter, args.delimiter)
+    if len(delimiter) != 1:
+        raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
+    conversion = convert_logs(
+        args.files,
+        out.resolve().name,
+        parse_units(args.units),
+        parse_columns(args.columns),
+        parse_shape(args.shape),
+        mass=args.mass,
+        k_g=args.k_g,
+        rate=args.rate,
+        gravity=args.gravity,
+        surface_height=args.surface_height,
+        delimiter=delimiter,
+        per_trial_files=args.per_trial_files,
+    )
+    write_dataset(conversion.dataset, out, float_format=None)
+    for note in conversion.notes:
+        print(f"note: {note}")
+    try:
+        print(summary_text(read_dataset(out)))
+    except UserError as error:
+        raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
+    print(
+        f"written to {out}. Next: add a description and, if you know it, the noise to {out / 'dataset.yaml'}, "
+        f"then run python -m thesis_lib.datasets check {out}"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,82 @@
+"""Read a dataset folder and check all of it before anything is computed from it."""
+
+from pathlib import Path
+
+from thesis_lib.datasets import plausible
+from thesis_lib.datasets.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
+from thesis_lib.datasets.header_file import FILE, load_header, salvage_shape
+from thesis_lib.datasets.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
+from thesis_lib.datasets.tables import load_table
+from thesis_lib.datasets.validate import DatasetError, Problem, Report, check_impacts, check_trajectories
+
+OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
+
+
+def read_dataset(path: str | Path) -> Dataset:
+    """The dataset in the folder `path`; θ of trajectories is made continuous within each trial.
+
+    Other files in the folder are ignored.  What is suspicious but not wrong is in `Dataset.warnings`.
+
+    Raises:
+        DatasetError: something is wrong; its `problems` list everything that is.
+    """
+    folder = Path(path)
+    name = folder.resolve().name
+    report = Report()
+    if not folder.is_dir():
+        what = "is a file, expected a folder" if folder.exists() else "the folder does not exist"
+        raise DatasetError(
+            name, [Problem(str(path), "", what, "give the folder that holds dataset.yaml and the tables")]
+        )
+    try:
+        dataset = _read(folder, name, report)
+    except OSError as error:
+        report.error(
+            str(path), "", f"cannot be read ({error.strerror or error})", "check the rights of the files"
+        )
+        dataset = None
+    if report.errors or dataset is None:
+        raise DatasetError(name, report.errors)
+    return dataset
+
+
+def _read(folder: Path, name: str, report: Report) -> Dataset | None:
+    header, raw = load_header(folder, report)
+    trajectories = load_table(folder, "trajectories", TRAJECTORY_COLUMNS, (), report)
+    impacts = load_table(folder, "impacts", IMPACT_COLUMNS, OPTIONAL_IMPACT_COLUMNS, report)
+    stems = ("trajectories", "impacts")
+    if not any((folder / f"{stem}{suffix}").is_file() for stem in stems for suffix in (".csv", ".parquet")):
+        report.error(
+            "trajectories.csv, impacts.csv",
+            "",
+            "neither is there",
+            "write at least one of them (the init command converts a log into trajectories.csv)",
+        )
+
+    if header is not None:
+        plausible.check_header(header, FILE, report)
+    body = plausible.Body.of(header, salvage_shape(raw))
+    if trajectories is not None:
+        check_trajectories(trajectories, None if header is None else header.rate, report)
+        plausible.check_trajectories(trajectories, body, report)
+    if impacts is not None:
+        check_impacts(impacts, report)
+        plausible.check_impacts(impacts, body, report)
+    if report.errors or header is None:
+        return None
+
+    poses = None
+    if trajectories is not None:
+        poses = trajectories.data.reset_index(drop=True)[list(TRAJECTORY_COLUMNS)]
+        poses["theta"] = unwrap(poses["theta"].to_numpy(), poses["trial"].to_numpy())
+    hits = None if impacts is None else impacts.data.reset_index(drop=True)
+    if poses is not None and hits is not None:
+        strangers = ~hits["trial"].isin(poses["trial"]).to_numpy()
+        if strangers.any():
+            report.warn(
+                impacts.file,
+                f"column trial, {impacts.rows(strangers)}",
+                f"these trials are not in {trajectories.file}",
+                "use the same trial numbers in both files",
+            )
+    return Dataset(name, header, poses, hits, folder, tuple(report.warnings))

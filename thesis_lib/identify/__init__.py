@@ -1,0 +1,1 @@
+"""Identification of contact parameters (thesis sections 3.3.3 and 3.4)."""

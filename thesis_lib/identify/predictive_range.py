@@ -1,0 +1,77 @@
+"""What a law can predict at all: share of outcomes in its range, and share of the admissible set it covers.
+
+An outcome lies in the range of a law if some (μ, ε) brings the law within a tolerance of the measured impulse
+(thesis, table 3.2).  The thesis gives no tolerance; it is an own choice, reported with the result, and the share is
+given for several.
+
+The region of a law (thesis, figure 3-3) is the image of 0 ≤ μ ≤ μ_s, 0 ≤ ε ≤ 1 in the plane of impulses; its area
+over the area of the admissible set says how much of what rigid contact allows the law can reach.
+"""
+
+import numpy as np
+
+from thesis_lib.contact.law import Law
+from thesis_lib.contact.space import ContactSpace
+
+POINTS = 81  # a side of the parameter grid; doubling it changes the covered share by less than 0.002
+ARC = 721  # vertices of the half disc that is cut to the admissible set
+
+
+def region(law: Law, space: ContactSpace, *, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """Impulses (c_t, c_n), each (points μ, points ε, n), over a grid of μ = tan of an even angle and even ε."""
+    mu = np.tan(np.linspace(0.0, 0.5 * np.pi, points, endpoint=False))
+    epsilon = np.linspace(0.0, 1.0, points)
+    with np.errstate(all="ignore"):
+        c_t, c_n = law.impulse(space, mu[:, None, None], epsilon[None, :, None])
+    shape = (points, points, len(space.v_t))
+    return np.broadcast_to(c_t, shape), np.broadcast_to(c_n, shape)
+
+
+def covered_share(law: Law, space: ContactSpace) -> np.ndarray:
+    """Area of the law's region over the area of the admissible set, (n,).
+
+    The region is summed from the cells of the parameter grid; a cell with a corner outside the admissible set
+    (some laws gain energy or penetrate) does not count.
+    """
+    c_t, c_n = region(law, space)
+    v_t, v_n = space.velocity_after(c_t, c_n)
+    before = space.energy(space.v_t, space.v_n)
+    slack = 1e-9
+    inside = (c_n >= 0.0) & (v_n >= slack * space.v_n) & (space.energy(v_t, v_n) <= (1.0 + slack) * before)
+    inside = inside[1:, 1:] & inside[:-1, 1:] & inside[1:, :-1] & inside[:-1, :-1]
+    # area of each cell from its diagonals
+    d1_t, d1_n = c_t[1:, 1:] - c_t[:-1, :-1], c_n[1:, 1:] - c_n[:-1, :-1]
+    d2_t, d2_n = c_t[1:, :-1] - c_t[:-1, 1:], c_n[1:, :-1] - c_n[:-1, 1:]
+    area = 0.5 * np.abs(d1_t * d2_n - d1_n * d2_t)
+    return np.where(inside, area, 0.0).sum(axis=(0, 1)) / admissible_area(space)
+
+
+def admissible_area(space: ContactSpace) -> np.ndarray:
+    """Area (n,) in (N s)² of the set of admissible impulses (thesis, figure 3-2)."""
+    outline_t, outline_n = admissible_outline(space)
+    cross = outline_t * np.roll(outline_n, -1, axis=0) - outline_n * np.roll(outline_t, -1, axis=0)
+    return 0.5 * np.abs(cross.sum(axis=0))
+
+
+def admissible_outline(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
+    """Outline (c_t, c_n), each (ARC, n), of the admissible set: half the energy ellipse above the line of maximum
+    compression, cut at c_n = 0."""
+    # whitened with M_C⁻¹ = L Lᵀ the ellipse is a disc; v_n⁺ ≥ 0 is the half of it about (l_nt, l_nn)
+    l_tt = np.sqrt(space.K_tt)
+    l_nt, l_nn = space.K_tn / l_tt, np.sqrt(space.det) / l_tt
+    radius = np.sqrt(space.energy(space.v_t, space.v_n))
+    phase = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ARC)[:, None] + np.arctan2(l_nn, l_nt)
+    centre_t, centre_n = space.impulse_to(0.0, 0.0)
+    d_n = radius * np.sin(phase) / l_nn
+    c_n = centre_n + d_n
+    c_t = centre_t + (radius * np.cos(phase) - l_nt * d_n) / l_tt
+    # points with c_n < 0 (a few, in skewed contacts) move along their chord to c_n = 0
+    below = c_n < 0.0
+    apex_t, apex_n = _frictionless(space)
+    share = np.where(below, apex_n / np.where(below, apex_n - c_n, 1.0), 1.0)
+    return apex_t + share * (c_t - apex_t), apex_n + share * (c_n - apex_n)
+
+
+def _frictionless(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
+    """An impulse inside the admissible set: frictionless, elastic half-way."""
+    return np.zeros_like(space.v_n), -1.5 * space.v_n / space.K_nn

@@ -1,0 +1,126 @@
+"""Which code, versions and data made a result.
+
+`lib_hash` is the part of it that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses,
+directly or through other modules.  Rules carry it as a parameter, so that an edit reruns exactly the rules that use
+the edited module; comments, layout and docstrings do not count.  Imports are followed statically, also those inside
+functions.  Packages that are registries are hashed as whole folders, because a new file in them is a new member.
+"""
+
+import ast
+import hashlib
+import platform
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+PACKAGE = "thesis_lib"
+REGISTRIES = ("contact", "effects")
+DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
+
+
+def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
+    """Hash (16 hex digits) of a script and of every module of thesis_lib that it uses.
+
+    Args:
+        script: Python file.
+        root: folder that holds the package; by default the one this module is in.
+    """
+    root = Path(root) if root else Path(__file__).resolve().parent.parent
+    script = Path(script)
+    found: dict[Path, str] = {}
+    queue = [script]
+    while queue:
+        path = queue.pop()
+        if path in found:
+            continue
+        if path.suffix != ".py":
+            found[path] = hashlib.sha256(path.read_bytes()).hexdigest()
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+        queue += _imported(tree, root)
+        found[path] = hashlib.sha256(_code_text(tree).encode()).hexdigest()
+        if path != script:
+            queue += [p for p in path.parent.iterdir() if p.suffix in DATA_SUFFIXES]
+    digest = hashlib.sha256()
+    for path in sorted(found, key=lambda p: (p != script, str(p))):
+        name = "script" if path == script else path.relative_to(root).as_posix()
+        digest.update(f"{name}:{found[path]}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def _imported(tree: ast.AST, root: Path) -> list[Path]:
+    """Files of the package that a module imports: the modules and the __init__ files on their way."""
+    files = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            continue
+        for name in names:
+            if name.split(".")[0] == PACKAGE:
+                files += _files_of(name, root)
+    return files
+
+
+def _files_of(name: str, root: Path) -> list[Path]:
+    parts = name.split(".")
+    files = [root.joinpath(*parts[:i], "__init__.py") for i in range(1, len(parts) + 1)]
+    files.append(root.joinpath(*parts).with_suffix(".py"))
+    if len(parts) > 1 and parts[1] in REGISTRIES:
+        files += (root / PACKAGE / parts[1]).rglob("*.py")
+    return [path for path in files if path.is_file()]
+
+
+def _code_text(tree: ast.AST) -> str:
+    """The code of a module without docstrings, comments and layout."""
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and body:
+            first = body[0]
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                node.body = body[1:] or [ast.Pass()]
+    return ast.dump(tree)
+
+
+def file_sha256(path: str | Path) -> str:
+    """SHA-256 of a file as hex digits."""
+    digest = hashlib.sha256()
+    with Path(path).open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def environment(requirements: str | Path) -> dict:
+    """Versions of Python, the platform and every pinned dependency, and the commit with a mark for local changes."""
+    lines = Path(requirements).read_text(encoding="utf-8").splitlines()
+    names = [line.split("==")[0].strip() for line in lines if "==" in line and not line.startswith("#")]
+    return {
+        "python": sys.version.split()[0],
+        "platform": platform.platform(),
+        "packages": {name: _version(name) for name in sorted(names)},
+        **_commit(Path(requirements).resolve().parent),
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _commit(folder: Path) -> dict:
+    try:
+        commit = _git(folder, "rev-parse", "HEAD")
+        return {"commit": commit, "local_changes": bool(_git(folder, "status", "--porcelain"))}
+    except (OSError, subprocess.CalledProcessError):
+        return {"commit": "unknown (not a git checkout)", "local_changes": None}
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True, check=True)
+    return done.stdout.strip()

@@ -1,0 +1,1 @@
+"""Planar bodies simulated by time stepping, with contact impulses from a linear complementarity problem."""

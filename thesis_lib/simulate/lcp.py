@@ -1,0 +1,217 @@
+"""Small linear complementarity problems, and the one that gives the impulse of a planar contact.
+
+A linear complementarity problem (LCP) asks for z with
+
+    w = M z + q >= 0,   z >= 0,   z'w = 0.
+
+For k unknowns there are 2^k complementary bases: choose the unknowns S that may be positive, put w_S = 0 and all
+other z to zero, and solve M_SS z_S = -q_S.  For the four unknowns of one planar contact, trying all sixteen is exact,
+needs no pivoting rule and runs over a batch.
+
+The contact impulse is that of Anitescu and Potra with Newton's restitution: unknowns z = (c_n, b_1, b_2, λ), friction
+directions D = (-J_t, J_t), and with K = J M⁻¹ J' the inverse contact-space inertia
+
+    M = [[ K_nn, -K_tn,  K_tn, 0],        q = ( v_n + ε v_n_pre,
+         [-K_tn,  K_tt, -K_tt, 1],             -v_t,
+         [ K_tn, -K_tt,  K_tt, 1],              v_t,
+         [ μ,    -1,    -1,    0]]              0 ),          c_t = b_2 - b_1.
+
+Its first row makes a closed contact leave at v_n = -ε v_n_pre, the last is Coulomb's cone |c_t| <= μ c_n, λ is the
+sliding speed.  Nothing in it promises that energy is lost: with ε > 0 and friction it can grow (Kane's paradox).
+
+| on paper | in code                | unit   | shape        |                                                        |
+|----------|------------------------|--------|--------------|--------------------------------------------------------|
+| M        | `M`, `mass`            |        | (n, k, k)    | `M` of the LCP; `mass` of the mechanism, (n, nv, nv)    |
+| K        | `K`                    | 1/kg   | (n, 2, 2)    | inverse contact-space inertia, order (t, n)             |
+| v_C      | `v_c`                  | m/s    | (n, 2)       | contact velocity (v_t, v_n) after the free step         |
+| v_n_pre  | `v_n_pre`              | m/s    | (n,)         | normal velocity that restitution refers to              |
+| c        | `c`                    | N s    | (n, 2)       | impulse (c_t, c_n)                                      |
+
+Sources: M. Anitescu, F. A. Potra, Nonlinear Dynamics 14 (1997), doi 10.1023/A:1008292328909; R. W. Cottle, J.-S. Pang,
+R. E. Stone, The Linear Complementarity Problem, SIAM 2009, doi 10.1137/1.9780898719000 (complementary bases).
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+MAX_UNKNOWNS = 8  # two planar contacts: 256 bases; beyond that a pivoting method is the better tool
+# violation allowed to a basis, on data scaled to about 1: well above the rounding of a 4x4 solve (~1e-14) and
+# below what any caller can tell from zero
+FEASIBILITY_TOL = 1e-10
+SINGULAR_TOL = 1e-12  # |det| of a basis, on scaled data, at which it is taken as singular
+
+
+class LcpStatus(IntEnum):
+    """What became of one problem of a batch."""
+
+    SOLVED = 0
+    NO_SOLUTION = 1  # no complementary basis is feasible
+    INVALID_INPUT = 2  # NaN or infinity in the data
+
+
+@dataclass(frozen=True)
+class ContactImpulse:
+    """Impulses of n single contacts.
+
+    Attributes:
+        c: (n, 2) impulse (c_t, c_n) in N s; NaN where the solve failed.
+        v_c_post: (n, 2) contact velocity (v_t, v_n) after it, m/s; NaN where the solve failed.
+        residual: (n,) complementarity residual max(-z, -w, |z w|) of the dimensionless problem; NaN where it failed.
+        status: (n,) `LcpStatus` codes.
+    """
+
+    c: np.ndarray
+    v_c_post: np.ndarray
+    residual: np.ndarray
+    status: np.ndarray
+
+
+def solve_lcp_enumeration(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Solve n LCPs w = M z + q ⟂ z by trying every complementary basis.
+
+    Where several solutions exist, the first in a fixed order is returned, which tries all bases without z_0 before
+    those with it: with c_n as z_0, a contact gets no impulse where none is needed.  Feasibility is judged with an
+    absolute tolerance: scale the data to about 1 first.
+
+    Args:
+        M: (n, k, k), k <= `MAX_UNKNOWNS`.
+        q: (n, k).
+
+    Returns:
+        z (n, k), NaN where there is no solution, and status (n,) of `LcpStatus` codes.
+
+    Raises:
+        ValueError: the shapes do not fit or k is too large to enumerate.
+    """
+    M, q = np.asarray(M, dtype=float), np.asarray(q, dtype=float)
+    if q.ndim != 2 or M.shape != (*q.shape, q.shape[1]):
+        raise ValueError(f"expected M (n, k, k) and q (n, k), got {M.shape} and {q.shape}")
+    n, k = q.shape
+    if k > MAX_UNKNOWNS:
+        raise ValueError(f"{k} unknowns are too many to enumerate (at most {MAX_UNKNOWNS})")
+
+    z = np.full((n, k), np.nan)
+    status = np.full(n, LcpStatus.NO_SOLUTION, dtype=int)
+    finite = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(q).all(axis=1)
+    status[~finite] = LcpStatus.INVALID_INPUT
+    todo = np.flatnonzero(finite)
+    for basis in range(2**k):
+        if not len(todo):
+            break
+        positive = [i for i in range(k) if basis >> (k - 1 - i) & 1]
+        trial = _basic_solution(M[todo], q[todo], positive)
+        w = _slack(M[todo], q[todo], trial)
+        w[:, positive] = 0.0
+        # NaN of a singular basis fails the comparison, as it must
+        solved = (trial.min(axis=1) >= -FEASIBILITY_TOL) & (w.min(axis=1) >= -FEASIBILITY_TOL)
+        z[todo[solved]] = np.maximum(trial[solved], 0.0)
+        status[todo[solved]] = LcpStatus.SOLVED
+        todo = todo[~solved]
+    return z, status
+
+
+def complementarity_residual(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Largest of -z, -w and |z w| over the rows of each of n LCPs, (n,); NaN where z is."""
+    w = _slack(M, q, z)
+    return np.maximum(np.maximum(-z, -w), np.abs(z * w)).max(axis=1)
+
+
+def impact(
+    mass: np.ndarray,
+    J: np.ndarray,
+    v: np.ndarray,
+    mu: np.ndarray | float,
+    epsilon: np.ndarray | float,
+) -> tuple[ContactImpulse, np.ndarray]:
+    """Impulse of one contact on each of n mechanisms, and their generalised velocity after it.
+
+    Args:
+        mass: (n, nv, nv) mass matrices.
+        J: (n, 2, nv) contact rows (J_t, J_n).
+        v: (n, nv) velocity before the impulse.
+        mu, epsilon: scalars or (n,), 1.
+
+    Returns:
+        The impulses, and v⁺ (n, nv), NaN where the solve failed.
+    """
+    M_inv_Jt = np.linalg.solve(mass, np.swapaxes(J, 1, 2))
+    # K = J M⁻¹ J',  v_C = J v,  v⁺ = v + M⁻¹ J' c
+    out = contact_lcp(J @ M_inv_Jt, (J @ v[:, :, None])[:, :, 0], mu, epsilon)
+    return out, v + (M_inv_Jt @ out.c[:, :, None])[:, :, 0]
+
+
+def contact_lcp(
+    K: np.ndarray,
+    v_c: np.ndarray,
+    mu: np.ndarray | float,
+    epsilon: np.ndarray | float,
+    v_n_pre: np.ndarray | None = None,
+) -> ContactImpulse:
+    """Impulse of n independent planar contacts from the Anitescu-Potra LCP with Newton restitution.
+
+    Args:
+        K: (n, 2, 2) inverse contact-space inertia in order (t, n), 1/kg, positive definite.
+        v_c: (n, 2) contact velocity (v_t, v_n) before the impulse, m/s.
+        mu, epsilon: friction and restitution coefficients, scalars or (n,), 1.
+        v_n_pre: (n,) normal velocity that restitution refers to, m/s; default: v_n itself (an isolated impact).
+
+    Returns:
+        The impulses, with a status for each.
+    """
+    K, v_c = np.asarray(K, dtype=float), np.asarray(v_c, dtype=float)
+    n = len(v_c)
+    mu, epsilon = np.broadcast_to(mu, n), np.broadcast_to(epsilon, n)
+    v_n_pre = v_c[:, 1] if v_n_pre is None else np.asarray(v_n_pre, dtype=float)
+
+    # dimensionless data, so that one tolerance serves grams and tonnes: K / k_scale, v / v_scale
+    k_scale = np.trace(K, axis1=1, axis2=2) / 2.0
+    v_scale = np.maximum(np.abs(v_c).max(axis=1), np.abs(v_n_pre))
+    v_scale = np.where(v_scale == 0.0, 1.0, v_scale)
+    M, q = contact_lcp_matrices(
+        K / k_scale[:, None, None], v_c / v_scale[:, None], mu, epsilon, v_n_pre / v_scale
+    )
+    z, status = solve_lcp_enumeration(M, q)
+    c = np.stack([z[:, 2] - z[:, 1], z[:, 0]], axis=1) * (v_scale / k_scale)[:, None]
+    return ContactImpulse(
+        c=c,
+        v_c_post=v_c + (K @ c[:, :, None])[:, :, 0],
+        residual=complementarity_residual(M, q, z),
+        status=status,
+    )
+
+
+def contact_lcp_matrices(
+    K: np.ndarray, v_c: np.ndarray, mu: np.ndarray, epsilon: np.ndarray, v_n_pre: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """LCP data M (n, 4, 4), q (n, 4) of n contacts for z = (c_n, b_1, b_2, λ); arguments as in `contact_lcp`."""
+    n = len(v_c)
+    K_tt, K_tn, K_nn = K[:, 0, 0], K[:, 0, 1], K[:, 1, 1]
+    v_t, v_n = v_c[:, 0], v_c[:, 1]
+    zero, one = np.zeros(n), np.ones(n)
+    M = np.array(
+        [
+            [K_nn, -K_tn, K_tn, zero],
+            [-K_tn, K_tt, -K_tt, one],
+            [K_tn, -K_tt, K_tt, one],
+            [mu * one, -one, -one, zero],
+        ]
+    ).transpose(2, 0, 1)
+    q = np.stack([v_n + epsilon * v_n_pre, -v_t, v_t, zero], axis=1)
+    return M, q
+
+
+def _slack(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return (M @ z[:, :, None])[:, :, 0] + q
+
+
+def _basic_solution(M: np.ndarray, q: np.ndarray, positive: list[int]) -> np.ndarray:
+    """z (n, k) with w = 0 on `positive` and z = 0 elsewhere; NaN where that basis is singular."""
+    z = np.zeros_like(q)
+    if positive:
+        A = M[:, positive][:, :, positive]
+        regular = np.abs(np.linalg.det(A)) > SINGULAR_TOL
+        z[~regular] = np.nan
+        z[np.ix_(regular, positive)] = -np.linalg.solve(A[regular], q[regular][:, positive, None])[:, :, 0]
+    return z

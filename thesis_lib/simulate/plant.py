@@ -1,0 +1,122 @@
+"""Mass matrix, gravity and contact Jacobians of planar mechanisms, from Drake's MultibodyPlant.
+
+Drake works in three dimensions and takes gravity along -z by default.  Here the plane is Drake's world x-y plane seen
+from +z: x to the right, y up, θ counter-clockwise about +z.  Gravity is therefore set explicitly, to (g_x, g_y, 0).
+A body moves on a `PlanarJoint` between the world and the body frame, whose positions are q = (x, y, θ) and whose
+velocities are v = (v_x, v_y, ω): no change of sign or order between Drake and this program.
+
+    M(q) v̇ = τ_g(q) + J(q)' λ,        J = (J_t; J_n) = [1, 0, -r_y; 0, 1, r_x]   (one planar body)
+
+| on paper | in code                  | unit      | shape       |                                                |
+|----------|--------------------------|-----------|-------------|------------------------------------------------|
+| q        | `q`                      | m, m, rad | (n, nq)     | configuration                                  |
+| M        | `mass_matrix(q)`         | kg, kg m² | (n, nv, nv) |                                                |
+| τ_g      | `gravity_forces(q)`      | N, N m    | (n, nv)     | generalised forces of gravity                  |
+| r        | `r`                      | m         | (n, 2)      | contact point from body origin, world axes     |
+| J_t, J_n | `contact_jacobian(q, r)` | 1, m      | (n, nv)     | rows of that point's velocity along x and y    |
+
+Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, PlanarJoint).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.math import RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable, PlanarJoint, RigidBody, SpatialInertia, UnitInertia
+
+
+class PlanarPlant:
+    """A finalized MultibodyPlant that moves in its world x-y plane, evaluated at arrays of configurations.
+
+    Drake evaluates one configuration at a time, so each method loops over its rows (about 5 µs a row).
+
+    Attributes:
+        plant: the MultibodyPlant.
+        body: the body whose contact points `contact_jacobian` takes.
+    """
+
+    def __init__(self, plant: MultibodyPlant, body: RigidBody) -> None:
+        self.plant = plant
+        self.body = body
+        self._context = plant.CreateDefaultContext()
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """M (n, nv, nv) in kg, kg m, kg m² at configurations q (n, nq).
+
+        Raises:
+            ValueError: q has the wrong shape or is not finite.
+        """
+        q, nv = self._checked(q), self.plant.num_velocities()
+        M = np.empty((len(q), nv, nv))
+        for i, row in enumerate(q):
+            self.plant.SetPositions(self._context, row)
+            M[i] = self.plant.CalcMassMatrix(self._context)
+        return M
+
+    def gravity_forces(self, q: np.ndarray) -> np.ndarray:
+        """Generalised gravity forces τ_g (n, nv) in N, N m at q (n, nq); they stand on the right of M v̇ = τ_g.
+
+        Raises:
+            ValueError: q has the wrong shape or is not finite.
+        """
+        q = self._checked(q)
+        tau = np.empty((len(q), self.plant.num_velocities()))
+        for i, row in enumerate(q):
+            self.plant.SetPositions(self._context, row)
+            tau[i] = self.plant.CalcGravityGeneralizedForces(self._context)
+        return tau
+
+    def contact_jacobian(self, q: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows J_t, J_n (n, nv) of the point that is fixed in the body and stands at `r` from its origin.
+
+        Args:
+            q: (n, nq) configurations.
+            r: (n, 2) contact points from the body origin, in world axes, m.
+
+        Raises:
+            ValueError: q or r has the wrong shape or is not finite.
+        """
+        q, r = self._checked(q), np.asarray(r, dtype=float)
+        if r.shape != (len(q), 2) or not np.isfinite(r).all():
+            raise ValueError(f"contact points must be finite and of shape {(len(q), 2)}, got {r.shape}")
+        world, frame = self.plant.world_frame(), self.body.body_frame()
+        J = np.empty((len(q), 2, self.plant.num_velocities()))
+        for i, row in enumerate(q):
+            self.plant.SetPositions(self._context, row)
+            R_WB: RotationMatrix = frame.CalcRotationMatrixInWorld(self._context)
+            # the point is fixed in the body for this instant: p_BoC_B = R_WB' r
+            p_BoC_B = R_WB.matrix().T @ np.array([r[i, 0], r[i, 1], 0.0])
+            J[i] = self.plant.CalcJacobianTranslationalVelocity(
+                self._context, JacobianWrtVariable.kV, frame, p_BoC_B, world, world
+            )[:2]
+        return J[:, 0], J[:, 1]
+
+    def _checked(self, q: np.ndarray) -> np.ndarray:
+        # Drake ends the process on a position that is not finite, so that is caught here
+        q = np.asarray(q, dtype=float)
+        if q.ndim != 2 or q.shape[1] != self.plant.num_positions() or not np.isfinite(q).all():
+            raise ValueError(
+                f"configurations must be finite and of shape (n, {self.plant.num_positions()}), got {q.shape}"
+            )
+        return q
+
+
+def planar_body(
+    mass: float, radius_of_gyration: float, gravity: Sequence[float] = (0.0, -9.81)
+) -> PlanarPlant:
+    """One free body in the plane; its origin is its centre of mass.
+
+    Args:
+        mass: kg.
+        radius_of_gyration: m, about the centre of mass.
+        gravity: acceleration (g_x, g_y) in m/s², y up.
+    """
+    plant = MultibodyPlant(time_step=0.0)
+    # Only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality.
+    k2 = radius_of_gyration**2
+    body = plant.AddRigidBody("body", SpatialInertia(mass, np.zeros(3), UnitInertia(k2, k2, k2)))
+    plant.AddJoint(PlanarJoint("plane", plant.world_frame(), body.body_frame(), damping=np.zeros(3)))
+    plant.mutable_gravity_field().set_gravity_vector([gravity[0], gravity[1], 0.0])
+    plant.Finalize()
+    return PlanarPlant(plant, body)

@@ -1,0 +1,29 @@
+# Checked configuration, and what every rule needs.
+import sys
+from pathlib import Path
+
+sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every script, on a cluster too
+
+from thesis_lib.config import parse_config
+from thesis_lib.errors import UserError
+from thesis_lib.provenance import lib_hash
+
+try:
+    CONFIG = parse_config(config)
+except UserError as error:
+    raise WorkflowError(str(error))
+
+
+wildcard_constraints:
+    dataset="[a-z][a-z0-9_]*",
+
+
+def code_of(script):
+    """Hash of the code that a script uses: an edit in thesis_lib reruns exactly the rules that use it."""
+    return lib_hash(f"{workflow.basedir}/workflow/scripts/{script}.py")
+
+
+def settings(section, *keys):
+    """The named keys of a configuration section, so that a rule reruns only if one of them changes."""
+    values = section.model_dump(mode="json", by_alias=True)
+    return {key: values[key] for key in keys} if keys else values

@@ -1,0 +1,104 @@
+# Datasets: measured ones converted from their published files, simulated drops, and the impacts found in each.
+from thesis_lib.datasets.published import find_measured
+
+MEASURED = {name: find_measured(name, CONFIG.measured) for name in ("planar_impact", "planar_dice")}
+SIMULATED = ("drops",)
+
+
+def is_present(dataset):
+    return dataset in SIMULATED or MEASURED.get(dataset) is not None
+
+
+def dataset_folder(dataset):
+    """Folder of a dataset in our format: where the user has it, or where the pipeline makes it."""
+    if dataset in SIMULATED:
+        return f"data/simulated/{dataset}"
+    folder = MEASURED[dataset]
+    return str(folder) if (folder / "dataset.yaml").is_file() else f"results/datasets/{dataset}"
+
+
+def dataset_file(wildcards):
+    return f"{dataset_folder(wildcards.dataset)}/dataset.yaml"
+
+
+PRESENT = {
+    name: {"present": is_present(name), "simulated": name in SIMULATED} for name in (*MEASURED, *SIMULATED)
+}
+for name in [name for name, folder in MEASURED.items() if folder is None]:
+    logger.warning(
+        f"The measured dataset {name} is not present (looked in {', '.join(CONFIG.measured)}): "
+        f"its tables and figures are left out and its claims say 'data not present'. "
+        f"To get it: python -m thesis_lib.datasets fetch {name.replace('_', '-')}"
+    )
+
+
+rule datasets_present:
+    output:
+        "results/datasets/present.json",
+    log:
+        "results/logs/datasets_present.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        present=PRESENT,
+        lib=code_of("datasets_present"),
+    message:
+        "Noting which datasets are present"
+    script:
+        "../scripts/datasets_present.py"
+
+
+rule convert_measured:
+    output:
+        "results/datasets/{dataset}/dataset.yaml",
+    log:
+        "results/logs/convert_measured/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        source=lambda wildcards: str(MEASURED[wildcards.dataset]),
+        lib=code_of("convert_measured"),
+    message:
+        "Checking and converting the published files of {wildcards.dataset}"
+    script:
+        "../scripts/convert_measured.py"
+
+
+rule simulate_drops:
+    output:
+        header="data/simulated/drops/dataset.yaml",
+        trajectories="data/simulated/drops/trajectories.csv",
+    log:
+        "results/logs/simulate_drops.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        drops=settings(CONFIG.drops),
+        seed=CONFIG.seed,
+        lib=code_of("simulate_drops"),
+    message:
+        "Simulating {params.drops[n]} drops"
+    script:
+        "../scripts/simulate_drops.py"
+
+
+rule find_impacts:
+    input:
+        dataset_file,
+    output:
+        header="results/impacts/{dataset}/dataset.yaml",
+        impacts="results/impacts/{dataset}/impacts.csv",
+        arcs="results/impacts/{dataset}/arcs.csv",
+        left_out="results/impacts/{dataset}/left_out.csv",
+        summary="results/impacts/{dataset}/summary.json",
+    log:
+        "results/logs/find_impacts/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        arcs=vars(CONFIG.arcs),
+        lib=code_of("find_impacts"),
+    message:
+        "Finding impacts in {wildcards.dataset}"
+    script:
+        "../scripts/find_impacts.py"

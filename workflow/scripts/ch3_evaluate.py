@@ -1,0 +1,27 @@
+"""Held-out errors of every law and bound, tables 3.1 and 3.2, and the checks of the chapter's statements."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.files import read_table, write_table
+from thesis_lib.identify import impact_study as study
+from thesis_lib.identify import impact_tables as tables
+from thesis_lib.identify.statements import statements
+
+source, out = snakemake.input, snakemake.output
+impacts = read_dataset(Path(source.header).parent).stated_impacts()
+ensemble, individual = read_table(source.ensemble), read_table(source.individual)
+split, topography = read_table(source.split), read_table(source.topography)
+held_out = study.pick(impacts, split, train=0)
+
+errors = {w: study.held_out_errors(held_out, ensemble, w) for w in ("kinetic", "unweighted")}
+write_table(errors["kinetic"], out.errors)
+write_table(tables.error_summary(errors["kinetic"]), out.summary)
+write_table(tables.table_3_1(ensemble, errors), out.table_3_1)
+write_table(tables.table_3_2(individual, snakemake.params.settings["range_tolerances"]), out.table_3_2)
+write_table(study.coverage_table(study.pick(impacts, split), study.ALL_LAWS), out.coverage)
+write_table(statements(held_out, ensemble, individual, errors["kinetic"], topography), out.statements)

@@ -1,0 +1,45 @@
+"""Ensemble and individual parameters of every law, convergence and cost topography."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.config import Chapter3
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.files import write_table
+from thesis_lib.identify import impact_study as study
+from thesis_lib.randomness import generator
+
+settings = Chapter3.model_validate(snakemake.params.settings)
+dataset, out = snakemake.wildcards.dataset, snakemake.output
+
+
+def stream(step):
+    return generator(snakemake.params.seed, "ch3_identify", dataset, step)
+
+
+impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
+impacts = study.select_impacts(impacts, settings.filter, settings.max_impacts, stream("select"))
+train = study.split_trials(impacts.trial, settings.train_share, stream("split"))
+training = impacts.select(train)
+print(f"{len(impacts)} impacts, {train.sum()} for training")
+write_table(study.split_table(impacts, train), out.split)
+
+both = ("kinetic", "unweighted")
+ensemble = study.ensemble_table(
+    training, study.ALL_LAWS, both, settings.metric, settings.bootstrap, stream("bootstrap")
+)
+write_table(ensemble, out.ensemble)
+c = settings.convergence
+convergence = study.convergence_table(
+    training, c.laws, "kinetic", settings.metric, c.sizes, c.subsets, stream("convergence")
+)
+write_table(convergence, out.convergence)
+g = settings.topography
+topography = study.topography_table(
+    training, g.law, g.n, *g.axes(), "kinetic", settings.metric, stream("topography")
+)
+write_table(topography, out.topography)
+write_table(study.individual_table(impacts, study.ALL_LAWS, both, settings.metric), out.individual)

@@ -1,0 +1,26 @@
+"""Find the impacts of a dataset, with covariances, flags, and the reason for each one left out."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.datasets.arcs import ArcSettings
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.detect import find_impacts
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.datasets.write import write_dataset
+from thesis_lib.files import write_json, write_table
+
+dataset = read_dataset(Path(snakemake.input[0]).parent)
+found = find_impacts(dataset, ArcSettings(**snakemake.params.arcs))
+for warning in found.warnings:
+    print(warning)
+write_table(found.left_out, snakemake.output.left_out)
+write_table(found.arcs, snakemake.output.arcs)
+write_json(found.summary(), snakemake.output.summary)
+write_dataset(
+    Dataset(dataset.name, dataset.header, None, found.impacts.to_table()),
+    Path(snakemake.output.header).parent,
+)

@@ -1,0 +1,31 @@
+"""Simulate drops and write them as a dataset."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.config import SimulatedDrops
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.write import write_dataset
+from thesis_lib.randomness import generator
+from thesis_lib.simulate.drops import simulate_drops
+
+settings = SimulatedDrops.model_validate(snakemake.params.drops)
+drops = simulate_drops(
+    settings.body,
+    settings.release,
+    settings.n,
+    mu=settings.mu,
+    epsilon=settings.epsilon,
+    gravity=settings.gravity,
+    dt=settings.dt,
+    duration=settings.duration,
+    rate=settings.rate,
+    noise=settings.noise,
+    rng=generator(snakemake.params.seed, "simulate_drops"),
+)
+print(drops.trials["status"].value_counts().to_string())
+folder = Path(snakemake.output.header).parent
+write_dataset(Dataset("drops", drops.header, drops.trajectories, None), folder)
