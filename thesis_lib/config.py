@@ -88,7 +88,9 @@ class Chapter3(_Section):
         "keep",
         description="keep impacts that fail the energy, cone or compression test, or drop them as the thesis did",
     )
-    max_impacts: Count | None = Field(None, description="impacts used a dataset, drawn at random; null: all")
+    max_impacts: Count | None = Field(
+        2000, description="impacts used a dataset, drawn at random: as many as the thesis measured; null: all"
+    )
     train_share: Share = Field(
         0.5, description="share of trials for identification; own choice: the thesis gives no number"
     )

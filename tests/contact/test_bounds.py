@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from impact_draws import reference_draw
 
 from thesis_lib.contact import LAWS
@@ -164,6 +166,24 @@ def test_head_on_impact_without_coupling():
     assert best.error[0] == pytest.approx(2.0)
     worst = irb_bound(v, np.array([[0.0, -3.0, 0.0]]), r, mass=1.0, k_g=1.0)
     np.testing.assert_allclose(worst.impulse, [[0.0, 1.0]], atol=1e-12)  # plastic at least
+
+
+ANY = st.one_of(st.sampled_from([0.0, 1.0, -1.0]), st.floats(-3.0, 3.0, allow_subnormal=False))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.tuples(ANY, ANY, ANY), st.tuples(ANY, ANY), st.one_of(st.just(-1.0), st.floats(-3.0, -1e-3)), ANY)
+def test_degenerate_sets(dv, contact, v_n, v_t):
+    """Symmetric states put the target on corners, on the centre, or on parallel lines."""
+    v, r = np.array([[v_t, v_n, 0.0]]), np.array([contact])
+    bound = irb_bound(v, v + dv, r, mass=1.0, k_g=1.0)
+    space, scale = contact_space(v, r, mass=1.0, k_g=1.0), np.hypot(v_t, v_n)
+    assert admissible(space, *bound.impulse.T, tolerance=ROUNDING)[0]
+    # not worse than the plastic and elastic frictionless impacts, or the stick impulse if it pushes
+    for c_t, c_n in ((0.0, -v_n / space.K_nn), (0.0, -2.0 * v_n / space.K_nn), space.impulse_to(0.0, 0.0)):
+        if np.all(c_n >= 0.0):
+            change = velocity_change(np.broadcast_to(c_t, 1), np.broadcast_to(c_n, 1), r, mass=1.0, k_g=1.0)
+            assert bound.error[0] <= velocity_error(dv - change, 1.0)[0] + ROUNDING * (scale + 1.0)
 
 
 @pytest.mark.parametrize("where", ["v_pre", "v_post", "r"])

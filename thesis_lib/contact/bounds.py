@@ -84,7 +84,10 @@ def project_on_cut_disc(
     candidates += [np.stack([centre[:, 0] + half, zero], -1), np.stack([centre[:, 0] - half, zero], -1)]
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = np.sum(normal * centre, axis=1) / normal[:, 0]
-    candidates.append(np.stack([np.where(np.isfinite(crossing), crossing, 0.0), zero], axis=-1))
+    near = (
+        np.abs(crossing - centre[:, 0]) <= 2.0 * radius
+    )  # parallel lines cross nowhere, or too far to matter
+    candidates.append(np.stack([np.where(near, crossing, 0.0), zero], axis=-1))
 
     z = np.stack(candidates)  # (9, n, 2)
     offset = z - centre

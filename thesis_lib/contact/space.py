@@ -65,7 +65,7 @@ class ContactSpace:
         """Level α of the energy ellipse on which the impulse lies (eq. 3.5): 1 keeps the energy, 0 takes all."""
         return self.energy(*self.velocity_after(c_t, c_n)) / self.energy(self.v_t, self.v_n)
 
-    def __getitem__(self, rows: np.ndarray) -> "ContactSpace":
+    def __getitem__(self, rows: np.ndarray | slice) -> "ContactSpace":
         """The impacts at `rows`."""
         return ContactSpace(*(a[rows] for a in (self.v_t, self.v_n, self.K_tt, self.K_nn, self.K_tn)))
 

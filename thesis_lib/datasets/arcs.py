@@ -5,8 +5,8 @@ parabolic in time with gravity known.  Samples have independent Gaussian noise. 
 once by Gauss-Newton; since every column of the Jacobian is linear in τ on each side, the information matrix
 follows from the moments Στ⁰, Στ¹, Στ² of the samples, and no Jacobian over samples is ever formed.
 
-    q(t) = q_c ∓ d/2 + v∓ τ − (0, g/2, 0) τ²,    τ = t − t_c        (− before, + after)
-    0    = φ_n(q_c) + touch noise,      d = s |Δv| (1, 1, 1/k) u,   u ~ N(0, 1)
+    q(t) = q_c ∓ d/2 + v∓ τ + (a∓ − (0, g, 0)) τ²/2,    τ = t − t_c        (− before, + after)
+    0    = φ_n(q_c) + touch noise,      d = s |Δv| (1, 1, 1/k) u,   u ~ N(0, 1),    a∓ = stray w∓,  w∓ ~ N(0, 1)
 
 | on paper   | in code           | unit          | shape     |                                                  |
 |------------|-------------------|---------------|-----------|--------------------------------------------------|
@@ -15,6 +15,7 @@ follows from the moments Στ⁰, Στ¹, Στ² of the samples, and no Jacobian
 | v−, v+     | `v_pre`, `v_post` | m/s, rad/s    | (n, 3)    | velocities just before and after                 |
 | d          |                   | m, m, rad     |           | offset between the arcs at t_c, see below        |
 | s          | `spread`          | s             |           | one sigma of that offset, divided by |Δv|        |
+| a−, a+     | `stray`           | m/s², rad/s²  | (3,)      | one sigma of accelerations beyond gravity        |
 | σ          | `sigma`           | m, m, rad     | (3,)      | noise of each sample of x, y, θ                  |
 | φ_n        | `gap`             | m             | (n,)      | distance of the body from the surface            |
 
@@ -22,6 +23,10 @@ Why d: impulses along different axes do not act at quite the same instant during
 the arcs miss each other by a fraction of |Δv| × 1 ms.  That is nothing beside noise of 0.3 mm, but much beside
 the 0.03 mm of a good tracker; with d = 0 the covariance would then be far too small.  `find_impacts` estimates
 s from the data (0 where noise explains all).
+
+Why a: air, guides and cables slow a measured body in flight.  A spin that changes by 1 rad/s between two hits
+is not known to 0.1 rad/s at either of them, however good the fit of a line.  `find_impacts` estimates its size
+from the arcs, too (0 where they are straight within noise).
 
 The touch is a soft measurement with one sigma `touch_sigma`: it keeps t_c determined when |Δv| is small, and
 is too weak beside 20 samples of decent noise to let a wrong surface height move the result.
@@ -34,13 +39,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.datasets.header import Header
+from thesis_lib.datasets.misfits import lines_through, misfits, norm, rank
 from thesis_lib.datasets.samples import ArcSettings, Samples
 
 _Q, _PRE, _POST, _U, _T = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), 12
-_PARAMETERS = 13
+_W_PRE, _W_POST = slice(13, 16), slice(16, 19)
+_PARAMETERS = 19
 # Steps are damped as by a prior of this sigma about the current value: it moves no converged result, but keeps
 # the matrix regular where a side has no samples (such impacts are left out later).  m, m/s, -, s.
-_DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0])
+_DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
 _SETTLE = 4  # iterations after which samples no longer change sides, so that the fit converges
 _ITERATIONS = 12
 _SIGNIFICANT = (
@@ -60,7 +67,10 @@ class ArcFits:
         t, t_std: (n,) s, instant of impact and its standard error.
         q, v_pre, v_post: (n, 3); cov: (n, 9, 9), in the order of `impacts.STATE`, t_c marginalised.
         n_side: (n, 2) samples used before and after.
-        ss: (n, 2, 3) residual sum of squares of free lines on either side (m², m², rad²).
+        ss: (n, 2, 3) residual sum of squares of free arcs on either side (m², m², rad²), stray acceleration
+            taken off as far as its prior allows.
+        ss_free, curvature: (n, 2, 3) the same with any acceleration (n_side − 3 degrees of freedom), and that
+            acceleration in m/s² and rad/s²; bow2: (n, 2) s⁴, its variance is σ²/bow2 with white noise.
         chi2: (n, 2) the same in units of noise, summed over x, y, θ; 3 (n_side − 2) degrees of freedom.
         chi2_meet: (n,) rise of chi² when the free arcs are made to meet; 2 degrees of freedom.
         chi2_near: (n,) misfit of the worst of the two samples next to the impact on either side, from a line
@@ -71,7 +81,7 @@ class ArcFits:
         miss_noise: (n,) m, what noise alone gives for `miss` (root of its expected square).
         gap, gap_std: (n,) m, distance from the surface at t_c without the touch measurement.
         converged: (n,) the iteration came to rest within a few samples of the detected instant.
-        lag1: (n, 3) lag-one product sum of the residuals over `ss`, both sides together (white noise: ≈ −2/n).
+        lag1: (n, 3) lag-one product sum of the residuals over `ss_free`, both sides together.
     """
 
     at: np.ndarray
@@ -83,6 +93,9 @@ class ArcFits:
     cov: np.ndarray
     n_side: np.ndarray
     ss: np.ndarray
+    ss_free: np.ndarray
+    curvature: np.ndarray
+    bow2: np.ndarray
     chi2: np.ndarray
     chi2_meet: np.ndarray
     chi2_near: np.ndarray
@@ -123,6 +136,7 @@ def fit_arcs(
     spread: float = 0.0,
     size: np.ndarray | None = None,
     colour: np.ndarray | float = 1.0,
+    stray: np.ndarray | float = 0.0,
 ) -> ArcFits:
     """Fit two arcs around each detected instant.
 
@@ -136,6 +150,7 @@ def fit_arcs(
         size: (n, 2) samples used at most before and after; settings.max_window if None.
         colour: (3,) factor on the variance of fitted values where the noise of neighbouring samples is
             correlated, 1 for white noise.  It enters all that is fitted, not the chi² of residuals.
+        stray: (3,) one sigma of accelerations beyond gravity, m/s² and rad/s², see the module's docstring.
     """
     at = np.asarray(at, dtype=int)
     n, k_g, g = len(at), header.body.radius_of_gyration, header.gravity
@@ -150,9 +165,11 @@ def fit_arcs(
     low, high = _reach(samples, at, t_ref)
     same = samples.trial[at[1:]] == samples.trial[at[:-1]] if n else np.zeros(0, bool)
 
-    p = np.zeros((n, _PARAMETERS))
-    step = np.zeros((n, _PARAMETERS))
-    hessian = np.tile(np.diag(1.0 / _DAMPING**2), (n, 1, 1))
+    stray = np.broadcast_to(np.asarray(stray, float), 3)
+    size_p = _PARAMETERS if stray.any() else _T + 1  # without stray acceleration, w has nothing to do
+    p = np.zeros((n, size_p))
+    step = np.zeros((n, size_p))
+    hessian = np.tile(np.eye(size_p), (n, 1, 1))
     side = np.zeros((n, 2, index.shape[1]))
     for iteration in range(_ITERATIONS):
         tau = time - p[:, _T, None]
@@ -164,20 +181,20 @@ def fit_arcs(
             after[:-1][same] = (instant[1:] - settings.guard - t_ref[:-1])[same]
             usable = inside & (time > before[:, None]) & (time < after[:, None])
             side = np.stack([usable & (tau < -settings.guard), usable & (tau > settings.guard)], 1) * 1.0
-            side *= _rank(side) <= (settings.max_window if size is None else size[..., None])
+            side *= rank(side) <= (settings.max_window if size is None else size[..., None])
         if iteration == 0:
             flight = z.copy()
             flight[..., 1] += 0.5 * g * tau**2
-            lines = _lines(side, tau, flight)
+            lines = lines_through(side, tau, flight)
             p[:, _Q] = lines.value.mean(1)
             p[:, _PRE], p[:, _POST] = lines.slope[:, 0], lines.slope[:, 1]
-        offset = spread * _norm((p[:, _POST] - p[:, _PRE]) * metric)[:, None] / metric
-        hessian, gradient = _normal_equations(p, side, tau, z, weight, g, offset)
+        offset = spread * norm((p[:, _POST] - p[:, _PRE]) * metric)[:, None] / metric
+        hessian, gradient = _normal_equations(p, side, tau, z, weight, g, offset, stray)
         pose = p[:, _Q] + q_ref
         r_x = header.body.shape.contact_point(pose[:, 2])[:, 0]
         gap = header.body.shape.gap(pose[:, 1], pose[:, 2], header.surface.height)
         # φ_n(q_c) = 0 ± touch_sigma, with ∂φ_n/∂q = J_n = (0, 1, r_x)
-        jacobian = np.zeros((n, _PARAMETERS))
+        jacobian = np.zeros((n, size_p))
         jacobian[:, 1], jacobian[:, 2] = 1.0, r_x
         hessian += jacobian[:, :, None] * jacobian[:, None, :] / settings.touch_sigma**2
         gradient -= jacobian * (gap / settings.touch_sigma**2)[:, None]
@@ -210,7 +227,7 @@ def fit_arcs(
         gap=gap / share,
         gap_std=np.sqrt(gap_variance / share),
         converged=at_rest,
-        **_misfits(p, side, time - p[:, _T, None], z, white, weight, metric, g),
+        **misfits(side, time - p[:, _T, None], z, white, weight, metric, g, stray),
     )
 
 
@@ -219,15 +236,6 @@ def is_bent(fits: ArcFits, sigma: np.ndarray, limit: float) -> np.ndarray:
     dof = 3.0 * np.maximum(fits.n_side - 2, 1)
     reduced = (fits.ss / np.asarray(sigma) ** 2).sum(2) / dof
     return (fits.n_side > 2) & (reduced > np.maximum(limit, 1.0 + _SIGNIFICANT * np.sqrt(2.0 / dof)))
-
-
-def _rank(side: np.ndarray) -> np.ndarray:
-    """1, 2, … of the used samples (n, 2, W), counted away from the impact on either side."""
-    return np.stack([np.cumsum(side[:, 0, ::-1], 1)[:, ::-1], np.cumsum(side[:, 1], 1)], 1)
-
-
-def _norm(a: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.sum(a * a, axis=-1))
 
 
 def _windows(samples: Samples, at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -257,31 +265,6 @@ def _reach(samples: Samples, at: np.ndarray, t_ref: np.ndarray) -> tuple[np.ndar
     return samples.t[low] - t_ref, samples.t[high] - t_ref
 
 
-@dataclass(frozen=True)
-class _Lines:
-    """Least-squares lines on both sides: value at τ = 0 and slope (n, 2, 3), moments (n, 2), residuals."""
-
-    value: np.ndarray
-    slope: np.ndarray
-    count: np.ndarray
-    mean: np.ndarray
-    spread: np.ndarray
-    residual: np.ndarray
-
-
-def _lines(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> _Lines:
-    count = side.sum(2)
-    safe = np.maximum(count, 1.0)
-    mean = np.einsum("nsw,nw->ns", side, tau) / safe
-    centred = (tau[:, None, :] - mean[..., None]) * side
-    spread = (centred**2).sum(2)
-    level = (side @ q) / safe[..., None]
-    slope = (centred @ q) / np.where(spread > 0, spread, 1.0)[..., None]
-    value = level - slope * mean[..., None]
-    residual = q[:, None] - value[:, :, None] - slope[:, :, None] * tau[:, None, :, None]
-    return _Lines(value, slope, count, mean, spread, residual)
-
-
 def _normal_equations(
     p: np.ndarray,
     side: np.ndarray,
@@ -290,90 +273,44 @@ def _normal_equations(
     weight: np.ndarray,
     gravity: float,
     offset: np.ndarray,
+    stray: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Information matrix (n, 13, 13) and gradient (n, 13) of the samples and of the prior on u."""
-    n = len(p)
-    velocity = np.stack([p[:, _PRE], p[:, _POST]], 1)
+    """Information matrix (n, P, P) and gradient (n, P) of the samples and of the priors on u and w."""
+    n, size = p.shape
     sign = np.array([-0.5, 0.5])[None, :, None]
     start = p[:, None, _Q] + sign * (offset * p[:, _U])[:, None, :]
-    residual = z - np.einsum("nsw,nsi->nwi", side, start)
-    residual -= np.einsum("nsw,nsi->nwi", side, velocity) * tau[..., None]
-    residual[..., 1] += 0.5 * gravity * tau**2
-    # column of parameter p on side s, component i is a + b τ: coefficients (n, s, i, p, [a, b])
-    c = np.zeros((n, 2, 3, _PARAMETERS, 2))
+    velocity = np.stack([p[:, _PRE], p[:, _POST]], 1)
+    acceleration = np.zeros((n, 2, 3))
+    if size > _T + 1:
+        acceleration = np.stack([p[:, _W_PRE], p[:, _W_POST]], 1) * stray
+    acceleration[..., 1] -= gravity
+    on_side = side.transpose(0, 2, 1)
+    residual = z - on_side @ start - (on_side @ velocity) * tau[..., None]
+    residual -= (on_side @ acceleration) * (0.5 * tau**2)[..., None]
+    # column of parameter p on side s, component i is a + b τ + c τ²: coefficients (n, s, i, p, [a, b, c])
+    order = 3 if size > _T + 1 else 2
+    c = np.zeros((n, 2, 3, size, order))
     for i in range(3):
         c[:, :, i, i, 0] = 1.0
         c[:, 0, i, 3 + i, 1] = 1.0
         c[:, 1, i, 6 + i, 1] = 1.0
         c[:, :, i, 9 + i, 0] = sign[..., 0] * offset[:, None, i]
-        c[:, :, i, _T, 0] = -velocity[:, :, i]  # ∂q/∂t_c = −(v − g τ e_y)
-    c[:, :, 1, _T, 1] = gravity
-    first, second = np.einsum("nsw,nw->ns", side, tau), np.einsum("nsw,nw->ns", side, tau**2)
-    moments = np.stack([np.stack([side.sum(2), first], -1), np.stack([first, second], -1)], -1)
+        c[:, :, i, _T, 0] = -velocity[:, :, i]  # ∂q/∂t_c = −(v + a τ)
+        c[:, :, i, _T, 1] = -acceleration[:, :, i]
+        if size > _T + 1:
+            c[:, 0, i, 13 + i, 2] = 0.5 * stray[i]
+            c[:, 1, i, 16 + i, 2] = 0.5 * stray[i]
+    powers = np.stack([np.ones_like(tau), tau, tau * tau, tau**3, tau**4][: 2 * order - 1], -1)
+    sums = side @ powers
+    moments = np.stack([sums[..., k : k + order] for k in range(order)], -1)
     weighted = (c @ moments[:, :, None]) * weight[None, None, :, None, None]
-    rows = c.transpose(0, 3, 1, 2, 4).reshape(n, _PARAMETERS, 12)
-    hessian = rows @ weighted.transpose(0, 1, 2, 4, 3).reshape(n, 12, _PARAMETERS)
-    r = np.stack([side @ residual, (side * tau[:, None]) @ residual], -1) * weight[:, None]
-    gradient = np.einsum("npk,nk->np", rows, r.reshape(n, 12))
-    hessian += np.diag(1.0 / _DAMPING**2)
-    hessian[:, np.arange(9, 12), np.arange(9, 12)] += 1.0  # u ~ N(0, 1)
-    gradient[:, _U] -= p[:, _U]
+    rows = c.transpose(0, 3, 1, 2, 4).reshape(n, size, 6 * order)
+    hessian = rows @ weighted.transpose(0, 1, 2, 4, 3).reshape(n, 6 * order, size)
+    r = np.stack([side @ (residual * powers[..., k, None]) for k in range(order)], -1) * weight[:, None]
+    gradient = (rows @ r.reshape(n, 6 * order, 1))[..., 0]
+    hessian += np.diag(1.0 / _DAMPING[:size] ** 2)
+    for unit in (_U, _W_PRE, _W_POST):  # u, w ~ N(0, 1)
+        inner = np.arange(size)[unit]
+        hessian[:, inner, inner] += 1.0
+        gradient[:, inner] -= p[:, inner]
     return hessian, gradient
-
-
-def _misfits(
-    p: np.ndarray,
-    side: np.ndarray,
-    tau: np.ndarray,
-    z: np.ndarray,
-    white: np.ndarray,
-    weight: np.ndarray,
-    metric: np.ndarray,
-    gravity: float,
-) -> dict[str, np.ndarray]:
-    """What the free arcs say: residuals, how far they miss each other, and the samples next to the impact."""
-    flight = z.copy()
-    flight[..., 1] += 0.5 * gravity * tau**2
-    free = _lines(side, tau, flight)
-    residual = free.residual * side[..., None]
-    ss = (residual**2).sum(2)
-    pairs = (residual[:, :, 1:] * residual[:, :, :-1]).sum((1, 2))
-    total = ss.sum(1)
-
-    # the arcs miss each other by d + Δv t; the best t leaves the part across Δv (2 of 3 dimensions)
-    d, dv = free.value[:, 1] - free.value[:, 0], free.slope[:, 1] - free.slope[:, 0]
-    safe = np.maximum(free.count, 1.0)
-    leverage = (1.0 / safe + free.mean**2 / np.where(free.spread > 0, free.spread, 1.0)).sum(1)
-    inverse = weight / np.where(leverage > 0, leverage, 1.0)[:, None]
-    shift = -(d * dv * inverse).sum(1) / np.maximum((dv * dv * inverse).sum(1), 1e-300)
-    across = d + dv * shift[:, None]
-    share = (dv * metric) ** 2 / np.maximum(((dv * metric) ** 2).sum(1), 1e-300)[:, None]
-    miss_noise = np.sqrt(leverage * ((1.0 - share) * metric**2 / weight).sum(1))
-
-    # the two samples next to the impact against a line through the others
-    close = (side > 0) & (_rank(side) <= 2)
-    rest = side * ~close
-    others = _lines(rest, tau, flight)
-    spread = np.where(others.spread > 0, others.spread, np.inf)
-    reach = 1.0 + 1.0 / np.maximum(others.count, 1.0)[..., None]
-    reach = reach + (tau[:, None] - others.mean[..., None]) ** 2 / spread[..., None]
-    usable = close & (others.count >= 3)[..., None]
-    near2 = ((others.residual * metric) ** 2).sum(-1) * usable
-    chi2_near = (others.residual**2 * white).sum(-1) / reach * usable
-    dof = 3.0 * (others.count - 2.0)
-    chi2_rest = ((others.residual * rest[..., None]) ** 2).sum(2) @ white
-    supported = _lines(side, tau, z[..., 1:2])
-    chi2_supported = ((supported.residual[..., 0] * side) ** 2).sum(2) * white[1]
-    return {
-        "chi2_rest": np.where(dof > 0, chi2_rest / np.maximum(dof, 1.0), np.nan),
-        "fall": chi2_supported - ss[..., 1] * white[1],
-        "n_side": side.sum(2).astype(int),
-        "ss": ss,
-        "chi2": (ss * white).sum(2),
-        "chi2_meet": (across**2 * inverse).sum(1),
-        "miss": _norm(across * metric),
-        "miss_noise": miss_noise,
-        "chi2_near": chi2_near.max((1, 2), initial=0.0),
-        "near": np.sqrt(near2.max((1, 2), initial=0.0)),
-        "lag1": pairs / np.where(total > 0, total, 1.0),
-    }

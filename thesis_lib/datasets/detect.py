@@ -131,6 +131,8 @@ def find_in_arrays(
         rough = noise.sigma  # a long rest, or noise that is not white, hid part of it: detect again
     glitches = _reported_glitches(everything, glitch)
 
+    if not settings.stray_acceleration:
+        noise = replace(noise, stray=np.zeros(3))
     spread = settings.contact_spread
     if spread is None:
         spread = estimate_spread(fits, header.body.radius_of_gyration, sigma, noise, settings)
@@ -189,7 +191,8 @@ def _fit_straightest(
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
 
     def fit(hits: np.ndarray, size: np.ndarray | None = None) -> ArcFits:
-        return fit_arcs(samples, hits, noise.used, header, settings, noise.contact_spread, size, noise.colour)
+        spread, colour, stray = noise.contact_spread, noise.colour, noise.stray
+        return fit_arcs(samples, hits, noise.used, header, settings, spread, size, colour, stray)
 
     fits = fit(at)
     bent = is_bent(fits, sigma, settings.arc_deviation)

@@ -26,7 +26,7 @@ from thesis_lib.datasets.samples import ArcSettings, Samples
 SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero
 _MIN_ARCS = 6  # fewer arcs than this say too little about the noise; third differences are used instead
 _MIN_ARC_SAMPLES = 8
-_LONG_ARC_SAMPLES = 16  # correlation is estimated from such arcs if there are enough: short ones hide it
+_LONG_ARC_SAMPLES = 16  # used alone if there are enough: short ones are rattle, and hide correlation
 _MAX_LAG1 = 0.8  # beyond, an arc of 25 samples holds too little to tell noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
@@ -44,6 +44,7 @@ class NoiseEstimate:
         contact_spread: s, see `thesis_lib.datasets.arcs`.
         lag1: (3,) correlation ρ of residuals of neighbouring samples of x, y, θ; near 0 for white noise.
         colour: (3,) factor (1 + ρ)/(1 − ρ) by which covariances are larger than with white noise.
+        stray: (3,) one sigma of accelerations beyond gravity in flight, m/s², m/s², rad/s² (see `arcs`).
     """
 
     position: float
@@ -54,6 +55,7 @@ class NoiseEstimate:
     contact_spread: float = 0.0
     lag1: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
     colour: np.ndarray = field(default_factory=lambda: np.ones(3))
+    stray: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 def noise_from_differences(samples: Samples) -> np.ndarray:
@@ -78,33 +80,48 @@ def stated_sigma(header: Header) -> np.ndarray:
 
 def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> NoiseEstimate:
     """Noise from the residuals of all long arcs: a median over arcs, so that bad arcs do not count."""
-    n = np.maximum(fits.n_side, 3)
-    long = fits.n_side >= _MIN_ARC_SAMPLES
+    n = np.maximum(fits.n_side, 4)
+    long = fits.n_side >= _LONG_ARC_SAMPLES
+    if long.sum() < _MIN_ARCS:
+        long = fits.n_side >= _MIN_ARC_SAMPLES
     sigma, lag1, colour, source = rough, np.full(3, np.nan), np.ones(3), "differences"
     if long.sum() >= _MIN_ARCS:
-        # the median of chi²_ν / ν is (1 − 2/(9ν))³ to within 0.1 % for ν ≥ 6
-        dof = n - 2.0
+        # the median of chi²_ν / ν is (1 − 2/(9ν))³ to within 0.2 % for ν ≥ 5
+        dof = n - 3.0  # of arcs with any acceleration: stray ones are no noise
         sigma = np.sqrt(
-            np.median((fits.ss / (dof * (1.0 - 2.0 / (9.0 * dof)) ** 3)[..., None])[long], axis=0)
+            np.median((fits.ss_free / (dof * (1.0 - 2.0 / (9.0 * dof)) ** 3)[..., None])[long], axis=0)
         )
         for enough in (_LONG_ARC_SAMPLES, _MIN_ARC_SAMPLES):
             both = (n >= enough).all(1)
             if both.sum() < _MIN_ARCS:
                 continue
-            # a line through n samples takes (2 + 4ρ)/n off the correlation ρ of its residuals
+            # a parabola through n samples takes about (3 + 6ρ)/n off the correlation ρ of its residuals
             shrink = 1.0 / n[both].mean(1)[:, None]
-            lag1 = np.median((fits.lag1[both] + 2.0 * shrink) / (1.0 - 4.0 * shrink), axis=0)
+            lag1 = np.median((fits.lag1[both] + 3.0 * shrink) / (1.0 - 6.0 * shrink), axis=0)
             # AR(1) noise: the mean of many samples has (1 + ρ)/(1 − ρ) times the variance of white noise
             rho = np.clip(np.where(lag1 > _COLOURED, lag1, 0.0), 0.0, _MAX_LAG1)
             colour = (1.0 + rho) / (1.0 - rho)
-            # and a line takes as many times more than its 2 degrees of freedom out of the residuals
+            # and a parabola takes as many times more than its 3 degrees of freedom out of the residuals
             m = np.median(n[both])
-            sigma = sigma * np.sqrt((m - 2.0) / np.maximum(m - 2.0 * colour, 0.5 * m))
+            sigma = sigma * np.sqrt((m - 3.0) / np.maximum(m - 3.0 * colour, 0.5 * m))
             break
         source = "arcs"
     used = np.fmax(np.where(np.isnan(stated), sigma, stated), SIGMA_FLOOR)
     position = float(np.sqrt(np.mean(sigma[:2] ** 2)))
-    return NoiseEstimate(position, float(sigma[2]), sigma, used, source, 0.0, lag1, colour)
+    stray = _stray_acceleration(fits, sigma, colour)
+    return NoiseEstimate(position, float(sigma[2]), sigma, used, source, 0.0, lag1, colour, stray)
+
+
+def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """One sigma (3,) of accelerations beyond gravity, from the curvature of long arcs beyond noise; else 0."""
+    long = fits.n_side >= _LONG_ARC_SAMPLES
+    if long.sum() < _MIN_ARCS:
+        return np.zeros(3)
+    found = (1.482602218505602 * np.median(np.abs(fits.curvature[long]), axis=0)) ** 2
+    noise = np.median(1.0 / fits.bow2[long], axis=0)[..., None] * sigma**2 * colour
+    # the variance from a median has the relative error 2.3/√n; below a clear excess there is nothing to add
+    clear = found > noise * (1.3 + 3.0 * 2.3 / np.sqrt(long.sum()))
+    return np.sqrt(np.where(clear, found - noise, 0.0))
 
 
 def estimate_spread(

@@ -18,6 +18,7 @@ class ArcSettings:
         touch_sigma: m; how well "gap = 0 at impact" is believed.  1 mm covers the millimetre by which
             measured dice hover or dip at rest, and is still ten times the error of 20 samples.
         contact_spread: s; one sigma by which arcs may miss each other, over |Δv|; None: estimated.
+        stray_acceleration: allow for accelerations beyond gravity of the size found in the arcs.
         threshold: sigmas (root of a chi² with 3 dof) that a velocity jump must exceed to be a candidate.
         min_jump: m/s in the kinetic metric; slower events are rocking and rolling, not impacts.
         scales: samples on either side of the detector's line fits, fine to coarse.
@@ -37,6 +38,7 @@ class ArcSettings:
     guard: float = 1e-3
     touch_sigma: float = 1e-3
     contact_spread: float | None = None
+    stray_acceleration: bool = True
     threshold: float = 6.0
     min_jump: float = 0.1
     scales: tuple[int, ...] = (2, 3, 5, 8)

@@ -33,6 +33,7 @@ from thesis_lib.datasets.impacts import Impacts
 
 Metric = Literal["impulse", "velocity"]
 Weighting = Literal["kinetic", "unweighted"]
+BLOCK = 16_384  # misfits at a time: some thirty arrays of 128 KiB; larger ones cost more in page faults than in sums
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Target:
     def __len__(self) -> int:
         return len(self.c_t)
 
-    def __getitem__(self, rows: np.ndarray) -> "Target":
+    def __getitem__(self, rows: np.ndarray | slice) -> "Target":
         """The impacts at `rows`."""
         return Target(self.space[rows], self.c_t[rows], self.c_n[rows], self.unreachable[rows], self.mass)
 
@@ -89,6 +90,16 @@ def misfit(
     with np.errstate(all="ignore"):
         c_t, c_n = law.impulse(target.space, np.asarray(mu, float), np.asarray(epsilon, float))
         return misfit_of_impulse(target, c_t, c_n, metric)
+
+
+def misfit_table(law: Law, target: Target, mu: np.ndarray, epsilon: np.ndarray, metric: Metric) -> np.ndarray:
+    """Misfit (G, n) at G parameter pairs, in blocks of impacts that fit the processor's cache."""
+    table = np.empty((len(mu), len(target)))
+    width = max(1, BLOCK // len(mu))
+    for start in range(0, len(target), width):
+        block = slice(start, start + width)
+        table[:, block] = misfit(law, target[block], mu[:, None], epsilon[:, None], metric)
+    return table
 
 
 def misfit_of_impulse(target: Target, c_t: np.ndarray, c_n: np.ndarray, metric: Metric) -> np.ndarray:

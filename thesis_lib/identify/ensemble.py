@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.identify.cost import Metric, Target, misfit
+from thesis_lib.identify.cost import Metric, Target, misfit_table
 
 MU_MAX = (
     1.0  # own choice: three times the friction of an inclined-plane test; a fit that ends here is reported
@@ -81,9 +81,7 @@ def fit_ensemble(
 
 def cost_grid(law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
     """Mean misfit on the grid mu (I,) × epsilon (J,): (I, J), for the topography of figure 3-7."""
-    table = misfit(
-        law, target, np.repeat(mu, len(epsilon))[:, None], np.tile(epsilon, len(mu))[:, None], metric
-    )
+    table = misfit_table(law, target, np.repeat(mu, len(epsilon)), np.tile(epsilon, len(mu)), metric)
     return np.nanmean(table, axis=1).reshape(len(mu), len(epsilon))
 
 
@@ -103,7 +101,7 @@ def _zoom(
     limits = low.copy(), high.copy()
     for _ in range(30):
         mu, epsilon = np.linspace(low[0], high[0], GRID), np.linspace(low[1], high[1], GRID)
-        table = misfit(law, target, np.repeat(mu, GRID)[:, None], np.tile(epsilon, GRID)[:, None], metric)
+        table = misfit_table(law, target, np.repeat(mu, GRID), np.tile(epsilon, GRID), metric)
         failed = np.isnan(table)
         # an impact without a solution counts as its worst misfit on the grid: it must not reward a parameter
         table = np.where(failed, np.nanmax(table), table) if failed.any() else table

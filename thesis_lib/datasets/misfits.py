@@ -1,0 +1,145 @@
+"""How well free arcs describe the samples on either side of an impact: what the quality tests look at.
+
+A free arc is a least-squares line through x, y + g τ²/2 and θ; it need not meet the other one.  With stray
+acceleration a of prior variance s_a², its residual sum of squares falls by the part that the prior allows,
+
+    ss = ss_line − (ss_line − ss_free) s_a² / (s_a² + var a),    var a = σ² / Σ b²,
+
+where b is what is left of τ²/2 after a line through it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+def rank(side: np.ndarray) -> np.ndarray:
+    """1, 2, … of the used samples (n, 2, W), counted away from the impact on either side."""
+    return np.stack([np.cumsum(side[:, 0, ::-1], 1)[:, ::-1], np.cumsum(side[:, 1], 1)], 1)
+
+
+def norm(a: np.ndarray) -> np.ndarray:
+    """Euclidean norm over the last axis."""
+    return np.sqrt(np.sum(a * a, axis=-1))
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Least-squares lines on both sides: value at τ = 0 and slope (n, 2, 3), moments (n, 2), residuals."""
+
+    value: np.ndarray
+    slope: np.ndarray
+    count: np.ndarray
+    mean: np.ndarray
+    spread: np.ndarray
+    residual: np.ndarray
+
+
+def lines_through(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> Lines:
+    """Lines through q (n, W, C) over tau (n, W) on each side; `side` (n, 2, W) is 1 for the samples used."""
+    count = side.sum(2)
+    safe = np.maximum(count, 1.0)
+    mean = np.einsum("nsw,nw->ns", side, tau) / safe
+    centred = (tau[:, None, :] - mean[..., None]) * side
+    spread = (centred**2).sum(2)
+    level = (side @ q) / safe[..., None]
+    slope = (centred @ q) / np.where(spread > 0, spread, 1.0)[..., None]
+    value = level - slope * mean[..., None]
+    residual = q[:, None] - value[:, :, None] - slope[:, :, None] * tau[:, None, :, None]
+    return Lines(value, slope, count, mean, spread, residual)
+
+
+def _bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:
+    """Residuals of lines on the samples used (n, 2, W, 3), their squares' sums (n, 2, 3); b (n, 2, W, 1), the
+    acceleration that fits best (n, 2, 3), and Σ b² (n, 2, 1), 0 where there are fewer than three samples."""
+    residual = lines.residual * side[..., None]
+    b = lines_through(side, tau, 0.5 * tau[..., None] ** 2).residual * side[..., None]
+    norm2 = np.where((lines.count >= 3)[..., None], (b**2).sum(2), 0.0)
+    curvature = (b * residual).sum(2) / np.where(norm2 > 0, norm2, np.inf)
+    return residual, (residual**2).sum(2), b, curvature, norm2
+
+
+def _with_stray(
+    line_ss: np.ndarray, curvature: np.ndarray, norm2: np.ndarray, white: np.ndarray, stray: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residual sums of squares (n, 2, 3) of arcs with stray acceleration of known size, and of any size."""
+    gain = np.minimum(curvature**2 * norm2, line_ss)
+    # s_a²/(s_a² + var a) with var a = 1/(white Σ b²)
+    share = stray**2 * white * norm2 / (stray**2 * white * norm2 + 1.0)
+    return line_ss - share * gain, line_ss - gain
+
+
+def misfits(
+    side: np.ndarray,
+    tau: np.ndarray,
+    z: np.ndarray,
+    white: np.ndarray,
+    weight: np.ndarray,
+    metric: np.ndarray,
+    gravity: float,
+    stray: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """The statistics of `ArcFits` that come from free arcs (those that need not meet), by their names there.
+
+    Args:
+        side: (n, 2, W) 1 for the samples used before and after, else 0.
+        tau: (n, W) s, time after the impact.
+        z: (n, W, 3) poses.
+        white, weight: (3,) 1/σ² of a sample, and of what is fitted (noise may be correlated).
+        metric: (3,) = (1, 1, k).
+        gravity: m/s².
+        stray: (3,) one sigma of accelerations beyond gravity.
+    """
+    flight = z.copy()
+    flight[..., 1] += 0.5 * gravity * tau**2
+    free = lines_through(side, tau, flight)
+    residual, line_ss, b, curvature, norm2 = _bow(side, tau, free)
+    ss, ss_free = _with_stray(line_ss, curvature, norm2, white, stray)
+    straight = residual - curvature[:, :, None] * b
+    pairs = (straight[:, :, 1:] * straight[:, :, :-1]).sum((1, 2))
+    total = ss_free.sum(1)
+
+    # the arcs miss each other by d + Δv t; the best t leaves the part across Δv (2 of 3 dimensions)
+    d, dv = free.value[:, 1] - free.value[:, 0], free.slope[:, 1] - free.slope[:, 0]
+    safe = np.maximum(free.count, 1.0)
+    leverage = (1.0 / safe + free.mean**2 / np.where(free.spread > 0, free.spread, 1.0)).sum(1)
+    variance_d = np.where(leverage > 0, leverage, 1.0)[:, None] / weight + (
+        (stray * lines_through(side, tau, 0.5 * tau[..., None] ** 2).value) ** 2
+    ).sum(1)
+    inverse = 1.0 / variance_d
+    shift = -(d * dv * inverse).sum(1) / np.maximum((dv * dv * inverse).sum(1), 1e-300)
+    across = d + dv * shift[:, None]
+    share = (dv * metric) ** 2 / np.maximum(((dv * metric) ** 2).sum(1), 1e-300)[:, None]
+    miss_noise = np.sqrt(((1.0 - share) * metric**2 * variance_d).sum(1))
+
+    # the two samples next to the impact against a line through the others
+    close = (side > 0) & (rank(side) <= 2)
+    rest = side * ~close
+    others = lines_through(rest, tau, flight)
+    spread = np.where(others.spread > 0, others.spread, np.inf)
+    reach = 1.0 + 1.0 / np.maximum(others.count, 1.0)[..., None]
+    reach = reach + (tau[:, None] - others.mean[..., None]) ** 2 / spread[..., None]
+    usable = close & (others.count >= 3)[..., None]
+    near2 = ((others.residual * metric) ** 2).sum(-1) * usable
+    chi2_near = (others.residual**2 * white).sum(-1) / reach * usable
+    dof = 3.0 * (others.count - 2.0)
+    _, rest_ss, _, rest_curvature, rest_norm2 = _bow(rest, tau, others)
+    chi2_rest = _with_stray(rest_ss, rest_curvature, rest_norm2, white, stray)[0] @ white
+    supported = lines_through(side, tau, z[..., 1:2])
+    chi2_supported = ((supported.residual[..., 0] * side) ** 2).sum(2) * white[1]
+    return {
+        "chi2_rest": np.where(dof > 0, chi2_rest / np.maximum(dof, 1.0), np.nan),
+        "fall": chi2_supported - line_ss[..., 1] * white[1],
+        "n_side": side.sum(2).astype(int),
+        "ss": ss,
+        "ss_free": ss_free,
+        "curvature": curvature,
+        "bow2": norm2[..., 0],
+        "chi2": (ss * white).sum(2),
+        "chi2_meet": (across**2 * inverse).sum(1),
+        "miss": norm(across * metric),
+        "miss_noise": miss_noise,
+        "chi2_near": chi2_near.max((1, 2), initial=0.0),
+        "near": np.sqrt(near2.max((1, 2), initial=0.0)),
+        "lag1": pairs / np.where(total > 0, total, 1.0),
+    }
