@@ -22,8 +22,8 @@ localrules:
 
 
 rule all:
+    default_target: True
     input:
         rules.chapter3.input,
         rules.claims.output,
         rules.provenance.output,
-    default_target: True

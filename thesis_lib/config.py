@@ -24,6 +24,19 @@ SCHEMA = Path("config/schema.json")
 Share = Annotated[float, Field(gt=0, lt=1)]
 Count = Annotated[int, Field(ge=1)]
 DatasetName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+# spelled out, because importing the laws would make every rule with a configuration rerun when one is edited
+LawName = Literal[
+    "drumwright_shell",
+    "anitescu_potra_poisson",
+    "anitescu_potra_newton",
+    "mirtich",
+    "wang_mason",
+    "whittaker",
+    "drumwright_shell_as_published",
+    "anitescu_potra_poisson_as_published",
+    "mirtich_as_published",
+    "whittaker_as_published",
+]
 
 
 class _Section(BaseModel):
@@ -53,7 +66,7 @@ class SimulatedDrops(_Section):
 class Convergence(_Section):
     """Ensemble parameters against the number of impacts (figure 3-7 b)."""
 
-    laws: tuple[str, ...] = Field(
+    laws: tuple[LawName, ...] = Field(
         ("anitescu_potra_newton", "whittaker_as_published"), description="laws to follow"
     )
     subsets: Count = Field(3, description="random subsets, as in the thesis")
@@ -66,7 +79,7 @@ class Convergence(_Section):
 class Topography(_Section):
     """Cost over (μ, ε) (figure 3-7 a)."""
 
-    law: str = Field("whittaker_as_published", description="the thesis shows the Whittaker model")
+    law: LawName = Field("whittaker_as_published", description="the thesis shows the Whittaker model")
     n: Count = Field(150, description="impacts in the sum, as in the thesis")
     points: Annotated[int, Field(ge=5)] = Field(41, description="a side of the grid")
     mu: tuple[float, float] = Field((0.0, 0.4), description="range of μ; own choice")

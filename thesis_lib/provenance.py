@@ -94,6 +94,14 @@ def file_sha256(path: str | Path) -> str:
     return digest.hexdigest()
 
 
+def folder_sha256(folder: str | Path) -> str:
+    """One SHA-256 over names and contents of all files below a folder, as hex digits."""
+    folder, digest = Path(folder), hashlib.sha256()
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        digest.update(f"{path.relative_to(folder).as_posix()}:{file_sha256(path)}\n".encode())
+    return digest.hexdigest()
+
+
 def environment(requirements: str | Path) -> dict:
     """Versions of Python, the platform and every pinned dependency, and the commit with a mark for local changes."""
     lines = Path(requirements).read_text(encoding="utf-8").splitlines()

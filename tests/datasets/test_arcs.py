@@ -139,6 +139,35 @@ def test_correlated_noise_widens_the_covariance():
     )
 
 
+def test_stray_acceleration_is_estimated_and_widens_the_covariance():
+    """Each flight has its own acceleration along x, 1 m/s²; x does not enter the geometry of the hits."""
+    f = fly(ellipse_header(), np.random.default_rng(9), 250)
+    rng, size = np.random.default_rng(10), 1.0
+    for trial in np.unique(f.trial):
+        rows, hits = f.trial == trial, f.hit_trial == trial
+        gained, start = 0.0, 0.0
+        for k, end in enumerate([*f.hit_t[hits], np.inf]):
+            a = size * rng.normal()
+            dt = np.clip(f.t[rows] - start, 0, end - start)
+            f.q[rows, 0] += 0.5 * a * dt**2 + a * dt * np.maximum(f.t[rows] - start - dt, 0)
+            if np.isfinite(end):
+                gained += a * (end - start)
+                index = np.flatnonzero(hits)[k]
+                f.hit_pre[index, 0] += gained
+                f.hit_post[index, 0] += gained
+                start = end
+    found = find(f)
+    assert found.noise.stray[0] == pytest.approx(size, rel=0.2)
+    assert found.noise.stray[2] == 0.0
+    assert any("accelerates" in text for text in found.warnings)
+    error = errors(f, found)[0][:, [3, 6]]
+    z2 = error**2 / np.einsum("nii->ni", found.impacts.cov)[:, [3, 6]]
+    assert LOOSE_CHI2[0] < z2.mean() < LOOSE_CHI2[1]
+    stiff = find(f, ArcSettings(stray_acceleration=False))
+    error = errors(f, stiff)[0][:, [3, 6]]
+    assert (error**2 / np.einsum("nii->ni", stiff.impacts.cov)[:, [3, 6]]).mean() > 3 * LOOSE_CHI2[1]
+
+
 def test_fit_recovers_from_a_detection_two_samples_off(flights: Flights, found: FoundImpacts):
     samples = make_samples(flights.trial, flights.t, flights.q, flights.header, ArcSettings())
     sigma = np.array([3e-4, 3e-4, 3e-3])

@@ -16,7 +16,7 @@ from thesis_lib.errors import UserError
 FOUND = 0.99  # share of measurable impacts; the rest are weak ones with 6 to 9 samples on a side
 MATCH = 4e-3  # s, one frame
 NOISE = 0.1  # relative; 600 impacts give 2 %
-SECONDS = 2.5  # for 2000 trials of 150 samples; measured 1.5 on one core
+SECONDS = 2.5  # CPU, for 2000 trials of 150 samples; measured 1.5 to 2 on one core
 SAME = 1e-9  # m, rad, m/s: order of summation
 
 
@@ -58,7 +58,7 @@ def test_ordinals_count_all_hits_in_time(found: FoundImpacts):
 
 def test_noise_is_estimated_from_the_arcs(found: FoundImpacts):
     noise = found.noise
-    assert noise.source == "arcs" and noise.contact_spread == 0.0
+    assert noise.source == "arcs" and noise.contact_spread == 0.0 and not noise.stray.any()
     assert noise.position == pytest.approx(3e-4, rel=NOISE)
     assert noise.angle == pytest.approx(3e-3, rel=NOISE)
     np.testing.assert_array_equal(noise.colour, 1.0)
@@ -202,6 +202,7 @@ def test_speed():
     assert time.process_time() - start < 2 * SECONDS  # twice: shared machines
 
 
+@pytest.mark.slow
 def test_measured_dice(planar_dice_dir):
     """Known of the 500 throws: two to three clean impacts per roll or so, eps near 0.5, first touch at 50 ms."""
     from thesis_lib.datasets.quality import contact_measures
@@ -209,7 +210,9 @@ def test_measured_dice(planar_dice_dir):
 
     found = find_impacts(read_dataset(planar_dice_dir))
     assert 1200 < len(found.impacts) < 2200
-    assert len(np.unique(found.impacts.trial)) > 480
+    assert len(np.unique(found.impacts.trial)) > 450
+    # guided between glass sheets, and tracked smoothly: neither straight arcs nor white noise
+    assert (found.noise.stray > 0).all() and (found.noise.colour > 1).all()
     first = found.arcs[found.arcs["impact"] == 0]
     assert len(first) == 500 and 0.04 < first["t"].median() < 0.06
     # the body is where it should be: the median gap at impact is well below the side of 60 mm

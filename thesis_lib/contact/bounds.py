@@ -82,7 +82,7 @@ def project_on_cut_disc(
     half = np.sqrt(np.maximum(radius**2 - centre[:, 1] ** 2, 0.0))
     zero = np.zeros_like(half)
     candidates += [np.stack([centre[:, 0] + half, zero], -1), np.stack([centre[:, 0] - half, zero], -1)]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         crossing = np.sum(normal * centre, axis=1) / normal[:, 0]
     near = (
         np.abs(crossing - centre[:, 0]) <= 2.0 * radius

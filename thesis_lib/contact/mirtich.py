@@ -26,6 +26,7 @@ from thesis_lib.contact.space import ContactSpace
 
 MAX_STEPS = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
 SERIES_BELOW = 1e-3  # κp: four terms are then exact to rounding
+EPS = np.finfo(float).eps
 RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of φ₃; Newton squares it
 
 
@@ -87,12 +88,15 @@ def impulse_as_published(
     def missing_work(d: np.ndarray) -> np.ndarray:
         return 0.5 * space.K_nn * d * d - mu * space.K_tn * slip(v_c, d)[2] + epsilon * epsilon * W_c
 
-    d = _increasing_root(missing_work, v_n_restored, 0.0 * (p_c + epsilon), epsilon * p_c)
+    d = _increasing_root(missing_work, v_n_restored, 0.0 * (p_c + epsilon), epsilon * p_c, EPS * p_c)
     return -mu * (slid + slip(v_c, d)[1]), p_c + d
 
 
-def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Batched root above `low` of a function that is negative before it and positive after: bracketed Newton."""
+def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray, floor=0.0) -> np.ndarray:
+    """Batched root above `low` of a function that is negative before it and positive after: bracketed Newton.
+
+    Steps below `floor` count as none.
+    """
     p, high = start, np.full(np.shape(start), np.inf)
     for _ in range(MAX_STEPS):
         f = value(p)
@@ -102,9 +106,10 @@ def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray) -> np.nda
         middle = np.where(np.isfinite(high), 0.5 * (low + high), 2.0 * p)
         step = np.where(f == 0.0, 0.0, np.where(inside, newton, middle) - p)
         p = p + step
-        if not np.any(np.abs(step) > RELATIVE_STEP * p):
+        moved = np.abs(step) > RELATIVE_STEP * p + floor
+        if not np.any(moved):
             return p
-    return np.where(np.abs(step) > RELATIVE_STEP * p, np.nan, p)  # becomes NO_SOLUTION
+    return np.where(moved, np.nan, p)  # becomes NO_SOLUTION
 
 
 LAW = Law(

@@ -2,8 +2,8 @@
 
 An impact is short (about 1 ms), so that just outside it the body flies freely: x and θ are linear and y is
 parabolic in time with gravity known.  Samples have independent Gaussian noise.  All impacts are fitted at
-once by Gauss-Newton; since every column of the Jacobian is linear in τ on each side, the information matrix
-follows from the moments Στ⁰, Στ¹, Στ² of the samples, and no Jacobian over samples is ever formed.
+once by Gauss-Newton; since every column of the Jacobian is a polynomial in τ on each side, the information
+matrix follows from the moments Στ⁰ … Στ⁴ of the samples, and no Jacobian over samples is ever formed.
 
     q(t) = q_c ∓ d/2 + v∓ τ + (a∓ − (0, g, 0)) τ²/2,    τ = t − t_c        (− before, + after)
     0    = φ_n(q_c) + touch noise,      d = s |Δv| (1, 1, 1/k) u,   u ~ N(0, 1),    a∓ = stray w∓,  w∓ ~ N(0, 1)
@@ -50,12 +50,8 @@ _PARAMETERS = 19
 _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
 _SETTLE = 4  # iterations after which samples no longer change sides, so that the fit converges
 _ITERATIONS = 12
-_SIGNIFICANT = (
-    4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs are called bent by chance
-)
-_WALK = (
-    3  # samples by which t_c may move from where it was detected: the detector is that coarse for weak hits
-)
+_SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
+_WALK = 3  # samples by which t_c may leave where it was detected: the detector is that coarse for weak hits
 
 
 @dataclass(frozen=True)
@@ -284,9 +280,13 @@ def _normal_equations(
     if size > _T + 1:
         acceleration = np.stack([p[:, _W_PRE], p[:, _W_POST]], 1) * stray
     acceleration[..., 1] -= gravity
-    on_side = side.transpose(0, 2, 1)
-    residual = z - on_side @ start - (on_side @ velocity) * tau[..., None]
-    residual -= (on_side @ acceleration) * (0.5 * tau**2)[..., None]
+    before, after = side[:, 0, :, None], side[:, 1, :, None]
+
+    def on_side(value: np.ndarray) -> np.ndarray:
+        return before * value[:, 0, None] + after * value[:, 1, None]
+
+    residual = z - on_side(start) - on_side(velocity) * tau[..., None]
+    residual -= on_side(acceleration) * (0.5 * tau * tau)[..., None]
     # column of parameter p on side s, component i is a + b τ + c τ²: coefficients (n, s, i, p, [a, b, c])
     order = 3 if size > _T + 1 else 2
     c = np.zeros((n, 2, 3, size, order))
@@ -300,13 +300,15 @@ def _normal_equations(
         if size > _T + 1:
             c[:, 0, i, 13 + i, 2] = 0.5 * stray[i]
             c[:, 1, i, 16 + i, 2] = 0.5 * stray[i]
-    powers = np.stack([np.ones_like(tau), tau, tau * tau, tau**3, tau**4][: 2 * order - 1], -1)
-    sums = side @ powers
+    powers = [np.ones_like(tau)]
+    for _ in range(2 * order - 2):
+        powers.append(powers[-1] * tau)
+    sums = side @ np.stack(powers, -1)
     moments = np.stack([sums[..., k : k + order] for k in range(order)], -1)
     weighted = (c @ moments[:, :, None]) * weight[None, None, :, None, None]
     rows = c.transpose(0, 3, 1, 2, 4).reshape(n, size, 6 * order)
     hessian = rows @ weighted.transpose(0, 1, 2, 4, 3).reshape(n, 6 * order, size)
-    r = np.stack([side @ (residual * powers[..., k, None]) for k in range(order)], -1) * weight[:, None]
+    r = np.stack([side @ (residual * powers[k][..., None]) for k in range(order)], -1) * weight[:, None]
     gradient = (rows @ r.reshape(n, 6 * order, 1))[..., 0]
     hessian += np.diag(1.0 / _DAMPING[:size] ** 2)
     for unit in (_U, _W_PRE, _W_POST):  # u, w ~ N(0, 1)

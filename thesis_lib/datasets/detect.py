@@ -25,7 +25,7 @@ from thesis_lib.datasets.noise import (
 )
 from thesis_lib.datasets.quality import assess_arcs, flag_physics
 from thesis_lib.datasets.samples import ArcSettings, Samples, make_samples
-from thesis_lib.datasets.spikes import FALL, add_weak_hits, detect, find_glitches
+from thesis_lib.datasets.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.errors import UserError
 
 if TYPE_CHECKING:
@@ -207,8 +207,8 @@ def _fit_straightest(
         shorter = fit(at[rows], size)
         bent_still = is_bent(shorter, sigma, settings.arc_deviation)
         bent, count = bent & bent_still, shorter.n_side
-    # a short arc is straight enough for anything: it must also fall, or it is no flight at all
-    cured = (size < whole) & ~bent_still & (shorter.fall > FALL) & (shorter.n_side >= settings.min_window)
+    # a short arc is straight enough for anything: it must also fall rather than rest, or it is no flight at all
+    cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)
     final = fit(at[rows], np.where(cured, size, whole))
     return fits.put(rows, final)
 

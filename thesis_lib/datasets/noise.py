@@ -161,6 +161,12 @@ def noise_warnings(
             + ", ".join(f"{value:.2f}" for value in noise.lag1)
             + "); the covariances of the impacts are widened accordingly."
         )
+    if noise.stray.any():
+        found.append(
+            "In flight the body accelerates by more than gravity (one sigma of x, y, theta: "
+            + ", ".join(f"{value:.2g}" for value in noise.stray)
+            + " m/s², m/s², rad/s²: air, guides, cables or a tilt); the arcs allow for it."
+        )
     if len(glitches):
         found.append(
             f"{len(glitches)} single samples in {glitches['trial'].nunique()} trials stand out like tracking "

@@ -29,7 +29,7 @@ from thesis_lib.datasets.header import Header
 from thesis_lib.datasets.samples import ArcSettings, Samples
 
 _WEAK_SAMPLES = 10  # a flight of 10 samples at 250 Hz is 2 mm high: told from rest by noise up to 0.5 mm
-FALL = 9.0  # chi² (3 sigmas) by which free fall must beat rest where an arc is doubtful
+_FALL = 9.0  # chi² (3 sigmas) by which free fall must beat rest on both sides of a weak hit
 
 
 def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
@@ -101,7 +101,7 @@ def add_weak_hits(
     both = np.union1d(at, weak)
     both = both[np.isin(samples.trial[both], samples.trial[weak])]  # only trials with such a hit
     fits = fit_arcs(samples, both, sigma, header, settings)
-    flying = (fits.n_side >= _WEAK_SAMPLES) & (fits.fall > FALL) & (fits.reduced < settings.arc_deviation)
+    flying = (fits.n_side >= _WEAK_SAMPLES) & (fits.fall > _FALL) & (fits.reduced < settings.arc_deviation)
     return np.union1d(at, both[flying.all(1) & fits.converged])
 
 

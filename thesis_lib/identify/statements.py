@@ -13,10 +13,16 @@ A row has `statement`, `law` ('' where it concerns none), `value`, `std` (NaN wh
 | epsilon_mode               | where the density of the individual ε peaks (Gaussian kernel, Scott's bandwidth) |
 | epsilon_modes              | number of peaks above a tenth of the highest                                     |
 | back_spin                  | share of measured impulses beyond the line of sticking                           |
+| predicted_back_spin        | share of a law's predictions beyond the line of sticking                         |
+| energy_loss                | share of impacts that lose contact-space energy                                  |
+| converged_at               | least k from which on every subset's μ and ε stay within 10 % of their final value |
 | convexity_violations       | share of grid triples at which the cost of figure 3-7 is not convex              |
+| local_minima               | points of that grid that are below all eight neighbours                          |
+| range_difference           | Drumwright-Shell's fraction in table 3.2 minus AP Poisson's, both as published   |
 | small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
 """
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +32,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.datasets.quality import contact_measures
 from thesis_lib.identify.cost import target_of
 from thesis_lib.identify.impact_study import convexity_violations
 
@@ -41,18 +48,28 @@ def statements(
     individual: pd.DataFrame,
     errors: pd.DataFrame,
     topography: pd.DataFrame,
+    convergence: pd.DataFrame,
 ) -> pd.DataFrame:
     """All statements; `held_out` and `errors` hold held-out impacts, in the kinetic weighting."""
+    gap = _range_difference(individual)
     ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
     individual = individual[individual["weighting"] == "kinetic"]
     rows = [
         ("irb_bound", "", *_mean(_irb(held_out)), "m/s"),
         ("irb_bound_mirrored", "", *_mean(_irb(mirrored_rotation(held_out))), "m/s"),
         ("convexity_violations", topography["law"].iloc[0], convexity_violations(topography), np.nan, "1"),
+        ("local_minima", topography["law"].iloc[0], local_minima(topography), np.nan, "1"),
+        ("range_difference", "", *gap, "1"),
+        ("energy_loss", "", *_mean((contact_measures(held_out).alpha < 1.0).astype(float)), "1"),
         ("back_spin", "", *_mean(back_spin(held_out).astype(float)), "1"),
         ("small_momentum", MAPPED, *_small_momentum(held_out, errors), "1"),
     ]
+    rows += [
+        ("converged_at", law, converged_at(part), np.nan, "1") for law, part in convergence.groupby("law")
+    ]
     for law, fit in ensemble.iterrows():
+        spin = _predicted_back_spin(held_out, str(law), fit["mu"], fit["epsilon"])
+        rows.append(("predicted_back_spin", law, *_mean(spin.astype(float)), "1"))
         own = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
         steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
         rows.append(("steep_friction", law, *_mean(steep - own), "m/s"))
@@ -85,6 +102,47 @@ def back_spin(impacts: Impacts) -> np.ndarray:
     target = target_of(impacts)
     v_t, _ = target.space.velocity_after(target.c_t, target.c_n)
     return v_t * target.space.v_t < 0.0
+
+
+def _predicted_back_spin(impacts: Impacts, law: str, mu: float, epsilon: float) -> np.ndarray:
+    space = target_of(impacts).space
+    c_t, c_n = LAWS[law].impulse(space, np.asarray(mu), np.asarray(epsilon))
+    # a stuck contact is on the line up to rounding
+    return space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)
+
+
+def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
+    """Least k from which on μ and ε of every subset stay within `share` of their value at the largest k.
+
+    The largest k itself if nothing smaller does; `convergence` holds one law.
+    """
+    sizes = np.sort(convergence["k"].unique())
+    off = np.zeros(len(sizes), dtype=bool)
+    for _, part in convergence.groupby("subset"):
+        values = part.sort_values("k")[["mu", "epsilon"]].to_numpy()
+        off |= np.any(np.abs(values - values[-1]) > share * np.abs(values[-1]), axis=1)
+    last_off = np.flatnonzero(off)
+    return float(sizes[last_off[-1] + 1] if len(last_off) else sizes[0])
+
+
+def local_minima(topography: pd.DataFrame) -> int:
+    """Number of grid points whose cost is below that of all their neighbours, borders included."""
+    cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
+    padded = np.pad(cost, 1, constant_values=np.inf)
+    lowest = np.ones(cost.shape, dtype=bool)
+    for i, j in itertools.product(range(3), range(3)):
+        if (i, j) != (1, 1):
+            lowest &= cost < padded[i : i + cost.shape[0], j : j + cost.shape[1]]
+    return int(lowest.sum())
+
+
+def _range_difference(individual: pd.DataFrame, tolerance: float = 1e-4) -> tuple[float, float]:
+    chosen = individual[individual["weighting"] == "unweighted"]
+    inside = [
+        (chosen.loc[chosen["law"] == f"{law}_as_published", "error"] <= tolerance).to_numpy(float)
+        for law in ("drumwright_shell", "anitescu_potra_poisson")
+    ]
+    return _mean(inside[0] - inside[1])
 
 
 def mirrored_rotation(impacts: Impacts) -> Impacts:

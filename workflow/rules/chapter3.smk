@@ -38,6 +38,7 @@ rule ch3_evaluate:
         individual=CH3_TABLES["individual"],
         split=CH3_TABLES["split"],
         topography=CH3_TABLES["topography"],
+        convergence=CH3_TABLES["convergence"],
     output:
         errors=f"{CH3}/errors.csv",
         summary=f"{CH3}/error_summary.csv",
@@ -46,7 +47,10 @@ rule ch3_evaluate:
             caption="../report/table_3_1.rst",
             category="Chapter 3",
             subcategory="{dataset}",
-            labels={"item": "Table 3.1", "shows": "ensemble parameters, best and worst"},
+            labels={
+                "item": "Table 3.1",
+                "shows": "ensemble parameters, best and worst",
+            },
         ),
         table_3_2=report(
             f"{CH3}/table_3_2.csv",
@@ -78,6 +82,8 @@ rule ch3_published:
     output:
         best_worst="results/chapter3/planar_impact/published_best_worst.csv",
         agreement="results/chapter3/planar_impact/published_agreement.csv",
+        cost="results/chapter3/planar_impact/published_cost.csv",
+        kept="results/chapter3/planar_impact/published_kept.csv",
     log:
         "results/logs/ch3_published.log",
     conda:

@@ -1,13 +1,57 @@
 # The claims ledger, and what made the results.
+CLAIM_TABLES = [
+    f"results/chapter3/{dataset}/{table}.csv"
+    for dataset in CH3_DATASETS
+    for table in ("table_3_1", "table_3_2", "error_summary", "coverage", "statements")
+]
+if "planar_impact" in CH3_DATASETS:
+    CLAIM_TABLES += rules.ch3_published.output
+
+
 rule claims:
+    input:
+        ledger="config/claims.yaml",
+        present=rules.datasets_present.output[0],
+        tables=CLAIM_TABLES,
     output:
-        "results/claims.csv",
-    shell:
-        "false"
+        table="results/claims.csv",
+        page=report(
+            "results/claims.html",
+            caption="../report/claims.rst",
+            category="Claims",
+            labels={
+                "item": "Claims ledger",
+                "shows": "what the thesis states against what we find",
+            },
+        ),
+    log:
+        "results/logs/claims.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        scale=CONFIG.scale,
+        lib=code_of("claims"),
+    message:
+        "Comparing the results with what the thesis states"
+    script:
+        "../scripts/claims.py"
 
 
 rule provenance:
+    input:
+        rules.chapter3.input,
     output:
         "results/provenance.json",
-    shell:
-        "false"
+    log:
+        "results/logs/provenance.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        scale=CONFIG.scale,
+        seed=CONFIG.seed,
+        sources={name: str(folder) for name, folder in MEASURED.items() if folder},
+        lib=code_of("provenance"),
+    message:
+        "Recording versions, seed, commit and checksums of the data"
+    script:
+        "../scripts/provenance.py"

@@ -5,6 +5,7 @@ from pathlib import Path
 sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every script, on a cluster too
 
 from thesis_lib.config import parse_config
+from thesis_lib.datasets.published import find_measured
 from thesis_lib.errors import UserError
 from thesis_lib.provenance import lib_hash
 
@@ -27,3 +28,23 @@ def settings(section, *keys):
     """The named keys of a configuration section, so that a rule reruns only if one of them changes."""
     values = section.model_dump(mode="json", by_alias=True)
     return {key: values[key] for key in keys} if keys else values
+
+
+MEASURED = {name: find_measured(name, CONFIG.measured) for name in ("planar_impact", "planar_dice")}
+SIMULATED = ("drops",)
+
+
+def is_present(dataset):
+    return dataset in SIMULATED or MEASURED.get(dataset) is not None
+
+
+def dataset_folder(dataset):
+    """Folder of a dataset in our format: where the user has it, or where the pipeline makes it."""
+    if dataset in SIMULATED:
+        return f"data/simulated/{dataset}"
+    folder = MEASURED[dataset]
+    return str(folder) if (folder / "dataset.yaml").is_file() else f"results/datasets/{dataset}"
+
+
+def dataset_file(wildcards):
+    return f"{dataset_folder(wildcards.dataset)}/dataset.yaml"

@@ -1,29 +1,10 @@
 # Datasets: measured ones converted from their published files, simulated drops, and the impacts found in each.
-from thesis_lib.datasets.published import find_measured
-
-MEASURED = {name: find_measured(name, CONFIG.measured) for name in ("planar_impact", "planar_dice")}
-SIMULATED = ("drops",)
-
-
-def is_present(dataset):
-    return dataset in SIMULATED or MEASURED.get(dataset) is not None
-
-
-def dataset_folder(dataset):
-    """Folder of a dataset in our format: where the user has it, or where the pipeline makes it."""
-    if dataset in SIMULATED:
-        return f"data/simulated/{dataset}"
-    folder = MEASURED[dataset]
-    return str(folder) if (folder / "dataset.yaml").is_file() else f"results/datasets/{dataset}"
-
-
-def dataset_file(wildcards):
-    return f"{dataset_folder(wildcards.dataset)}/dataset.yaml"
-
-
 PRESENT = {
     name: {"present": is_present(name), "simulated": name in SIMULATED} for name in (*MEASURED, *SIMULATED)
 }
+# figures 3-5 and 3-6 of the thesis show ellipse trajectories, which nobody has published
+PRESENT["planar_impact_trajectories"] = {"present": False, "simulated": False}
+
 for name in [name for name, folder in MEASURED.items() if folder is None]:
     logger.warning(
         f"The measured dataset {name} is not present (looked in {', '.join(CONFIG.measured)}): "

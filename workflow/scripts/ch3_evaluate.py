@@ -16,6 +16,7 @@ source, out = snakemake.input, snakemake.output
 impacts = read_dataset(Path(source.header).parent).stated_impacts()
 ensemble, individual = read_table(source.ensemble), read_table(source.individual)
 split, topography = read_table(source.split), read_table(source.topography)
+convergence = read_table(source.convergence)
 held_out = study.pick(impacts, split, train=0)
 
 errors = {w: study.held_out_errors(held_out, ensemble, w) for w in ("kinetic", "unweighted")}
@@ -24,4 +25,5 @@ write_table(tables.error_summary(errors["kinetic"]), out.summary)
 write_table(tables.table_3_1(ensemble, errors), out.table_3_1)
 write_table(tables.table_3_2(individual, snakemake.params.settings["range_tolerances"]), out.table_3_2)
 write_table(study.coverage_table(study.pick(impacts, split), study.ALL_LAWS), out.coverage)
-write_table(statements(held_out, ensemble, individual, errors["kinetic"], topography), out.statements)
+said = statements(held_out, ensemble, individual, errors["kinetic"], topography, convergence)
+write_table(said, out.statements)

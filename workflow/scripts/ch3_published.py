@@ -8,9 +8,12 @@ from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.files import read_table, write_table
-from thesis_lib.identify.stored_predictions import agreement, best_worst
+from thesis_lib.identify import stored_predictions as stored
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
-stored = read_table(Path(snakemake.input.predictions).parent / "published_predictions.csv")
-write_table(best_worst(stored), snakemake.output.best_worst)
-write_table(agreement(impacts, stored), snakemake.output.agreement)
+folder, out = Path(snakemake.input.predictions).parent, snakemake.output
+predictions = read_table(folder / "published_predictions.csv")
+write_table(stored.best_worst(predictions), out.best_worst)
+write_table(stored.agreement(impacts, predictions), out.agreement)
+write_table(stored.cost_at_published(impacts), out.cost)
+write_table(stored.drops_kept(read_table(folder / "all_drops.csv")), out.kept)

@@ -1,0 +1,168 @@
+"""The configuration: what is written in config/ is what the program understands, and mistakes are named."""
+
+import json
+from pathlib import Path
+from typing import get_args
+
+import pytest
+import yaml
+
+from thesis_lib.config import SCHEMA, Config, LawName, parse_config, read_config, schema_text
+from thesis_lib.contact import LAWS
+from thesis_lib.errors import UserError
+
+ROOT = Path(__file__).resolve().parent.parent
+DEFAULT = ROOT / "config" / "config.yaml"
+OVERLAYS = ("quick", "full")
+
+
+def mistakes(values: dict) -> str:
+    with pytest.raises(UserError) as caught:
+        parse_config(values)
+    return str(caught.value)
+
+
+class TestStoredFiles:
+    def test_schema_is_in_step(self):
+        stored = (ROOT / SCHEMA).read_text(encoding="utf-8")
+        assert stored == schema_text(), f"{SCHEMA} is out of step: run `python -m thesis_lib.config`"
+
+    def test_schema_describes_and_closes_every_section(self):
+        schema = json.loads(schema_text())
+        sections = [schema, *schema["$defs"].values()]
+        objects = [section for section in sections if section.get("type") == "object"]
+        assert {"Chapter3", "SimulatedDrops", "Topography"} <= set(schema["$defs"])
+        open_ones = [s["title"] for s in objects if s.get("additionalProperties") is not False]
+        # ArcSettings is a dataclass that other code uses too; its unknown keys are refused all the same (below)
+        assert set(open_ones) <= {"ArcSettings", "Release"}
+
+    def test_config_yaml_spells_the_defaults(self):
+        assert read_config(DEFAULT) == Config()
+
+    @pytest.mark.parametrize("scale", OVERLAYS)
+    def test_overlays_are_valid_and_name_their_scale(self, scale):
+        config = read_config(DEFAULT, ROOT / "config" / f"{scale}.yaml")
+        assert config.scale == scale
+        # an overlay changes how much is computed, never which experiment it is
+        for name in ("body", "mu", "epsilon", "noise", "rate", "gravity"):
+            assert getattr(config.drops, name) == getattr(Config().drops, name)
+        assert config.seed == Config().seed and config.arcs == Config().arcs
+
+    def test_every_law_can_be_named(self):
+        assert get_args(LawName) == tuple(LAWS), "thesis_lib/config.py must list the laws of thesis_lib.contact"
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        "place",
+        [
+            "bootstraps",
+            "chapter3.bootstraps",
+            "chapter3.convergence.sise",
+            "chapter3.topography.point",
+            "drops.gravitation",
+            "drops.body.weight",
+            "drops.body.shape.radius",
+            "drops.noise.speed",
+            "drops.release.height",
+            "arcs.windows",
+        ],
+    )
+    def test_unknown_key_is_refused_with_its_place(self, place):
+        values = json.loads(Config().model_dump_json(by_alias=True))
+        section = values
+        *path, key = place.split(".")
+        for part in path:
+            section = section[part]
+        section[key] = 1
+        text = mistakes(values)
+        # the kind of a shape stands between `shape` and its keys
+        assert f"  {place}" in text.replace("shape.ellipse.", "shape.")
+        assert "1 mistake" in text
+
+    @pytest.mark.parametrize(
+        ("values", "place"),
+        [
+            ({"seed": -1}, "seed"),
+            ({"seed": "many"}, "seed"),
+            ({"scale": "huge"}, "scale"),
+            ({"measured": "data"}, "measured"),
+            ({"drops": {"n": 0}}, "drops.n"),
+            ({"drops": {"epsilon": 1.5}}, "drops.epsilon"),
+            ({"drops": {"mu": None}}, "drops.mu"),
+            ({"drops": [1]}, "drops"),
+            ({"drops": {"body": {"shape": {"kind": "blob"}, "radius_of_gyration": 1.0}}}, "drops.body.shape"),
+            ({"drops": {"noise": {"position": -1.0}}}, "drops.noise.position"),
+            ({"chapter3": {"datasets": ["../etc"]}}, "chapter3.datasets.0"),
+            ({"chapter3": {"filter": "some"}}, "chapter3.filter"),
+            ({"chapter3": {"train_share": 1.0}}, "chapter3.train_share"),
+            ({"chapter3": {"bootstrap": 1}}, "chapter3.bootstrap"),
+            ({"chapter3": {"metric": "energy"}}, "chapter3.metric"),
+            ({"chapter3": {"convergence": {"sizes": [10, 0]}}}, "chapter3.convergence.sizes.1"),
+            ({"chapter3": {"topography": {"mu": [0.1]}}}, "chapter3.topography.mu"),
+        ],
+    )
+    def test_wrong_value_is_refused_with_its_place(self, values, place):
+        assert f"  {place}" in mistakes(values)
+
+    @pytest.mark.parametrize(
+        ("values", "place"),
+        [
+            ({"chapter3": {"topography": {"law": "mirtch"}}}, "chapter3.topography.law"),
+            ({"chapter3": {"convergence": {"laws": ["wang-mason"]}}}, "chapter3.convergence.laws"),
+        ],
+    )
+    def test_unknown_law_is_refused_before_anything_runs(self, values, place):
+        assert f"  {place}" in mistakes(values)
+
+    def test_all_mistakes_are_listed_at_once_with_what_was_found(self):
+        text = mistakes({"seed": -1, "drops": {"n": 0, "m": 2}})
+        assert "3 mistake(s)" in text
+        for part in ("seed", "-1", "drops.n", "drops.m", "config/schema.json"):
+            assert part in text
+
+
+class TestReading:
+    def write(self, folder: Path, **files: str) -> list[Path]:
+        paths = []
+        for name, text in files.items():
+            paths.append(folder / f"{name}.yaml")
+            paths[-1].write_text(text, encoding="utf-8")
+        return paths
+
+    def test_overlays_merge_section_by_section(self, tmp_path):
+        paths = self.write(
+            tmp_path,
+            base="seed: 5\nchapter3: {bootstrap: 7, convergence: {subsets: 4, sizes: [1, 2, 3]}}",
+            over="chapter3: {max_impacts: 9, convergence: {sizes: [8]}}",
+        )
+        config = read_config(*paths)
+        assert (config.seed, config.chapter3.bootstrap, config.chapter3.max_impacts) == (5, 7, 9)
+        # a list is replaced, not appended to
+        assert (config.chapter3.convergence.subsets, config.chapter3.convergence.sizes) == (4, (8,))
+
+    def test_later_file_wins(self, tmp_path):
+        paths = self.write(tmp_path, a="seed: 1", b="seed: 2")
+        assert read_config(*paths).seed == 2
+        assert read_config(*reversed(paths)).seed == 1
+
+    def test_empty_file_means_the_defaults(self, tmp_path):
+        assert read_config(*self.write(tmp_path, a="# nothing\n")) == Config()
+
+    def test_numbers_survive_the_way_through_yaml(self, tmp_path):
+        values = Config().model_dump(mode="json", by_alias=True)
+        assert parse_config(yaml.safe_load(yaml.safe_dump(values))) == Config()
+
+    def test_missing_broken_and_listlike_files(self, tmp_path):
+        broken, listlike = self.write(tmp_path, broken="a: [1", listlike="- 1\n- 2\n")
+        with pytest.raises(UserError, match=r"no configuration file .*none\.yaml"):
+            read_config(tmp_path / "none.yaml")
+        with pytest.raises(UserError, match=r"broken\.yaml is not valid YAML"):
+            read_config(broken)
+        with pytest.raises(UserError, match=r"listlike\.yaml must hold keys and values, found a list"):
+            read_config(listlike)
+
+    def test_mistake_names_the_files_it_was_read_from(self, tmp_path):
+        paths = self.write(tmp_path, base="seed: 1", over="sed: 2")
+        with pytest.raises(UserError, match=r"base\.yaml \+ .*over\.yaml has 1 mistake"):
+            read_config(*paths)

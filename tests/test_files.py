@@ -1,0 +1,134 @@
+"""Result files: whole or not at all, the same bytes for the same content, and errors that name the remedy."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.errors import CorruptFileError, UserError
+from thesis_lib.files import atomic, read_json, read_table, write_json, write_table, write_text
+
+
+@pytest.fixture
+def table() -> pd.DataFrame:
+    return pd.DataFrame({"trial": [2, 7], "mu": [1.0 / 3.0, np.nan], "law": ["mirtich", "wang_mason"]})
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+class TestAtomic:
+    def test_failure_keeps_the_old_file_and_leaves_nothing_behind(self, tmp_path):
+        target = tmp_path / "a.csv"
+        target.write_text("old")
+        with pytest.raises(RuntimeError, match="half-way"), atomic(target) as tmp:
+            tmp.write_text("half")
+            raise RuntimeError("half-way")
+        assert target.read_text() == "old"
+        assert names(tmp_path) == ["a.csv"]
+
+    def test_interruption_by_the_user_leaves_nothing_behind(self, tmp_path):
+        with pytest.raises(KeyboardInterrupt), atomic(tmp_path / "a.csv") as tmp:
+            tmp.write_text("half")
+            raise KeyboardInterrupt
+        assert names(tmp_path) == []
+
+    def test_target_appears_only_when_the_block_is_done(self, tmp_path):
+        target = tmp_path / "deep" / "folder" / "a.csv"
+        with atomic(target) as tmp:
+            tmp.write_text("new")
+            assert not target.exists()
+            assert tmp.suffix == ".csv"  # writers choose the format by suffix
+        assert target.read_text() == "new"
+        assert names(target.parent) == ["a.csv"]
+
+    def test_leftover_of_a_killed_run_is_overwritten(self, tmp_path):
+        target = tmp_path / "a.csv"
+        with atomic(target) as tmp:
+            leftover = tmp
+            tmp.write_text("first")
+        leftover.write_text("left by kill -9")
+        write_text("second", target)
+        assert target.read_text() == "second"
+        assert names(tmp_path) == ["a.csv"]
+
+    def test_block_that_writes_nothing_is_an_error(self, tmp_path):
+        with pytest.raises(FileNotFoundError), atomic(tmp_path / "a.csv"):
+            pass
+
+
+class TestTables:
+    @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+    def test_round_trip(self, tmp_path, table, suffix):
+        write_table(table, tmp_path / f"a{suffix}")
+        back = read_table(tmp_path / f"a{suffix}", ["trial", "mu", "law"])
+        # nine digits are kept in CSV
+        pd.testing.assert_frame_equal(back, table, rtol=1e-8, check_dtype=False)
+
+    @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+    def test_equal_tables_give_equal_bytes(self, tmp_path, table, suffix):
+        write_table(table, tmp_path / f"a{suffix}")
+        write_table(table.copy().set_axis([5, 3]), tmp_path / f"b{suffix}")
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+
+    def test_bytes_of_a_csv(self, tmp_path, table):
+        write_table(table, tmp_path / "a.csv")
+        assert (tmp_path / "a.csv").read_bytes() == (
+            b"trial,mu,law\n2,0.333333333,mirtich\n7,,wang_mason\n"
+        )
+
+    def test_last_bits_do_not_reach_the_file(self, tmp_path):
+        for name, value in (("a.csv", 0.1 + 0.2), ("b.csv", 0.3)):
+            write_table(pd.DataFrame({"mu": [value]}), tmp_path / name)
+        assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+    def test_missing_file_names_the_rule_to_run(self, tmp_path):
+        path = tmp_path / "ensemble.csv"
+        with pytest.raises(UserError, match="snakemake") as caught:
+            read_table(path)
+        assert str(path) in str(caught.value)
+        assert not isinstance(caught.value, CorruptFileError)
+
+    @pytest.mark.parametrize(
+        ("name", "content"), [("a.csv", b""), ("a.csv", b'mu,"eps\n1,2'), ("a.parquet", b"not parquet")]
+    )
+    def test_unreadable_file_is_named_with_the_remedy(self, tmp_path, name, content):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(CorruptFileError, match="delete it and run again") as caught:
+            read_table(tmp_path / name)
+        assert name in str(caught.value)
+
+    def test_missing_columns_are_all_named(self, tmp_path, table):
+        write_table(table, tmp_path / "a.csv")
+        with pytest.raises(CorruptFileError, match=r"column\(s\) epsilon, error;"):
+            read_table(tmp_path / "a.csv", ["mu", "epsilon", "error"])
+
+
+class TestJson:
+    def test_round_trip_with_sorted_keys_and_readable_greek(self, tmp_path):
+        write_json({"μ": 0.1, "a": [1, None]}, tmp_path / "a.json")
+        write_json({"a": [1, None], "μ": 0.1}, tmp_path / "b.json")
+        assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+        assert "μ" in (tmp_path / "a.json").read_text(encoding="utf-8")
+        assert read_json(tmp_path / "a.json") == {"a": [1, None], "μ": 0.1}
+
+    def test_nan_is_refused_and_the_old_file_stays(self, tmp_path):
+        write_json({"mu": 1.0}, tmp_path / "a.json")
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            write_json({"mu": float("nan")}, tmp_path / "a.json")
+        assert read_json(tmp_path / "a.json") == {"mu": 1.0}
+
+    def test_missing_and_corrupt_files(self, tmp_path):
+        with pytest.raises(UserError, match="does not exist"):
+            read_json(tmp_path / "none.json")
+        for content in (b'{"mu": 0.1', b"\xff\xfe{}"):
+            (tmp_path / "bad.json").write_bytes(content)
+            with pytest.raises(CorruptFileError, match=r"bad\.json is not valid JSON .* delete it"):
+                read_json(tmp_path / "bad.json")
+
+
+def test_text_has_unix_line_ends(tmp_path):
+    write_text("μ\nε\n", tmp_path / "a.txt")
+    assert (tmp_path / "a.txt").read_bytes() == "μ\nε\n".encode()

@@ -1,0 +1,157 @@
+"""`lib_hash`: changes with the code that a script uses, and with nothing else."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from thesis_lib.provenance import environment, file_sha256, lib_hash
+
+FILES = {
+    "thesis_lib/__init__.py": "",
+    "thesis_lib/plain.py": '"""Text."""\nX = 1\n',
+    "thesis_lib/unused.py": "Y = 1\n",
+    "thesis_lib/contact/__init__.py": "from thesis_lib.contact import law\n",
+    "thesis_lib/contact/law.py": "from thesis_lib.deep import below\nLAW = below.Z\n",
+    "thesis_lib/deep/__init__.py": "",
+    "thesis_lib/deep/below.py": "Z = 3\n",
+    "thesis_lib/late.py": "W = 4\n",
+    "thesis_lib/figures/__init__.py": "",
+    "thesis_lib/figures/style.py": "S = 5\n",
+    "thesis_lib/figures/print.mplstyle": "lines.linewidth: 1\n",
+    "plain.py": "import thesis_lib.plain\nprint(thesis_lib.plain.X)\n",
+    "contact.py": "from thesis_lib.contact import law\n",
+    "contact_package.py": "from thesis_lib import contact\n",
+    "late.py": "def f():\n    from thesis_lib.late import W\n    return W\n",
+    "figures.py": "from thesis_lib.figures.style import S\n",
+}
+SCRIPTS = ("plain", "contact", "contact_package", "late", "figures")
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A small package and scripts that use parts of it."""
+    for name, content in FILES.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content, encoding="utf-8")
+    return tmp_path
+
+
+def hashes(root: Path) -> dict[str, str]:
+    return {name: lib_hash(root / f"{name}.py", root) for name in SCRIPTS}
+
+
+def changed_by(root: Path, path: str, content: str) -> set[str]:
+    """Scripts whose hash changes when a file gets this content."""
+    before = hashes(root)
+    (root / path).write_text(content, encoding="utf-8")
+    after = hashes(root)
+    return {name for name in SCRIPTS if before[name] != after[name]}
+
+
+def test_hash_is_stable_and_short(root):
+    assert hashes(root) == hashes(root)
+    assert all(len(value) == 16 and int(value, 16) >= 0 for value in hashes(root).values())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "# a comment\nX = 1\n",
+        '"""Another text, over\ntwo lines."""\n\n\nX = 1  # unit\n',
+        "X = (\n    1\n)\n",
+        "X = 1",
+    ],
+)
+def test_comments_docstrings_and_layout_do_not_count(root, content):
+    assert changed_by(root, "thesis_lib/plain.py", content) == set()
+
+
+def test_docstrings_of_functions_and_classes_do_not_count(root):
+    code = 'def f(x):\n    {}\n    return x\nclass A:\n    {}\n    y = 1\n'
+    (root / "thesis_lib/plain.py").write_text(code.format('"""Old."""', '"""Old."""'))
+    assert changed_by(root, "thesis_lib/plain.py", code.format('"""New."""', '"""Newer."""')) == set()
+    assert changed_by(root, "thesis_lib/plain.py", code.format("x = 2", '"""New."""')) == {"plain"}
+
+
+@pytest.mark.parametrize(
+    ("path", "content", "users"),
+    [
+        ("thesis_lib/plain.py", "X = 2\n", {"plain"}),
+        ("thesis_lib/plain.py", "X = '1'\n", {"plain"}),
+        ("thesis_lib/unused.py", "Y = 2\n", set()),
+        ("thesis_lib/late.py", "W = 5\n", {"late"}),
+        ("thesis_lib/deep/below.py", "Z = 4\n", {"contact", "contact_package"}),
+        ("thesis_lib/deep/__init__.py", "import os\n", {"contact", "contact_package"}),
+        ("thesis_lib/__init__.py", "import os\n", set(SCRIPTS)),
+        ("thesis_lib/figures/print.mplstyle", "lines.linewidth: 2\n", {"figures"}),
+        ("thesis_lib/contact/new_law.py", "LAW = 1\n", {"contact", "contact_package"}),  # a registry
+        ("thesis_lib/deep/new.py", "V = 1\n", set()),  # no registry
+        ("plain.py", "import thesis_lib.plain\nprint(2 * thesis_lib.plain.X)\n", {"plain"}),
+    ],
+)
+def test_an_edit_changes_exactly_the_users(root, path, content, users):
+    assert changed_by(root, path, content) == users
+
+
+def test_new_import_of_a_used_module_is_followed(root):
+    assert changed_by(root, "thesis_lib/plain.py", "from thesis_lib import unused\nX = 1\n") == {"plain"}
+    assert changed_by(root, "thesis_lib/unused.py", "Y = 3\n") == {"plain"}
+
+
+def test_hash_does_not_depend_on_where_the_checkout_lies(root, tmp_path_factory):
+    other = tmp_path_factory.mktemp("zz") / "elsewhere"
+    root.rename(other)
+    moved = hashes(other)
+    other.rename(root)
+    assert moved == hashes(root)
+
+
+def test_broken_module_is_named(root):
+    (root / "thesis_lib/plain.py").write_text("X = \n")
+    with pytest.raises(SyntaxError) as caught:
+        lib_hash(root / "plain.py", root)
+    assert caught.value.filename.endswith("plain.py")
+
+
+def test_file_sha256(tmp_path):
+    (tmp_path / "abc").write_bytes(b"abc")
+    assert file_sha256(tmp_path / "abc").startswith("ba7816bf8f01cfea414140de5dae2223")  # FIPS 180-2, B.1
+
+
+class TestEnvironment:
+    @pytest.fixture
+    def requirements(self, tmp_path: Path) -> Path:
+        path = tmp_path / "environment.txt"
+        path.write_text("# pins\nnumpy==0.0\nno-such-package==1.0\n\n")
+        return path
+
+    def test_installed_versions_not_the_pinned_ones(self, requirements):
+        import numpy as np
+
+        packages = environment(requirements)["packages"]
+        assert packages == {"numpy": np.__version__, "no-such-package": "not installed"}
+
+    def test_outside_a_checkout_the_commit_is_unknown(self, requirements, monkeypatch):
+        monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(requirements.parent.parent))
+        found = environment(requirements)
+        assert found["commit"].startswith("unknown") and found["local_changes"] is None
+        json.dumps(found, allow_nan=False)
+
+    def test_commit_and_local_changes(self, requirements):
+        folder = requirements.parent
+
+        def git(*arguments: str) -> str:
+            identity = ["-c", "user.name=t", "-c", "user.email=t@t", "-c", "commit.gpgsign=false"]
+            command = ["git", "-C", str(folder), *identity, *arguments]
+            return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+        git("init", "-q")
+        git("add", ".")
+        git("commit", "-q", "-m", "one")
+        clean = environment(requirements)
+        assert (clean["commit"], clean["local_changes"]) == (git("rev-parse", "HEAD"), False)
+        requirements.write_text("numpy==0.1\n")
+        assert environment(requirements)["local_changes"] is True

@@ -1,0 +1,58 @@
+"""Smoothing for figures: densities that respect a boundary, and local means over a plane.
+
+    f̂(x) = 1/(n h) Σ_i [φ((x − x_i)/h) + φ((x − 2a + x_i)/h) + φ((x − 2b + x_i)/h)]     for a ≤ x ≤ b
+
+The two extra terms reflect the mass that a Gaussian kernel would leak past the boundaries a and b, so that the density
+integrates to one inside; without them an error density would seem to fall towards zero error.  h is Silverman's rule,
+0.9 min(σ, IQR/1.34) n^(−1/5) (Silverman, Density Estimation, 1986, eq. 3.31), computed from the inner 98 %.
+"""
+
+import numpy as np
+
+TRIM = 0.01  # share at either end that the bandwidth does not see: single wild impacts must not smear the peak
+
+
+def reflected_density(
+    values: np.ndarray, grid: np.ndarray, lower: float = -np.inf, upper: float = np.inf
+) -> np.ndarray:
+    """Density (G,) of `values` (n,) at `grid` (G,), reflected at the boundaries; NaN values are left out.
+
+    Raises:
+        ValueError: no finite value at all.
+    """
+    values = values[np.isfinite(values)]
+    if not len(values):
+        raise ValueError("a density needs at least one finite value")
+    h = max(bandwidth(values), 0.5 * float(np.min(np.diff(grid))))  # finer than the grid could not be drawn
+    mirrors = [values, *(2.0 * edge - values for edge in (lower, upper) if np.isfinite(edge))]
+    total = sum(np.exp(-0.5 * ((grid[:, None] - copy) / h) ** 2).sum(axis=1) for copy in mirrors)
+    inside = (grid >= lower) & (grid <= upper)
+    return np.where(inside, total / (len(values) * h * np.sqrt(2.0 * np.pi)), 0.0)
+
+
+def bandwidth(values: np.ndarray) -> float:
+    """Silverman's bandwidth of finite values (n,), in their unit; 0 if they are all equal."""
+    low, quarter, three, high = np.quantile(values, [TRIM, 0.25, 0.75, 1.0 - TRIM])
+    std = np.clip(values, low, high).std()
+    spread = min(std, (three - quarter) / 1.34) or std
+    return 0.9 * float(spread) * len(values) ** -0.2
+
+
+def local_mean(
+    points: np.ndarray, values: np.ndarray, nodes: np.ndarray, neighbours: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of the `neighbours` nearest values at each node, and the scaled distance to the farthest of them.
+
+    Args:
+        points: (n, 2), values: (n,) finite, nodes: (G, 2); axes are scaled by the standard deviation of points.
+        neighbours: how many values make a mean; all of them if there are fewer.
+
+    Returns:
+        mean (G,) in the unit of values, reach (G,) in standard deviations.
+    """
+    from scipy.spatial import cKDTree
+
+    scale = np.maximum(points.std(axis=0), np.finfo(float).tiny)
+    count = min(neighbours, len(points))
+    reach, nearest = cKDTree(points / scale).query(nodes / scale, k=[*range(1, count + 1)])
+    return values[nearest].mean(axis=1), reach[:, -1]

@@ -1,0 +1,17 @@
+"""Evaluate the claims ledger on the results of this run."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from thesis_lib.claims.evaluate import evaluate
+from thesis_lib.claims.ledger import read_ledger
+from thesis_lib.claims.page import write_page
+from thesis_lib.claims.reading import read_present
+from thesis_lib.claims.result import refuse_errors, summary_line, write_results
+
+results = evaluate(read_ledger(snakemake.input.ledger), "results", read_present(snakemake.input.present))
+refuse_errors(results)
+write_results(results, snakemake.output.table)
+write_page(results, snakemake.output.page, snakemake.params.scale)
+print(summary_line(results))
