@@ -2,7 +2,7 @@
 #   make reproduce   environment, then the whole pipeline           (SCALE=quick|default|full, CORES=2)
 #   make test        environment, then the test suite               (TESTS="-m 'not slow'" for the fast part)
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test check format clean
+.PHONY: help setup reproduce report test bench check format clean
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -40,6 +40,11 @@ report: reproduce  ## as reproduce, then one page with all of it: results/report
 
 test: setup  ## run the tests (TESTS='-m "not slow"' for the fast ones)
 	$(BIN)/python -m pytest -n 2 $(TESTS)
+
+bench: setup  ## measure speed: laws, identification, pipeline
+	$(BIN)/python -m benchmarks.laws
+	$(BIN)/python -m benchmarks.identification
+	$(BIN)/python -m benchmarks.pipeline
 
 check: setup  ## lint and formatting, as CI does
 	$(BIN)/ruff check .

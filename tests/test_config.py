@@ -2,12 +2,11 @@
 
 import json
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import yaml
 
-from thesis_lib.config import SCHEMA, Config, LawName, parse_config, read_config, schema_text
+from thesis_lib.config import SCHEMA, Config, parse_config, read_config, schema_text
 from thesis_lib.contact import LAWS
 from thesis_lib.errors import UserError
 
@@ -48,8 +47,13 @@ class TestStoredFiles:
             assert getattr(config.drops, name) == getattr(Config().drops, name)
         assert config.seed == Config().seed and config.arcs == Config().arcs
 
-    def test_every_law_can_be_named(self):
-        assert get_args(LawName) == tuple(LAWS), "thesis_lib/config.py must list the laws of thesis_lib.contact"
+    @pytest.mark.parametrize("law", LAWS)
+    def test_every_law_can_be_named(self, law):
+        assert parse_config({"chapter3": {"topography": {"law": law}}}).chapter3.topography.law == law
+
+    def test_an_unknown_law_is_refused_with_the_list(self):
+        with pytest.raises(UserError, match="drumwright_shell"):
+            parse_config({"chapter3": {"convergence": {"laws": ["newton"]}}})
 
 
 class TestMistakes:

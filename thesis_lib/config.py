@@ -10,115 +10,19 @@ import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
-from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.datasets.arcs import ArcSettings
-from thesis_lib.datasets.header import Body, Noise
+from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.errors import UserError
-from thesis_lib.simulate.drops import Release
+from thesis_lib.identify.settings import Chapter3
+from thesis_lib.settings import Section
+from thesis_lib.simulate.settings import SimulatedDrops
 
 SCHEMA = Path("config/schema.json")
-Share = Annotated[float, Field(gt=0, lt=1)]
-Count = Annotated[int, Field(ge=1)]
-DatasetName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-# spelled out, because importing the laws would make every rule with a configuration rerun when one is edited
-LawName = Literal[
-    "drumwright_shell",
-    "anitescu_potra_poisson",
-    "anitescu_potra_newton",
-    "mirtich",
-    "wang_mason",
-    "whittaker",
-    "drumwright_shell_as_published",
-    "anitescu_potra_poisson_as_published",
-    "mirtich_as_published",
-    "whittaker_as_published",
-]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SimulatedDrops(_Section):
-    """Simulated drops of the chapter's ellipse, `data/simulated/drops`."""
-
-    n: Count = Field(2000, description="drops, as many as the thesis measured")
-    body: Body = Field(
-        Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=0.019235384061671346),
-        description="ellipse of chapter 3; k² = 3.7e-4 m² as in the authors' code",
-    )
-    mu: float = Field(0.1, ge=0, description="own choice, near table 3.1")
-    epsilon: float = Field(0.55, ge=0, le=1, description="own choice, near table 3.1")
-    release: Release = Field(Release(), description="states like those of the experiment")
-    gravity: float = Field(9.81, gt=0, description="m/s²")
-    rate: float = Field(250.0, gt=0, description="Hz, as the motion capture of the thesis")
-    dt: float = Field(1e-3, gt=0, description="s, time step; own choice")
-    duration: float = Field(0.8, gt=0, description="s a drop; own choice: two to three bounces")
-    noise: Noise = Field(
-        Noise(position=3e-4, angle=3e-3), description="one sigma of the motion capture; own choice"
-    )
-
-
-class Convergence(_Section):
-    """Ensemble parameters against the number of impacts (figure 3-7 b)."""
-
-    laws: tuple[LawName, ...] = Field(
-        ("anitescu_potra_newton", "whittaker_as_published"), description="laws to follow"
-    )
-    subsets: Count = Field(3, description="random subsets, as in the thesis")
-    sizes: tuple[Count, ...] = Field(
-        (5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 125, 150, 200, 250, 300, 400, 500, 600, 800),
-        description="numbers of impacts k; larger than the training set: all of it",
-    )
-
-
-class Topography(_Section):
-    """Cost over (μ, ε) (figure 3-7 a)."""
-
-    law: LawName = Field("whittaker_as_published", description="the thesis shows the Whittaker model")
-    n: Count = Field(150, description="impacts in the sum, as in the thesis")
-    points: Annotated[int, Field(ge=5)] = Field(41, description="a side of the grid")
-    mu: tuple[float, float] = Field((0.0, 0.4), description="range of μ; own choice")
-    epsilon: tuple[float, float] = Field((0.2, 0.9), description="range of ε; own choice")
-
-    def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Grid lines in μ and ε."""
-        return np.linspace(*self.mu, self.points), np.linspace(*self.epsilon, self.points)
-
-
-class Chapter3(_Section):
-    """The impact study."""
-
-    datasets: tuple[DatasetName, ...] = Field(
-        ("planar_impact", "planar_dice", "drops"),
-        description="datasets to study; measured ones that are not present are left out, and said so",
-    )
-    filter: Literal["keep", "thesis"] = Field(
-        "keep",
-        description="keep impacts that fail the energy, cone or compression test, or drop them as the thesis did",
-    )
-    max_impacts: Count | None = Field(
-        2000, description="impacts used a dataset, drawn at random: as many as the thesis measured; null: all"
-    )
-    train_share: Share = Field(
-        0.5, description="share of trials for identification; own choice: the thesis gives no number"
-    )
-    metric: Literal["impulse", "velocity"] = Field("impulse", description="cost of eq. 3.8")
-    bootstrap: Annotated[int, Field(ge=2)] = Field(200, description="replicates for standard errors")
-    convergence: Convergence = Convergence()
-    topography: Topography = Topography()
-    range_tolerances: tuple[float, ...] = Field(
-        (1e-4, 3e-4, 1e-3),
-        description="N s; an outcome is in range if a law comes as near as this. The thesis gives none; "
-        "its numbers fit 1e-4",
-    )
-
-
-class Config(_Section):
+class Config(Section):
     """The whole configuration; `config/config.yaml` spells out the defaults, overlays change some of them."""
 
     scale: Literal["quick", "default", "full"] = Field("default", description="names the stored expectations")

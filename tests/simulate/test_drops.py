@@ -12,7 +12,8 @@ from thesis_lib.datasets.read import read_dataset
 from thesis_lib.datasets.write import write_dataset
 from thesis_lib.errors import UserError
 from thesis_lib.simulate import drops as drops_module
-from thesis_lib.simulate.drops import ELLIPSE_BODY, IMPACT_TRUTH, DropStatus, Release, Spread, simulate_drops
+from thesis_lib.simulate.drops import ELLIPSE_BODY, IMPACT_TRUTH, DropStatus, simulate_drops
+from thesis_lib.simulate.release import Release, Spread
 from thesis_lib.simulate.lcp import LcpStatus
 from thesis_lib.simulate.plant import planar_body
 

@@ -14,15 +14,15 @@ dataset.yaml; all their geometry is vectorised over angles.
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from thesis_lib.settings import Section
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class _Shape(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
+class _Shape(Section):
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         """Lowest point of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
         raise NotImplementedError

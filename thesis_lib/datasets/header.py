@@ -2,18 +2,15 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from thesis_lib.bodies.shapes import Shape
+from thesis_lib.settings import Section
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Body(_Section):
+class Body(Section):
     """The object that is dropped; the origin of its frame is the believed centre of mass."""
 
     shape: Shape
@@ -23,13 +20,13 @@ class Body(_Section):
     radius_of_gyration: Positive = Field(description="m, about the centre of mass")
 
 
-class Surface(_Section):
+class Surface(Section):
     """The half-plane y ≤ height."""
 
     height: Annotated[float, Field(allow_inf_nan=False)] = Field(0.0, description="m")
 
 
-class Noise(_Section):
+class Noise(Section):
     """One-sigma measurement noise, independent for each column."""
 
     position: Positive | None = Field(None, description="m, each x and y")
@@ -38,7 +35,7 @@ class Noise(_Section):
     angular_velocity: Positive | None = Field(None, description="rad/s, each omega (impacts.csv only)")
 
 
-class Header(_Section):
+class Header(Section):
     """The content of dataset.yaml."""
 
     schema_: Literal[1] = Field(alias="schema", description="version of this format")

@@ -1,64 +1,86 @@
 """Poses of all trials as flat arrays, and the settings with which impacts are found in them."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from thesis_lib.datasets.header import Header
+from thesis_lib.settings import Section
 
 
-@dataclass(frozen=True)
-class ArcSettings:
-    """Settings of detection, arc fits and quality tests.
+class ArcSettings(Section):
+    """Detection of impacts, arc fits and quality tests.  The numbers are own choices; the thesis gives none."""
 
-    Attributes:
-        max_window: samples used at most on either side of an impact.
-        min_window: samples needed on either side; two hits nearer than this are `second_hit`.
-        guard: s; samples this near to an impact may fall into the contact (about 1 ms) and are not used.
-        touch_sigma: m; how well "gap = 0 at impact" is believed.  1 mm covers the millimetre by which
-            measured dice hover or dip at rest, and is still ten times the error of 20 samples.
-        contact_spread: s; one sigma by which arcs may miss each other, over |Δv|; None: estimated.
-        stray_acceleration: allow for accelerations beyond gravity of the size found in the arcs.
-        threshold: sigmas (root of a chi² with 3 dof) that a velocity jump must exceed to be a candidate.
-        min_jump: m/s in the kinetic metric; slower events are rocking and rolling, not impacts.
-        scales: samples on either side of the detector's line fits, fine to coarse.
-        outlier_sigma: sigmas by which a single sample must stand out to be masked as a tracking glitch.
-        lost_frame: a step in t above this many sampling intervals is a gap.
-        not_ballistic: reduced chi² of an arc above which it is no free flight and the impact is left out.
-        arc_deviation: reduced chi² of an arc above which (if also significant) the impact is flagged.
-        meet_sigma, meet_time: arcs that miss each other by more than this many sigmas and by more than
-            meet_time (s) times |Δv| belong to more than one hit.
-        mu_max: cone test |P_t| ≤ mu_max P_n (0.35 as in the thesis authors' code).
-        touch_limit: m; gap at impact above this (and above 5 sigma) is flagged `no_touch`.
-        noise_ratio: factor between stated and found noise that calls for a warning.
-    """
+    max_window: int = Field(25, description="samples used at most on either side of an impact")
+    min_window: int = Field(
+        5, ge=3, description="samples needed on either side; two hits nearer than this are `second_hit`"
+    )
+    guard: float = Field(
+        1e-3,
+        ge=0,
+        description="s; samples this near to an impact may fall into the contact (about 1 ms): not used",
+    )
+    touch_sigma: float = Field(
+        1e-3,
+        gt=0,
+        description="m; how well 'gap = 0 at impact' is believed. 1 mm covers the millimetre by which measured dice "
+        "hover or dip at rest, and is still ten times the error of 20 samples",
+    )
+    contact_spread: float | None = Field(
+        None, ge=0, description="s; one sigma by which arcs may miss each other, over |Δv|; null: estimated"
+    )
+    stray_acceleration: bool = Field(
+        True, description="allow for accelerations beyond gravity of the size found in the arcs"
+    )
+    threshold: float = Field(
+        6.0, gt=0, description="sigmas (root of a chi² with 3 dof) that a velocity jump must exceed"
+    )
+    min_jump: float = Field(
+        0.1, ge=0, description="m/s in the kinetic metric; slower events are rocking and rolling, not impacts"
+    )
+    scales: tuple[Annotated[int, Field(ge=2)], ...] = Field(
+        (2, 3, 5, 8),
+        min_length=1,
+        description="samples on either side of the detector's line fits, fine to coarse",
+    )
+    outlier_sigma: float = Field(
+        7.0, gt=0, description="sigmas by which one sample must stand out to be masked as a tracking glitch"
+    )
+    lost_frame: float = Field(
+        1.5, gt=1, description="a step in t above this many sampling intervals is a gap"
+    )
+    not_ballistic: float = Field(
+        9.0,
+        gt=1,
+        description="reduced chi² of an arc above which it is no free flight: the impact is left out",
+    )
+    arc_deviation: float = Field(
+        2.0,
+        gt=1,
+        description="reduced chi² of an arc above which (if also significant) the impact is flagged",
+    )
+    meet_sigma: float = Field(
+        6.0,
+        gt=0,
+        description="arcs that miss each other by more sigmas than this, and by more than meet_time, "
+        "belong to more than one hit",
+    )
+    meet_time: float = Field(1e-3, gt=0, description="s; times |Δv|: see meet_sigma")
+    mu_max: float = Field(0.35, gt=0, description="cone test |c_t| ≤ mu_max c_n, as in the authors' code")
+    touch_limit: float = Field(
+        2e-3, gt=0, description="m; gap at impact above this (and above 5 sigma) is flagged `no_touch`"
+    )
+    noise_ratio: float = Field(
+        1.5, gt=1, description="factor between stated and found noise that calls for a warning"
+    )
 
-    max_window: int = 25
-    min_window: int = 5
-    guard: float = 1e-3
-    touch_sigma: float = 1e-3
-    contact_spread: float | None = None
-    stray_acceleration: bool = True
-    threshold: float = 6.0
-    min_jump: float = 0.1
-    scales: tuple[int, ...] = (2, 3, 5, 8)
-    outlier_sigma: float = 7.0
-    lost_frame: float = 1.5
-    not_ballistic: float = 9.0
-    arc_deviation: float = 2.0
-    meet_sigma: float = 6.0
-    meet_time: float = 1e-3
-    mu_max: float = 0.35
-    touch_limit: float = 2e-3
-    noise_ratio: float = 1.5
-
-    def __post_init__(self) -> None:
-        if not 3 <= self.min_window <= self.max_window:
-            raise ValueError(
-                f"arc settings: need 3 ≤ min_window ≤ max_window, got {self.min_window} and {self.max_window}"
-            )
-        if not self.scales or min(self.scales) < 2:
-            raise ValueError(f"arc settings: scales must be at least 2 samples, got {self.scales}")
+    @model_validator(mode="after")
+    def _windows_fit(self) -> "ArcSettings":
+        if self.min_window > self.max_window:
+            raise ValueError(f"min_window ({self.min_window}) exceeds max_window ({self.max_window})")
+        return self
 
 
 @dataclass(frozen=True)

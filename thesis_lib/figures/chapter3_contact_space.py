@@ -27,7 +27,16 @@ from thesis_lib.contact.space import (
     line_of_sticking,
 )
 from thesis_lib.datasets.header import Body
-from thesis_lib.figures.style import GREY, INK, PANELS, WIDTH, Drawn, ImpulseAxis, house_style, new_figure, style_of
+from thesis_lib.figures.style import (
+    GREY,
+    INK,
+    PANELS,
+    Drawn,
+    ImpulseAxis,
+    house_style,
+    new_figure,
+    style_of,
+)
 from thesis_lib.identify.impact_tables import VARIANTS
 from thesis_lib.identify.predictive_range import admissible_outline, region
 
@@ -83,12 +92,16 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     ax.set_aspect("equal")
     ax.fill(*outline.T, facecolor=SHADE, edgecolor=INK, linewidth=1.2)
     left, right = outline[:, 0].min() - 1.1 * size, outline[:, 0].max() + 0.9 * size
-    ax.fill([left, right, right, left], [0, 0, -0.16 * size, -0.16 * size], fill=False, linewidth=0, hatch="////")
+    ax.fill(
+        [left, right, right, left], [0, 0, -0.16 * size, -0.16 * size], fill=False, linewidth=0, hatch="////"
+    )
     ax.plot([left, right], [0, 0], color=INK, linewidth=1.2)
     ax.plot(*axis.T, color=GREY, linestyle=(0, (6, 3)), linewidth=0.8)
     ax.plot([centre[0], centre[0] + 1.35 * size], [centre[1]] * 2, color=GREY, linewidth=0.8)
     turn = sorted((0.0, np.degrees(example.theta)))
-    ax.add_patch(Arc(centre, 2.0 * size, 2.0 * size, theta1=turn[0], theta2=turn[1], color=INK, linewidth=0.8))
+    ax.add_patch(
+        Arc(centre, 2.0 * size, 2.0 * size, theta1=turn[0], theta2=turn[1], color=INK, linewidth=0.8)
+    )
     half = 0.5 * example.theta
     _label(ax, centre + 1.12 * size * np.array([np.cos(half), np.sin(half)]), r"$\theta$")
     colors = {"r": "#0072B2", "t": "#D55E00", "n": "#D55E00", "v": "#009E73"}
@@ -97,7 +110,9 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
         arrow = {"arrowstyle": "-|>", "color": colors[name], "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", start + vector, start, arrowprops=arrow)
         share = 0.5 if name == "r" else 1.0
-        _label(ax, start + share * vector + size * np.array(sides[name]), rf"$\mathbf{{{name}}}$", colors[name])
+        _label(
+            ax, start + share * vector + size * np.array(sides[name]), rf"$\mathbf{{{name}}}$", colors[name]
+        )
     ax.plot(*centre, "o", color=INK, markersize=4)
     ax.plot(*contact, "o", color=INK, markersize=4)
     _label(ax, contact + size * np.array([-0.32, 0.1]), "$C$")
@@ -105,7 +120,9 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     corner = np.array([left + 0.12 * size, 0.35 * size])
     for name, vector in (("x", (0.4 * size, 0.0)), ("y", (0.0, 0.4 * size))):
         tip = corner + np.array(vector)
-        ax.annotate("", tip, corner, arrowprops={"arrowstyle": "->", "color": INK, "shrinkA": 0, "shrinkB": 0})
+        ax.annotate(
+            "", tip, corner, arrowprops={"arrowstyle": "->", "color": INK, "shrinkA": 0, "shrinkB": 0}
+        )
         _label(ax, tip + 0.25 * np.array(vector), f"${name}$")
     ax.set_xlim(left, right)
 
@@ -136,13 +153,14 @@ def figure_3_3(body: Body, coverage: pd.DataFrame | None = None, example: Exampl
     """
     space, unit = example.space(body), ImpulseAxis.of(body.mass is not None)
     shares = {} if coverage is None else dict(zip(coverage["law"], coverage["share"]))
-    figure = new_figure(WIDTH, 6.3, layout="compressed")
+    figure = new_figure(5.0, 5.8, layout="compressed")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     parts = []
     for row, (variant, names) in zip(axes, VARIANTS.items()):
         for ax, (letter, members) in zip(row, GROUPS.items()):
             ellipse = draw_ellipse(ax, space, unit)
-            parts.append(ellipse.assign(variant=variant, panel=letter))
+            if not parts:  # the same in every panel
+                parts.append(ellipse.assign(variant="", panel="all"))
             for name in members:
                 law = LAWS[names[SIX_LAWS.index(name)]]
                 outline = region_outline(law, space)
@@ -154,14 +172,14 @@ def figure_3_3(body: Body, coverage: pd.DataFrame | None = None, example: Exampl
                 parts.append(series.assign(variant=variant, panel=letter))
             ax.label_outer()
             ax.set_title(f"({letter}) {PANELS[variant]}")
-            ax.legend(loc="upper left", bbox_to_anchor=(-0.1, -0.05 if variant == "as_published" else -0.1))
-    figure.supxlabel(f"tangential impulse $c_t$ ({unit.unit})", fontsize="medium")
-    figure.supylabel(f"normal impulse $c_n$ ({unit.unit})", fontsize="medium")
+            ax.legend(loc="upper left", bbox_to_anchor=(-0.1, -0.05 if variant == "as_published" else -0.19))
+        row[0].set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
+    axes[-1, 1].set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
     table = pd.concat(parts, ignore_index=True)
     return figure, table[["variant", "panel", "series", "c_t", "c_n"]]
 
 
-def region_outline(law: Law, space: ContactSpace, points: int = 41) -> np.ndarray:
+def region_outline(law: Law, space: ContactSpace, points: int = 25) -> np.ndarray:
     """Closed outline (4 (points − 1) + 1, 2) in N s of what a law can predict for the one impact in `space`.
 
     The image of the edge of the parameter box; a law that maps parts of the box onto each other may reach a little
@@ -176,6 +194,8 @@ def draw_region(ax: Axes, law: Law, outline: np.ndarray, unit: ImpulseAxis, labe
     style = style_of(law.name)
     ax.fill(*(unit.factor * outline.T), fill=False, hatch=style.hatch, edgecolor=style.color, linewidth=0)
     ax.plot(*(unit.factor * outline.T), color=style.color, linestyle=style.dash, linewidth=1.5, label=label)
+    # some regions gain energy and so leave the ellipse
+    ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * unit.factor * float(outline[:, 1].max())))
 
 
 def draw_ellipse(ax: Axes, space: ContactSpace, unit: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:

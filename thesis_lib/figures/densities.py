@@ -9,7 +9,9 @@ integrates to one inside; without them an error density would seem to fall towar
 
 import numpy as np
 
-TRIM = 0.01  # share at either end that the bandwidth does not see: single wild impacts must not smear the peak
+TRIM = (
+    0.01  # share at either end that the bandwidth does not see: single wild impacts must not smear the peak
+)
 
 
 def reflected_density(
@@ -41,18 +43,18 @@ def bandwidth(values: np.ndarray) -> float:
 def local_mean(
     points: np.ndarray, values: np.ndarray, nodes: np.ndarray, neighbours: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of the `neighbours` nearest values at each node, and the scaled distance to the farthest of them.
+    """Mean of the `neighbours` nearest values at each node, and the scaled distance to the nearest of them.
 
     Args:
         points: (n, 2), values: (n,) finite, nodes: (G, 2); axes are scaled by the standard deviation of points.
         neighbours: how many values make a mean; all of them if there are fewer.
 
     Returns:
-        mean (G,) in the unit of values, reach (G,) in standard deviations.
+        mean (G,) in the unit of values, distance (G,) in standard deviations.
     """
     from scipy.spatial import cKDTree
 
     scale = np.maximum(points.std(axis=0), np.finfo(float).tiny)
     count = min(neighbours, len(points))
-    reach, nearest = cKDTree(points / scale).query(nodes / scale, k=[*range(1, count + 1)])
-    return values[nearest].mean(axis=1), reach[:, -1]
+    distance, nearest = cKDTree(points / scale).query(nodes / scale, k=[*range(1, count + 1)])
+    return values[nearest].mean(axis=1), distance[:, 0]

@@ -88,7 +88,9 @@ class ImpulseAxis:
 def _settings() -> dict:
     # the template of matplotlib itself, then our sheet: a user's own matplotlibrc must not change a figure
     rc = matplotlib.rc_params_from_file(SHEET, use_default_template=True)
-    return {key: value for key, value in rc.items() if not key.startswith(("backend", "interactive", "toolbar"))}
+    return {
+        key: value for key, value in rc.items() if not key.startswith(("backend", "interactive", "toolbar"))
+    }
 
 
 def house_style(function: Callable[P, T]) -> Callable[P, T]:
@@ -133,7 +135,10 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path) -> None:
 # unit and meaning of every column in the CSV beside a figure
 COLUMNS: dict[str, tuple[str, str]] = {
     "panel": ("", "part of the figure, as lettered or titled in it"),
-    "variant": ("", "as_published: the authors' code where it differs from its law; as_defined: the law itself"),
+    "variant": (
+        "",
+        "as_published: the authors' code where it differs from its law; as_defined: the law itself",
+    ),
     "series": ("", "what is drawn: the name of a curve, point or group of points"),
     "kind": ("", "sample: measured; arc: fitted flight; impact: instant of a detected impact"),
     "law": ("", "impact law, a key of thesis_lib.contact.LAWS"),

@@ -77,7 +77,7 @@ rule find_impacts:
     conda:
         "../envs/thesis.yaml"
     params:
-        arcs=vars(CONFIG.arcs),
+        arcs=settings(CONFIG.arcs),
         lib=code_of("find_impacts"),
     message:
         "Finding impacts in {wildcards.dataset}"

@@ -6,10 +6,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.config import Chapter3
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.files import write_table
 from thesis_lib.identify import impact_study as study
+from thesis_lib.identify.settings import Chapter3
 from thesis_lib.randomness import generator
 
 settings = Chapter3.model_validate(snakemake.params.settings)

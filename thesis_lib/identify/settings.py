@@ -1,0 +1,77 @@
+"""Settings of the impact study of chapter 3."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from thesis_lib.contact import LAWS
+from thesis_lib.settings import Section
+
+Share = Annotated[float, Field(gt=0, lt=1)]
+Count = Annotated[int, Field(ge=1)]
+DatasetName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+def _known_law(name: str) -> str:
+    if name not in LAWS:
+        raise ValueError(f"there is no law {name!r}; the laws are {', '.join(LAWS)}")
+    return name
+
+
+LawName = Annotated[str, AfterValidator(_known_law), Field(json_schema_extra={"enum": list(LAWS)})]
+
+
+class Convergence(Section):
+    """Ensemble parameters against the number of impacts (figure 3-7 b)."""
+
+    laws: tuple[LawName, ...] = Field(
+        ("anitescu_potra_newton", "whittaker_as_published"), description="laws to follow"
+    )
+    subsets: Count = Field(3, description="random subsets, as in the thesis")
+    sizes: tuple[Count, ...] = Field(
+        (5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 125, 150, 200, 250, 300, 400, 500, 600, 800),
+        description="numbers of impacts k; larger than the training set: all of it",
+    )
+
+
+class Topography(Section):
+    """Cost over (μ, ε) (figure 3-7 a)."""
+
+    law: LawName = Field("whittaker_as_published", description="the thesis shows the Whittaker model")
+    n: Count = Field(150, description="impacts in the sum, as in the thesis")
+    points: Annotated[int, Field(ge=5)] = Field(41, description="a side of the grid")
+    mu: tuple[float, float] = Field((0.0, 0.4), description="range of μ; own choice")
+    epsilon: tuple[float, float] = Field((0.2, 0.9), description="range of ε; own choice")
+
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Grid lines in μ and ε."""
+        return np.linspace(*self.mu, self.points), np.linspace(*self.epsilon, self.points)
+
+
+class Chapter3(Section):
+    """The impact study."""
+
+    datasets: tuple[DatasetName, ...] = Field(
+        ("planar_impact", "planar_dice", "drops"),
+        description="datasets to study; measured ones that are not present are left out, and said so",
+    )
+    filter: Literal["keep", "thesis"] = Field(
+        "keep",
+        description="keep impacts that fail the energy, cone or compression test, or drop them as the thesis did",
+    )
+    max_impacts: Count | None = Field(
+        2000, description="impacts used a dataset, drawn at random: as many as the thesis measured; null: all"
+    )
+    train_share: Share = Field(
+        0.5, description="share of trials for identification; own choice: the thesis gives no number"
+    )
+    metric: Literal["impulse", "velocity"] = Field("impulse", description="cost of eq. 3.8")
+    bootstrap: Annotated[int, Field(ge=2)] = Field(200, description="replicates for standard errors")
+    convergence: Convergence = Convergence()
+    topography: Topography = Topography()
+    range_tolerances: tuple[float, ...] = Field(
+        (1e-4, 3e-4, 1e-3),
+        description="N s; an outcome is in range if a law comes as near as this. The thesis gives none; "
+        "its numbers fit 1e-4",
+    )
