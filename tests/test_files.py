@@ -75,9 +75,7 @@ class TestTables:
 
     def test_bytes_of_a_csv(self, tmp_path, table):
         write_table(table, tmp_path / "a.csv")
-        assert (tmp_path / "a.csv").read_bytes() == (
-            b"trial,mu,law\n2,0.333333333,mirtich\n7,,wang_mason\n"
-        )
+        assert (tmp_path / "a.csv").read_bytes() == (b"trial,mu,law\n2,0.333333333,mirtich\n7,,wang_mason\n")
 
     def test_last_bits_do_not_reach_the_file(self, tmp_path):
         for name, value in (("a.csv", 0.1 + 0.2), ("b.csv", 0.3)):

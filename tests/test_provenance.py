@@ -70,7 +70,7 @@ def test_comments_docstrings_and_layout_do_not_count(root, content):
 
 
 def test_docstrings_of_functions_and_classes_do_not_count(root):
-    code = 'def f(x):\n    {}\n    return x\nclass A:\n    {}\n    y = 1\n'
+    code = "def f(x):\n    {}\n    return x\nclass A:\n    {}\n    y = 1\n"
     (root / "thesis_lib/plain.py").write_text(code.format('"""Old."""', '"""Old."""'))
     assert changed_by(root, "thesis_lib/plain.py", code.format('"""New."""', '"""Newer."""')) == set()
     assert changed_by(root, "thesis_lib/plain.py", code.format("x = 2", '"""New."""')) == {"plain"}

@@ -7,6 +7,7 @@ functions.  Packages that are registries are hashed as whole folders, because a 
 """
 
 import ast
+import functools
 import hashlib
 import platform
 import subprocess
@@ -37,9 +38,8 @@ def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
         if path.suffix != ".py":
             found[path] = hashlib.sha256(path.read_bytes()).hexdigest()
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
-        queue += _imported(tree, root)
-        found[path] = hashlib.sha256(_code_text(tree).encode()).hexdigest()
+        names, found[path] = _read_module(path.read_text(encoding="utf-8"), str(path))
+        queue += [file for name in names for file in _files_of(name, root)]
         if path != script:
             queue += [p for p in path.parent.iterdir() if p.suffix in DATA_SUFFIXES]
     digest = hashlib.sha256()
@@ -49,23 +49,22 @@ def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
     return digest.hexdigest()[:16]
 
 
-def _imported(tree: ast.AST, root: Path) -> list[Path]:
-    """Files of the package that a module imports: the modules and the __init__ files on their way."""
-    files = []
+@functools.cache  # scripts share most of their modules
+def _read_module(text: str, filename: str) -> tuple[tuple[str, ...], str]:
+    """Names that a module imports from the package, and the hash of its code."""
+    tree = ast.parse(text, filename=filename)
+    names: list[str] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        for name in names:
-            if name.split(".")[0] == PACKAGE:
-                files += _files_of(name, root)
-    return files
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    ours = tuple(dict.fromkeys(name for name in names if name.split(".")[0] == PACKAGE))
+    return ours, hashlib.sha256(_code_text(tree).encode()).hexdigest()
 
 
 def _files_of(name: str, root: Path) -> list[Path]:
+    """Files of the package that importing `name` runs: the module, and the __init__ files on its way."""
     parts = name.split(".")
     files = [root.joinpath(*parts[:i], "__init__.py") for i in range(1, len(parts) + 1)]
     files.append(root.joinpath(*parts).with_suffix(".py"))

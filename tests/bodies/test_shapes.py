@@ -143,7 +143,9 @@ def test_known_radii_of_gyration():
 
 def test_extent(shape):
     farthest = {"ellipse": 0.035, "upright_ellipse": 0.04, "disk": 0.03, "square": 0.03 * np.sqrt(2)}
-    expected = {id(SHAPES[name]): value for name, value in farthest.items()}.get(id(shape), np.hypot(0.05, 0.01))
+    expected = {id(SHAPES[name]): value for name, value in farthest.items()}.get(
+        id(shape), np.hypot(0.05, 0.01)
+    )
     # an outline of 180 points misses the far end of an ellipse by up to (π/180)²/2 of it
     assert shape.extent == pytest.approx(expected, rel=2e-4)
 

@@ -1,5 +1,7 @@
 """Impacts whose truth is known: made with a law, for the tests of identification."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from thesis_lib.bodies.shapes import Ellipse
@@ -12,8 +14,15 @@ K_G = float(np.sqrt(3.7e-4))
 MASS = 0.0364
 
 
-def falling_ellipses(rng: np.random.Generator, n: int, **truth: np.ndarray | float | str) -> Impacts:
-    """n approaching ellipses like the experiment's; `truth` = law, mu, epsilon makes their outcomes, else none.
+def falling_ellipses(
+    rng: np.random.Generator,
+    n: int,
+    law: str = "",
+    mu: np.ndarray | float = 0.0,
+    epsilon: np.ndarray | float = 0.0,
+    noise: float = 0.0,
+) -> Impacts:
+    """n approaching ellipses like the experiment's, with the outcome of a law if one is named (else none).
 
     Trials are numbered from 10, two impacts each.
     """
@@ -25,7 +34,7 @@ def falling_ellipses(rng: np.random.Generator, n: int, **truth: np.ndarray | flo
     trial = 10 + np.arange(n) // 2
     q = np.stack([np.zeros(n), -r[:, 1], theta], axis=1)
     impacts = Impacts(trial, np.arange(n) % 2, q, v_pre, v_pre.copy(), r, K_G, MASS)
-    return with_outcome(impacts, **truth) if truth else impacts
+    return with_outcome(impacts, law, mu, epsilon, noise, rng) if law else impacts
 
 
 def with_outcome(
@@ -37,11 +46,7 @@ def with_outcome(
     rng: np.random.Generator | None = None,
 ) -> Impacts:
     """The impacts with the outcome of a law, plus `noise` in m/s on each of v_x, v_y and k ω."""
-    from dataclasses import replace
-
-    out = LAWS[law](
-        impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g, mu=mu, epsilon=epsilon
-    )
+    out = LAWS[law](impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g, mu=mu, epsilon=epsilon)
     v_post = out.v_post
     if noise:
         v_post = v_post + noise * rng.standard_normal(v_post.shape) / [1.0, 1.0, impacts.k_g]

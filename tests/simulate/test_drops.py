@@ -13,9 +13,9 @@ from thesis_lib.datasets.write import write_dataset
 from thesis_lib.errors import UserError
 from thesis_lib.simulate import drops as drops_module
 from thesis_lib.simulate.drops import ELLIPSE_BODY, IMPACT_TRUTH, DropStatus, simulate_drops
-from thesis_lib.simulate.release import Release, Spread
 from thesis_lib.simulate.lcp import LcpStatus
 from thesis_lib.simulate.plant import planar_body
+from thesis_lib.simulate.release import Release, Spread
 
 EXACT = 1e-12  # closed forms in double precision, numbers of order 1
 CONTACT_TIME = (

@@ -161,6 +161,17 @@ def line_of_sticking(space: ContactSpace, c_n: np.ndarray) -> np.ndarray:
     return -(space.v_t + space.K_tn * c_n) / space.K_tt
 
 
+def beyond_sticking(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+    """Distance in N s by which impulses lie beyond the line of sticking; negative on the side of c_t = 0.
+
+    That is farther than friction can go that stops at sticking.  It is not the same as a change of sign of v_t: in a
+    skewed contact the normal impulse alone can reverse the slip.
+    """
+    without_friction = space.v_t + space.K_tn * c_n
+    after = without_friction + space.K_tt * c_t
+    return -np.sign(without_friction) * after / np.hypot(space.K_tt, space.K_tn)
+
+
 def line_of_maximum_compression(space: ContactSpace, c_t: np.ndarray) -> np.ndarray:
     """c_n on the line of maximum compression v_n⁺ = 0 at the given c_t."""
     return -(space.v_n + space.K_tn * c_t) / space.K_nn

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.contact import LAWS
+from thesis_lib.contact.space import beyond_sticking
 from thesis_lib.datasets.impacts import Impacts
 from thesis_lib.errors import UserError
 from thesis_lib.figures.chapter3_contact_space import draw_ellipse, draw_region, region_outline
@@ -50,21 +51,13 @@ def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> 
     return int(central[np.argmax(misfit[central])])
 
 
-def beyond_sticking(target: Target) -> np.ndarray:
-    """Distance (n,) in N s of measured impulses beyond the line of sticking; negative on the side of c_t = 0."""
-    space = target.space
-    without_friction = space.v_t + space.K_tn * target.c_n
-    after = without_friction + space.K_tt * target.c_t
-    return -np.sign(without_friction) * after / np.hypot(space.K_tt, space.K_tn)
-
-
 def spin_reversal_case(target: Target) -> int:
     """Row of case (b) among n measured impulses.
 
     Raises:
         UserError: no impulse is finite.
     """
-    beyond = beyond_sticking(target)
+    beyond = beyond_sticking(target.space, target.c_t, target.c_n)
     usable = np.flatnonzero(np.isfinite(beyond))
     if not len(usable):
         raise UserError("No measured impulse is finite, so there is no case of spin reversal to show.")

@@ -61,17 +61,19 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
     return pd.DataFrame(rows)
 
 
-def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float]) -> pd.DataFrame:
-    """Table 3.2: share of outcomes within each law's range, for several tolerances in N s, with standard errors."""
+def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float) -> pd.DataFrame:
+    """Table 3.2: share of outcomes within each law's range, for several tolerances, with standard errors.
+
+    Tolerances are in m/s, of impulse over mass, so that datasets without a mass can be compared.
+    """
     rows = []
     for (weighting, chosen), (variant, laws) in itertools.product(
         individual.groupby("weighting"), VARIANTS.items()
     ):
         for i, name in enumerate(laws):
-            error = chosen.loc[chosen["law"] == name, "error"].to_numpy()
+            error = chosen.loc[chosen["law"] == name, "error"].to_numpy() / mass
             for tolerance in tolerances:
                 share = float(np.mean(error <= tolerance))
-                std = float(np.sqrt(share * (1 - share) / len(error)))
                 rows.append(
                     {
                         "variant": variant,
@@ -79,7 +81,7 @@ def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float]) -> pd.DataF
                         "law": SIX_LAWS[i],
                         "tolerance": tolerance,
                         "fraction": share,
-                        "fraction_std": std,
+                        "fraction_std": float(np.sqrt(share * (1 - share) / len(error))),
                         "n": len(error),
                     }
                 )

@@ -54,8 +54,8 @@ def admissible_area(space: ContactSpace) -> np.ndarray:
 
 
 def admissible_outline(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
-    """Outline (c_t, c_n), each (ARC, n), of the admissible set: half the energy ellipse above the line of maximum
-    compression, cut at c_n = 0."""
+    """Outline (c_t, c_n), each (ARC + 2, n), of the admissible set: half the energy ellipse above the line of
+    maximum compression, cut at c_n = 0.  The first and the last point are the ends of the line."""
     # whitened with M_C⁻¹ = L Lᵀ the ellipse is a disc; v_n⁺ ≥ 0 is the half of it about (l_nt, l_nn)
     l_tt = np.sqrt(space.K_tt)
     l_nt, l_nn = space.K_tn / l_tt, np.sqrt(space.det) / l_tt
@@ -65,13 +65,17 @@ def admissible_outline(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
     d_n = radius * np.sin(phase) / l_nn
     c_n = centre_n + d_n
     c_t = centre_t + (radius * np.cos(phase) - l_nt * d_n) / l_tt
-    # points with c_n < 0 (a few, in skewed contacts) move along their chord to c_n = 0
+    # points with c_n < 0 (a few, in skewed contacts) move to c_n = 0 along a chord to a frictionless impulse: those
+    # of the arc to one inside the set, the ends of the line of maximum compression to the plastic one, which is on it
+    plastic = -space.v_n / space.K_nn
+    arc = _lifted(c_t, c_n, 1.5 * plastic)
+    line = _lifted(c_t[[0, -1]], c_n[[0, -1]], plastic)
+    c_t, c_n = (np.concatenate([ends[:1], middle, ends[1:]]) for ends, middle in zip(line, arc))
+    return c_t, c_n
+
+
+def _lifted(c_t: np.ndarray, c_n: np.ndarray, apex_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (points, n) with c_n < 0 moved to c_n = 0 along their chord to (0, apex_n > 0)."""
     below = c_n < 0.0
-    apex_t, apex_n = _frictionless(space)
     share = np.where(below, apex_n / np.where(below, apex_n - c_n, 1.0), 1.0)
-    return apex_t + share * (c_t - apex_t), apex_n + share * (c_n - apex_n)
-
-
-def _frictionless(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
-    """An impulse inside the admissible set: frictionless, elastic half-way."""
-    return np.zeros_like(space.v_n), -1.5 * space.v_n / space.K_nn
+    return share * c_t, np.where(below, 0.0, c_n)

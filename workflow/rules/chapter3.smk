@@ -3,11 +3,14 @@ CH3 = "results/chapter3/{dataset}"
 CH3_DATASETS = [name for name in CONFIG.chapter3.datasets if is_present(name)]
 CH3_TABLES = {
     "ensemble": f"{CH3}/ensemble.csv",
+    "ensemble_velocity": f"{CH3}/ensemble_velocity.csv",
     "convergence": f"{CH3}/convergence.csv",
     "topography": f"{CH3}/topography.csv",
     "individual": f"{CH3}/individual.csv",
     "split": f"{CH3}/split.csv",
 }
+CH3_COMMON = "results/chapter3/common"
+CH3_WITH_TRAJECTORIES = [name for name in CH3_DATASETS if name != "planar_impact"]
 
 
 rule ch3_identify:
@@ -66,7 +69,7 @@ rule ch3_evaluate:
     conda:
         "../envs/thesis.yaml"
     params:
-        settings=settings(CONFIG.chapter3, "range_tolerances", "metric"),
+        settings=settings(CONFIG.chapter3, "range_tolerances"),
         seed=CONFIG.seed,
         lib=code_of("ch3_evaluate"),
     message:
@@ -96,6 +99,77 @@ rule ch3_published:
         "../scripts/ch3_published.py"
 
 
+rule ch3_schematics:
+    input:
+        coverage="results/chapter3/drops/coverage.csv",
+    output:
+        figure_files(CH3_COMMON, "3-1", "body on the surface", "contact space"),
+        figure_files(CH3_COMMON, "3-2", "energy ellipse", "contact space"),
+        figure_files(CH3_COMMON, "3-3", "regions of the six laws", "contact space"),
+    log:
+        "results/logs/ch3_schematics.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        body=settings(CONFIG.drops, "body")["body"],
+        lib=code_of("ch3_schematics"),
+    message:
+        "Chapter 3: drawing the contact space"
+    script:
+        "../scripts/ch3_schematics.py"
+
+
+rule ch3_trajectories:
+    input:
+        header=dataset_file,
+        impacts="results/impacts/{dataset}/impacts.csv",
+        arcs="results/impacts/{dataset}/arcs.csv",
+    output:
+        figure_files(CH3, "3-5", "configurations of one trial"),
+        figure_files(CH3, "3-6", "energies of one trial"),
+    log:
+        "results/logs/ch3_trajectories/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        lib=code_of("ch3_trajectories"),
+    message:
+        "Chapter 3: drawing one trial of {wildcards.dataset}"
+    script:
+        "../scripts/ch3_trajectories.py"
+
+
+rule ch3_figures:
+    input:
+        ensemble=CH3_TABLES["ensemble"],
+        individual=CH3_TABLES["individual"],
+        convergence=CH3_TABLES["convergence"],
+        topography=CH3_TABLES["topography"],
+        split=CH3_TABLES["split"],
+        header="results/impacts/{dataset}/dataset.yaml",
+        impacts="results/impacts/{dataset}/impacts.csv",
+        errors=f"{CH3}/errors.csv",
+    output:
+        figure_files(CH3, "3-7", "cost and convergence"),
+        figure_files(CH3, "3-8", "error densities and bounds"),
+        figure_files(CH3, "3-9", "error map, AP Poisson"),
+        figure_files(CH3, "3-10", "individual parameters, AP Newton"),
+        figure_files(CH3, "3-11", "two single impacts"),
+    log:
+        "results/logs/ch3_figures/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        lib=code_of("ch3_figures"),
+    message:
+        "Chapter 3: drawing the figures of {wildcards.dataset}"
+    script:
+        "../scripts/ch3_figures.py"
+
+
 rule chapter3:
     input:
         expand(f"{CH3}/table_3_1.csv", dataset=CH3_DATASETS),
+        expand(f"{CH3_COMMON}/figure_3_{{number}}.png", number=(1, 2, 3)),
+        expand(f"{CH3}/figure_3_{{number}}.png", dataset=CH3_WITH_TRAJECTORIES, number=(5, 6)),
+        expand(f"{CH3}/figure_3_{{number}}.png", dataset=CH3_DATASETS, number=range(7, 12)),

@@ -48,3 +48,16 @@ def dataset_folder(dataset):
 
 def dataset_file(wildcards):
     return f"{dataset_folder(wildcards.dataset)}/dataset.yaml"
+
+
+def figure_files(folder, number, shows, subcategory="{dataset}"):
+    """Picture, PDF and numbers of the thesis's figure `number` ("3-7"); the picture goes into the report."""
+    name = f"figure_{number.replace('-', '_')}"
+    picture = report(
+        f"{folder}/{name}.png",
+        caption=f"../report/{name}.rst",
+        category=f"Chapter {number[0]}",
+        subcategory=subcategory,
+        labels={"item": f"Figure {number}", "shows": shows},
+    )
+    return [picture, f"{folder}/{name}.pdf", f"{folder}/{name}.csv"]

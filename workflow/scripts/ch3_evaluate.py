@@ -23,7 +23,8 @@ errors = {w: study.held_out_errors(held_out, ensemble, w) for w in ("kinetic", "
 write_table(errors["kinetic"], out.errors)
 write_table(tables.error_summary(errors["kinetic"]), out.summary)
 write_table(tables.table_3_1(ensemble, errors), out.table_3_1)
-write_table(tables.table_3_2(individual, snakemake.params.settings["range_tolerances"]), out.table_3_2)
+tolerances = snakemake.params.settings["range_tolerances"]
+write_table(tables.table_3_2(individual, tolerances, impacts.mass), out.table_3_2)
 write_table(study.coverage_table(study.pick(impacts, split), study.ALL_LAWS), out.coverage)
 said = statements(held_out, ensemble, individual, errors["kinetic"], topography, convergence)
 write_table(said, out.statements)

@@ -29,17 +29,21 @@ write_table(study.split_table(impacts, train), out.split)
 
 both = ("kinetic", "unweighted")
 ensemble = study.ensemble_table(
-    training, study.ALL_LAWS, both, settings.metric, settings.bootstrap, stream("bootstrap")
+    training, study.ALL_LAWS, both, "impulse", settings.bootstrap, stream("bootstrap")
 )
 write_table(ensemble, out.ensemble)
+by_velocity = study.ensemble_table(
+    training, study.ALL_LAWS, ("kinetic",), "velocity", settings.bootstrap, stream("bootstrap velocity")
+)
+write_table(by_velocity, out.ensemble_velocity)
 c = settings.convergence
 convergence = study.convergence_table(
-    training, c.laws, "kinetic", settings.metric, c.sizes, c.subsets, stream("convergence")
+    training, c.laws, "kinetic", "impulse", c.sizes, c.subsets, stream("convergence")
 )
 write_table(convergence, out.convergence)
 g = settings.topography
 topography = study.topography_table(
-    training, g.law, g.n, *g.axes(), "kinetic", settings.metric, stream("topography")
+    training, g.law, g.n, *g.axes(), "kinetic", "impulse", stream("topography")
 )
 write_table(topography, out.topography)
-write_table(study.individual_table(impacts, study.ALL_LAWS, both, settings.metric), out.individual)
+write_table(study.individual_table(impacts, study.ALL_LAWS, both, "impulse"), out.individual)

@@ -1,0 +1,168 @@
+"""Speed of the individual identification: CPU seconds of each law for all impacts, and the ratio to scipy.optimize.
+
+    python -m benchmarks.identification [--data DIR] [-n N] [--sample S] [--all] [-o FILE.json]
+
+For every law the individual (μ_i, ε_i) of N impacts, as chapter 3 needs them (impulse metric, kinetic weighting), on
+the measured planar impacts if they are here, else on simulated ones with noise.  Beside it, in the same run, bounded
+Nelder-Mead of scipy.optimize on a random sample of the same impacts, one at a time from one start each, the plain
+way to do it; its time for all impacts is extrapolated from the sample.  `ours worse` and `theirs worse` count the
+impacts of the sample in which one ends with an error above the other's by more than 1e-6 N s.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+# before numpy is imported: one core, whatever the number of threads it would take
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import numpy as np  # noqa: E402
+from scipy.optimize import minimize  # noqa: E402
+
+from benchmarks.laws import BODY, falling_ellipses  # noqa: E402
+from thesis_lib.contact import LAWS, SIX_LAWS  # noqa: E402
+from thesis_lib.contact.law import Law  # noqa: E402
+from thesis_lib.datasets.impacts import Impacts  # noqa: E402
+from thesis_lib.errors import UserError  # noqa: E402
+from thesis_lib.files import write_json  # noqa: E402
+from thesis_lib.identify.cost import Target, misfit, target_of  # noqa: E402
+from thesis_lib.identify.individual import MU_MAX, fit_individual  # noqa: E402
+
+ROOT = Path(__file__).resolve().parent.parent
+SEARCH = (ROOT / "data/measured", ROOT.parent / "shared/data")
+START = (0.1, 0.55)  # near the ensemble's parameters
+DIFFERENCE = 1e-6  # N s: a hundredth of the tolerance of table 3.2
+
+
+def simulated_impacts(rng: np.random.Generator, n: int) -> Impacts:
+    """n impacts like the experiment's: Wang-Mason with scattered (μ, ε) and noise."""
+    v_pre, r = falling_ellipses(rng, n)
+    mu, epsilon = rng.uniform(0.0, 0.25, n), rng.uniform(0.3, 0.8, n)
+    v_post = LAWS["wang_mason"](v_pre, r, **BODY, mu=mu, epsilon=epsilon).v_post
+    v_post += 0.05 * rng.standard_normal((n, 3)) / [1.0, 1.0, BODY["k_g"]]
+    rows, q = np.arange(n), np.zeros((n, 3))
+    return Impacts(rows, np.zeros(n, int), q, v_pre, v_post, r, BODY["k_g"], BODY["mass"])
+
+
+def measured_impacts(folders: tuple[Path, ...]) -> Impacts | None:
+    """The measured planar impacts, or None where they are not present."""
+    import tempfile
+
+    from thesis_lib.datasets.published import convert_published, find_measured
+    from thesis_lib.datasets.read import read_dataset
+
+    folder = find_measured("planar_impact", folders)
+    if folder is None:
+        return None
+    if (folder / "dataset.yaml").is_file():
+        return read_dataset(folder).stated_impacts()
+    with tempfile.TemporaryDirectory() as converted:
+        convert_published("planar_impact", folder, Path(converted) / "planar_impact")
+        return read_dataset(Path(converted) / "planar_impact").stated_impacts()
+
+
+def one_by_one(law: Law, target: Target, rows: np.ndarray) -> np.ndarray:
+    """Errors (len(rows),) in N s that bounded Nelder-Mead reaches."""
+    errors = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        single = target[row : row + 1]
+
+        def error(p: np.ndarray, single: Target = single) -> float:
+            return float(np.nan_to_num(misfit(law, single, p[0], p[1], "impulse"), nan=1e3)[0])
+
+        options = {"xatol": 1e-6, "fatol": 1e-9, "maxiter": 400}
+        found = minimize(error, START, method="Nelder-Mead", bounds=[(0, MU_MAX), (0, 1)], options=options)
+        errors[k] = found.fun
+    return errors
+
+
+def measure(name: str, target: Target, rows: np.ndarray) -> dict[str, float]:
+    """CPU seconds of both ways for all impacts, their ratio, and who is worse where."""
+    law = LAWS[name]
+    start = time.process_time()
+    fit = fit_individual(law, target, "impulse")
+    ours = time.process_time() - start
+    start = time.process_time()
+    theirs = one_by_one(law, target, rows)
+    one = (time.process_time() - start) / len(rows)
+    excess = theirs - fit.error[rows]
+    return {
+        "seconds": ours,
+        "seconds_scipy": one * len(target),
+        "ratio": one * len(target) / ours,
+        "ours_worse": int(np.sum(excess < -DIFFERENCE)),
+        "scipy_worse": int(np.sum(excess > DIFFERENCE)),
+        "largest_excess_scipy": float(excess.max()),
+        "largest_excess_ours": float(max(-excess.min(), 0.0)),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.identification",
+        description="CPU seconds of the individual identification of each law, and the ratio to scipy.optimize.",
+    )
+    parser.add_argument("--data", type=Path, metavar="DIR", help="folder that holds the measured datasets")
+    parser.add_argument("-n", type=int, default=1718, metavar="N", help="impacts, at most (1718)")
+    parser.add_argument("--sample", type=int, default=60, metavar="S", help="impacts for scipy.optimize (60)")
+    parser.add_argument(
+        "--simulated", action="store_true", help="simulated impacts even if measured ones are here"
+    )
+    parser.add_argument("--all", action="store_true", help="the variants as published, too")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
+    options = parser.parse_args(arguments)
+    if options.n < 1 or options.sample < 1:
+        parser.error("N and S must be at least 1")
+
+    rng = np.random.default_rng(0)
+    folders = (options.data,) if options.data else SEARCH
+    try:
+        impacts = None if options.simulated else measured_impacts(folders)
+    except UserError as error:
+        parser.exit(2, f"{error}\n")
+    if options.data and impacts is None and not options.simulated:
+        parser.error(f"there are no planar impacts in {options.data}")
+    source = "simulated" if impacts is None else "measured"
+    impacts = (
+        simulated_impacts(rng, options.n)
+        if impacts is None
+        else impacts.select(np.arange(len(impacts))[: options.n])
+    )
+    target = target_of(impacts)
+    rows = rng.choice(len(target), size=min(options.sample, len(target)), replace=False)
+
+    print(
+        f"{len(target)} {source} impacts, one core, CPU seconds; scipy.optimize from a sample of {len(rows)}"
+    )
+    print(f"{'law':38s}{'ours':>8s}{'scipy':>9s}{'ratio':>7s}{'ours worse':>12s}{'scipy worse':>13s}")
+    results = {}
+    for name in LAWS if options.all else SIX_LAWS:
+        found = results[name] = measure(name, target, rows)
+        print(
+            f"{name:38s}{found['seconds']:8.2f}{found['seconds_scipy']:9.1f}{found['ratio']:7.0f}"
+            f"{found['ours_worse']:12d}{found['scipy_worse']:13d}"
+        )
+    six, six_scipy = (sum(results[name][key] for name in SIX_LAWS) for key in ("seconds", "seconds_scipy"))
+    print(f"{'the six laws':38s}{six:8.2f}{six_scipy:9.1f}{six_scipy / six:7.0f}")
+    if options.output:
+        rounded = {
+            name: {key: float(f"{value:.4g}") for key, value in found.items()}
+            for name, found in results.items()
+        }
+        total = {"seconds": float(f"{six:.4g}"), "ratio": float(f"{six_scipy / six:.4g}")}
+        write_json(
+            {
+                "impacts": len(target),
+                "source": source,
+                "sample": len(rows),
+                "laws": rounded,
+                "six_laws": total,
+            },
+            options.output,
+        )
+
+
+if __name__ == "__main__":
+    main()

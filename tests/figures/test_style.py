@@ -1,0 +1,101 @@
+"""One look, explained columns, and bytes that depend on nothing but the content."""
+
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.figures.chapter3_contact_space import GROUPS
+from thesis_lib.figures.style import (
+    BOUND_STYLE,
+    COLUMNS,
+    LAW_STYLE,
+    house_style,
+    new_figure,
+    save_figure,
+    style_of,
+)
+
+SUFFIXES = (".png", ".pdf", ".csv")
+
+
+@house_style
+def drawn(slope=1.0):
+    figure = new_figure(3.0, 2.0)
+    ax = figure.add_subplot()
+    x = np.linspace(0.0, 1.0, 20)
+    ax.plot(x, slope * x, label="θ")
+    ax.pcolormesh(np.outer(x, x), rasterized=True)
+    ax.legend()
+    return figure, pd.DataFrame({"x": x, "y": slope * x})
+
+
+def saved(folder, slope=1.0):
+    save_figure(*drawn(slope), folder / "figure_0_1")
+    return {suffix: (folder / f"figure_0_1{suffix}").read_bytes() for suffix in SUFFIXES}
+
+
+def test_equal_content_gives_equal_bytes(tmp_path):
+    assert saved(tmp_path / "a") == saved(tmp_path / "b")
+
+
+def test_other_content_gives_other_bytes(tmp_path):
+    first, second = saved(tmp_path / "a"), saved(tmp_path / "b", slope=1.1)
+    assert all(first[suffix] != second[suffix] for suffix in SUFFIXES)
+
+
+def test_a_users_own_settings_change_nothing(tmp_path):
+    first = saved(tmp_path / "a")
+    with matplotlib.rc_context({"font.size": 20, "lines.linewidth": 9, "savefig.dpi": 30}):
+        assert saved(tmp_path / "b") == first
+
+
+def test_files_name_no_program_and_no_date(tmp_path):
+    files = saved(tmp_path)
+    for word in (b"Software", b"CreationDate", b"Matplotlib", b"Producer"):
+        assert word not in files[".png"] and word not in files[".pdf"]
+
+
+def test_nothing_but_the_three_files_is_left(tmp_path):
+    saved(tmp_path)
+    assert {path.suffix for path in tmp_path.iterdir()} == set(SUFFIXES)
+    assert len(list(tmp_path.iterdir())) == len(SUFFIXES)
+
+
+def test_a_column_without_unit_and_meaning_is_refused(tmp_path):
+    figure, table = drawn()
+    with pytest.raises(KeyError, match="wobble"):
+        save_figure(figure, table.assign(wobble=1.0), tmp_path / "figure")
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_column_says_what_it_is():
+    assert all(len(meaning) > 8 for _, meaning in COLUMNS.values())
+
+
+def test_laws_keep_their_title_and_look_in_both_variants():
+    assert tuple(LAW_STYLE) == SIX_LAWS
+    for name in SIX_LAWS:
+        assert LAW_STYLE[name].label == LAWS[name].title
+        assert style_of(f"{name}_as_published") is style_of(name) is LAW_STYLE[name]
+
+
+def test_laws_and_bounds_differ_in_colour_and_within_a_panel_also_without():
+    looks = [*LAW_STYLE.values(), *BOUND_STYLE.values()]
+    assert len({look.color for look in looks}) == len(looks)
+    for group in GROUPS.values():
+        assert len({str(LAW_STYLE[name].dash) for name in group}) == len(group)
+
+
+def test_figures_do_not_need_pyplot():
+    code = (
+        "import sys; import thesis_lib.figures.chapter3_cases, thesis_lib.figures.chapter3_errors, "
+        "thesis_lib.figures.chapter3_identification, thesis_lib.figures.chapter3_trajectories; "
+        "print([m for m in ('matplotlib.pyplot', 'scipy', 'pydrake') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,205 @@
+"""Ensemble parameters: what was put in comes out, and the standard errors are honest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_truth import falling_ellipses, with_outcome
+
+from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.identify.cost import misfit, misfit_table, target_of
+from thesis_lib.identify.ensemble import MU_MAX, TOLERANCE, _bootstrap_weights, cost_grid, fit_ensemble
+
+MU, EPSILON = 0.1237, 0.5461  # not on any grid line
+EXACT = 1e-5  # ten boxes of the last grid
+NOISE = 0.05  # m/s, kinetic
+STANDARD_ERRORS = 3.0  # one case in 370
+COVERED = (0.87, 1.0)  # of 80 intervals of ±2 standard errors: expected 0.95, less three binomial errors
+REPLICATES = 100
+
+
+@pytest.mark.parametrize("metric", ["impulse", "velocity"])
+@pytest.mark.parametrize("name", LAWS)
+def test_exact_recovery_without_noise(name, metric, rng):
+    target = target_of(falling_ellipses(rng, 60, law=name, mu=MU, epsilon=EPSILON))
+    fit = fit_ensemble(LAWS[name], target, metric)
+    assert abs(fit.mu - MU) < EXACT and abs(fit.epsilon - EPSILON) < EXACT
+    assert fit.cost < 1e-6 and fit.n == 60 and fit.n_failed == 0 and fit.at_bound == ()
+    assert np.isnan(fit.mu_std) and fit.replicates.shape == (0, 2)
+
+
+@pytest.mark.parametrize("name", SIX_LAWS)
+def test_recovery_within_standard_errors(name, rng):
+    impacts = falling_ellipses(rng, 200, law=name, mu=MU, epsilon=EPSILON, noise=NOISE)
+    fit = fit_ensemble(
+        LAWS[name], target_of(impacts), "impulse", trials=impacts.trial, bootstrap=REPLICATES, rng=rng
+    )
+    assert abs(fit.mu - MU) < STANDARD_ERRORS * fit.mu_std
+    assert abs(fit.epsilon - EPSILON) < STANDARD_ERRORS * fit.epsilon_std
+    assert 1e-4 < fit.mu_std < 0.03 and 1e-4 < fit.epsilon_std < 0.03
+    assert fit.replicates.shape == (REPLICATES, 2)
+
+
+def test_bootstrap_intervals_cover_the_truth():
+    inside = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        impacts = falling_ellipses(rng, 80, law="anitescu_potra_newton", mu=MU, epsilon=EPSILON, noise=NOISE)
+        fit = fit_ensemble(
+            LAWS["anitescu_potra_newton"], target_of(impacts), "impulse", bootstrap=REPLICATES, rng=rng
+        )
+        inside += [abs(fit.mu - MU) < 2 * fit.mu_std, abs(fit.epsilon - EPSILON) < 2 * fit.epsilon_std]
+    assert COVERED[0] <= np.mean(inside) <= COVERED[1]
+
+
+def test_no_point_of_a_dense_grid_is_better(rng):
+    mu, epsilon = (a.ravel() for a in np.meshgrid(np.linspace(0, 0.4, 81), np.linspace(0.2, 0.9, 71)))
+    for name in SIX_LAWS:
+        truth = falling_ellipses(rng, 40, law="mirtich", mu=0.2, epsilon=0.6, noise=0.2)
+        target = target_of(truth)
+        fit = fit_ensemble(LAWS[name], target, "velocity")
+        best = misfit_table(LAWS[name], target, mu, epsilon, "velocity").mean(axis=1).min()
+        assert fit.cost <= best + 1e-9, name
+
+
+def test_cost_is_the_mean_misfit_at_the_best_parameters(rng):
+    target = target_of(falling_ellipses(rng, 50, law="mirtich", mu=0.2, epsilon=0.6, noise=0.1))
+    fit = fit_ensemble(LAWS["whittaker"], target, "impulse")
+    direct = misfit(LAWS["whittaker"], target, fit.mu, fit.epsilon, "impulse").mean()
+    assert fit.cost == pytest.approx(direct, rel=1e-12)
+
+
+class TestBootstrap:
+    def test_trials_are_drawn_whole(self, rng):
+        trials = np.array([4, 4, 4, 7, 9, 9])
+        weights = _bootstrap_weights(trials, 500, rng)
+        assert weights.shape == (6, 500)
+        np.testing.assert_array_equal(weights[0], weights[1])
+        np.testing.assert_array_equal(weights[4], weights[5])
+        # three trials are drawn each time, each once on average
+        np.testing.assert_array_equal(weights[0] + weights[3] + weights[4], 3.0)
+        assert np.abs(weights.mean(axis=1) - 1.0).max() < 4 * np.sqrt(2 / 3 / 500)
+
+    def test_copies_within_a_trial_add_no_information(self, rng):
+        single = falling_ellipses(rng, 100, law="wang_mason", mu=MU, epsilon=EPSILON, noise=NOISE)
+        single = replace(single, trial=np.arange(100))
+        copies = single.select(np.repeat(np.arange(100), 4))
+        law = LAWS["wang_mason"]
+
+        def spread(impacts, trials):
+            stream = np.random.default_rng(1)
+            fit = fit_ensemble(
+                law, target_of(impacts), "impulse", trials=trials, bootstrap=REPLICATES, rng=stream
+            )
+            return np.array([fit.mu_std, fit.epsilon_std])
+
+        alone = spread(single, single.trial)
+        np.testing.assert_allclose(spread(copies, copies.trial), alone, rtol=0.02)  # steps of the last grid
+        # taken for independent, four copies would halve the standard error (to the bootstrap's own 10 %)
+        np.testing.assert_allclose(spread(copies, None), alone / 2, rtol=0.4)
+        assert np.all(spread(copies, None) < 0.8 * alone)
+
+    def test_same_stream_same_result(self, rng):
+        impacts = falling_ellipses(rng, 40, law="mirtich", mu=0.1, epsilon=0.5, noise=NOISE)
+        fits = [
+            fit_ensemble(
+                LAWS["mirtich"], target_of(impacts), "impulse", bootstrap=20, rng=np.random.default_rng(seed)
+            )
+            for seed in (3, 3, 4)
+        ]
+        np.testing.assert_array_equal(fits[0].replicates, fits[1].replicates)
+        assert not np.array_equal(fits[0].replicates, fits[2].replicates)
+        # the best parameters do not hang on the bootstrap
+        assert fits[0].mu == fits[2].mu
+
+
+class TestFailedSolves:
+    def failing(self, target, above: float):
+        """Whittaker, but with no solution for μ > `above` in every fourth impact of `target`."""
+        law, lost_v_t = LAWS["whittaker"], target.space.v_t[::4]
+
+        def impulse(space, mu, epsilon):
+            c_t, c_n = law.impulse(space, mu, epsilon)
+            lost = np.isin(space.v_t, lost_v_t) & (mu > above)
+            return np.where(lost, np.nan, c_t), np.where(lost, np.nan, c_n)
+
+        return replace(law, impulse=impulse)
+
+    def test_they_are_counted(self, rng):
+        target = target_of(falling_ellipses(rng, 40, law="whittaker", mu=MU, epsilon=EPSILON))
+        fit = fit_ensemble(self.failing(target, -1.0), target, "impulse")
+        assert fit.n_failed == 10 and fit.n == 40
+        assert abs(fit.mu - MU) < EXACT
+
+    def test_they_do_not_make_parameters_attractive(self, rng):
+        """Where a fourth has no solution, the sum over the others is smaller; it must not win."""
+        target = target_of(falling_ellipses(rng, 40, law="mirtich", mu=MU, epsilon=EPSILON, noise=0.2))
+        whole = fit_ensemble(LAWS["whittaker"], target, "impulse")
+        failing = self.failing(target, whole.mu + 0.02)
+        fit = fit_ensemble(failing, target, "impulse")
+        # steps of the last grid
+        assert (fit.mu, fit.epsilon) == pytest.approx((whole.mu, whole.epsilon), abs=EXACT)
+        assert fit.n_failed == 0
+        beyond = misfit(failing, target, whole.mu + 0.03, whole.epsilon, "impulse")
+        assert np.nansum(beyond) < whole.n * whole.cost
+
+
+class TestBounds:
+    @pytest.mark.parametrize(
+        ("mu", "epsilon", "named"),
+        [(0.0, 0.5, ("mu",)), (0.1, 1.0, ("epsilon",)), (0.0, 0.0, ("mu", "epsilon"))],
+    )
+    def test_parameters_at_the_edge_are_named(self, rng, mu, epsilon, named):
+        target = target_of(falling_ellipses(rng, 30, law="wang_mason", mu=mu, epsilon=epsilon))
+        fit = fit_ensemble(LAWS["wang_mason"], target, "impulse")
+        assert fit.at_bound == named
+        assert fit.mu == pytest.approx(mu, abs=EXACT) and fit.epsilon == pytest.approx(epsilon, abs=EXACT)
+
+    def test_the_box_is_respected(self, rng):
+        """Outcomes with more rebound than any ε ≤ 1 gives, and reversed friction, which no μ gives."""
+        impacts = falling_ellipses(rng, 30, law="wang_mason", mu=0.2, epsilon=1.0)
+        pushed = replace(impacts, v_post=impacts.v_pre + 1.2 * impacts.dv * [-1.0, 1.0, 1.0])
+        fit = fit_ensemble(LAWS["wang_mason"], target_of(pushed), "impulse")
+        assert 0.0 <= fit.mu <= MU_MAX and 0.0 <= fit.epsilon <= 1.0 and "epsilon" in fit.at_bound
+        assert TOLERANCE < EXACT
+
+
+def test_nothing_to_identify_from(rng):
+    target = target_of(falling_ellipses(rng, 4, law="mirtich", mu=0.1, epsilon=0.5))
+    with pytest.raises(ValueError, match="no impacts"):
+        fit_ensemble(LAWS["mirtich"], target[np.array([], dtype=int)], "impulse")
+    with pytest.raises(ValueError, match="rng"):
+        fit_ensemble(LAWS["mirtich"], target, "impulse", bootstrap=5)
+
+
+def test_cost_grid_holds_the_mean_misfit_of_each_point(rng):
+    target = target_of(falling_ellipses(rng, 20, law="mirtich", mu=0.2, epsilon=0.6, noise=0.1))
+    mu, epsilon = np.array([0.0, 0.1, 0.3]), np.array([0.4, 0.8])
+    grid = cost_grid(LAWS["mirtich"], target, "impulse", mu, epsilon)
+    assert grid.shape == (3, 2)
+    for i, j in np.ndindex(3, 2):
+        direct = misfit(LAWS["mirtich"], target, mu[i], epsilon[j], "impulse").mean()
+        assert grid[i, j] == pytest.approx(direct, rel=1e-12)
+
+
+def test_mirror_images_have_the_same_parameters(rng):
+    impacts = falling_ellipses(rng, 60, law="mirtich", mu=0.2, epsilon=0.6, noise=0.1)
+    mirrored = replace(
+        impacts,
+        v_pre=impacts.v_pre * [-1, 1, -1],
+        v_post=impacts.v_post * [-1, 1, -1],
+        r=impacts.r * [-1, 1],
+    )
+    for name in SIX_LAWS:
+        a, b = (fit_ensemble(LAWS[name], target_of(i), "impulse") for i in (impacts, mirrored))
+        assert (a.mu, a.epsilon) == pytest.approx((b.mu, b.epsilon), abs=2 * TOLERANCE)
+
+
+def test_other_data_give_other_parameters(rng):
+    """The same states with another truth: the fit follows the outcomes, not the states."""
+    states = falling_ellipses(rng, 60)
+    for mu in (0.05, 0.2):
+        fit = fit_ensemble(
+            LAWS["whittaker"], target_of(with_outcome(states, "whittaker", mu, 0.7)), "velocity"
+        )
+        assert fit.mu == pytest.approx(mu, abs=EXACT)

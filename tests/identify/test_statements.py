@@ -1,0 +1,226 @@
+"""What chapter 3 says in words, on synthetic data that make the answer known."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from known_truth import K_G, MASS, SHAPE, falling_ellipses
+
+from thesis_lib.contact import LAWS
+from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.contact.space import contact_space, line_of_sticking
+from thesis_lib.files import read_table, write_table
+from thesis_lib.identify import impact_study as study
+from thesis_lib.identify.cost import target_of
+from thesis_lib.identify.statements import (
+    converged_at,
+    crosses,
+    epsilon_modes,
+    local_minima,
+    mirrored_rotation,
+    reverses,
+    statements,
+)
+
+NONE = 1e-9  # m/s: rounding of a velocity of some m/s
+N = 60
+
+
+def irb(impacts) -> np.ndarray:
+    return irb_bound(impacts.v_pre, impacts.v_post, impacts.r, mass=impacts.mass, k_g=impacts.k_g).error
+
+
+class TestMirroredRotation:
+    def test_angles_recorded_clockwise_are_put_right(self, rng):
+        """Rigid outcomes, written down with θ and ω clockwise: no impulse explains them until they are mirrored."""
+        true = falling_ellipses(rng, N, law="wang_mason", mu=0.2, epsilon=0.5)
+        recorded = mirrored_rotation(true)
+        assert irb(true).max() < NONE
+        assert np.median(irb(recorded)) > 0.1
+        assert irb(mirrored_rotation(recorded)).max() < NONE
+
+    def test_contact_point_goes_with_the_angle(self, rng):
+        impacts = falling_ellipses(rng, N)
+        mirrored = mirrored_rotation(impacts)
+        np.testing.assert_allclose(mirrored.r, SHAPE.contact_point(mirrored.q[:, 2]), atol=1e-15)
+        np.testing.assert_array_equal(mirrored.v_pre[:, :2], impacts.v_pre[:, :2])
+
+
+class TestBackSpin:
+    @pytest.fixture
+    def space(self, rng):
+        impacts = falling_ellipses(rng, N)
+        return contact_space(impacts.v_pre, impacts.r, mass=MASS, k_g=K_G)
+
+    def test_slip_that_changes_its_sign_is_back_spin(self, space):
+        changes = np.arange(N) % 3 == 0
+        c = space.impulse_to(np.where(changes, -0.2, 0.2) * space.v_t, -0.5 * space.v_n)
+        np.testing.assert_array_equal(reverses(space, *c), changes)
+
+    def test_impulses_on_either_side_of_the_line_of_sticking(self, space):
+        c_n = -1.5 * space.v_n / space.K_nn
+        on_line = line_of_sticking(space, c_n)
+        for share, beyond in ((0.0, 0.0), (0.9, 0.0), (1.0, 0.0), (1.1, 1.0), (-0.5, 0.0)):
+            np.testing.assert_array_equal(crosses(space, share * on_line, c_n), beyond)
+
+    def test_the_normal_impulse_alone_may_reverse_without_crossing(self, space):
+        c_n = -1.9 * space.v_n / space.K_nn
+        spun = reverses(space, np.zeros(N), c_n) == 1.0
+        assert 0.02 < spun.mean() < 0.98
+        assert not crosses(space, np.zeros(N), c_n).any()
+
+    def test_sticking_is_neither_whatever_the_rounding(self, space):
+        for c_n in (-1.2 * space.v_n / space.K_nn, -1.7 * space.v_n / space.K_nn):
+            c = line_of_sticking(space, c_n), c_n
+            assert not reverses(space, *c).any() and not crosses(space, *c).any()
+
+
+class TestEpsilonModes:
+    def test_one_hill(self, rng):
+        peak, peaks = epsilon_modes(rng.normal(0.55, 0.05, 2000))
+        assert peaks == 1 and peak == pytest.approx(0.55, abs=0.02)
+
+    def test_two_hills_and_the_higher_one(self, rng):
+        peak, peaks = epsilon_modes(np.r_[rng.normal(0.2, 0.03, 500), rng.normal(0.7, 0.03, 1500)])
+        assert peaks == 2 and peak == pytest.approx(0.7, abs=0.02)
+
+    def test_a_ripple_below_a_tenth_is_no_mode(self, rng):
+        _, peaks = epsilon_modes(np.r_[rng.normal(0.2, 0.03, 40), rng.normal(0.7, 0.03, 2000)])
+        assert peaks == 1
+
+    def test_failed_fits_are_left_out_and_equal_values_are_one_mode(self):
+        assert epsilon_modes(np.array([0.4, np.nan, 0.4])) == (0.4, 1)
+
+
+class TestConvergence:
+    def table(self, mus: dict[int, list[float]]) -> pd.DataFrame:
+        sizes = (10, 50, 100, 200)
+        return pd.DataFrame(
+            [
+                {"subset": subset, "k": k, "mu": mu, "epsilon": 0.5}
+                for subset, values in mus.items()
+                for k, mu in zip(sizes, values)
+            ]
+        ).sample(frac=1.0, random_state=1)
+
+    def test_least_k_from_which_all_subsets_stay_near(self):
+        assert converged_at(self.table({0: [0.2, 0.105, 0.1, 0.1], 1: [0.1, 0.12, 0.1, 0.1]})) == 100
+        assert converged_at(self.table({0: [0.105, 0.1, 0.1, 0.1]})) == 10
+
+    def test_coming_near_once_is_not_enough(self):
+        assert converged_at(self.table({0: [0.1, 0.1, 0.2, 0.1]})) == 200
+
+
+def test_local_minima():
+    x, y = np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 1, 21), indexing="ij")
+    for cost, count in (
+        ((x - 1) ** 2 + y, 1),  # on the border
+        (np.minimum((x - 0.5) ** 2, (x - 1.5) ** 2) + (y - 0.5) ** 2, 2),
+        (-((x - 1) ** 2) - (y - 0.5) ** 2, 4),  # the corners
+    ):
+        table = pd.DataFrame({"mu": x.ravel(), "epsilon": y.ravel(), "cost": cost.ravel()})
+        assert local_minima(table) == count
+
+
+MU, EPSILON, NOISE = 0.12, 0.6, 0.01
+
+
+@pytest.fixture(scope="module")
+def study_tables():
+    rng = np.random.default_rng(1)
+    impacts = falling_ellipses(rng, 160, law="anitescu_potra_newton", mu=MU, epsilon=EPSILON, noise=NOISE)
+    laws = tuple(name for name in LAWS if name != "mirtich_as_published")  # its solver is slow
+    train = study.split_trials(impacts.trial, 0.5, rng)
+    training, held_out = impacts.select(train), impacts.select(~train)
+    both = ("kinetic", "unweighted")
+    ensemble = study.ensemble_table(training, laws, both, "impulse", 20, rng)
+    axes = np.linspace(0, 0.4, 7), np.linspace(0.2, 0.9, 7)
+    return {
+        "held_out": held_out,
+        "ensemble": ensemble,
+        "individual": study.individual_table(impacts, laws, both, "impulse"),
+        "errors": study.held_out_errors(held_out, ensemble, "kinetic"),
+        "topography": study.topography_table(training, "whittaker", 50, *axes, "kinetic", "impulse", rng),
+        "convergence": study.convergence_table(
+            training, ("whittaker",), "kinetic", "impulse", (5, 20, 80), 2, rng
+        ),
+    }
+
+
+@pytest.fixture(scope="module")
+def table(study_tables) -> pd.DataFrame:
+    return statements(**study_tables)
+
+
+class TestAll:
+    """The whole table, from a study of impacts that Anitescu-Potra-Newton made with little noise."""
+
+    def value(self, table: pd.DataFrame, statement: str, law: str = "") -> pd.Series:
+        (row,) = table[(table["statement"] == statement) & (table["law"] == law)].itertuples()
+        return row
+
+    def test_columns_and_unique_rows(self, table):
+        assert table.columns.tolist() == ["statement", "law", "value", "std", "unit"]
+        assert not table[["statement", "law"]].duplicated().any()
+        assert np.isfinite(table["value"].to_numpy(float)).all()
+        assert (table["std"].dropna() >= 0).all()
+
+    def test_bound_is_what_noise_leaves(self, table, study_tables):
+        row = self.value(table, "irb_bound")
+        assert row.value == pytest.approx(irb(study_tables["held_out"]).mean())
+        # of three noisy components the impulse takes up two
+        assert 0.3 * NOISE < row.value < 2 * NOISE
+        assert self.value(table, "irb_bound_mirrored").value > 20 * row.value
+
+    def test_steep_friction_is_worse(self, table):
+        row = self.value(table, "steep_friction", "anitescu_potra_newton")
+        assert row.value > 5 * row.std > 0 and row.unit == "m/s"
+
+    def test_individual_parameters_of_the_true_law(self, table, study_tables):
+        """Impacts that stick report μ_s < μ, so the mean of μ is lower; that of ε is not."""
+        law = "anitescu_potra_newton"
+        row = self.value(table, "individual_minus_ensemble_epsilon", law)
+        assert abs(row.value) < 4 * row.std + 0.01
+        assert self.value(table, "individual_minus_ensemble_mu", law).value < 0
+        part = study_tables["individual"].query("law == @law and weighting == 'kinetic'")
+        spread = self.value(table, "individual_spread_epsilon", law).value
+        assert spread == pytest.approx(part["epsilon"].std() / EPSILON, rel=0.05)
+        assert self.value(table, "epsilon_mode", law).value == pytest.approx(EPSILON, abs=0.03)
+        assert self.value(table, "mu_zero", law).value == pytest.approx((part["mu"] < 1e-3).mean())
+
+    def test_shares_of_measured_and_predicted_impulses(self, table, study_tables):
+        held_out = study_tables["held_out"]
+        target = target_of(held_out)
+        measured = target.space, target.c_t, target.c_n
+        assert self.value(table, "back_spin").value == pytest.approx(reverses(*measured).mean())
+        assert self.value(table, "beyond_sticking").value == pytest.approx(crosses(*measured).mean())
+        law = "anitescu_potra_newton"
+        fit = study_tables["ensemble"].query("law == @law and weighting == 'kinetic'").iloc[0]
+        out = LAWS[law](held_out.v_pre, held_out.r, mass=MASS, k_g=K_G, mu=fit["mu"], epsilon=fit["epsilon"])
+        predicted = reverses(target.space, *out.impulse.T).mean()
+        assert self.value(table, "predicted_back_spin", law).value == pytest.approx(predicted)
+        # friction on the final slip can stop at sticking, never go beyond; Whittaker's law forbids reversal too
+        assert predicted > 0.0 == self.value(table, "predicted_beyond_sticking", law).value
+        assert self.value(table, "predicted_back_spin", "whittaker").value == 0.0
+
+    def test_small_momentum(self, table, study_tables):
+        held_out, errors = study_tables["held_out"], study_tables["errors"]
+        space = contact_space(held_out.v_pre, held_out.r, mass=MASS, k_g=K_G)
+        # tangential momentum of the contact, M_C v_C
+        momentum = np.abs(np.einsum("nij,nj->ni", space.M_c, np.stack([space.v_t, space.v_n], 1))[:, 0])
+        error = errors.loc[errors["model"] == "anitescu_potra_poisson", "velocity_error"].to_numpy()
+        order = np.argsort(momentum)
+        quarter = int(np.ceil(len(order) / 4))
+        ratio = error[order[:quarter]].mean() / error[order[quarter:]].mean()
+        law = "anitescu_potra_poisson"
+        assert self.value(table, "small_momentum", law).value == pytest.approx(ratio, rel=0.05)
+
+    def test_tables_may_come_from_files(self, study_tables, table, tmp_path):
+        read = {"held_out": study_tables["held_out"]}
+        for name in set(study_tables) - {"held_out"}:
+            write_table(study_tables[name], tmp_path / f"{name}.csv")
+            read[name] = read_table(tmp_path / f"{name}.csv")
+        again = statements(**read)
+        assert again[["statement", "law"]].equals(table[["statement", "law"]])
+        np.testing.assert_allclose(
+            again["value"].to_numpy(float), table["value"].to_numpy(float), rtol=1e-4, atol=1e-6
+        )

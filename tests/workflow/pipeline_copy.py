@@ -1,0 +1,18 @@
+"""What a fresh clone of the pipeline has, copied to another folder."""
+
+import shutil
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PARTS = ("Snakefile", "environment.txt", "config", "profiles", "thesis_lib", "workflow")
+
+
+def copy_pipeline(to: Path) -> Path:
+    """Copy the pipeline, without data and results, into the folder `to`."""
+    to.mkdir(parents=True, exist_ok=True)
+    for name in PARTS:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(ROOT / name, to / name)
+    return to

@@ -1,0 +1,91 @@
+"""An edit in thesis_lib changes the hash of exactly the scripts that use it (the real package, in a copy)."""
+
+from pathlib import Path
+
+import pytest
+from pipeline_copy import copy_pipeline
+
+from thesis_lib.provenance import lib_hash
+
+STUDY = {"ch3_identify", "ch3_evaluate", "ch3_figures"}
+DRAWN = {"ch3_figures", "ch3_schematics", "ch3_trajectories"}
+# edited file, scripts that must run again, scripts that must not (None: all others)
+EDITS = [
+    ("simulate/drops.py", {"simulate_drops"}, None),
+    ("simulate/lcp.py", {"simulate_drops"}, None),
+    ("datasets/detect.py", {"find_impacts"}, None),
+    ("claims/evaluate.py", {"claims"}, None),
+    ("claims/page.py", {"claims"}, None),
+    ("identify/stored_predictions.py", {"ch3_published"}, None),
+    ("figures/thesis.mplstyle", DRAWN, None),
+    ("figures/style.py", DRAWN, None),
+    ("figures/chapter3_errors.py", {"ch3_figures"}, None),
+    (
+        "contact/mirtich.py",
+        {"ch3_identify", "ch3_evaluate", "ch3_published", "ch3_figures"},
+        {"simulate_drops", "find_impacts", "convert_measured", "claims", "provenance", "datasets_present"},
+    ),
+    (
+        "identify/individual.py",
+        {"ch3_identify"},
+        {"simulate_drops", "find_impacts", "convert_measured", "ch3_published", "claims", "provenance"},
+    ),
+    ("datasets/impacts.py", STUDY | {"find_impacts"}, {"datasets_present", "claims", "provenance"}),
+    (
+        "bodies/shapes.py",
+        STUDY | {"simulate_drops", "find_impacts"},
+        {"datasets_present", "claims", "provenance"},
+    ),
+    ("config.py", set(), None),  # each script reads the settings of its own section
+    ("claims/__main__.py", set(), None),
+    ("datasets/__main__.py", set(), None),
+]
+
+
+def hashes(root: Path) -> dict[str, str]:
+    return {path.stem: lib_hash(path, root) for path in sorted((root / "workflow/scripts").glob("*.py"))}
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory) -> Path:
+    return copy_pipeline(tmp_path_factory.mktemp("hashes"))
+
+
+@pytest.fixture(scope="module")
+def before(root) -> dict[str, str]:
+    return hashes(root)
+
+
+def changed(root: Path, before: dict[str, str], path: str, edit) -> set[str]:
+    file = root / "thesis_lib" / path
+    old = file.read_text(encoding="utf-8") if file.exists() else None
+    try:
+        file.write_text(edit(old or ""), encoding="utf-8")
+        after = hashes(root)
+    finally:
+        file.unlink() if old is None else file.write_text(old, encoding="utf-8")
+    return {name for name in before if before[name] != after[name]}
+
+
+@pytest.mark.parametrize(("path", "users", "others"), EDITS, ids=[edit[0] for edit in EDITS])
+def test_edit_reaches_its_users_only(root, before, path, users, others):
+    found = changed(root, before, path, lambda text: text + "\n_edited = 1\n")
+    assert users <= found
+    if others is None:
+        assert found == users
+    else:
+        assert not found & others
+
+
+def test_new_law_reaches_the_studies(root, before):
+    found = changed(root, before, "contact/new_law.py", lambda _: "LAW = None\n")
+    assert {"ch3_identify", "ch3_evaluate"} <= found and "find_impacts" not in found
+
+
+def test_comments_reach_nothing(root, before):
+    for path in ("contact/law.py", "files.py", "datasets/impacts.py"):
+        assert changed(root, before, path, lambda text: text + "\n# a comment\n") == set()
+
+
+def test_every_script_uses_the_library(before):
+    assert len(set(before.values())) == len(before)

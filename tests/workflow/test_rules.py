@@ -1,0 +1,152 @@
+"""What every rule and script must have, read from the files themselves."""
+
+import ast
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from pipeline_copy import ROOT
+
+RULE_FILES = sorted((ROOT / "workflow/rules").glob("*.smk"))
+SCRIPTS = sorted((ROOT / "workflow/scripts").glob("*.py"))
+MODULES = sorted((ROOT / "thesis_lib").rglob("*.py"))
+LONGEST = 60  # lines of a script: more than that is work that belongs into the library
+LOG = "sys.stdout = sys.stderr = open(snakemake.log[0]"
+
+
+def rules() -> dict[str, str]:
+    """Rule -> its text, for every rule that does something."""
+    found = {}
+    for path in RULE_FILES:
+        parts = re.split(
+            r"^(?:rule|checkpoint) (\w+):\n", path.read_text(encoding="utf-8"), flags=re.MULTILINE
+        )
+        for name, text in zip(parts[1::2], parts[2::2]):
+            # a rule ends where a line is not indented
+            body = re.split(r"^\S", text, maxsplit=1, flags=re.MULTILINE)[0]
+            if re.search(r"^    (script|shell|run|notebook|wrapper):", body, re.MULTILINE):
+                found[name] = body
+    return found
+
+
+RULES = rules()
+
+
+def directive(rule: str, name: str) -> str | None:
+    """Text of a directive of a rule, None where it has none."""
+    match = re.search(rf"^    {name}:\n((?:        .*\n|\n)+)", RULES[rule], re.MULTILINE)
+    return match and match[1]
+
+
+def test_rules_were_found():
+    assert {"simulate_drops", "find_impacts", "ch3_identify", "ch3_evaluate", "claims", "provenance"} <= set(
+        RULES
+    )
+
+
+@pytest.mark.parametrize("rule", RULES)
+class TestRules:
+    @pytest.mark.parametrize("name", ["log", "conda", "message", "script", "output"])
+    def test_has_what_every_rule_needs(self, rule, name):
+        assert directive(rule, name), f"rule {rule} has no `{name}:`"
+
+    def test_runs_a_script_and_carries_the_hash_of_that_very_script(self, rule):
+        script = re.search(r'"\.\./scripts/(\w+)\.py"', directive(rule, "script"))[1]
+        assert (ROOT / f"workflow/scripts/{script}.py").is_file()
+        hashed = re.findall(r'lib=code_of\("(\w+)"\)', directive(rule, "params") or "")
+        assert hashed == [script], f"rule {rule} must have lib=code_of({script!r}) among its params"
+
+    def test_log_is_named_after_the_rule(self, rule):
+        log = re.search(r'"(.+)"', directive(rule, "log"))[1]
+        assert log.startswith(f"results/logs/{rule}")
+
+
+def test_captions_exist():
+    for path in RULE_FILES:
+        text = path.read_text(encoding="utf-8")
+        for caption in re.findall(r'caption="\.\./report/([\w.]+)"', text):
+            assert (ROOT / "workflow/report" / caption).is_file(), caption
+        for number in re.findall(r"ch3_figure\((\d+),", text):
+            assert (ROOT / f"workflow/report/figure_3_{number}.rst").is_file(), number
+
+
+def test_every_script_is_used():
+    used = {re.search(r"scripts/(\w+)\.py", directive(rule, "script"))[1] for rule in RULES}
+    assert {path.stem for path in SCRIPTS} == used
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+class TestScripts:
+    def test_is_short_and_says_what_it_does(self, script):
+        text = script.read_text(encoding="utf-8")
+        assert len(text.splitlines()) < LONGEST
+        assert ast.get_docstring(ast.parse(text))
+
+    def test_opens_its_log_before_anything_else_can_fail(self, script):
+        statements = ast.parse(script.read_text(encoding="utf-8")).body
+        first = [ast.unparse(node) for node in statements[1:3]]
+        assert first[0] == "import sys" and first[1].startswith(LOG)
+
+    def test_computes_nothing_itself(self, script):
+        tree = ast.parse(script.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = (
+                    [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
+                )
+                for name in names:
+                    assert name.split(".")[0] in {"sys", "pathlib", "thesis_lib"}, name
+            if isinstance(node, ast.BinOp):
+                # Path / "name" joins paths
+                joins = isinstance(node.op, ast.Div) and isinstance(node.right, ast.Constant | ast.JoinedStr)
+                assert joins, f"line {node.lineno}: {ast.unparse(node)}"
+            assert not isinstance(node, ast.AugAssign | ast.While | ast.Lambda), ast.unparse(node)
+
+    def test_is_not_tied_to_a_place(self, script):
+        assert "chdir" not in script.read_text(encoding="utf-8")
+
+
+class TestImportsThatTheHashMustSee:
+    """`lib_hash` follows imports statically; these are the ways round it."""
+
+    @pytest.mark.parametrize("path", [*MODULES, *SCRIPTS], ids=lambda path: path.relative_to(ROOT).as_posix())
+    def test_names_are_imported_from_the_module_that_holds_them(self, path):
+        """No relative imports, and no names that a package only forwards by name (`thesis_lib.datasets`)."""
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.ImportFrom):
+                continue
+            assert node.level == 0, f"relative import in line {node.lineno}"
+            if node.module == "thesis_lib.datasets":
+                for alias in node.names:
+                    assert find_spec(f"thesis_lib.datasets.{alias.name}"), (
+                        f"line {node.lineno}: import {alias.name} from its module, not from the package"
+                    )
+
+    def test_imports_by_name_are_only_those_that_are_known(self):
+        users = {
+            path.relative_to(ROOT).as_posix()
+            for path in MODULES
+            if re.search(r"import_module\(|__import__\(", path.read_text(encoding="utf-8"))
+        }
+        assert users <= {"thesis_lib/datasets/__init__.py", "thesis_lib/claims/__init__.py"}
+
+    def test_the_library_does_not_know_snakemake(self):
+        for path in MODULES:
+            assert not re.search(
+                r"^\s*(import|from) snakemake", path.read_text(encoding="utf-8"), re.MULTILINE
+            )
+
+
+@pytest.mark.slow
+class TestLint:
+    def test_snakemake_lint(self, snakemake):
+        done = snakemake(ROOT, "--lint")
+        assert done.returncode == 0, done.stdout
+
+    def test_snakefmt(self):
+        command = [str(Path(sys.executable).with_name("snakefmt")), "--check", "Snakefile", "workflow"]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr

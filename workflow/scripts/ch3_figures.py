@@ -1,0 +1,35 @@
+"""Figures 3-7 to 3-11 of one dataset, in the kinetic weighting of equation 3.7."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.figures.chapter3_cases import figure_3_11
+from thesis_lib.figures.chapter3_errors import figure_3_8, figure_3_9
+from thesis_lib.figures.chapter3_identification import figure_3_7, figure_3_10
+from thesis_lib.figures.style import save_figure
+from thesis_lib.files import read_table
+from thesis_lib.identify.impact_study import pick
+from thesis_lib.identify.statements import MAPPED, STUDIED
+
+source = snakemake.input
+dataset = read_dataset(Path(source.header).parent)
+impacts, split = dataset.stated_impacts(), read_table(source.split)
+errors = read_table(source.errors)
+ensemble, individual = (
+    table[table["weighting"] == "kinetic"]
+    for table in (read_table(source.ensemble), read_table(source.individual))
+)
+known = {"mass_known": dataset.mass is not None}
+drawn = {
+    "figure_3_7": figure_3_7(read_table(source.topography), read_table(source.convergence), **known),
+    "figure_3_8": figure_3_8(errors),
+    "figure_3_9": figure_3_9(pick(impacts, split, train=0), errors, MAPPED, **known),
+    "figure_3_10": figure_3_10(individual, ensemble, STUDIED, **known),
+    "figure_3_11": figure_3_11(pick(impacts, split), individual, ensemble, STUDIED, **known),
+}
+for name, (figure, table) in drawn.items():
+    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))

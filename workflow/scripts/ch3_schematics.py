@@ -1,0 +1,22 @@
+"""Figures 3-1 to 3-3: the body on the surface, the energy ellipse, the regions of the laws."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.datasets.header import Body
+from thesis_lib.figures import chapter3_contact_space as figures
+from thesis_lib.figures.style import save_figure
+from thesis_lib.files import read_table
+
+body = Body.model_validate(snakemake.params.body)
+coverage = read_table(snakemake.input.coverage, ["law", "share"])
+drawn = {
+    "figure_3_1": figures.figure_3_1(body),
+    "figure_3_2": figures.figure_3_2(body),
+    "figure_3_3": figures.figure_3_3(body, coverage),
+}
+for name, (figure, table) in drawn.items():
+    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
