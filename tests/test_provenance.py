@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.provenance import environment, file_sha256, lib_hash
+from thesis_lib.provenance import environment, file_sha256, folder_sha256, lib_hash
 
 FILES = {
     "thesis_lib/__init__.py": "",
@@ -119,6 +119,19 @@ def test_broken_module_is_named(root):
 def test_file_sha256(tmp_path):
     (tmp_path / "abc").write_bytes(b"abc")
     assert file_sha256(tmp_path / "abc").startswith("ba7816bf8f01cfea414140de5dae2223")  # FIPS 180-2, B.1
+
+
+def test_folder_sha256_follows_names_and_contents_not_places(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name / "deep").mkdir(parents=True)
+        (tmp_path / name / "deep" / "one.csv").write_text("1")
+        (tmp_path / name / "two.csv").write_text("2")
+    first = folder_sha256(tmp_path / "a")
+    assert first == folder_sha256(tmp_path / "b")
+    (tmp_path / "b" / "two.csv").rename(tmp_path / "b" / "three.csv")
+    assert folder_sha256(tmp_path / "b") != first
+    (tmp_path / "a" / "two.csv").write_text("3")
+    assert folder_sha256(tmp_path / "a") != first
 
 
 class TestEnvironment:

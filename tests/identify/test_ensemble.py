@@ -15,6 +15,10 @@ EXACT = 1e-5  # ten boxes of the last grid
 NOISE = 0.05  # m/s, kinetic
 STANDARD_ERRORS = 3.0  # one case in 370
 COVERED = (0.87, 1.0)  # of 80 intervals of ±2 standard errors: expected 0.95, less three binomial errors
+SPREAD = (
+    0.7,
+    1.35,
+)  # of 80 errors over their standard errors: 1, give or take three times 8 % and the bootstrap's 7 %
 REPLICATES = 100
 
 
@@ -40,16 +44,17 @@ def test_recovery_within_standard_errors(name, rng):
     assert fit.replicates.shape == (REPLICATES, 2)
 
 
-def test_bootstrap_intervals_cover_the_truth():
-    inside = []
+def test_bootstrap_standard_errors_are_those_of_repeated_experiments():
+    z = []
     for seed in range(40):
         rng = np.random.default_rng(seed)
         impacts = falling_ellipses(rng, 80, law="anitescu_potra_newton", mu=MU, epsilon=EPSILON, noise=NOISE)
         fit = fit_ensemble(
             LAWS["anitescu_potra_newton"], target_of(impacts), "impulse", bootstrap=REPLICATES, rng=rng
         )
-        inside += [abs(fit.mu - MU) < 2 * fit.mu_std, abs(fit.epsilon - EPSILON) < 2 * fit.epsilon_std]
-    assert COVERED[0] <= np.mean(inside) <= COVERED[1]
+        z += [(fit.mu - MU) / fit.mu_std, (fit.epsilon - EPSILON) / fit.epsilon_std]
+    assert COVERED[0] <= np.mean(np.abs(z) < 2.0) <= COVERED[1]
+    assert SPREAD[0] <= np.std(z) <= SPREAD[1]
 
 
 def test_no_point_of_a_dense_grid_is_better(rng):

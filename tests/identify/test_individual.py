@@ -81,6 +81,20 @@ def replace_impulse_by_zero(law):
     return replace(law, impulse=lambda space, mu, epsilon: (0.0 * space.v_n, 0.0 * space.v_n))
 
 
+@pytest.mark.parametrize("metric", ["impulse", "velocity"])
+@pytest.mark.parametrize("name", SIX_LAWS)
+def test_no_neighbour_is_better(name, metric, rng):
+    """Random steps of all sizes from 0.1 down to 1e-7, for impacts within and outside the law's range."""
+    target = far_targets(rng, 40)
+    fit = fit_individual(LAWS[name], target, metric)
+    step = 10.0 ** rng.uniform(-7, -1, (2000, 1)) * rng.standard_normal((2, 2000, 40))
+    mu = np.clip(fit.mu + step[0], 0, MU_MAX)
+    epsilon = np.clip(fit.epsilon + step[1], 0, 1)
+    near = np.nanmin(misfit(LAWS[name], target, mu, epsilon, metric), axis=0)
+    scale = misfit(replace_impulse_by_zero(LAWS[name]), target, 0.0, 0.0, metric)
+    assert np.all(fit.error <= near + BRUTE_FORCE * scale)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_never_worse_than_differential_evolution(name, rng):

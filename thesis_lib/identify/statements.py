@@ -99,14 +99,16 @@ def statements(
 
 
 def reverses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """1.0 where the impulse changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0."""
+    """1.0 where the impulse changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN: no impulse."""
     # a stuck contact has v_t⁺ = 0 up to rounding
-    return (space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)).astype(float)
+    changes = space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)
+    return np.where(np.isfinite(c_t + c_n), changes, np.nan)
 
 
 def crosses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """1.0 where the impulse lies beyond the line of sticking, else 0.0."""
-    return (beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)).astype(float)
+    """1.0 where the impulse lies beyond the line of sticking, else 0.0; NaN: no impulse."""
+    beyond = beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)
+    return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
 
 
 def _prediction(space: ContactSpace, law: str, mu: float, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
