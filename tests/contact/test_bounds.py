@@ -110,8 +110,8 @@ def test_bound_equals_a_generic_cone_program(measured):
         program.AddLorentzConeConstraint(np.concatenate([distance, dv - J.T @ c]))
         after = np.linalg.solve(L, v_c) + L.T @ c
         program.AddLorentzConeConstraint(np.concatenate([[np.linalg.norm(np.linalg.solve(L, v_c))], after]))
-        program.AddLinearConstraint(c[1] >= 0.0)
-        program.AddLinearConstraint((v_c + J @ J.T @ c)[1] >= 0.0)
+        program.AddBoundingBoxConstraint(0.0, np.inf, c[1])
+        program.AddLinearConstraint((J @ J.T)[1], -v_c[1], np.inf, c)
         result = solver.Solve(program, None, options)
         assert abs(result.get_optimal_cost() - bound.error[i]) <= SOLVER * draw.speed[i], i
         np.testing.assert_allclose(

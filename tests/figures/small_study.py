@@ -58,7 +58,7 @@ def small_study() -> Study:
             "law": TRUTH,
             "mu": fit.mu,
             "epsilon": fit.epsilon,
-            "error": fit.error,
+            "misfit": fit.error,
         }
     )
     axes = np.linspace(0.0, 0.3, 9), np.linspace(0.2, 0.8, 9)

@@ -12,7 +12,6 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.figures.chapter3_contact_space import GROUPS
 from thesis_lib.figures.style import (
     BOUND_STYLE,
-    COLUMNS,
     LAW_STYLE,
     house_style,
     new_figure,
@@ -71,10 +70,6 @@ def test_a_column_without_unit_and_meaning_is_refused(tmp_path):
     with pytest.raises(KeyError, match="wobble"):
         save_figure(figure, table.assign(wobble=1.0), tmp_path / "figure")
     assert not list(tmp_path.iterdir())
-
-
-def test_every_column_says_what_it_is():
-    assert all(len(meaning) > 8 for _, meaning in COLUMNS.values())
 
 
 def test_laws_keep_their_title_and_look_in_both_variants():

@@ -196,7 +196,7 @@ class TestIndividualTable:
             np.testing.assert_array_equal(part["impact"], impacts.impact)
             direct = misfit(LAWS[law], target_of(impacts, weighting), part["mu"], part["epsilon"], "impulse")
             # clipped to the sticking bound, the impulse differs by up to a thousandth
-            np.testing.assert_allclose(part["error"], direct, atol=3e-4)
+            np.testing.assert_allclose(part["misfit"], direct, atol=3e-4)
             assert (part["mu"] <= part["mu_s"]).all()
 
 

@@ -115,7 +115,7 @@ class TestTable32:
                 {
                     "law": law,
                     "weighting": weighting,
-                    "error": 0.5 * error * (1 if weighting == "kinetic" else 100),
+                    "misfit": 0.5 * error * (1 if weighting == "kinetic" else 100),
                 }
                 for weighting in ("kinetic", "unweighted")
                 for law, list_ in values.items()

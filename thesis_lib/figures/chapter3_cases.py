@@ -86,7 +86,7 @@ def figure_3_11(
     target = target_of(impacts)
     keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
     each = individual[individual["law"] == law].set_index(["trial", "impact"]).reindex(keys)
-    mu, epsilon, misfit = (each[name].to_numpy(float) for name in ("mu", "epsilon", "error"))
+    mu, epsilon, misfit = (each[name].to_numpy(float) for name in ("mu", "epsilon", "misfit"))
     fit = ensemble[ensemble["law"] == law].iloc[0]
     cases = {
         "a": (zero_friction_case(impacts, mu, misfit), r"$\mu = 0$"),

@@ -109,7 +109,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
         UserError: no impact has individual parameters under this law.
     """
     unit = ImpulseAxis.of(mass_known)
-    each = individual[(individual["law"] == law) & individual["error"].notna()]
+    each = individual[(individual["law"] == law) & individual["misfit"].notna()]
     if not len(each):
         raise UserError(f"No impact has individual parameters under {law}; look at individual.csv.")
     fit = ensemble[ensemble["law"] == law].iloc[0]
@@ -118,12 +118,12 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
     axes = figure.subplot_mosaic([["a", "mu"], ["a", "epsilon"]], width_ratios=(1.25, 1.0))
 
     ax = axes["a"]
-    shown = each.sort_values("error", kind="stable")  # the worst on top
-    top = max(float(shown["error"].quantile(0.98)), np.finfo(float).tiny)
+    shown = each.sort_values("misfit", kind="stable")  # the worst on top
+    top = max(float(shown["misfit"].quantile(0.98)), np.finfo(float).tiny)
     dots = ax.scatter(
         shown["mu"],
         shown["epsilon"],
-        c=unit.factor * shown["error"],
+        c=unit.factor * shown["misfit"],
         vmin=0.0,
         vmax=unit.factor * top,
         s=5,
@@ -143,7 +143,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
     bar.outline.set_visible(False)
 
     parts = [
-        each.assign(panel="a", series="individual", misfit=each["error"])[
+        each.assign(panel="a", series="individual")[
             ["panel", "series", "trial", "impact", "mu", "epsilon", "misfit"]
         ],
         pd.DataFrame(

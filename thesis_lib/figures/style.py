@@ -18,6 +18,7 @@ import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from thesis_lib.columns import explain
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.files import atomic, write_table
 
@@ -119,50 +120,12 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path) -> None:
     """Write `path`.png, `path`.pdf and the plotted numbers as `path`.csv; equal content gives equal bytes.
 
     Raises:
-        KeyError: a column of the table is not explained in `COLUMNS`.
+        KeyError: a column of the table is not explained in thesis_lib/columns.py.
     """
-    unknown = [name for name in table.columns if name not in COLUMNS]
-    if unknown:
-        raise KeyError(f"columns without unit and meaning in figures.style.COLUMNS: {', '.join(unknown)}")
     path = Path(path)
+    explain(path.name, table.columns)
     with atomic(path.with_name(f"{path.name}.png")) as tmp:
         figure.savefig(tmp, metadata={"Software": None})
     with atomic(path.with_name(f"{path.name}.pdf")) as tmp:
         figure.savefig(tmp, metadata={"Creator": None, "Producer": None, "CreationDate": None})
     write_table(table, path.with_name(f"{path.name}.csv"))
-
-
-# unit and meaning of every column in the CSV beside a figure
-COLUMNS: dict[str, tuple[str, str]] = {
-    "panel": ("", "part of the figure, as lettered or titled in it"),
-    "variant": (
-        "",
-        "as_published: the authors' code where it differs from its law; as_defined: the law itself",
-    ),
-    "series": ("", "what is drawn: the name of a curve, point or group of points"),
-    "kind": ("", "sample: measured; arc: fitted flight; impact: instant of a detected impact"),
-    "law": ("", "impact law, a key of thesis_lib.contact.LAWS"),
-    "model": ("", "impact law or post-hoc bound"),
-    "trial": ("", "number of the release"),
-    "impact": ("", "number of the impact within its trial, from 0"),
-    "subset": ("", "number of the random order in which impacts are added"),
-    "x": ("m", "horizontal position"),
-    "y": ("m", "vertical position"),
-    "t": ("s", "time since the trial's first sample"),
-    "value": ("m", "x, y, or θ times the radius of gyration, as `series` says"),
-    "energy": ("J", "energy above rest on the surface; J/kg where the dataset gives no mass"),
-    "c_t": ("N s", "tangential impulse on the body; N s/kg where the dataset gives no mass"),
-    "c_n": ("N s", "normal impulse on the body; N s/kg where the dataset gives no mass"),
-    "momentum_t": ("N s", "tangential contact momentum before impact, (M_C v_C)_t; N s/kg without a mass"),
-    "momentum_n": ("N s", "normal contact momentum before impact, (M_C v_C)_n; N s/kg without a mass"),
-    "mu": ("1", "coefficient of friction"),
-    "epsilon": ("1", "coefficient of restitution"),
-    "parameter": ("1", "value of μ or ε at which a density is given"),
-    "cost": ("N s", "mean misfit in impulse space an impact; N s/kg without a mass"),
-    "misfit": ("N s", "misfit of one impact in impulse space; N s/kg without a mass"),
-    "error": ("m/s", "error of the velocity after impact, √(δv_x² + δv_y² + (k δω)²)"),
-    "density": ("", "probability density: s/m over errors, 1 over parameters"),
-    "share_below": ("1", "share of held-out impacts with at most this error"),
-    "k": ("1", "number of impacts identified from"),
-    "n": ("1", "impacts that went into the value"),
-}

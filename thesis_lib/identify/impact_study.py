@@ -180,7 +180,7 @@ def individual_table(
             fit = fit_individual(LAWS[name], target, metric)
             part = pd.DataFrame({"trial": impacts.trial, "impact": impacts.impact})
             part["law"], part["weighting"] = name, weighting
-            part["mu"], part["epsilon"], part["error"], part["mu_s"] = (
+            part["mu"], part["epsilon"], part["misfit"], part["mu_s"] = (
                 fit.mu,
                 fit.epsilon,
                 fit.error,

@@ -71,7 +71,7 @@ def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float
         individual.groupby("weighting"), VARIANTS.items()
     ):
         for i, name in enumerate(laws):
-            error = chosen.loc[chosen["law"] == name, "error"].to_numpy() / mass
+            error = chosen.loc[chosen["law"] == name, "misfit"].to_numpy() / mass
             for tolerance in tolerances:
                 share = float(np.mean(error <= tolerance))
                 rows.append(

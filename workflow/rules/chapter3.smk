@@ -169,6 +169,7 @@ rule ch3_figures:
 
 rule chapter3:
     input:
+        rules.ch3_published.output if "planar_impact" in CH3_DATASETS else [],
         expand(f"{CH3}/table_3_1.csv", dataset=CH3_DATASETS),
         expand(f"{CH3_COMMON}/figure_3_{{number}}.png", number=(1, 2, 3)),
         expand(f"{CH3}/figure_3_{{number}}.png", dataset=CH3_WITH_TRAJECTORIES, number=(5, 6)),

@@ -41,7 +41,8 @@ rule provenance:
     input:
         rules.chapter3.input,
     output:
-        "results/provenance.json",
+        made="results/provenance.json",
+        columns="results/columns.csv",
     log:
         "results/logs/provenance.log",
     conda:

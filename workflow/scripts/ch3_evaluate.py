@@ -6,8 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
+from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.files import read_table, write_table
+from thesis_lib.files import read_table
 from thesis_lib.identify import impact_study as study
 from thesis_lib.identify import impact_tables as tables
 from thesis_lib.identify.statements import statements
@@ -20,11 +21,11 @@ convergence = read_table(source.convergence)
 held_out = study.pick(impacts, split, train=0)
 
 errors = {w: study.held_out_errors(held_out, ensemble, w) for w in ("kinetic", "unweighted")}
-write_table(errors["kinetic"], out.errors)
-write_table(tables.error_summary(errors["kinetic"]), out.summary)
-write_table(tables.table_3_1(ensemble, errors), out.table_3_1)
+write_result(errors["kinetic"], out.errors)
+write_result(tables.error_summary(errors["kinetic"]), out.summary)
+write_result(tables.table_3_1(ensemble, errors), out.table_3_1)
 tolerances = snakemake.params.settings["range_tolerances"]
-write_table(tables.table_3_2(individual, tolerances, impacts.mass), out.table_3_2)
-write_table(study.coverage_table(study.pick(impacts, split), study.ALL_LAWS), out.coverage)
+write_result(tables.table_3_2(individual, tolerances, impacts.mass), out.table_3_2)
+write_result(study.coverage_table(study.pick(impacts, split), study.ALL_LAWS), out.coverage)
 said = statements(held_out, ensemble, individual, errors["kinetic"], topography, convergence)
-write_table(said, out.statements)
+write_result(said, out.statements)

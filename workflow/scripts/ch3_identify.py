@@ -6,8 +6,8 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
+from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.files import write_table
 from thesis_lib.identify import impact_study as study
 from thesis_lib.identify.settings import Chapter3
 from thesis_lib.randomness import generator
@@ -25,25 +25,25 @@ impacts = study.select_impacts(impacts, settings.filter, settings.max_impacts, s
 train = study.split_trials(impacts.trial, settings.train_share, stream("split"))
 training = impacts.select(train)
 print(f"{len(impacts)} impacts, {train.sum()} for training")
-write_table(study.split_table(impacts, train), out.split)
+write_result(study.split_table(impacts, train), out.split)
 
 both = ("kinetic", "unweighted")
 ensemble = study.ensemble_table(
     training, study.ALL_LAWS, both, "impulse", settings.bootstrap, stream("bootstrap")
 )
-write_table(ensemble, out.ensemble)
+write_result(ensemble, out.ensemble)
 by_velocity = study.ensemble_table(
     training, study.ALL_LAWS, ("kinetic",), "velocity", settings.bootstrap, stream("bootstrap velocity")
 )
-write_table(by_velocity, out.ensemble_velocity)
+write_result(by_velocity, out.ensemble_velocity)
 c = settings.convergence
 convergence = study.convergence_table(
     training, c.laws, "kinetic", "impulse", c.sizes, c.subsets, stream("convergence")
 )
-write_table(convergence, out.convergence)
+write_result(convergence, out.convergence)
 g = settings.topography
 topography = study.topography_table(
     training, g.law, g.n, *g.axes(), "kinetic", "impulse", stream("topography")
 )
-write_table(topography, out.topography)
-write_table(study.individual_table(impacts, study.ALL_LAWS, both, "impulse"), out.individual)
+write_result(topography, out.topography)
+write_result(study.individual_table(impacts, study.ALL_LAWS, both, "impulse"), out.individual)

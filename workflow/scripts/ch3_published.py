@@ -6,14 +6,15 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
+from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.files import read_table, write_table
+from thesis_lib.files import read_table
 from thesis_lib.identify import stored_predictions as stored
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
 folder, out = Path(snakemake.input.predictions).parent, snakemake.output
 predictions = read_table(folder / "published_predictions.csv")
-write_table(stored.best_worst(predictions), out.best_worst)
-write_table(stored.agreement(impacts, predictions), out.agreement)
-write_table(stored.cost_at_published(impacts), out.cost)
-write_table(stored.drops_kept(read_table(folder / "all_drops.csv")), out.kept)
+write_result(stored.best_worst(predictions), out.best_worst)
+write_result(stored.agreement(impacts, predictions), out.agreement)
+write_result(stored.cost_at_published(impacts), out.cost)
+write_result(stored.drops_kept(read_table(folder / "all_drops.csv")), out.kept)

@@ -1,10 +1,13 @@
-"""Record what made these results: versions, platform, seed, commit, and checksums of the measured data."""
+"""Record what made these results (versions, seed, commit, checksums of the data) and what their columns mean."""
 
 import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.files import write_json
+from pathlib import Path
+
+from thesis_lib.columns import column_dictionary
+from thesis_lib.files import write_json, write_table
 from thesis_lib.provenance import environment, folder_sha256
 
 params = snakemake.params
@@ -15,5 +18,6 @@ write_json(
         "data": {name: folder_sha256(folder) for name, folder in params.sources.items()},
         **environment("environment.txt"),
     },
-    snakemake.output[0],
+    snakemake.output.made,
 )
+write_table(column_dictionary(Path("results/chapter3").glob("*/*.csv")), snakemake.output.columns)

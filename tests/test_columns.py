@@ -1,0 +1,35 @@
+"""Every column of every result table has a unit and a meaning."""
+
+import pandas as pd
+import pytest
+
+from thesis_lib.columns import COLUMNS, TABLES, column_dictionary, explain, write_result
+
+
+def test_every_column_says_what_it_is():
+    everything = [*COLUMNS.values(), *(m for own in TABLES.values() for m in own.values())]
+    assert all(len(meaning) > 5 for _, meaning in everything)
+
+
+def test_a_table_may_give_a_column_its_own_meaning():
+    assert explain("error_summary", ["median"]).loc[0, "unit"] == "m/s"
+    assert explain("published_agreement", ["median"]).loc[0, "unit"] == "N s"
+
+
+def test_an_unexplained_column_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(KeyError, match="wobble"):
+        write_result(pd.DataFrame({"law": ["mirtich"], "wobble": [1.0]}), tmp_path / "table.csv")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_dictionary_lists_each_kind_of_table_once(tmp_path):
+    for folder in ("a", "b"):
+        write_result(pd.DataFrame({"law": ["mirtich"], "share": [0.2]}), tmp_path / folder / "coverage.csv")
+    write_result(pd.DataFrame({"trial": [1], "train": [0]}), tmp_path / "a" / "split.csv")
+    table = column_dictionary(tmp_path.rglob("*.csv"))
+    assert table[["table", "column"]].to_numpy().tolist() == [
+        ["coverage", "law"],
+        ["coverage", "share"],
+        ["split", "trial"],
+        ["split", "train"],
+    ]
