@@ -103,7 +103,14 @@ class TestMistakes:
             ({"chapter3": {"bootstrap": 1}}, "chapter3.bootstrap"),
             ({"chapter3": {"metric": "energy"}}, "chapter3.metric"),
             ({"chapter3": {"convergence": {"sizes": [10, 0]}}}, "chapter3.convergence.sizes.1"),
+            ({"chapter3": {"convergence": {"sizes": []}}}, "chapter3.convergence.sizes"),
+            ({"chapter3": {"convergence": {"laws": []}}}, "chapter3.convergence.laws"),
+            ({"chapter3": {"range_tolerances": []}}, "chapter3.range_tolerances"),
             ({"chapter3": {"topography": {"mu": [0.1]}}}, "chapter3.topography.mu"),
+            ({"chapter3": {"topography": {"mu": [0.4, 0.0]}}}, "chapter3.topography.mu"),
+            ({"chapter3": {"topography": {"mu": [-0.1, 0.4]}}}, "chapter3.topography.mu.0"),
+            ({"chapter3": {"topography": {"epsilon": [0.5, 0.5]}}}, "chapter3.topography.epsilon"),
+            ({"chapter3": {"topography": {"epsilon": [0.5, 1.5]}}}, "chapter3.topography.epsilon.1"),
         ],
     )
     def test_wrong_value_is_refused_with_its_place(self, values, place):
@@ -124,6 +131,13 @@ class TestMistakes:
         assert "3 mistake(s)" in text
         for part in ("seed", "-1", "drops.n", "drops.m", "config/schema.json"):
             assert part in text
+
+    def test_messages_speak_of_yaml_and_name_files_that_exist(self):
+        text = mistakes({"measured": "nowhere", "chapter3": {"convergence": {"sizes": []}}})
+        assert "measured: Input should be a list (got 'nowhere')" in text
+        assert "tuple" not in text.lower()
+        *_, last = text.splitlines()
+        assert (ROOT / last.split()[0]).is_file() and "docs/" not in text
 
 
 class TestReading:

@@ -13,6 +13,8 @@ from thesis_lib.files import write_table
 
 Meaning = tuple[str, str]  # unit ('' for text, "1" for pure numbers), meaning
 
+_COVARIANCE: Meaning = ("product of both", "covariance of the two quantities in the column's name")
+
 COLUMNS: dict[str, Meaning] = {
     "panel": ("", "part of the figure, as lettered or titled in it"),
     "variant": (
@@ -35,7 +37,7 @@ COLUMNS: dict[str, Meaning] = {
     "c_n": ("N s", "normal impulse on the body; N s/kg where the dataset gives no mass"),
     "momentum_t": ("N s", "tangential contact momentum before impact, (M_C v_C)_t; N s/kg without a mass"),
     "momentum_n": ("N s", "normal contact momentum before impact, (M_C v_C)_n; N s/kg without a mass"),
-    "mu": ("1", "coefficient of friction"),
+    "mu": ("1", "coefficient of friction; s/m for mirtich_as_published, whose friction is viscous"),
     "epsilon": ("1", "coefficient of restitution"),
     "parameter": ("1", "value of μ or ε at which a density is given"),
     "cost": ("N s", "mean misfit in impulse space an impact; N s/kg without a mass"),
@@ -46,9 +48,9 @@ COLUMNS: dict[str, Meaning] = {
     "k": ("1", "number of impacts identified from"),
     "n": ("1", "impacts that went into the value"),
     "weighting": ("", "of Δω against Δv in equation 3.7: kinetic, or unweighted as the authors have it"),
-    "mu_std": ("1", "bootstrap standard error of mu"),
+    "mu_std": ("1", "bootstrap standard error of mu; in the unit of mu"),
     "epsilon_std": ("1", "bootstrap standard error of epsilon"),
-    "mu_s": ("1", "sticking bound: the impulse does not change for larger mu"),
+    "mu_s": ("1", "sticking bound, in the unit of mu: the impulse does not change for larger mu"),
     "n_failed": ("1", "impacts for which the law has no solution"),
     "at_bound": ("", "parameters that ended at the edge of their range"),
     "train": ("1", "1: for identification, 0: held out"),
@@ -59,24 +61,52 @@ COLUMNS: dict[str, Meaning] = {
     "median": ("m/s", "median error"),
     "quantile_90": ("m/s", "error that 90 % of the impacts do not exceed"),
     "best": ("%", "share of impacts in which the law is nearest to the measured impulse, of the six"),
-    "best_std": ("%", "its binomial standard error"),
+    "best_std": ("%", "its standard error (Wilson's, never 0)"),
     "worst": ("%", "share of impacts in which the law is farthest from the measured impulse, of the six"),
-    "worst_std": ("%", "its binomial standard error"),
+    "worst_std": ("%", "its standard error (Wilson's, never 0)"),
     "n_train": ("1", "impacts identified from"),
     "n_held_out": ("1", "impacts judged on"),
     "tolerance": ("m/s", "impulse over mass up to which an outcome counts as within range"),
     "fraction": ("1", "share of outcomes within the law's range"),
-    "fraction_std": ("1", "its binomial standard error"),
+    "fraction_std": ("1", "its standard error (Wilson's, never 0)"),
     "share": ("1", "area of the law's region over that of the admissible set, mean over impacts"),
     "share_std": ("1", "standard error of the mean"),
-    "statement": ("", "what the thesis states, explained in thesis_lib/identify/statements.py"),
+    "statement": (
+        "",
+        "what the thesis states, explained in thesis_lib/identify/statements.py",
+    ),
     "unit": ("", "unit of value"),
     "std": ("as value", "standard error of value"),
     "count": ("1", "number"),
 }
 
+_FEATURES: dict[str, Meaning] = {
+    "v_t": ("m/s", "tangential velocity of the contact point before impact"),
+    "v_n": ("m/s", "normal velocity of the contact point before impact"),
+    "omega": ("rad/s", "angular velocity before impact"),
+    "r_x": ("m", "contact point ahead of the centre of mass"),
+    "theta": ("rad", "body angle, within half a turn"),
+}
+_JUDGED: dict[str, Meaning] = {
+    "floor": ("m/s", "noise floor: the error that a perfect model would show; empty if the noise is unknown"),
+    "score": ("1", "held-out log score an impact (flights included), nats"),
+}
+
 TABLES: dict[str, dict[str, Meaning]] = {
     "statements": {"value": ("see unit", "the statement as a number")},
+    "ensemble_velocity": {
+        "cost": ("m/s", "mean error of the velocity after impact, √(δv_x² + δv_y² + (k δω)²)")
+    },
+    "table_3_1": {
+        "mu": ("1", "coefficient of friction; s/m for mirtich in the variant as_published, which is viscous"),
+    },
+    "published_parameters": {
+        "mu": (
+            "1",
+            "best for all impacts after the authors' gravity step; s/m for mirtich, which is viscous",
+        ),
+        "epsilon": ("1", "best for all impacts after the authors' gravity step"),
+    },
     "published_agreement": {
         "mu": ("1", "with which the authors' predictions were stored; s/m for Mirtich"),
         "epsilon": ("1", "with which the authors' predictions were stored"),
@@ -90,6 +120,77 @@ TABLES: dict[str, dict[str, Meaning]] = {
         "excess": ("1", "cost_published over cost_best, minus 1"),
     },
     "published_kept": {"drops": ("", "all, kept (without a flag), or the flag that they carry")},
+    "comparison": {
+        **_JUDGED,
+        "model": ("", "impact law, augmented (law with the effects found), bound or baseline"),
+        "kind": ("", "law, augmented, bound or baseline"),
+        "mu_std": ("1", "standard error of mu from the fit"),
+        "epsilon_std": ("1", "standard error of epsilon from the fit"),
+        "mean": ("m/s", "mean error of the velocity after impact, held-out impacts"),
+        "share_in_range": ("1", "share of held-out outcomes that some (μ, ε) of their own meets"),
+        "tolerance": (
+            "m/s",
+            "error up to which an outcome counts as met: twice the noise floor, else 0.1 m/s",
+        ),
+        "n_failed": ("1", "held-out impacts for which the law has no solution"),
+    },
+    "errors": {
+        **_FEATURES,
+        "model": ("", "base: law without effects; augmented: law with the effects found"),
+        "held_out": ("1", "1: no choice has seen the trial, 0: for training"),
+        "error_normal": (
+            "m/s",
+            "error of the contact point's velocity after impact, normal, measured − predicted",
+        ),
+        "error_tangential": ("m/s", "the same, tangential"),
+        "error_couple": ("m/s", "couple about the contact point that the error needs, over mass and k"),
+        "x": ("m", "position along the surface at impact"),
+    },
+    "ladder": {
+        **_JUDGED,
+        "step": ("1", "number of effects in the model"),
+        "label": ("", "effect added at this step"),
+        "error": ("m/s", "mean error of the velocity after impact, held-out impacts"),
+        "error_low": ("m/s", "lower end of its 95 % interval, bootstrap over trials"),
+        "error_high": ("m/s", "upper end of it"),
+        "flight": (
+            "1",
+            "misfit of the acceleration in flight in standard deviations of the noise, whose floor is 1",
+        ),
+        "meet": ("1", "misfit of the poses before and after impact, likewise"),
+        "touch": ("1", "misfit of the gap at impact, likewise"),
+        "gain": ("1", "held-out log score an impact gained by the effect added, nats"),
+        "gain_low": ("1", "lower end of its 95 % interval, bootstrap over trials"),
+        "gain_high": ("1", "upper end of it"),
+    },
+    "impacts": {
+        "used": ("1", "1: used, 0: left out"),
+        "held_out": ("1", "1: no choice has seen the trial, 0: for training"),
+        "reason": ("", "why the impact was left out, empty if it was used"),
+        "detail": ("", "the same with numbers"),
+        "flags": ("", "quality tests that failed; flagged impacts are kept"),
+        "theta": ("rad", "body angle at impact"),
+        "vx_pre": ("m/s", "horizontal velocity before impact"),
+        "vy_pre": ("m/s", "vertical velocity before impact"),
+        "omega_pre": ("rad/s", "angular velocity before impact"),
+        "vx_post": ("m/s", "horizontal velocity after impact"),
+        "vy_post": ("m/s", "vertical velocity after impact"),
+        "omega_post": ("rad/s", "angular velocity after impact"),
+        "r_x": ("m", "contact point from the body origin, along the surface"),
+        "r_y": ("m", "contact point from the body origin, upwards"),
+    },
+    "budget": {
+        "part": ("", "part of the base law's error, defined in thesis_lib/critique/tables.py"),
+        "mean_square": ("(m/s)²", "its part of the mean square error of held-out impacts"),
+        "share": ("1", "its share of that mean square"),
+    },
+    "compare": {
+        "quantity": ("", "verdict, error (m/s) or parameter"),
+        "a": ("see unit", "of the first dataset or run"),
+        "b": ("see unit", "of the second dataset or run"),
+        "difference": ("see unit", "second minus first"),
+        "sigmas": ("1", "difference in its standard errors"),
+    },
 }
 
 
@@ -100,11 +201,16 @@ def explain(table: str, columns: Iterable[str]) -> pd.DataFrame:
         KeyError: a column is not explained.
     """
     own = TABLES.get(table, {})
-    columns = list(columns)
-    unknown = [name for name in columns if name not in own and name not in COLUMNS]
+    rows, unknown = [], []
+    for name in columns:
+        # cov_<one>_<other>: see datasets/impacts.py
+        meaning = _COVARIANCE if name.startswith("cov_") else own.get(name) or COLUMNS.get(name)
+        if meaning is None:
+            unknown.append(name)
+        else:
+            rows.append((table, name, *meaning))
     if unknown:
         raise KeyError(f"{table} has columns without unit and meaning in columns.py: {', '.join(unknown)}")
-    rows = [(table, name, *(own.get(name) or COLUMNS[name])) for name in columns]
     return pd.DataFrame(rows, columns=["table", "column", "unit", "meaning"])
 
 

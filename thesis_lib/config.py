@@ -50,9 +50,14 @@ def parse_config(values: dict, source: str = "configuration") -> Config:
         lines = [f"The {source} has {error.error_count()} mistake(s):"]
         for item in error.errors():
             place = ".".join(str(part) for part in item["loc"]) or "(top level)"
-            lines.append(f"  {place}: {item['msg']} (got {item['input']!r})"[:300])
-        lines.append("docs/configuration and config/schema.json list every key with its meaning.")
+            lines.append(f"  {place}: {_in_yaml_terms(item['msg'])} (got {item['input']!r})"[:300])
+        lines.append(f"{SCHEMA} lists every key with its meaning.")
         raise UserError("\n".join(lines)) from error
+
+
+def _in_yaml_terms(message: str) -> str:
+    """A message of the checker in the words of a YAML file, which has lists but no tuples."""
+    return message.replace("a valid tuple", "a list").replace("Tuple", "List")
 
 
 def read_config(*paths: str | Path) -> Config:

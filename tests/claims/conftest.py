@@ -41,7 +41,7 @@ def every_kind():
         claim("rel", {"kind": "rel", "tolerance": 0.05, "reason": "rounding and noise"}, 0.062),
         claim("interval", {"kind": "interval", "k": 2, "reason": "95 % of a Gaussian"}, 0.062),
         claim("greater", {"kind": "greater", "threshold": 0.05, "k": 3, "reason": "99.7 %"}),
-        claim("less", {"kind": "less", "threshold": 0.3}, 0.062),
+        claim("less", {"kind": "less", "threshold": 0.3, "reason": "the inclined plane"}, 0.062),
         claim(
             "ordering",
             {"kind": "ordering", "key": "law", "rows": ["mirtich", ["newton", "whittaker"]]},

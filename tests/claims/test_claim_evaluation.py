@@ -139,7 +139,7 @@ def test_an_extreme_of_one_row_is_an_error(make_claim, results):
     [({"n": 1718}, 1), ({"n": 1e-3}, 1), ({"n": 100, "coded": "as_defined"}, 1), ({"n": 100}, 2)],
 )
 def test_rows_are_selected_by_numbers_too(make_claim, results, where, rows):
-    wide = {"kind": "less", "threshold": 1}
+    wide = {"kind": "less", "threshold": 1, "reason": "all are"}
     result = one(make_claim("x", wide, where=where), results)
     assert result.status is (Status.REPRODUCED if rows == 1 else Status.ERROR)
 
@@ -259,7 +259,7 @@ def test_the_table(entries, results, tmp_path):
 
 
 def test_a_threshold_is_its_own_reference(make_claim, results):
-    result = one(make_claim("x", {"kind": "greater", "threshold": 0.1}, 0.2), results)
+    result = one(make_claim("x", {"kind": "greater", "threshold": 0.1, "reason": "half"}, 0.2), results)
     assert result.difference == pytest.approx(-0.035)
     assert result.published == "0.2"
     assert math.isclose(result.relative_difference, -0.35)

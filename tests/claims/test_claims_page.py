@@ -90,6 +90,15 @@ def test_it_works_offline_and_for_readers_of_any_kind(found):
     assert targets <= set(page.ids)
 
 
+def test_links_to_one_place_of_the_thesis_can_be_told_apart(make_claim, results):
+    claims = [make_claim(name, CHECK, 1.0, location="section 3.3.2") for name in ("one", "two", "three")]
+    ledger = Ledger.model_validate({"schema": 1, "claims": claims})
+    html = render_page(evaluate(ledger, results, {"planar_impact": True}))
+    links = re.findall(r"<li><a [^>]*>(.*?)</a></li>", html)
+    assert len(links) == len(set(links)) == 3
+    assert "table_<wbr>3_<wbr>1.two" in links[1]
+
+
 def test_the_numbers_carry_their_units(found):
     html = render_page(found)
     assert "0.065 m/s ± 0.002" in html

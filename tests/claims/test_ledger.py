@@ -37,6 +37,8 @@ def test_the_example_in_the_docstring_is_read(tmp_path):
         ({"kind": "rel", "tolerance": 0.01, "reason": "  "}, 0.062, "check.reason"),
         ({"kind": "interval", "k": 2}, 0.062, "check.reason is missing"),
         ({"kind": "greater", "threshold": 0, "k": 2}, None, "reason is missing: say why this k"),
+        ({"kind": "greater", "threshold": 20}, 30, "reason is missing: say why the threshold is 20"),
+        ({"kind": "less", "threshold": 151}, None, "reason is missing: say why the threshold is 151"),
         ({**ORDER, "k": 2}, None, "reason is missing: say why this k"),
         ({**ORDER, "tie_tolerance": 0.1}, None, "reason is missing: say why this tie_tolerance"),
         ({**ORDER, "k": 1, "tie_tolerance": 0.1, "reason": "x"}, None, "give one of them"),
@@ -71,6 +73,18 @@ def test_a_bad_check_is_refused(write_ledger, make_claim, check, published, word
     text = refusal(write_ledger([make_claim("x", check, published)]))
     assert "claim table_3_1.x" in text
     assert words in text
+
+
+@pytest.mark.parametrize(("threshold", "published"), [(0, None), (0.0, 0), (30, 30)])
+def test_a_threshold_that_is_stated_or_zero_needs_no_reason(write_ledger, make_claim, threshold, published):
+    check = {"kind": "greater", "threshold": threshold}
+    assert read_ledger(write_ledger([make_claim("x", check, published)])).claims
+
+
+def test_the_reason_of_a_threshold_is_shown(write_ledger, make_claim):
+    check = {"kind": "less", "threshold": 151, "reason": "about 100"}
+    (claim,) = read_ledger(write_ledger([make_claim("x", check)])).claims
+    assert claim.check.text() == "less than 151: about 100"
 
 
 @pytest.mark.parametrize(

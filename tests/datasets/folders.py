@@ -5,6 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
+from bouncing import fly
+
+from thesis_lib.datasets.header import Header
 
 RATE = 250.0
 SQUARE = [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]
@@ -41,6 +44,21 @@ def trajectories(trials: int = 3, samples: int = 40) -> pd.DataFrame:
             "theta": 0.3 + (2.0 + trial) * t,
         }
     )
+
+
+DISK = {"shape": {"kind": "disk", "radius": 0.03}, "radius_of_gyration": 0.021}
+
+
+def bouncing_disk(
+    trials: int = 4, *, rate: float = RATE, position: float = 2e-4, angle: float = 2e-3, spin: float = 0.0
+) -> pd.DataFrame:
+    """Measured bounces of the disk on y = 0 with noise: trial, t, x, y, theta; `spin` in rad/s is added."""
+    head = Header.model_validate(header(body=DISK, rate=rate))
+    flights = fly(head, np.random.default_rng(7), trials, int(0.6 * rate), position, angle)
+    frame = pd.DataFrame(flights.q, columns=["x", "y", "theta"])
+    frame.insert(0, "trial", flights.trial)
+    frame.insert(1, "t", flights.t)
+    return frame.assign(theta=frame["theta"] + spin * frame["t"])
 
 
 def impacts(trials: int = 12, per_trial: int = 2) -> pd.DataFrame:

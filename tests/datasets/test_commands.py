@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from folders import header, impacts, trajectories, write
+from folders import DISK, bouncing_disk, header, impacts, trajectories, write
 
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.__main__ import main
@@ -17,6 +17,7 @@ from thesis_lib.datasets.rig_log import parse_columns, parse_shape, parse_units
 from thesis_lib.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]
+NOISE_FROM_FEW_ARCS = 0.25  # a dozen arcs of 20 samples know their noise to 5 %; four times that
 COLUMNS = "trial=run,t=time,x=X,y=Z,theta=angle"
 
 
@@ -46,19 +47,68 @@ def same_poses(tmp_path, expected: pd.DataFrame) -> None:
 
 
 def test_check_prints_a_summary(tmp_path, capsys):
-    folder = write(tmp_path / "drops", trajectories=trajectories(), impacts=impacts(3, 2))
+    frame = bouncing_disk(6)
+    content = header(body=DISK | {"mass": 0.05}, noise={"position": 2e-4, "angle": 2e-3})
+    folder = write(tmp_path / "drops", content, trajectories=frame, impacts=impacts(6, 2))
     assert main(["check", str(folder)]) == 0
     text = capsys.readouterr().out
     for part in (
-        "trials      3",
-        "120 samples",
+        "trials      6",
+        f"{len(frame)} samples",
         "250 Hz",
         "mass 0.05 kg",
-        "noise       position 0.0003 m",
+        "noise       position 0.0002 m",
         "rad/s",
+        "impacts of the trajectories can be used (impacts.csv is used in their place)",
+        "(stated 0.0002)",
     ):
         assert part in text
     assert text.endswith("The dataset is valid.\n")
+
+
+def check_json(folder: Path, capsys) -> dict:
+    assert main(["check", str(folder), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_check_says_what_detection_finds(tmp_path, capsys):
+    folder = write(tmp_path / "a", header(body=DISK, noise=None), trajectories=bouncing_disk(6))
+    detection = check_json(folder, capsys)["detection"]
+    assert detection["used"] >= 10 and detection["warnings"] == []
+    assert detection["noise"]["position"] == pytest.approx(2e-4, rel=NOISE_FROM_FEW_ARCS)
+    assert detection["noise"]["angle"] == pytest.approx(2e-3, rel=NOISE_FROM_FEW_ARCS)
+    assert main(["check", str(folder)]) == 0
+    text = capsys.readouterr().out
+    for part in (
+        f"detection   {detection['used']} impacts of the trajectories can be used\n",
+        "left out",
+        "flags",
+    ):
+        assert part in text
+
+
+def test_check_warns_of_a_surface_that_no_impact_touches(tmp_path, capsys):
+    content = header(body=DISK, noise=None, surface={"height": -0.5})
+    folder = write(tmp_path / "a", content, trajectories=bouncing_disk(6))
+    detection = check_json(folder, capsys)["detection"]
+    assert detection["flagged"]["no_touch"] == detection["used"] >= 10
+    (text,) = detection["warnings"]
+    assert f"In {detection['used']} of {detection['used']} impacts the body is off the surface" in text
+    assert "median gap +0.5 m" in text and "Correct surface.height (-0.5 m; " in text
+    assert main(["check", str(folder)]) == 0
+    assert "The dataset is valid, with the warnings above." in capsys.readouterr().out
+
+
+def test_check_warns_where_no_impact_is_found_or_none_can_be_used(tmp_path, capsys):
+    (text,) = check_json(write(tmp_path / "a", header(noise=None), trajectories=trajectories()), capsys)[
+        "detection"
+    ]["warnings"]
+    assert "No impact was found in 3 trials" in text
+    frame = bouncing_disk(1)
+    first = int((frame["y"].diff() > 0).idxmax())  # the record ends two samples after the first impact
+    folder = write(tmp_path / "b", header(body=DISK, noise=None), trajectories=frame[: first + 2])
+    texts = check_json(folder, capsys)["detection"]["warnings"]
+    assert any("None of the 1 impacts found can be used (window_too_short 1)" in text for text in texts)
 
 
 def test_check_lists_problems_and_exits_with_2(tmp_path, capsys):
@@ -120,6 +170,64 @@ def test_init_converts_units_names_and_says_what_it_left_out(tmp_path, capsys):
     content = yaml.safe_load((tmp_path / "out" / "dataset.yaml").read_text())
     assert content["rate"] == 250.0
     assert content["body"]["radius_of_gyration"] == pytest.approx(0.06 / np.sqrt(6.0))
+
+
+def cut_log(path: Path, cells: str) -> str:
+    """A log whose writing broke off: `cells` stand in the last row, without a line break."""
+    text = rig(trajectories()).to_csv(index=False)
+    path.write_text(text + cells)
+    return str(path)
+
+
+def test_init_says_that_a_log_was_cut_off_in_its_last_row(tmp_path, capsys):
+    log = cut_log(tmp_path / "log.csv", "2,160.0,282.")
+    assert init(tmp_path, log, "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
+    text = capsys.readouterr().out
+    assert "warning: log.csv, row 122: the last row has 3 of 6 cells, so the file was cut off" in text
+    assert "lost" not in text
+    same_poses(tmp_path, trajectories())
+
+
+def test_init_warns_of_a_number_that_may_have_been_cut_off(tmp_path, capsys):
+    log = cut_log(tmp_path / "log.csv", "2,160.0,280.0,120.0,53.8,1")
+    assert init(tmp_path, log, "--units", "mm,deg,ms", "--columns", COLUMNS) == 0
+    assert "warning: log.csv, row 122: the last row does not end with a line break" in capsys.readouterr().out
+    assert len(read_dataset(tmp_path / "out").trajectories) == 121
+
+
+def test_init_numbers_the_rows_that_it_leaves_out(tmp_path, capsys):
+    files = []
+    for number, part in trajectories().groupby("trial"):
+        files.append(tmp_path / f"run{number}.csv")
+        part[["x", "y", "theta"]].to_csv(files[-1], index=False)
+    lines = files[1].read_text().splitlines(keepends=True)
+    lines[4] = "0.1,0.2\n"
+    files[1].write_text("".join(lines[:3] + ["\n"] + lines[3:]))  # the blank line counts as a row
+    names = map(str, files)
+    assert init(tmp_path, *names, "--per-trial-files", "--rate", "250") == 0
+    assert "1 of 120 rows left out: a pose or time is empty, as where frames are lost (run1.csv row 6)" in (
+        capsys.readouterr().out
+    )
+
+
+def test_init_refuses_rows_that_are_too_long_and_takes_a_delimiter_at_their_end(tmp_path, capsys):
+    """A reader that takes the extra cell for a row name shifts every column."""
+    header_line, *lines = trajectories().to_csv(index=False).splitlines()
+    (tmp_path / "end.csv").write_text("\n".join([header_line, *(line + "," for line in lines), ""]))
+    assert init(tmp_path, str(tmp_path / "end.csv")) == 0
+    same_poses(tmp_path, trajectories())
+    (tmp_path / "long.csv").write_text("\n".join([header_line, *(line + ",1" for line in lines), ""]))
+    assert init(tmp_path, str(tmp_path / "long.csv"), "--force") == 2
+    assert "long.csv, row 2: 6 cells, but the header names 5 columns" in capsys.readouterr().err
+
+
+def test_init_with_a_shape_in_millimetres_names_the_option(tmp_path, capsys):
+    rig(trajectories()).to_csv(tmp_path / "log.csv", index=False)
+    args = [str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS]
+    assert main(["init", *args, "-o", str(tmp_path / "out"), "--shape", "disk:30"]) == 2
+    error = capsys.readouterr().err
+    assert "--shape of the init command takes m" in error
+    assert "degrees" not in error
 
 
 def test_init_flips_axes_and_reads_other_delimiters(tmp_path):

@@ -1,8 +1,9 @@
 """Units and signs: wrong ones are named, right ones pass.  Both sides are tested on the measured sets."""
 
 import numpy as np
+import pandas as pd
 import pytest
-from folders import header, impacts, trajectories, write
+from folders import DISK, bouncing_disk, header, impacts, trajectories, write
 
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.dataset import Dataset
@@ -138,3 +139,80 @@ def test_unusual_but_right_data_pass(tmp_path, kind):
     elif kind == "unreset":  # an encoder that counts turns since it was switched on
         frame["theta"] += 400.0
     assert read_dataset(write(tmp_path, trajectories=frame)).warnings == ()
+
+
+def disk(folder, frame: pd.DataFrame, rate: float = 250.0, **changes) -> str:
+    return write(folder, header(body=DISK, rate=rate, noise=None) | changes, trajectories=frame)
+
+
+@pytest.mark.parametrize("rate", [60.0, 250.0, 1000.0])
+@pytest.mark.parametrize("trials", [1, 4])
+def test_y_down_is_refused_wherever_the_surface_is(tmp_path, rate, trials):
+    """The camera's origin is above the scene, so that no centre is below y = 0."""
+    frame = bouncing_disk(trials, rate=rate)
+    assert read_dataset(disk(tmp_path / "up", frame, rate)).warnings == ()
+    text = errors(disk(tmp_path / "down", frame.assign(y=0.8 - frame["y"]), rate))
+    assert "column y: bodies fall towards larger y, by about gravity" in text
+    assert "y must point up" in text and "surface.height" in text
+    assert "1 problem" in text
+
+
+def test_dice_with_y_down_are_refused_throw_by_throw(dice, tmp_path):
+    for number in range(1, 501, 20):
+        part = dice.trajectories[dice.trajectories["trial"] == number]
+        text = errors(rewritten(dice, tmp_path, trajectories=part.assign(y=0.4 - part["y"])))
+        assert "bodies fall towards larger y" in text
+
+
+@pytest.mark.parametrize("kind", ["rest", "wander", "lifted", "short"])
+def test_bodies_that_do_not_fall_are_not_said_to_fall_up(tmp_path, kind):
+    rng = np.random.default_rng(1)
+    t = np.arange(2000) / 250.0
+    noise = rng.normal(0.0, 3e-4, len(t))
+    if kind == "rest":
+        y = 0.03 + noise
+    elif kind == "wander":  # a slow error of the tracker
+        y = 0.03 + noise + np.cumsum(rng.normal(0.0, 3e-5, len(t)))
+    elif kind == "lifted":  # a hand that accelerates by g for 0.1 s and lets go
+        t = t[:100]
+        lift = np.minimum(t, 0.1)
+        y = 0.4 + 4.905 * lift**2 + (t - lift) * 0.981 - 4.905 * (t - lift) ** 2 + noise[:100]
+    else:  # the shortest records, each around a weak impact: a kink and little flight
+        t = np.tile(np.arange(10) / 250.0, 20)
+        after = t - np.repeat(np.linspace(0.014, 0.022, 20), 10)
+        y = 0.03 - 0.15 * after - 4.905 * after**2 + 0.3 * np.maximum(after, 0.0) + noise[:200]
+    trial = np.repeat(np.arange(len(t) // 10), 10) if kind == "short" else 0
+    frame = pd.DataFrame({"trial": trial, "t": t, "x": rng.normal(0.0, 3e-4, len(t)), "y": y, "theta": 0.1})
+    assert read_dataset(disk(tmp_path, frame)).warnings == ()
+
+
+def test_degrees_of_a_disk_are_doubted_by_its_spin_or_its_noise(tmp_path):
+    """A disk touches the surface in the same way at every angle, so no contact gives degrees away."""
+
+    def doubts(name: str, **how) -> str:
+        frame = bouncing_disk(**how)
+        if name.startswith("degrees"):
+            frame = frame.assign(theta=frame["theta"] * DEG)
+        return "\n".join(map(str, read_dataset(disk(tmp_path / name, frame)).warnings))
+
+    assert doubts("radians") == ""
+    assert doubts("radians, hard to track", angle=0.02) == ""
+    text = doubts("degrees")
+    assert "column theta: may be in degrees" in text
+    assert "times faster than the centre" in text and "nothing, if it is in radians" in text
+    still = bouncing_disk(angle=2e-3).assign(
+        theta=lambda f: np.random.default_rng(2).normal(0.0, 2e-3, len(f))
+    )
+    assert read_dataset(disk(tmp_path / "still", still)).warnings == ()
+    (warning,) = read_dataset(disk(tmp_path / "still deg", still.assign(theta=still["theta"] * DEG))).warnings
+    assert "times as much as the position" in warning.what
+
+
+def test_a_shape_in_millimetres_is_one_problem_and_no_angle_is_doubted(tmp_path):
+    body = {"shape": {"kind": "disk", "radius": 30.0}, "radius_of_gyration": 21.0}
+    text = errors(disk(tmp_path / "a", bouncing_disk(), body=body))
+    assert "1 problem" in text and "body.shape" in text and "--shape of the init command takes m" in text
+    # 5 m: no size that is refused by itself, but the body is inside the surface at any angle
+    body = {"shape": {"kind": "disk", "radius": 5.0}, "radius_of_gyration": 3.5}
+    (warning,) = read_dataset(disk(tmp_path / "b", bouncing_disk(), body=body)).warnings
+    assert "deep inside the surface" in warning.what and "the shape (in m)" in warning.remedy

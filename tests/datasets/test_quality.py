@@ -12,6 +12,7 @@ from thesis_lib.datasets.quality import contact_measures, flag_physics, has_flag
 from thesis_lib.datasets.samples import ArcSettings
 
 RADIUS = 0.03
+ROUNDING = 1e-9  # a dozen operations in double precision, with some cancellation
 SIX_DIGITS = 1e-6  # the known numbers are given with six or more digits
 
 
@@ -41,6 +42,28 @@ def test_impulse_and_energy_ratio_of_the_kane_paradox():
     np.testing.assert_allclose(c.alpha, [1.265625], atol=SIX_DIGITS)
     np.testing.assert_allclose(c.v_c_post, [[0.0, 0.9]], atol=SIX_DIGITS)
     assert flag_physics(impacts_of(v_pre, v_post, r, 1 / 12)).flags[0] == "energy;cone"
+
+
+def test_contact_measures_are_those_of_the_matrices():
+    """Written out with J and M for each impact: M_C = (J M⁻¹ Jᵀ)⁻¹, P = M_C J Δv, α from v_Cᵀ M_C v_C."""
+    rng = np.random.default_rng(3)
+    r, pre, post = rng.normal(0, 0.03, (20, 2)), rng.normal(0, 2, (20, 3)), rng.normal(0, 2, (20, 3))
+    k2, mass = 4e-4, 0.05
+    c = contact_measures(impacts_of(pre, post, r, k2, mass))
+    for i in range(len(r)):
+        jacobian = np.array([[1.0, 0.0, -r[i, 1]], [0.0, 1.0, r[i, 0]]])
+        m_c = np.linalg.inv(jacobian @ np.diag([1 / mass, 1 / mass, 1 / mass / k2]) @ jacobian.T)
+        before, after = jacobian @ pre[i], jacobian @ post[i]
+        np.testing.assert_allclose(c.v_c_pre[i], before, rtol=ROUNDING)
+        np.testing.assert_allclose(c.v_c_post[i], after, rtol=ROUNDING, atol=ROUNDING)
+        np.testing.assert_allclose(c.impulse[i], m_c @ (after - before), rtol=ROUNDING, atol=ROUNDING)
+        np.testing.assert_allclose(c.alpha[i], (after @ m_c @ after) / (before @ m_c @ before), rtol=ROUNDING)
+
+
+def test_a_contact_that_did_not_move_before_gains_energy():
+    impacts = impacts_of([0.0, 0.0, 0.0], [0.1, 0.2, 0.0], [0.0, -RADIUS], 4e-4)
+    assert contact_measures(impacts).alpha[0] == np.inf
+    assert has_flag(flag_physics(impacts), "energy")[0]
 
 
 def test_flags_and_thesis_filter():

@@ -379,3 +379,10 @@ def test_lost_frames_and_stray_trials_are_warnings(tmp_path):
     assert len(texts) == 2
     assert "column t, row 9: samples are missing before these rows" in texts[0]
     assert "these trials are not in trajectories.csv" in texts[1]
+
+
+def test_a_last_row_without_a_line_break_is_a_warning(tmp_path):
+    text = trajectories().to_csv(index=False)
+    assert read_dataset(write(tmp_path / "a", trajectories=text + "\n\n")).warnings == ()
+    (warning,) = read_dataset(write(tmp_path / "b", trajectories=text.rstrip("\n"))).warnings
+    assert warning.where == "row 121" and "may have been cut off" in warning.what

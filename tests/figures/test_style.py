@@ -10,14 +10,8 @@ import pytest
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.figures.chapter3_contact_space import GROUPS
-from thesis_lib.figures.style import (
-    BOUND_STYLE,
-    LAW_STYLE,
-    house_style,
-    new_figure,
-    save_figure,
-    style_of,
-)
+from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE, style_of
+from thesis_lib.figures.style import house_style, new_figure, save_figure
 
 SUFFIXES = (".png", ".pdf", ".csv")
 

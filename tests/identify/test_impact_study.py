@@ -210,9 +210,20 @@ class TestHeldOut:
         ]
         return pd.DataFrame(rows)
 
+    @pytest.fixture
+    def none_for_training(self, impacts) -> pd.DataFrame:
+        return study.split_table(impacts, np.zeros(60, dtype=bool))
+
+    def test_training_impacts_are_never_judged(self, impacts, ensemble, rng):
+        split = study.split_table(impacts, study.split_trials(impacts.trial, 0.5, rng))
+        table = study.held_out_errors(impacts, split, ensemble, "kinetic")
+        judged = set(zip(table["trial"], table["impact"]))
+        kept = split[split["train"] == 0]
+        assert judged == set(zip(kept["trial"], kept["impact"])) and 0 < len(judged) < 60
+
     @pytest.mark.parametrize("weighting", BOTH)
-    def test_errors_of_laws_and_bound(self, impacts, ensemble, weighting):
-        table = study.held_out_errors(impacts, ensemble, weighting)
+    def test_errors_of_laws_and_bound(self, impacts, ensemble, weighting, none_for_training):
+        table = study.held_out_errors(impacts, none_for_training, ensemble, weighting)
         assert set(table["model"]) == {*SIX_LAWS, "irb_bound"}
         mu, target = (0.1, 0.2)[BOTH.index(weighting)], target_of(impacts, weighting)
         body = {"mass": impacts.mass, "k_g": impacts.k_g}
@@ -227,8 +238,8 @@ class TestHeldOut:
         bound = irb_bound(impacts.v_pre, impacts.v_post, impacts.r, **body).error
         np.testing.assert_array_equal(table.loc[table["model"] == "irb_bound", "velocity_error"], bound)
 
-    def test_the_bound_is_below_every_law_that_keeps_its_promises(self, impacts, ensemble):
-        wide = study.held_out_errors(impacts, ensemble, "kinetic").pivot(
+    def test_the_bound_is_below_every_law_that_keeps_its_promises(self, impacts, ensemble, none_for_training):
+        wide = study.held_out_errors(impacts, none_for_training, ensemble, "kinetic").pivot(
             index=["trial", "impact"], columns="model", values="velocity_error"
         )
         for law in ("wang_mason", "mirtich", "anitescu_potra_poisson"):
@@ -244,7 +255,7 @@ class TestHeldOut:
             table = study.ensemble_table(
                 study.pick(one, split, 1), ("mirtich",), ("kinetic",), "impulse", 5, np.random.default_rng(0)
             )
-            errors = study.held_out_errors(study.pick(one, split, 0), table, "kinetic")
+            errors = study.held_out_errors(one, split, table, "kinetic")
             results.append((table, errors.loc[errors["model"] == "mirtich", "velocity_error"].mean()))
         pd.testing.assert_frame_equal(results[0][0], results[1][0])
         assert results[1][1] > results[0][1] + 0.2

@@ -65,6 +65,8 @@ class TestTable31:
                     "epsilon": 0.5 + 0.01 * i,
                     "epsilon_std": 0.002,
                     "n": 77,
+                    # as read from a file, where empty text is NaN
+                    "at_bound": "mu" if law == SIX_LAWS[0] else np.nan,
                 }
                 for j, weighting in enumerate(("kinetic", "unweighted"))
                 for i, law in enumerate(names)
@@ -92,9 +94,17 @@ class TestTable31:
             if variant == "as_defined":
                 assert part["best"].tolist() == [75, 25, 0, 0, 0, 0]
                 assert part["worst"].tolist() == [0, 0, 0, 0, 0, 100]
+                # Wilson: √(p (1 − p)/n + 1/(4 n²))/(1 + 1/n)
                 assert part["best_std"].tolist()[:3] == pytest.approx(
-                    [100 * np.sqrt(0.75 * 0.25 / 4)] * 2 + [0]
+                    [100 * np.sqrt(1 / 16) / 1.25] * 2 + [10]
                 )
+
+    def test_parameters_at_the_edge_of_their_range_are_named(self, table):
+        published_shell = SIX_AS_PUBLISHED[0]
+        assert published_shell != SIX_LAWS[0]
+        at_edge = table[table["law"] == SIX_LAWS[0]].set_index("variant")["at_bound"]
+        assert set(at_edge["as_defined"]) == {"mu"} and set(at_edge["as_published"]) == {""}
+        assert set(table.loc[table["law"] != SIX_LAWS[0], "at_bound"]) == {""}
 
     def test_parameters_are_those_of_the_variant_and_weighting(self, table):
         names = list(LAWS)
@@ -131,7 +141,8 @@ class TestTable32:
         assert table.loc[("as_defined", "kinetic", "mirtich", 2.0), "fraction"] == 0.75
         # an impact that the law never resolves is outside, and counts
         row = table.loc[("as_defined", "kinetic", "whittaker", 2.0)]
-        assert row["fraction"] == 0.5 and row["n"] == 4 and row["fraction_std"] == pytest.approx(0.25)
+        assert row["fraction"] == 0.5 and row["n"] == 4
+        assert row["fraction_std"] == pytest.approx(np.sqrt(0.25 / 4 + 1 / 64) / 1.25)  # Wilson
         assert table.loc[("as_published", "kinetic", "mirtich", 2.0), "fraction"] == 0.0
         assert table.loc[("as_defined", "unweighted", "mirtich", 2.0), "fraction"] == 0.25
 

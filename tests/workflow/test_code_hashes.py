@@ -23,8 +23,17 @@ EDITS = [
     (
         "contact/mirtich.py",
         {"ch3_identify", "ch3_evaluate", "ch3_published", "ch3_figures"},
-        {"simulate_drops", "find_impacts", "convert_measured", "claims", "provenance", "datasets_present"},
+        {
+            "ch3_trajectories",  # shows no law
+            "simulate_drops",
+            "find_impacts",
+            "convert_measured",
+            "claims",
+            "provenance",
+            "datasets_present",
+        },
     ),
+    ("figures/law_style.py", {"ch3_figures", "ch3_schematics"}, None),
     (
         "identify/individual.py",
         {"ch3_identify"},

@@ -38,7 +38,8 @@ claims:
 - ordering, argmax and argmin take `k` or `tie_tolerance`: two rows compare as stated only if they differ by more than k
   standard errors of the difference, √(s₁² + s₂²) (k = 0, the default: by more than nothing, so a tie deviates); or,
   with `tie_tolerance`, if they break the order by no more than that.
-- A `reason` is required wherever a tolerance, a k or a tie_tolerance is given.
+- A `reason` is required wherever a tolerance, a k or a tie_tolerance is given, and for a threshold of our choice: one
+  that differs from `published`, or that is not 0 where nothing is published.
 - Our number may not be NaN or infinite: that is an error, never a pass (see `evaluate`).
 """
 
@@ -147,8 +148,9 @@ class _Threshold(Section):
         return self
 
     def text(self) -> str:
-        by = f" by more than {self.k:g} standard errors: {self.reason}" if self.k else ""
-        return f"{self.kind} than {self.threshold:g}{by}"  # type: ignore[attr-defined]
+        by = f" by more than {self.k:g} standard errors" if self.k else ""
+        why = f": {self.reason}" if self.reason else ""
+        return f"{self.kind} than {self.threshold:g}{by}{why}"  # type: ignore[attr-defined]
 
 
 class Greater(_Threshold):
@@ -273,6 +275,10 @@ class Claim(Section):
             raise ValueError(
                 f"published must be a number or left out, since the check is of kind {check.kind}"
             )
+        if isinstance(check, _Threshold) and check.reason is None:
+            stated_threshold = 0.0 if self.published is None else self.published
+            if check.threshold != stated_threshold:
+                raise ValueError(f"check.reason is missing: say why the threshold is {check.threshold:g}")
         stated = {Ordering: "rows", ArgMax: "row", ArgMin: "row"}.get(type(check))
         if stated and self.published is not None and self.published != getattr(check, stated):
             raise ValueError(f"published contradicts check.{stated}; leave it out")

@@ -153,7 +153,8 @@ def _chapter(number: int, results: list[Result]) -> str:
     head = "".join(f'<th scope="col" class="{kind}">{name}</th>' for name, kind in HEADINGS.items())
     deviating = [r for r in results if r.status in (Status.DEVIATES, Status.ERROR)]
     links = "".join(
-        f'<li><a href="#{escape(r.claim.id)}">{SIGNS[r.status]} {escape(r.claim.location)}</a></li>'
+        f'<li><a href="#{escape(r.claim.id)}">{SIGNS[r.status]} {escape(r.claim.location)}'
+        f'<span class="id">{_breakable(r.claim.id)}</span></a></li>'
         for r in deviating
     )
     look = f'<p>To look at:</p>\n<ul class="look">{links}</ul>\n' if links else ""

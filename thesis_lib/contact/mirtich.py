@@ -30,9 +30,11 @@ EPS = np.finfo(float).eps
 RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of φ₃; Newton squares it
 
 
-def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) at the end of restitution."""
-    path = slip_path(space, mu)
+def impulse(
+    space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray, mu_after: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Impulse (c_t, c_n) at the end of restitution; `mu_after` as in `slip_path`."""
+    path = slip_path(space, mu, mu_after)
     p, u = path.p_slip, path.v_slip
     c_n = (1.0 + epsilon) * path.p_c
     slip_ends = p < c_n

@@ -33,16 +33,20 @@ class SlipPath(NamedTuple):
     p_c: np.ndarray
 
 
-def slip_path(space: ContactSpace, mu: np.ndarray) -> SlipPath:
-    """The path of each impact; every b₂ is positive because det M_C⁻¹ > 0, so p_c always exists."""
+def slip_path(space: ContactSpace, mu: np.ndarray, mu_after: np.ndarray | None = None) -> SlipPath:
+    """The path of each impact; every b₂ is positive because det M_C⁻¹ > 0, so p_c always exists.
+
+    `mu_after` is the coefficient after the first slip has ended, `mu` if not given.
+    """
+    mu_after = mu if mu_after is None else mu_after
     slope = -np.copysign(mu, space.v_t)
     a = space.K_tn + slope * space.K_tt  # dv_t/dp
     b = space.K_nn + slope * space.K_tn
     p_slip = space.v_t / -a
     # slip ends only if it is braked; v_t = 0 has ended unless the other direction cannot be held either
     p_slip = np.where(a * np.copysign(1.0, space.v_t) < 0.0, p_slip, np.inf)
-    sticks = np.abs(space.K_tn) <= mu * space.K_tt
-    slope2 = np.where(sticks, space.K_tn / -space.K_tt, -np.copysign(mu, space.K_tn))
+    sticks = np.abs(space.K_tn) <= mu_after * space.K_tt
+    slope2 = np.where(sticks, space.K_tn / -space.K_tt, -np.copysign(mu_after, space.K_tn))
     b2 = space.K_nn + slope2 * space.K_tn
     v_slip = space.v_n + b * p_slip
     p_c = np.where(v_slip >= 0.0, space.v_n / -b, p_slip - v_slip / b2)

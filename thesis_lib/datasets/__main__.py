@@ -53,7 +53,8 @@ def build_parser() -> argparse.ArgumentParser:
     check = commands.add_parser(
         "check",
         help="say what is in a dataset and what is wrong with it",
-        description="Read a dataset, print what it holds, and list everything that is wrong. Exit code 0 or 2.",
+        description="Read a dataset, print what it holds and which impacts are found in its trajectories, and list "
+        "everything that is wrong. Exit code 0 or 2.",
     )
     check.add_argument("folder", metavar="DIR")
     check.add_argument("--json", action="store_true", help="print JSON instead of text")
@@ -101,29 +102,24 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _fetch(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.fetch import fetch
-    from thesis_lib.datasets.read import read_dataset
-    from thesis_lib.datasets.summary import summary_text
+    from thesis_lib.datasets.summary import check_dataset, summary_text
 
     folder = fetch(args.name, args.to, args.source, say=lambda text: print(text, file=sys.stderr, flush=True))
-    print(summary_text(read_dataset(folder)))
+    print(summary_text(*check_dataset(folder)))
     print(f"written to {folder}")
     return 0
 
 
 def _check(args: argparse.Namespace) -> int:
-    from thesis_lib.datasets.read import read_dataset
-    from thesis_lib.datasets.summary import summarise, summary_text
+    from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
     from thesis_lib.datasets.validate import DatasetError
 
     if not args.json:
-        print(summary_text(read_dataset(args.folder)))
+        print(summary_text(*check_dataset(args.folder)))
         return 0
     try:
-        print(
-            json.dumps(
-                {"valid": True, "problems": [], **summarise(read_dataset(args.folder))}, ensure_ascii=False
-            )
-        )
+        facts = summarise(*check_dataset(args.folder))
+        print(json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False))
         return 0
     except DatasetError as error:
         problems = [vars(problem) for problem in error.problems]
@@ -132,9 +128,8 @@ def _check(args: argparse.Namespace) -> int:
 
 
 def _init(args: argparse.Namespace) -> int:
-    from thesis_lib.datasets.read import read_dataset
     from thesis_lib.datasets.rig_log import convert_logs, parse_columns, parse_shape, parse_units
-    from thesis_lib.datasets.summary import summary_text
+    from thesis_lib.datasets.summary import check_dataset, summary_text
     from thesis_lib.datasets.write import write_dataset
 
     out = Path(args.out)
@@ -162,8 +157,10 @@ def _init(args: argparse.Namespace) -> int:
     write_dataset(conversion.dataset, out, float_format=None)
     for note in conversion.notes:
         print(f"note: {note}")
+    for warning in conversion.warnings:
+        print(f"warning: {warning}")
     try:
-        print(summary_text(read_dataset(out)))
+        print(summary_text(*check_dataset(out)))
     except UserError as error:
         raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
     print(

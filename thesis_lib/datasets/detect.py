@@ -23,7 +23,7 @@ from thesis_lib.datasets.noise import (
     noise_warnings,
     stated_sigma,
 )
-from thesis_lib.datasets.quality import assess_arcs, flag_physics
+from thesis_lib.datasets.quality import assess_arcs, flag_physics, has_flag_text
 from thesis_lib.datasets.samples import ArcSettings, Samples, make_samples
 from thesis_lib.datasets.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.errors import UserError
@@ -38,6 +38,7 @@ ARC_COLUMNS = (
     *("chi2_pre", "chi2_post", "chi2_meet", "miss", "gap", "gap_std"),
 )
 _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
+_MOST = 0.5  # share of the impacts used; one wrong surface gives 1, measured sets stay below 0.1
 _MIN_CUT = 8  # samples: fewer could not tell free fall from rest
 
 
@@ -165,7 +166,37 @@ def find_in_arrays(
         arcs=_arc_table(fits, trial_of, ordinal, used),
         noise=noise,
         glitches=glitches,
-        warnings=noise_warnings(noise, stated, glitches, settings),
+        warnings=(
+            *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
+            *noise_warnings(noise, stated, glitches, settings),
+        ),
+    )
+
+
+def _detection_warnings(
+    fits: ArcFits,
+    used: np.ndarray,
+    reasons: np.ndarray,
+    flags: np.ndarray,
+    header: Header,
+    trials: np.ndarray,
+) -> tuple[str, ...]:
+    """Sentences for the user where nothing was found, or where most impacts happen off the surface."""
+    advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
+    if not len(fits):
+        return (f"No impact was found in {len(trials)} trials. {advice}",)
+    if not used.any():
+        names, counts = np.unique(reasons.astype(str), return_counts=True)
+        why = ", ".join(f"{name} {count}" for name, count in zip(names, counts))
+        return (f"None of the {len(fits)} impacts found can be used ({why}). {advice}",)
+    off = has_flag_text(flags[used], "no_touch")
+    if off.mean() <= _MOST:
+        return ()
+    gap = float(np.median(fits.gap[used][off]))
+    return (
+        f"In {off.sum()} of {used.sum()} impacts the body is off the surface (no_touch; median gap {gap:+.3g} m). "
+        f"Correct surface.height ({header.surface.height:g} m; {header.surface.height + gap:.4g} m would close the "
+        "gap) or the shape in dataset.yaml, or y, which must be that of the body's centre of mass.",
     )
 
 

@@ -5,16 +5,18 @@
 | e        | `extent` | m     | largest distance of the outline from the origin     |
 | k        | `k_g`    | m     | radius of gyration                                  |
 | φ_n      | `gap`    | m     | gap between body and surface                        |
-| E        | `energy` | m²/s² | ½(v_x² + v_y² + k²ω²), kinetic energy per unit mass |
+| σ        | `noise`  | m, rad| noise of a sample, from third differences           |
 
 Angles are judged by physics, not by their size: θ is continuous, so 20 rad is as good a value as 0.2.
-Degrees look like radians that are 57 times too large, so one of these gives them away:
-- trajectories: steps of more than 1.5 turns between samples (a camera cannot see them, and a wrapped radian angle
-  jumps by one turn at most), a median k|ω| above 10 times the median speed (a rotational energy 100 times the
-  translational one), or k|ω| above the speed and a body that sinks into the surface at the angles as given but not
-  at the angles read as degrees;
-- impacts: most impacts gain energy as given and would not if ω were in degrees per second; contact points (or, if
-  there are none, gaps at the surface) that fit the shape at θ read as degrees and not at θ as given.
+Degrees look like radians that are 57 times too large, so one of these gives them away: steps of more than 1.5 turns
+between samples (a camera cannot see them, and a wrapped radian angle jumps by one turn at most); a median k|ω| above
+10 times the median speed (a rotational energy 100 times the translational one); or k|ω| above the speed and a body
+that sinks into the surface at the angles as given but not at the angles read as degrees.
+Where the angle moves no contact point (a disk), that last test is blind; k|ω| above the speed, or angle noise that
+at the rim is far above position noise, is then a warning.  Angles are judged by lengths, so they are not judged at
+all where lengths, or the shape, are in doubt.
+
+y points down if bodies clearly fall towards larger y (free_fall.py), wherever the surface is said to be.
 Lengths are judged by ratios to the body (positions that never come within 300 body extents of the surface) and by
 speeds (above 100 m/s).
 """
@@ -24,8 +26,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.free_fall import flight_windows, runs_of
 from thesis_lib.datasets.header import Header
-from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
+from thesis_lib.datasets.noise import noise_from_differences
+from thesis_lib.datasets.samples import Samples
 from thesis_lib.datasets.validate import MIN_SAMPLES, Report, Table
 
 LARGEST_BODY = 10.0  # m; what is dropped on a rig fits on a table
@@ -38,17 +42,21 @@ MIN_BLIND_STEPS = 3  # one or two glitches of a tracker are no unit
 SPIN_SURE = 10.0  # k|ω| over speed; dice throws have 0.25 (2.7 at most), a spun coin about 5
 SPIN_FAST = 1.0  # m/s of k|ω|; below it both medians may be tracker noise of a body at rest
 SPIN_LIKELY = 1.0  # k|ω| over speed; in degrees, dice throws have 14
+BLIND_SHAPE = 0.1  # extents by which the lowest point moves over a turn; below, the gap says nothing of theta
+RIM_NOISE = 5.0  # k σ_θ over σ of positions; markers at the rim give 1, so that a factor of 57 shows
+BURIED = 0.5  # smallest half-widths; a centre that never rises above that is inside the surface at any angle
 DEEP = 0.1  # penetration in extents that no tracker error explains ...
 DEEP_SHARE = 0.05  # ... if it happens this often
-FITS_BETTER = 5.0  # degrees explain contact points this many times better than radians
-MISFIT = 0.05  # extents; misfits of contact points below it are tracker errors
 TO_RAD = np.pi / 180.0
 
 RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
+SHAPE_METRES = METRES + " (--shape of the init command takes m, whatever --units says of the log)"
 UPWARDS = (
     "y must point up, away from the surface: flip its sign (and that of theta if that turns clockwise then)"
 )
+AND_HEIGHT = ", and set surface.height in dataset.yaml accordingly"
+OR_HEIGHT = ", or correct surface.height in dataset.yaml"
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,16 @@ class Body:
         k_g = min(header.body.radius_of_gyration, shape.extent)  # a larger one is told by `check_header`
         return cls(shape, shape.extent, k_g, header.surface.height, header.gravity)
 
+    @property
+    def oversized(self) -> bool:
+        """Whether the shape is far too large to be meant in m: no ratio to it says anything then."""
+        return self.extent is not None and self.extent > LARGEST_BODY
+
+    def reach(self) -> tuple[float, float]:
+        """Smallest and largest distance in m, over a turn, from the body origin down to the lowest point."""
+        depth = -self.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
+        return float(depth.min()), float(depth.max())
+
 
 def check_header(header: Header, file: str, report: Report) -> None:
     """Size, inertia, mass, gravity and noise against each other."""
@@ -81,7 +99,7 @@ def check_header(header: Header, file: str, report: Report) -> None:
             file,
             "body.shape",
             f"the body reaches {extent:g} m from its centre, more than {LARGEST_BODY:g} m: millimetres?",
-            METRES,
+            SHAPE_METRES,
         )
     elif body.radius_of_gyration > extent:
         report.error(
@@ -125,11 +143,13 @@ def check_trajectories(table: Table, body: Body, report: Report) -> None:
     speeds = {
         name: np.abs(np.diff(v))[usable] / dt[usable] for name, v in (("x", x), ("y", y), ("theta", theta))
     }
+    samples = Samples(trial, t, np.column_stack([x, y, theta]), runs_of(trial, t))
+    noise = noise_from_differences(samples)
     fall = _first_acceleration(trial, y, float(np.median(dt[usable]))) / -body.gravity
-    doubtful = _check_direction(table, y, body, fall, report)
+    doubtful = _check_direction(table, samples, noise, body, report)
     doubtful |= _check_lengths(table, x, y, speeds, body, fall, report)
-    if not doubtful:  # angles are judged by positions
-        _check_degrees(table, y, theta, np.diff(theta)[usable], speeds, body, report)
+    if not doubtful and not body.oversized:  # angles are judged by positions and by the shape
+        _check_degrees(table, y, theta, np.diff(theta)[usable], speeds, noise, body, report)
 
 
 def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
@@ -143,34 +163,41 @@ def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
     return float(np.median(2.0 * (y[starts[:, None] + i] @ curvature)) / dt**2)
 
 
-def _check_direction(table: Table, y: np.ndarray, body: Body, fall: float, report: Report) -> bool:
-    below = y < body.height
-    if np.mean(below) <= 0.5:
-        return False
-    falling_up = -2.0 < fall < -0.5  # accelerated by g in the direction of +y
-    why = "; they also fall towards larger y" if falling_up else ""
-    report.error(
-        table.file,
-        f"column y, {table.rows(below)}",
-        f"the body's centre is below the surface ({body.height:g} m) in most rows{why}",
-        UPWARDS + ("" if falling_up else ", or correct surface.height in dataset.yaml"),
-    )
-    return True
+def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: Body, report: Report) -> bool:
+    below = samples.q[:, 1] < body.height
+    sunk = bool(np.mean(below) > 0.5)
+    flights = flight_windows(samples, noise[1], body.gravity)
+    if flights.fall_up:
+        where = f", {table.rows(below)}" if sunk else ""
+        what = f"bodies fall towards larger y, by about gravity ({flights.up} windows of {flights.n} samples do so, "
+        what += f"{flights.down} fall towards smaller y)"
+        if sunk:
+            what = f"the body's centre is below the surface ({body.height:g} m) in most rows, and {what}"
+        report.error(table.file, f"column y{where}", what, UPWARDS + AND_HEIGHT)
+    elif sunk:
+        report.error(
+            table.file,
+            f"column y, {table.rows(below)}",
+            f"the body's centre is below the surface ({body.height:g} m) in most rows",
+            UPWARDS + OR_HEIGHT,
+        )
+    return sunk or flights.fall_up
 
 
 def _check_lengths(
     table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: Body, fall: float, report: Report
 ) -> bool:
     suspicious = []
-    high = 0.0 if body.extent is None else float(np.quantile(np.abs(y - body.height), 0.1)) / body.extent
+    known = body.extent is not None and not body.oversized
+    high = float(np.quantile(np.abs(y - body.height), 0.1)) / body.extent if known else 0.0
     for name in ("x", "y"):
         fast = float(np.quantile(speeds[name], 0.9))
         if fast > LARGEST_SPEED:
             suspicious.append((name, f"speeds reach {fast:.0f} m/s"))
         elif name == "y" and high > LARGEST_HEIGHT:
             suspicious.append((name, f"the body is {high:.0f} times its own size above the surface"))
-        elif name == "y" and high > 3.0 and (50.0 < fall < 200.0 or 500.0 < fall < 2000.0):
-            suspicious.append((name, f"bodies fall at {fall:.0f} times gravity"))
+        elif name == "y" and high > 3.0 and (50.0 < abs(fall) < 200.0 or 500.0 < abs(fall) < 2000.0):
+            suspicious.append((name, f"bodies fall at {abs(fall):.0f} times gravity"))
     for name, why in suspicious:
         values = x if name == "x" else y
         report.error(
@@ -188,14 +215,17 @@ def _check_degrees(
     theta: np.ndarray,
     steps: np.ndarray,
     speeds: dict,
+    noise: np.ndarray,
     body: Body,
     report: Report,
 ) -> None:
     blind = int(np.sum(np.abs(steps) > BLIND_STEP))
     why = None
+    # sunk at any angle: the shape or the height of the surface is wrong, which is told below
+    buried = body.shape is not None and np.quantile(y - body.height, 0.9) < BURIED * body.reach()[0]
     if blind >= MIN_BLIND_STEPS:
         why = f"{blind} steps between samples are larger than 1.5 turns"
-    elif body.k_g is not None:
+    elif body.k_g is not None and not buried:
         speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
         spin = body.k_g * float(np.median(speeds["theta"]))
         sunk = _sunk_share(body, y, theta)
@@ -211,108 +241,47 @@ def _check_degrees(
             RADIANS,
         )
         return
-    sunk = 0.0 if body.shape is None else _sunk_share(body, y, theta, 2.5 * DEEP)
+    if body.shape is None:
+        return
+    if not buried:
+        _doubt_degrees_of_a_disk(table, theta, speeds, noise, body, report)
+    sunk = _sunk_share(body, y, theta, 2.5 * DEEP)
     if sunk > DEEP_SHARE:
         report.warn(
             table.file,
             "columns y and theta",
             f"the body is deep inside the surface in {sunk:.0%} of the rows",
-            "check surface.height, the shape, and that theta is counter-clockwise and 0 where the shape is as drawn",
+            "check surface.height, the shape (in m), and that theta is counter-clockwise and 0 where the shape is "
+            "as drawn",
+        )
+
+
+def _doubt_degrees_of_a_disk(
+    table: Table, theta: np.ndarray, speeds: dict, noise: np.ndarray, body: Body, report: Report
+) -> None:
+    low, high = body.reach()
+    if high - low > BLIND_SHAPE * body.extent:
+        return
+    speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
+    spin = body.k_g * float(np.median(speeds["theta"]))
+    position, rim = float(np.max(noise[:2])), body.k_g * noise[2]
+    why = []
+    if spin > max(SPIN_FAST, SPIN_LIKELY * speed) and speed > 0.0:
+        why.append(f"as radians, the rim moves {spin / speed:.1f} times faster than the centre")
+    if rim > RIM_NOISE * position:
+        why.append(
+            f"theta scatters by {noise[2]:.2g} rad, at the rim {rim / position:.0f} times as much as the position"
+        )
+    if why:
+        report.warn(
+            table.file,
+            "column theta",
+            f"may be in degrees ({theta.min():.4g} to {theta.max():.4g}; {'; '.join(why)}); the contact of a round "
+            "body cannot tell",
+            RADIANS
+            + "; nothing, if it is in radians and the body spins fast or its angle is hard to measure",
         )
 
 
 def _sunk_share(body: Body, y: np.ndarray, theta: np.ndarray, depth: float = DEEP) -> float:
     return float(np.mean(body.shape.gap(y, theta, body.height) < -depth * body.extent))
-
-
-def check_impacts(table: Table, body: Body, report: Report) -> None:
-    """Directions and units of impacts."""
-    data = table.data
-    q, v_pre, v_post = (data[list(names)].to_numpy(float) for names in (POSE, V_PRE, V_POST))
-    below = q[:, 1] < body.height
-    if np.mean(below) > 0.5:
-        report.error(
-            table.file,
-            f"column y, {table.rows(below)}",
-            f"the body's centre is below the surface ({body.height:g} m) in most rows",
-            UPWARDS + ", or correct surface.height in dataset.yaml",
-        )
-    fast = {name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])}
-    if fast := {name: value for name, value in fast.items() if value > LARGEST_SPEED}:
-        name, value = next(iter(fast.items()))
-        report.error(
-            table.file,
-            f"column{'s' if len(fast) > 1 else ''} {', '.join(fast)}",
-            f"looks like mm/s or cm/s (median of {name}: {value:.4g})",
-            "give velocities in m/s: divide by 1000 if they are in mm/s",
-        )
-    if body.extent is None:
-        return
-    high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / body.extent
-    if high > LARGEST_HEIGHT:
-        report.error(
-            table.file,
-            "columns x, y",
-            f"looks like millimetres (y {q[:, 1].min():.4g} to {q[:, 1].max():.4g}: {high:.0f} times the body's size)",
-            METRES,
-        )
-    if not fast and high <= LARGEST_HEIGHT:
-        _check_impact_angles(table, q, v_pre, v_post, body, report)
-
-
-def _check_impact_angles(
-    table: Table, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: Body, report: Report
-) -> None:
-    data = table.data
-    stated = data[["r_x", "r_y"]].to_numpy(float) if {"r_x", "r_y"} <= set(data.columns) else None
-    if stated is not None and np.median(np.linalg.norm(stated, axis=1)) > LARGEST_HEIGHT * body.extent:
-        report.error(table.file, "columns r_x, r_y", "look like millimetres (far outside the body)", METRES)
-        return
-
-    def misfit(theta: np.ndarray) -> float:
-        r = body.shape.contact_point(theta)
-        error = q[:, 1] + r[:, 1] - body.height if stated is None else np.linalg.norm(stated - r, axis=1)
-        return float(np.median(np.abs(error))) / body.extent
-
-    as_given, as_degrees = misfit(q[:, 2]), misfit(q[:, 2] * TO_RAD)
-    spread = float(np.ptp(q[:, 2]))
-    if as_given > max(MISFIT, FITS_BETTER * as_degrees) and spread > 2.0 * np.pi:
-        report.error(
-            table.file,
-            "column theta",
-            f"looks like degrees ({q[:, 2].min():.4g} to {q[:, 2].max():.4g}; read as degrees, the contact points "
-            f"fit the shape {as_given / max(as_degrees, 1e-9):.0f} times better)",
-            RADIANS,
-        )
-
-    # E = ½(v_x² + v_y² + k²ω²) drops in an impact
-    def gains(factor: float) -> float:
-        scale = np.array([1.0, 1.0, factor * body.k_g])
-        return float(np.mean(np.sum((v_post * scale) ** 2, axis=1) > np.sum((v_pre * scale) ** 2, axis=1)))
-
-    if gains(1.0) > 0.5 > 2.0 * gains(TO_RAD):
-        report.error(
-            table.file,
-            "columns omega_pre, omega_post",
-            f"look like degrees per second ({gains(1.0):.0%} of the impacts would gain energy, "
-            f"read as degrees {gains(TO_RAD):.0%})",
-            "give omega in rad/s: multiply by pi/180",
-        )
-    elif gains(1.0) > 0.5:
-        report.warn(
-            table.file,
-            "columns v*_pre, v*_post, omega_*",
-            f"{gains(1.0):.0%} of the impacts gain energy",
-            "check units, and that _pre and _post are not exchanged",
-        )
-
-    # v_n = v_y + r_x ω < 0: the contact point approaches the surface
-    r = body.shape.contact_point(q[:, 2]) if stated is None else stated
-    leaving = v_pre[:, 1] + r[:, 0] * v_pre[:, 2] >= 0.0
-    if np.mean(leaving) > 0.5:
-        report.warn(
-            table.file,
-            f"columns vy_pre and omega_pre, {table.rows(leaving)}",
-            "the contact point does not approach the surface before the impact in most rows (v_n >= 0)",
-            "check the signs: y up, theta and omega counter-clockwise, _pre before _post",
-        )

@@ -60,7 +60,10 @@ class ContactMeasures:
 
 
 def contact_measures(impacts: Impacts) -> ContactMeasures:
-    """Contact velocities, impulse and energy ratio of n measured impacts."""
+    """Contact velocities, impulse and energy ratio of n measured impacts.
+
+    Written out and not taken from contact/, so that an edit of an impact law does not rerun the search for impacts.
+    """
     rx, ry = impacts.r[:, 0], impacts.r[:, 1]
     m, k2 = impacts.mass, impacts.k_g**2
 
@@ -92,7 +95,7 @@ def flag_physics(impacts: Impacts, mu_max: float = 0.35) -> Impacts:
 
 def has_flag(impacts: Impacts, *names: str) -> np.ndarray:
     """Mask (n,) of impacts with any of the named flags."""
-    return np.any([_has(impacts.flags, name) for name in names], axis=0)
+    return np.any([has_flag_text(impacts.flags, name) for name in names], axis=0)
 
 
 def thesis_filter(impacts: Impacts) -> np.ndarray:
@@ -164,7 +167,8 @@ def _hit_near(fits: ArcFits, samples: Samples, settings: ArcSettings) -> np.ndar
     return np.r_[False, close][: len(fits)] | np.r_[close, False][: len(fits)]
 
 
-def _has(flags: np.ndarray, name: str) -> np.ndarray:
+def has_flag_text(flags: np.ndarray, name: str) -> np.ndarray:
+    """Mask (n,) of the texts (n,) of ';'-joined names that hold `name`."""
     padded = np.char.add(np.char.add(";", flags.astype(str)), ";")
     return np.char.find(padded, f";{name};") >= 0
 
@@ -172,7 +176,7 @@ def _has(flags: np.ndarray, name: str) -> np.ndarray:
 def _add_flags(flags: np.ndarray, failed: dict[str, np.ndarray]) -> np.ndarray:
     flags = np.asarray(flags, object).copy()
     for name, mask in failed.items():
-        new = mask & ~_has(flags, name)
+        new = mask & ~has_flag_text(flags, name)
         flags[new] = np.where(flags[new] == "", name, flags[new] + f";{name}")
     return flags
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from thesis_lib.datasets import plausible
+from thesis_lib.datasets import plausible, plausible_impacts
 from thesis_lib.datasets.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
 from thesis_lib.datasets.header_file import FILE, load_header, salvage_shape
 from thesis_lib.datasets.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
@@ -61,7 +61,7 @@ def _read(folder: Path, name: str, report: Report) -> Dataset | None:
         plausible.check_trajectories(trajectories, body, report)
     if impacts is not None:
         check_impacts(impacts, report)
-        plausible.check_impacts(impacts, body, report)
+        plausible_impacts.check_impacts(impacts, body, report)
     if report.errors or header is None:
         return None
 

@@ -1,6 +1,7 @@
 """Convert a rig's own logs into a dataset folder: units, column names, signs, one file a trial or many.
 
-Everything that is changed or left out on the way is told in `Conversion.notes`.
+Everything that is changed or left out on the way is told in `Conversion.notes`, and what may be wrong with a log in
+`Conversion.warnings`.  "row" is the line in the file, the header being row 1.
 """
 
 import csv
@@ -16,6 +17,7 @@ from pydantic import ValidationError
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.datasets.dataset import TRAJECTORY_COLUMNS, Dataset, median_step, unwrap
 from thesis_lib.datasets.header import Header
+from thesis_lib.datasets.validate import SHOWN, row_text
 from thesis_lib.errors import UserError
 
 UNITS = {  # name -> (quantity, factor to SI)
@@ -33,10 +35,11 @@ QUANTITY = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 
 @dataclass
 class Conversion:
-    """A converted log and what was done to it."""
+    """A converted log, what was done to it, and what the user should look at; both are sentences."""
 
     dataset: Dataset
     notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 def parse_units(text: str) -> dict[str, float]:
@@ -134,13 +137,15 @@ def convert_logs(
         per_trial_files: each file is one trial, whatever trial column it has.
 
     Raises:
-        UserError: a file or column is missing, a cell is no number, or a value of the experiment is impossible.
+        UserError: a file or column is missing, a row is too long, a cell is no number, or a value of the experiment
+            is impossible.
     """
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise UserError(f"--rate: {rate} Hz is impossible; give a number above 0.")
     notes: list[str] = []
+    warnings: list[str] = []
     source = {ours: columns.get(ours, (ours, 1.0)) for ours in TRAJECTORY_COLUMNS}
-    logs = [_read_log(Path(file), delimiter) for file in files]
+    logs = [_read_log(Path(file), delimiter, warnings) for file in files]
     tables = []
     for number, (file, log) in enumerate(zip(files, logs)):
         has_trial, has_t = (source[ours][0] in log.columns for ours in ("trial", "t"))
@@ -163,7 +168,7 @@ def convert_logs(
             table["t"] = table.groupby("trial", sort=False).cumcount() / rate
         if number == 0:
             ignored = [
-                column for column in log.columns if column not in {theirs for theirs, _ in source.values()}
+                name for name in log.columns if name and name not in {theirs for theirs, _ in source.values()}
             ]
             if ignored:
                 notes.append(f"columns left out: {', '.join(ignored)}")
@@ -174,7 +179,8 @@ def convert_logs(
     lost = poses[["t", "x", "y", "theta"]].isna().any(axis=1)
     if lost.any():
         notes.append(
-            f"{int(lost.sum())} of {len(poses)} rows left out: a pose or time is empty (lost frames)"
+            f"{int(lost.sum())} of {len(poses)} rows left out: a pose or time is empty, as where frames are lost "
+            f"({_lost_rows(files, logs, lost.to_numpy())})"
         )
         poses = poses[~lost].reset_index(drop=True)
     if len(poses) == 0:
@@ -211,21 +217,73 @@ def convert_logs(
         raise UserError(
             f"--{str(entry['loc'][-1]).replace('_', '-')}: {entry['input']}: {entry['msg']}."
         ) from error
-    return Conversion(Dataset(name, header, poses), notes)
+    return Conversion(Dataset(name, header, poses), notes, warnings)
 
 
-def _read_log(path: Path, delimiter: str) -> pd.DataFrame:
+def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:
+    """The cells of a log as text, indexed by their row in the file; a last row that was cut off is left out."""
     if not path.is_file():
         raise UserError(f"{path} does not exist; give the log as a CSV file with a header line.")
     try:
-        log = pd.read_csv(
-            path, sep=delimiter, dtype=str, skipinitialspace=True, encoding="utf-8-sig", keep_default_na=False
-        )
-    except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError, csv.Error, OSError) as error:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, delimiter=delimiter, skipinitialspace=True)
+            # blank lines carry nothing; `line_num` keeps the row numbers right all the same
+            lines = [
+                (reader.line_num, cells) for cells in reader if any(map(str.strip, cells)) or len(cells) > 1
+            ]
+        with path.open("rb") as file:
+            file.seek(max(path.stat().st_size - 1, 0))
+            complete = file.read(1) in (b"\n", b"\r")
+    except (ValueError, csv.Error, OSError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise UserError(f"{path} cannot be read as a table ({reason}). Is --delimiter right?") from error
-    log.columns = [str(name).strip() for name in log.columns]
-    return log
+    if not lines:
+        raise UserError(f"{path} is empty; give the log as a CSV file with a header line.")
+    (_, names), *lines = lines
+    width = len(names)
+    for row, cells in lines:
+        if any(map(str.strip, cells[width:])):  # a delimiter at the end of each row is no cell
+            raise UserError(
+                f"{path}, row {row}: {len(cells)} cells, but the header names {width} columns. Give each row one cell "
+                "for each column; write decimal points, not commas, and check --delimiter."
+            )
+    if lines and len(lines[-1][1]) < width:
+        row, cells = lines.pop()
+        warnings.append(
+            f"{path.name}, row {row}: the last row has {len(cells)} of {width} cells, so the file was cut off; the row "
+            "is left out. Check that the log is whole."
+        )
+    elif lines and not complete:
+        warnings.append(
+            f"{path.name}, row {lines[-1][0]}: the last row does not end with a line break, so its last number may "
+            "have been cut off; the row is kept. Check it, and that the log is whole."
+        )
+    cells = [(cells + [""] * width)[:width] for _, cells in lines]
+    return pd.DataFrame(cells, index=[row for row, _ in lines], columns=_distinct(names), dtype=str)
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Stripped column names; the second of a name becomes name.1, so that the first is meant by it."""
+    seen: dict[str, int] = {}
+    result = []
+    for name in map(str.strip, names):
+        seen[name] = seen.get(name, -1) + 1
+        result.append(f"{name}.{seen[name]}" if name and seen[name] else name)
+    return result
+
+
+def _lost_rows(files: Sequence[str | Path], logs: Sequence[pd.DataFrame], lost: np.ndarray) -> str:
+    """Row numbers of the `lost` (N,) of all logs together, with the file where there are several."""
+    parts = np.split(lost, np.cumsum([len(log) for log in logs])[:-1])
+    found = [
+        (Path(file).name, row_text(log.index[part]))
+        for file, log, part in zip(files, logs, parts)
+        if part.any()
+    ]
+    if len(files) == 1:
+        return found[0][1]
+    more = f"; and {len(found) - SHOWN} more files" if len(found) > SHOWN else ""
+    return "; ".join(f"{name} {rows}" for name, rows in found[:SHOWN]) + more
 
 
 def _require(path: Path, log: pd.DataFrame, needed: Sequence[str], columns: Mapping) -> None:
@@ -250,7 +308,7 @@ def _numbers(path: Path, log: pd.DataFrame, name: str) -> np.ndarray:
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
         raise UserError(
-            f"{path}, column {name}, row {first + 2}: {str(text.iloc[first])[:40]!r} is not a number "
+            f"{path}, column {name}, row {log.index[first]}: {str(text.iloc[first])[:40]!r} is not a number "
             f"({int(bad.sum())} such cells). Remove text and units from the cells; write decimal points."
         )
     return numbers

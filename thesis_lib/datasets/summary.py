@@ -1,15 +1,41 @@
-"""What a dataset holds, as numbers and as text: the answer of the check command."""
+"""What a dataset holds and what detection makes of it, as numbers and as text: the answer of the check command.
+
+A dataset can be well formed and still useless, because no impact is found in it or none touches the surface; so the
+answer holds what the pipeline will use, not only what the files say.
+"""
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts import STATE
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.datasets.samples import ArcSettings
 
 UNIT = {"t": "s", "x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "omega": "rad/s"}
 
 
-def summarise(dataset: Dataset) -> dict:
-    """Counts, ranges, body and warnings of a dataset, ready for JSON."""
+def check_dataset(
+    path: str | Path, settings: ArcSettings | None = None
+) -> tuple[Dataset, FoundImpacts | None]:
+    """The dataset in the folder `path`, and the impacts that detection finds in its trajectories (None without).
+
+    Trajectories are looked at even where impacts.csv is there, which the program then uses as it is.
+
+    Raises:
+        DatasetError: something is wrong; its `problems` list everything that is.
+    """
+    dataset = read_dataset(path)
+    if dataset.trajectories is None:
+        return dataset, None
+    return dataset, find_impacts(replace(dataset, impacts=None), settings)
+
+
+def summarise(dataset: Dataset, found: FoundImpacts | None = None) -> dict:
+    """Counts, ranges, body and warnings of a dataset, and what was found in its trajectories, ready for JSON."""
     header = dataset.header
     result: dict = {
         "dataset": dataset.name,
@@ -39,6 +65,8 @@ def summarise(dataset: Dataset) -> dict:
             "flagged": int((impacts["flags"] != "").sum()) if "flags" in impacts else 0,
             "range": _ranges(impacts, STATE),
         }
+    if found is not None:
+        result["detection"] = found.summary()
     return result
 
 
@@ -46,9 +74,9 @@ def _ranges(table, names) -> dict[str, list[float]]:
     return {name: [float(np.min(table[name])), float(np.max(table[name]))] for name in names}
 
 
-def summary_text(dataset: Dataset) -> str:
+def summary_text(dataset: Dataset, found: FoundImpacts | None = None) -> str:
     """`summarise` for reading."""
-    facts, body = summarise(dataset), dataset.header.body
+    facts, body = summarise(dataset, found), dataset.header.body
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
     mass = "mass not given" if body.mass is None else f"mass {body.mass:g} kg"
     lines.append(
@@ -74,10 +102,12 @@ def summary_text(dataset: Dataset) -> str:
             f"covariance {'given' if part['covariance'] else 'not given'}; {part['flagged']} flagged"
         )
         lines += _range_lines(part["range"])
-    for i, problem in enumerate(dataset.warnings, 1):
-        lines.append(f"warning {i}: {problem}")
+    if (part := facts.get("detection")) is not None:
+        lines += _detection_lines(part, noise or {}, given=dataset.impacts is not None)
+    warnings = [*dataset.warnings, *(found.warnings if found is not None else ())]
+    lines += [f"warning {i}: {problem}" for i, problem in enumerate(warnings, 1)]
     lines.append(
-        "The dataset is valid." if not dataset.warnings else "The dataset is valid, with the warnings above."
+        "The dataset is valid." if not warnings else "The dataset is valid, with the warnings above."
     )
     return "\n".join(lines)
 
@@ -87,3 +117,29 @@ def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
         f"  {name:<10}{low:12.4g} … {high:<12.4g}{UNIT[name.split('_')[0]]}"
         for name, (low, high) in ranges.items()
     ]
+
+
+def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
+    def counts(of: dict[str, int]) -> str:
+        return (
+            f"{sum(of.values())} (" + ", ".join(f"{name} {count}" for name, count in of.items()) + ")"
+            if of
+            else "0"
+        )
+
+    lines = [
+        f"detection   {part['used']} impacts of the trajectories can be used"
+        + (" (impacts.csv is used in their place)" if given else ""),
+        f"  left out  {counts(part['left_out'])}",
+        f"  flags     {counts(part['flagged'])}",
+    ]
+    if part["glitches"]:
+        lines.append(f"  glitches  {part['glitches']} samples, treated as lost frames")
+    source = {"arcs": "the arcs", "differences": "third differences", "header": "dataset.yaml"}
+    shares = [
+        f"{name} {'unknown' if value is None else f'{value:.3g} {unit}'}"
+        + (f" (stated {stated[name]:g})" if name in stated else "")
+        for (name, value), unit in zip(part["noise"].items(), ("m", "rad"))
+    ]
+    lines.append(f"  noise     {', '.join(shares)}; from {source[part['noise_source']]}")
+    return lines

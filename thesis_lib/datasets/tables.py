@@ -143,7 +143,15 @@ def _ragged(path: Path, width: int, report: Report) -> tuple[np.ndarray, int]:
             if count != width:
                 bad.append(i)
                 cells.append(count)
+            complete = line.endswith((b"\n", b"\r"))
     rows = last + 1
+    if rows and not complete and (last not in bad):
+        report.warn(
+            path.name,
+            row_text([last + 2]),
+            "the last row does not end with a line break: its last number may have been cut off",
+            "check that the file is whole, and end it with a line break",
+        )
     if blank := [i for i in blank if i < rows]:
         report.error(path.name, row_text(np.array(blank) + 2), "the row is empty", "delete empty lines")
     if bad:

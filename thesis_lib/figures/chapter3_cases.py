@@ -25,7 +25,7 @@ from thesis_lib.errors import UserError
 from thesis_lib.figures.chapter3_contact_space import draw_ellipse, draw_region, region_outline
 from thesis_lib.figures.style import INK, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.identify.cost import Target, target_of
-from thesis_lib.identify.statements import MU_ZERO
+from thesis_lib.identify.individual_statements import MU_ZERO
 
 MARKS = {  # series: marker, size, colour, filled
     "measured impulse": ("X", 7, INK, True),
@@ -74,7 +74,7 @@ def figure_3_11(
 
     Args:
         impacts: all impacts studied.
-        individual: trial, impact, law, mu, epsilon, error of one weighting.
+        individual: trial, impact, law, mu, epsilon, misfit (N s) of one weighting.
         ensemble: law, mu, epsilon of the same weighting.
         law: the law shown (AP Newton in the thesis).
         mass_known: whether impulses are in N s or in N s/kg.

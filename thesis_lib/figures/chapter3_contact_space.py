@@ -27,6 +27,7 @@ from thesis_lib.contact.space import (
     line_of_sticking,
 )
 from thesis_lib.datasets.header import Body
+from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.style import (
     GREY,
     INK,
@@ -35,7 +36,6 @@ from thesis_lib.figures.style import (
     ImpulseAxis,
     house_style,
     new_figure,
-    style_of,
 )
 from thesis_lib.identify.impact_tables import VARIANTS
 from thesis_lib.identify.predictive_range import admissible_outline, region

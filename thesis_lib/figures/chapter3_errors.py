@@ -17,7 +17,8 @@ from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.datasets.impacts import Impacts
 from thesis_lib.errors import UserError
 from thesis_lib.figures.densities import local_mean, reflected_density
-from thesis_lib.figures.style import PANELS, Drawn, ImpulseAxis, house_style, new_figure, style_of
+from thesis_lib.figures.law_style import style_of
+from thesis_lib.figures.style import PANELS, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.identify.cost import target_of
 from thesis_lib.identify.impact_tables import VARIANTS
 

@@ -16,7 +16,8 @@ from matplotlib.axes import Axes
 from thesis_lib.contact import LAWS
 from thesis_lib.errors import UserError
 from thesis_lib.figures.densities import reflected_density
-from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style, new_figure, style_of
+from thesis_lib.figures.law_style import style_of
+from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style, new_figure
 
 SETTLED = 100  # impacts after which the thesis finds the parameters converged
 SUBSET_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)))
@@ -100,7 +101,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
     """(a) Individual (μ, ε) coloured by the misfit that remains; (b) densities of μ and of ε, ensemble value marked.
 
     Args:
-        individual: trial, impact, law, mu, epsilon, error (N s) of one weighting; only rows of `law` are used.
+        individual: trial, impact, law, mu, epsilon, misfit (N s) of one weighting; only rows of `law` are used.
         ensemble: law, mu, epsilon of the same weighting.
         law: the law shown.
         mass_known: whether impulses are in N s or in N s/kg.

@@ -20,6 +20,7 @@ from matplotlib.axes import Axes
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.errors import UserError
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.identify.energy import rest_height
 
 LEADING = 3  # impacts that the trial shown should have measured from its start
 HALF_WINDOW = 5  # samples on either side; at 250 Hz and 0.3 mm this gives velocities to 7 mm/s
@@ -174,8 +175,7 @@ def energies(pose: np.ndarray, velocity: np.ndarray, dataset: Dataset) -> np.nda
 
     The potential energy is that above the lowest touching pose of the body.
     """
-    turn = np.linspace(0.0, 2.0 * np.pi, 721)
-    rest = dataset.height - float(np.max(dataset.shape.contact_point(turn)[:, 1]))
+    rest = rest_height(dataset.shape, dataset.height)
     mass = 1.0 if dataset.mass is None else dataset.mass
     potential = mass * dataset.gravity * (pose[:, 1] - rest)
     kinetic = 0.5 * mass * np.sum((velocity * [1.0, 1.0, dataset.k_g]) ** 2, axis=1)

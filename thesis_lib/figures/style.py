@@ -1,4 +1,4 @@
-"""The look that all figures share: one style sheet, one colour and line for each law, one way to save.
+"""The look that all figures share: one style sheet and one way to save (laws have theirs in `law_style`).
 
 A figure function is wrapped in `house_style`, takes arrays and tables, and returns the figure and the table of the
 numbers drawn in it.  `save_figure` writes both beside each other with bytes that depend on nothing but the content:
@@ -19,7 +19,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from thesis_lib.columns import explain
-from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.files import atomic, write_table
 
 SHEET = Path(__file__).with_name("thesis.mplstyle")
@@ -30,47 +29,6 @@ INK = "0.15"
 Drawn = tuple[Figure, pd.DataFrame]
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class LineStyle:
-    """How one law or bound looks in every figure: told apart by colour, and without colour by dashes."""
-
-    label: str
-    color: str
-    dash: str | tuple
-    hatch: str = ""
-
-    @property
-    def line(self) -> dict:
-        """Keywords for `Axes.plot`."""
-        return {"color": self.color, "linestyle": self.dash, "label": self.label}
-
-
-# Okabe and Ito's colours, which colour-blind readers tell apart; laws of one panel of figure 3-3 differ in lightness
-_LOOKS = {
-    "drumwright_shell": ("#0072B2", "-", "////"),
-    "anitescu_potra_poisson": ("#E69F00", (0, (5, 1.5)), "\\\\\\\\"),
-    "anitescu_potra_newton": ("#009E73", "-", "////"),
-    "mirtich": ("#CC79A7", (0, (5, 1.5)), "\\\\\\\\"),
-    "wang_mason": ("#D55E00", (0, (1, 1.2)), ""),
-    "whittaker": ("#56B4E9", (0, (4, 1.2, 1, 1.2)), "////"),
-}
-LAW_STYLE = {name: LineStyle(LAWS[name].title, *_LOOKS[name]) for name in SIX_LAWS}
-BOUND_STYLE = {
-    "best_post_hoc": LineStyle("Best Post Hoc", "0.45", (0, (3, 1, 1, 1, 1, 1))),
-    "irb_bound": LineStyle("IRB Bound", "black", "-"),
-}
-
-
-def style_of(model: str) -> LineStyle:
-    """The look of a law (either variant) or bound.
-
-    Raises:
-        KeyError: there is no such model.
-    """
-    name = model.removesuffix("_as_published").removesuffix("_as_defined")
-    return {**LAW_STYLE, **BOUND_STYLE}[name]
 
 
 @dataclass(frozen=True)

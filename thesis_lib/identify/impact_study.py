@@ -172,7 +172,7 @@ def convexity_violations(topography: pd.DataFrame) -> float:
 def individual_table(
     impacts: Impacts, laws: Iterable[str], weightings: Sequence[Weighting], metric: Metric
 ) -> pd.DataFrame:
-    """Individual (μ_i, ε_i), error and sticking bound μ_s: a row per impact, law and weighting (figure 3-10)."""
+    """Individual (μ_i, ε_i), misfit and sticking bound μ_s: a row per impact, law and weighting (figure 3-10)."""
     parts = []
     for weighting in weightings:
         target = target_of(impacts, weighting)
@@ -190,12 +190,15 @@ def individual_table(
     return pd.concat(parts, ignore_index=True)
 
 
-def held_out_errors(impacts: Impacts, ensemble: pd.DataFrame, weighting: Weighting) -> pd.DataFrame:
-    """Errors of held-out impacts: a row per impact and model.
+def held_out_errors(
+    impacts: Impacts, split: pd.DataFrame, ensemble: pd.DataFrame, weighting: Weighting
+) -> pd.DataFrame:
+    """Errors of those impacts that `split` holds out: a row per impact and model.
 
     Columns: trial, impact, model (a law, or `irb_bound`), velocity_error in m/s (kinetic norm of the velocity of
     the centre of mass) and impulse_error in N s (against the measured impulse in that weighting).
     """
+    impacts = pick(impacts, split, train=0)
     target = target_of(impacts, weighting)
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     bound = irb_bound(impacts.v_pre, impacts.v_post, impacts.r, **body)

@@ -2,6 +2,7 @@
 
 Every table shows two variants: `as_published`, the authors' code where it differs from the law that it is named
 after, and `as_defined`, the six laws themselves; and both weightings of equation 3.7 (see `cost`).
+Standard errors of shares are Wilson's (see `shares`), so that a share of 0 % has one too.
 """
 
 import itertools
@@ -12,6 +13,7 @@ import pandas as pd
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.bounds import best_post_hoc
+from thesis_lib.identify.shares import wilson_std
 
 # the authors' code where it differs from the law that it is named after, the law itself elsewhere
 SIX_AS_PUBLISHED = tuple(
@@ -33,7 +35,8 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
     """Table 3.1 for each variant and weighting; `errors` are held-out errors by weighting.
 
     Best and worst are counted in impulse space over held-out impacts among the six laws of a variant, as the authors
-    count them, in per cent; standard errors are binomial.
+    count them, in per cent.  `at_bound` names the parameters that ended at the edge of their range: there the law
+    wants more or less than it can have, and the bootstrap's standard error says little.
     """
     rows = []
     for (weighting, table), (variant, laws) in itertools.product(errors.items(), VARIANTS.items()):
@@ -50,10 +53,11 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
                     "mu_std": fit["mu_std"],
                     "epsilon": fit["epsilon"],
                     "epsilon_std": fit["epsilon_std"],
+                    "at_bound": "" if pd.isna(fit["at_bound"]) else fit["at_bound"],  # empty in a file
                     "best": 100 * best[i],
-                    "best_std": 100 * np.sqrt(best[i] * (1 - best[i]) / len(wide)),
+                    "best_std": 100 * wilson_std(best[i], len(wide)),
                     "worst": 100 * worst[i],
-                    "worst_std": 100 * np.sqrt(worst[i] * (1 - worst[i]) / len(wide)),
+                    "worst_std": 100 * wilson_std(worst[i], len(wide)),
                     "n_train": int(fit["n"]),
                     "n_held_out": len(wide),
                 }
@@ -81,7 +85,7 @@ def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float
                         "law": SIX_LAWS[i],
                         "tolerance": tolerance,
                         "fraction": share,
-                        "fraction_std": float(np.sqrt(share * (1 - share) / len(error))),
+                        "fraction_std": wilson_std(share, len(error)),
                         "n": len(error),
                     }
                 )

@@ -6,20 +6,18 @@ A row has `statement`, `law` ('' where it concerns none), `value`, `std` (NaN wh
 |----------------------------|----------------------------------------------------------------------------------|
 | irb_bound                  | mean held-out velocity error of the IRB Bound                                    |
 | irb_bound_mirrored         | the same after reading θ and ω clockwise (sensitivity: handedness of the angle)  |
+| over_best_post_hoc         | mean held-out error of a law minus that of Best Post Hoc of its variant          |
 | steep_friction             | mean held-out error at the inclined plane's μ = 0.3 minus that at the ensemble's μ |
-| individual_minus_ensemble_mu, _epsilon | mean of the individual parameters minus the ensemble's              |
-| individual_spread_mu, _epsilon | standard deviation of the individual parameters over the ensemble's value    |
-| mu_zero                    | share of impacts whose individual μ is below 0.001                               |
-| epsilon_mode               | where the density of the individual ε peaks (Gaussian kernel, Scott's bandwidth) |
-| epsilon_modes              | number of peaks above a tenth of the highest                                     |
 | back_spin                  | share of measured impacts after which v_t has changed its sign                   |
 | beyond_sticking            | share of measured impulses beyond the line of sticking                           |
 | predicted_back_spin, predicted_beyond_sticking | the same shares of a law's predictions                       |
-| energy_loss                | share of impacts that lose contact-space energy                                  |
 | converged_at               | least k from which on every subset's μ and ε stay within 10 % of their final value |
 | convexity_violations       | share of grid triples at which the cost of figure 3-7 is not convex              |
 | local_minima               | points of that grid that are below all eight neighbours                          |
 | small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
+
+`converged_at` without a law is the slowest of the laws that were followed, whichever these are.
+Rows about individual parameters are explained in `individual_statements`, those about energy in `energy`.
 """
 
 import itertools
@@ -29,73 +27,67 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import ContactSpace, beyond_sticking, velocity_error
 from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.datasets.quality import contact_measures
 from thesis_lib.identify.cost import target_of
-from thesis_lib.identify.impact_study import convexity_violations
+from thesis_lib.identify.impact_study import convexity_violations, pick
+from thesis_lib.identify.impact_tables import VARIANTS
+from thesis_lib.identify.individual_statements import individual_rows
+from thesis_lib.identify.shares import mean_of, ratio_of_means, share_of
 
 MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
-MU_ZERO = 1e-3  # far below the thesis's smallest ensemble value, 0.062
-STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
 MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
 
 
 def statements(
-    held_out: Impacts,
+    impacts: Impacts,
+    split: pd.DataFrame,
     ensemble: pd.DataFrame,
     individual: pd.DataFrame,
     errors: pd.DataFrame,
     topography: pd.DataFrame,
     convergence: pd.DataFrame,
+    energy: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """All statements; `held_out` and `errors` hold held-out impacts, in the kinetic weighting."""
+    """All statements, in the kinetic weighting.
+
+    Args:
+        impacts: the impacts studied, or more.
+        split: trial, impact, train; predictions are judged on impacts with train = 0 only.
+        ensemble, individual: parameters of both weightings; `individual` of all impacts studied.
+        errors: `held_out_errors` in the kinetic weighting.
+        topography, convergence: as in figure 3-7; `convergence` may follow any laws.
+        energy: further rows, those of `energy_statements`.
+    """
+    held_out = pick(impacts, split, train=0)
     ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
     individual = individual[individual["weighting"] == "kinetic"]
     target = target_of(held_out)
+    slowest = {str(law): converged_at(part) for law, part in convergence.groupby("law")}
     rows = [
-        ("irb_bound", "", *_mean(_irb(held_out)), "m/s"),
-        ("irb_bound_mirrored", "", *_mean(_irb(mirrored_rotation(held_out))), "m/s"),
+        ("irb_bound", "", *mean_of(_irb(held_out)), "m/s"),
+        ("irb_bound_mirrored", "", *mean_of(_irb(mirrored_rotation(held_out))), "m/s"),
         ("convexity_violations", topography["law"].iloc[0], convexity_violations(topography), np.nan, "1"),
         ("local_minima", topography["law"].iloc[0], local_minima(topography), np.nan, "1"),
-        ("energy_loss", "", *_mean((contact_measures(held_out).alpha < 1.0).astype(float)), "1"),
-        ("back_spin", "", *_mean(reverses(target.space, target.c_t, target.c_n)), "1"),
-        ("beyond_sticking", "", *_mean(crosses(target.space, target.c_t, target.c_n)), "1"),
+        ("back_spin", "", *share_of(reverses(target.space, target.c_t, target.c_n)), "1"),
+        ("beyond_sticking", "", *share_of(crosses(target.space, target.c_t, target.c_n)), "1"),
         ("small_momentum", MAPPED, *_small_momentum(held_out, errors), "1"),
     ]
-    rows += [
-        ("converged_at", law, converged_at(part), np.nan, "1") for law, part in convergence.groupby("law")
-    ]
+    rows += [("converged_at", law, k, np.nan, "1") for law, k in slowest.items()]
+    if slowest:
+        rows.append(("converged_at", "", max(slowest.values()), np.nan, "1"))
     for law, fit in ensemble.iterrows():
         predicted = _prediction(target.space, str(law), fit["mu"], fit["epsilon"])
-        rows.append(("predicted_back_spin", law, *_mean(reverses(target.space, *predicted)), "1"))
-        rows.append(("predicted_beyond_sticking", law, *_mean(crosses(target.space, *predicted)), "1"))
+        rows.append(("predicted_back_spin", law, *share_of(reverses(target.space, *predicted)), "1"))
+        rows.append(("predicted_beyond_sticking", law, *share_of(crosses(target.space, *predicted)), "1"))
         own = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
         steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
-        rows.append(("steep_friction", law, *_mean(steep - own), "m/s"))
-        each = individual[individual["law"] == law]
-        for name in ("mu", "epsilon"):
-            mean, std = _mean(each[name].to_numpy())
-            std = float(np.hypot(std, fit[f"{name}_std"]))
-            rows.append((f"individual_minus_ensemble_{name}", law, mean - fit[name], std, "1"))
-    for law in (STUDIED, "mirtich", "wang_mason", "anitescu_potra_poisson"):
-        each = individual[individual["law"] == law]
-        peak, peaks = epsilon_modes(each["epsilon"].to_numpy())
-        rows += [
-            ("mu_zero", law, *_mean((each["mu"] < MU_ZERO).to_numpy(float)), "1"),
-            ("epsilon_mode", law, peak, np.nan, "1"),
-            ("epsilon_modes", law, peaks, np.nan, "1"),
-            ("individual_spread_mu", law, each["mu"].std() / ensemble.loc[law, "mu"], np.nan, "1"),
-            (
-                "individual_spread_epsilon",
-                law,
-                each["epsilon"].std() / ensemble.loc[law, "epsilon"],
-                np.nan,
-                "1",
-            ),
-        ]
-    return pd.DataFrame(rows, columns=["statement", "law", "value", "std", "unit"])
+        rows.append(("steep_friction", law, *mean_of(steep - own), "m/s"))
+    rows += _over_best_post_hoc(errors)
+    rows += individual_rows(impacts, individual, ensemble)
+    table = pd.DataFrame(rows, columns=["statement", "law", "value", "std", "unit"])
+    return table if energy is None else pd.concat([table, energy], ignore_index=True)
 
 
 def reverses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
@@ -154,20 +146,6 @@ def mirrored_rotation(impacts: Impacts) -> Impacts:
     )
 
 
-def epsilon_modes(epsilon: np.ndarray) -> tuple[float, int]:
-    """Where the density of ε peaks, and how many peaks exceed a tenth of the highest."""
-    from scipy.signal import find_peaks
-    from scipy.stats import gaussian_kde
-
-    epsilon = epsilon[np.isfinite(epsilon)]
-    if np.ptp(epsilon) == 0.0:
-        return float(epsilon[0]), 1
-    grid = np.linspace(-0.2, 1.2, 1401)
-    density = gaussian_kde(epsilon)(grid)
-    peaks, _ = find_peaks(density, height=0.1 * density.max())
-    return float(grid[np.argmax(density)]), len(peaks)
-
-
 def _irb(impacts: Impacts) -> np.ndarray:
     return irb_bound(impacts.v_pre, impacts.v_post, impacts.r, mass=impacts.mass, k_g=impacts.k_g).error
 
@@ -177,16 +155,18 @@ def _errors_at(impacts: Impacts, law: str, mu: float, epsilon: float) -> np.ndar
     return velocity_error(impacts.v_post - out.v_post, impacts.k_g)
 
 
-def _small_momentum(impacts: Impacts, errors: pd.DataFrame) -> tuple[float, float]:
-    space = target_of(impacts).space
-    momentum = np.abs(space.impulse_to(0.0, 0.0)[0])
+def _over_best_post_hoc(errors: pd.DataFrame) -> list[tuple[str, str, float, float, str]]:
+    """Paired differences; a law of both variants is compared among the laws as published."""
+    wide = errors.pivot(index=["trial", "impact"], columns="model", values="velocity_error")
+    rows = {}
+    for laws in (VARIANTS["as_defined"], VARIANTS["as_published"]):  # the later one counts
+        best = best_post_hoc(wide[list(laws)].to_numpy())[1]
+        rows |= {law: mean_of(wide[law].to_numpy() - best) for law in laws}
+    return [("over_best_post_hoc", law, *found, "m/s") for law, found in rows.items()]
+
+
+def _small_momentum(held_out: Impacts, errors: pd.DataFrame) -> tuple[float, float]:
+    momentum = np.abs(target_of(held_out).space.impulse_to(0.0, 0.0)[0])
     error = errors.loc[errors["model"] == MAPPED, "velocity_error"].to_numpy()
     small = momentum <= np.quantile(momentum, 0.25)
-    (a, a_std), (b, b_std) = _mean(error[small]), _mean(error[~small])
-    return a / b, a / b * float(np.hypot(a_std / a, b_std / b))
-
-
-def _mean(values: np.ndarray) -> tuple[float, float]:
-    """Mean of the finite values and its standard error."""
-    values = values[np.isfinite(values)]
-    return float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values)))
+    return ratio_of_means(error[small], error[~small])

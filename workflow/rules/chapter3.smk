@@ -1,6 +1,6 @@
 # Chapter 3: the impact study, for every dataset that is present.
 CH3 = "results/chapter3/{dataset}"
-CH3_DATASETS = [name for name in CONFIG.chapter3.datasets if is_present(name)]
+CH3_DATASETS = [name for name in CONFIG.chapter3.datasets if DATASETS[name].present]
 CH3_TABLES = {
     "ensemble": f"{CH3}/ensemble.csv",
     "ensemble_velocity": f"{CH3}/ensemble_velocity.csv",
@@ -10,7 +10,7 @@ CH3_TABLES = {
     "split": f"{CH3}/split.csv",
 }
 CH3_COMMON = "results/chapter3/common"
-CH3_WITH_TRAJECTORIES = [name for name in CH3_DATASETS if name != "planar_impact"]
+CH3_WITH_TRAJECTORIES = [name for name in CH3_DATASETS if DATASETS[name].has_trajectories]
 
 
 rule ch3_identify:
@@ -81,17 +81,20 @@ rule ch3_evaluate:
 rule ch3_published:
     input:
         header="results/impacts/planar_impact/dataset.yaml",
-        predictions=lambda wildcards: f"{dataset_folder('planar_impact')}/dataset.yaml",
+        predictions=DATASETS["planar_impact"].files,
     output:
         best_worst="results/chapter3/planar_impact/published_best_worst.csv",
         agreement="results/chapter3/planar_impact/published_agreement.csv",
         cost="results/chapter3/planar_impact/published_cost.csv",
         kept="results/chapter3/planar_impact/published_kept.csv",
+        parameters="results/chapter3/planar_impact/published_parameters.csv",
     log:
         "results/logs/ch3_published.log",
     conda:
         "../envs/thesis.yaml"
     params:
+        folder=lambda wildcards: DATASETS["planar_impact"].folder,
+        seed=CONFIG.seed,
         lib=code_of("ch3_published"),
     message:
         "Chapter 3: comparing our laws with the predictions that the authors stored"
@@ -121,7 +124,7 @@ rule ch3_schematics:
 
 rule ch3_trajectories:
     input:
-        header=dataset_file,
+        dataset_files,
         impacts="results/impacts/{dataset}/impacts.csv",
         arcs="results/impacts/{dataset}/arcs.csv",
     output:
@@ -132,6 +135,7 @@ rule ch3_trajectories:
     conda:
         "../envs/thesis.yaml"
     params:
+        folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         lib=code_of("ch3_trajectories"),
     message:
         "Chapter 3: drawing one trial of {wildcards.dataset}"

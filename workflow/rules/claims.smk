@@ -50,7 +50,11 @@ rule provenance:
     params:
         scale=CONFIG.scale,
         seed=CONFIG.seed,
-        sources={name: str(folder) for name, folder in MEASURED.items() if folder},
+        sources={
+            name: dataset.source or dataset.folder
+            for name, dataset in DATASETS.items()
+            if dataset.origin in ("folder", "published")
+        },
         lib=code_of("provenance"),
     message:
         "Recording versions, seed, commit and checksums of the data"

@@ -5,7 +5,8 @@ from pathlib import Path
 sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every script, on a cluster too
 
 from thesis_lib.config import parse_config
-from thesis_lib.datasets.published import find_measured
+from thesis_lib.datasets.locate import SIMULATED, locate
+from thesis_lib.datasets.published import SOURCES
 from thesis_lib.errors import UserError
 from thesis_lib.provenance import lib_hash
 
@@ -30,24 +31,18 @@ def settings(section, *keys):
     return {key: values[key] for key in keys} if keys else values
 
 
-MEASURED = {name: find_measured(name, CONFIG.measured) for name in ("planar_impact", "planar_dice")}
-SIMULATED = ("drops",)
+try:
+    DATASETS = {
+        name: locate(name, CONFIG.measured)
+        for name in dict.fromkeys((*CONFIG.chapter3.datasets, *SOURCES, *SIMULATED))
+    }
+except UserError as error:
+    raise WorkflowError(str(error))
 
 
-def is_present(dataset):
-    return dataset in SIMULATED or MEASURED.get(dataset) is not None
-
-
-def dataset_folder(dataset):
-    """Folder of a dataset in our format: where the user has it, or where the pipeline makes it."""
-    if dataset in SIMULATED:
-        return f"data/simulated/{dataset}"
-    folder = MEASURED[dataset]
-    return str(folder) if (folder / "dataset.yaml").is_file() else f"results/datasets/{dataset}"
-
-
-def dataset_file(wildcards):
-    return f"{dataset_folder(wildcards.dataset)}/dataset.yaml"
+def dataset_files(wildcards):
+    """All files of a dataset, so that what reads it reruns when any of them changes."""
+    return DATASETS[wildcards.dataset].files
 
 
 def figure_files(folder, number, shows, subcategory="{dataset}"):

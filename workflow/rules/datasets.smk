@@ -1,11 +1,12 @@
 # Datasets: measured ones converted from their published files, simulated drops, and the impacts found in each.
 PRESENT = {
-    name: {"present": is_present(name), "simulated": name in SIMULATED} for name in (*MEASURED, *SIMULATED)
+    name: {"present": dataset.present, "simulated": dataset.origin == "simulated"}
+    for name, dataset in DATASETS.items()
 }
 # figures 3-5 and 3-6 of the thesis show ellipse trajectories, which nobody has published
 PRESENT["planar_impact_trajectories"] = {"present": False, "simulated": False}
 
-for name in [name for name, folder in MEASURED.items() if folder is None]:
+for name in [name for name, dataset in DATASETS.items() if not dataset.present]:
     logger.warning(
         f"The measured dataset {name} is not present (looked in {', '.join(CONFIG.measured)}): "
         f"its tables and figures are left out and its claims say 'data not present'. "
@@ -30,6 +31,8 @@ rule datasets_present:
 
 
 rule convert_measured:
+    input:
+        lambda wildcards: DATASETS[wildcards.dataset].source_files,
     output:
         "results/datasets/{dataset}/dataset.yaml",
     log:
@@ -37,7 +40,7 @@ rule convert_measured:
     conda:
         "../envs/thesis.yaml"
     params:
-        source=lambda wildcards: str(MEASURED[wildcards.dataset]),
+        source=lambda wildcards: DATASETS[wildcards.dataset].source,
         lib=code_of("convert_measured"),
     message:
         "Checking and converting the published files of {wildcards.dataset}"
@@ -49,6 +52,8 @@ rule simulate_drops:
     output:
         header="data/simulated/drops/dataset.yaml",
         trajectories="data/simulated/drops/trajectories.csv",
+        truth="results/datasets/drops_truth.csv",
+        trials="results/datasets/drops_trials.csv",
     log:
         "results/logs/simulate_drops.log",
     conda:
@@ -65,7 +70,7 @@ rule simulate_drops:
 
 rule find_impacts:
     input:
-        dataset_file,
+        dataset_files,
     output:
         header="results/impacts/{dataset}/dataset.yaml",
         impacts="results/impacts/{dataset}/impacts.csv",
@@ -77,6 +82,7 @@ rule find_impacts:
     conda:
         "../envs/thesis.yaml"
     params:
+        folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         arcs=settings(CONFIG.arcs),
         lib=code_of("find_impacts"),
     message:

@@ -11,21 +11,23 @@ from thesis_lib.datasets.read import read_dataset
 from thesis_lib.files import read_table
 from thesis_lib.identify import impact_study as study
 from thesis_lib.identify import impact_tables as tables
+from thesis_lib.identify.energy import energy_statements
 from thesis_lib.identify.statements import statements
 
 source, out = snakemake.input, snakemake.output
-impacts = read_dataset(Path(source.header).parent).stated_impacts()
+dataset = read_dataset(Path(source.header).parent)
+impacts = dataset.stated_impacts()
 ensemble, individual = read_table(source.ensemble), read_table(source.individual)
 split, topography = read_table(source.split), read_table(source.topography)
 convergence = read_table(source.convergence)
-held_out = study.pick(impacts, split, train=0)
 
-errors = {w: study.held_out_errors(held_out, ensemble, w) for w in ("kinetic", "unweighted")}
+errors = {w: study.held_out_errors(impacts, split, ensemble, w) for w in ("kinetic", "unweighted")}
 write_result(errors["kinetic"], out.errors)
 write_result(tables.error_summary(errors["kinetic"]), out.summary)
 write_result(tables.table_3_1(ensemble, errors), out.table_3_1)
 tolerances = snakemake.params.settings["range_tolerances"]
 write_result(tables.table_3_2(individual, tolerances, impacts.mass), out.table_3_2)
 write_result(study.coverage_table(study.pick(impacts, split), study.ALL_LAWS), out.coverage)
-said = statements(held_out, ensemble, individual, errors["kinetic"], topography, convergence)
+energy = energy_statements(dataset, impacts)
+said = statements(impacts, split, ensemble, individual, errors["kinetic"], topography, convergence, energy)
 write_result(said, out.statements)

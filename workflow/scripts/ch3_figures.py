@@ -13,7 +13,8 @@ from thesis_lib.figures.chapter3_identification import figure_3_7, figure_3_10
 from thesis_lib.figures.style import save_figure
 from thesis_lib.files import read_table
 from thesis_lib.identify.impact_study import pick
-from thesis_lib.identify.statements import MAPPED, STUDIED
+from thesis_lib.identify.individual_statements import STUDIED
+from thesis_lib.identify.statements import MAPPED
 
 source = snakemake.input
 dataset = read_dataset(Path(source.header).parent)
@@ -23,9 +24,12 @@ ensemble, individual = (
     table[table["weighting"] == "kinetic"]
     for table in (read_table(source.ensemble), read_table(source.individual))
 )
+topography, convergence = read_table(source.topography), read_table(source.convergence)
+# two laws, as far as the eye can tell lines apart: the one of the topography and the one of figure 3-10
+followed = convergence[convergence["law"].isin([topography["law"].iloc[0], STUDIED])]
 known = {"mass_known": dataset.mass is not None}
 drawn = {
-    "figure_3_7": figure_3_7(read_table(source.topography), read_table(source.convergence), **known),
+    "figure_3_7": figure_3_7(topography, followed, **known),
     "figure_3_8": figure_3_8(errors),
     "figure_3_9": figure_3_9(pick(impacts, split, train=0), errors, MAPPED, **known),
     "figure_3_10": figure_3_10(individual, ensemble, STUDIED, **known),

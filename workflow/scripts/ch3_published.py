@@ -12,9 +12,10 @@ from thesis_lib.files import read_table
 from thesis_lib.identify import stored_predictions as stored
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
-folder, out = Path(snakemake.input.predictions).parent, snakemake.output
+folder, out = Path(snakemake.params.folder), snakemake.output
 predictions = read_table(folder / "published_predictions.csv")
 write_result(stored.best_worst(predictions), out.best_worst)
 write_result(stored.agreement(impacts, predictions), out.agreement)
 write_result(stored.cost_at_published(impacts), out.cost)
+write_result(stored.parameters(impacts, snakemake.params.seed), out.parameters)
 write_result(stored.drops_kept(read_table(folder / "all_drops.csv")), out.kept)

@@ -11,7 +11,7 @@ from thesis_lib.figures import chapter3_trajectories as figures
 from thesis_lib.figures.style import save_figure
 from thesis_lib.files import read_table
 
-dataset = read_dataset(Path(snakemake.input.header).parent)
+dataset = read_dataset(snakemake.params.folder)
 impacts, arcs = read_table(snakemake.input.impacts), read_table(snakemake.input.arcs)
 drawn = {
     "figure_3_5": figures.figure_3_5(dataset, impacts, arcs),

@@ -13,7 +13,7 @@ from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.datasets.write import write_dataset
 from thesis_lib.files import write_json, write_table
 
-dataset = read_dataset(Path(snakemake.input[0]).parent)
+dataset = read_dataset(snakemake.params.folder)
 found = find_impacts(dataset, ArcSettings(**snakemake.params.arcs))
 for warning in found.warnings:
     print(warning)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.write import write_dataset
+from thesis_lib.files import write_table
 from thesis_lib.randomness import generator
 from thesis_lib.simulate.drops import simulate_drops
 from thesis_lib.simulate.settings import SimulatedDrops
@@ -27,5 +28,7 @@ drops = simulate_drops(
     rng=generator(snakemake.params.seed, "simulate_drops"),
 )
 print(drops.trials["status"].value_counts().to_string())
-folder = Path(snakemake.output.header).parent
-write_dataset(Dataset("drops", drops.header, drops.trajectories, None), folder)
+write_dataset(Dataset("drops", drops.header, drops.trajectories, None), Path(snakemake.output.header).parent)
+# the truth lies outside the dataset: whoever reads drops must not see what made them
+write_table(drops.impacts, snakemake.output.truth)
+write_table(drops.trials, snakemake.output.trials)

@@ -1,0 +1,138 @@
+"""A small predictor for the tests: the stages of effects/effect.py one after the other, and random states to feed it.
+
+It is written from the description of the stages and shares no code with the critique's model.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Ellipse, Polygon
+from thesis_lib.contact import LAWS
+from thesis_lib.contact.space import ContactSpace, contact_space
+from thesis_lib.effects import Effect
+from thesis_lib.effects.effect import Impulse, Rig, State
+
+MU, EPSILON = 0.25, 0.55
+STEP = 1e-3  # s, of the flight; the camera's map is linear in the velocity, so that it does not matter
+
+# no symmetry: a mirrored or turned body stands on other corners
+QUADRILATERAL = Polygon(vertices=((0.035, 0.03), (-0.03, 0.028), (-0.036, -0.03), (0.025, -0.033)))
+RIGS = {
+    "quadrilateral": Rig(QUADRILATERAL, QUADRILATERAL.radius_of_gyration, 9.81, 0.2),
+    "ellipse": Rig(Ellipse(semi_axes=(0.035, 0.025)), 0.0215, 9.81, 0.0),
+}
+Active = Sequence[tuple[Effect, Mapping[str, float]]]
+
+
+def null(effect: Effect) -> dict[str, float]:
+    """Parameters at which the effect is absent."""
+    return {p.name: p.null for p in effect.parameters}
+
+
+def at_scale(effect: Effect) -> dict[str, float]:
+    """Parameters at a size that matters."""
+    return {p.name: p.null + p.scale for p in effect.parameters}
+
+
+def arrays(state: State) -> dict[str, np.ndarray]:
+    """The arrays of a state by name."""
+    return {item.name: getattr(state, item.name) for item in fields(State)}
+
+
+def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
+    """States of bodies that touch the surface and approach it with 0.8 to 3.3 m/s, sliding either way."""
+    theta, omega = rng.uniform(-np.pi, np.pi, n), rng.uniform(-15.0, 15.0, n)
+    r = rig.shape.contact_point(theta)
+    return State(
+        x=rng.uniform(-0.3, 0.3, n),
+        y=rig.height - r[:, 1],
+        theta=theta,
+        vx=rng.uniform(-1.5, 1.5, n),
+        vy=-rng.uniform(0.8, 3.3, n) - r[:, 0] * omega,
+        omega=omega,
+        trial=np.arange(n),
+        t=rng.uniform(0.1, 1.0, n),
+    )
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is measured: velocity after impact (n, 3), jump of the pose (n, 3), gap (n,), acceleration (n, 3)."""
+
+    impact: np.ndarray
+    meet: np.ndarray
+    touch: np.ndarray
+    flight: np.ndarray
+    impulse: Impulse
+    space: ContactSpace
+    after: State
+
+
+def predict(
+    active: Active,
+    measured: State,
+    rig: Rig,
+    law: str = "anitescu_potra_newton",
+    mu: float = MU,
+    epsilon: float = EPSILON,
+) -> Prediction:
+    """Predict all four channels from the measured state before the impact."""
+    n = len(measured.x)
+    true = measured
+    for effect, p in reversed(active):
+        true = effect.to_true(true, p, rig)
+
+    def seen_by_camera(state: State) -> State:
+        for effect, p in active:
+            state = effect.to_measured(state, p, rig)
+        return state
+
+    contact = true
+    for effect, p in active:
+        contact = effect.to_contact(contact, p, rig)
+    r_x, r_y = rig.shape.contact_point(true.theta).T
+    k_g = rig.k_g
+    for effect, p in active:
+        r_x, r_y = effect.contact_point(r_x, r_y, contact, p, rig)
+        k_g = effect.radius_of_gyration(k_g, p)
+    v = np.stack([contact.vx, contact.vy, contact.omega], axis=-1)
+    space = contact_space(v, np.stack([r_x, r_y], axis=-1), mass=1.0, k_g=k_g)
+    mus, epsilons = np.full(n, mu), np.full(n, epsilon)
+    for effect, p in active:
+        mus, epsilons = effect.coefficients(mus, epsilons, space, contact, p, rig)
+    with np.errstate(all="ignore"):  # laws compute branches that they do not take
+        impulse = Impulse(*LAWS[law].impulse(space, mus, epsilons), np.zeros(n))
+    for effect, p in active:
+        impulse = effect.impulse(impulse, space, mus, epsilons, (r_x, r_y), contact, p, rig)
+    pushes = space.v_n < 0.0
+    c_t, c_n, tau = (np.where(pushes, a, 0.0) for a in (impulse.c_t, impulse.c_n, impulse.tau))
+    after = contact.moved(
+        vx=contact.vx + c_t,
+        vy=contact.vy + c_n,
+        omega=contact.omega + (r_x * c_n - r_y * c_t + tau) / k_g**2,
+    )
+    for effect, p in reversed(active):
+        after = effect.from_contact(after, p, rig)
+    seen_after = seen_by_camera(after)
+
+    jump, gap = np.zeros((n, 3)), np.zeros(n)
+    a = np.tile([0.0, -rig.gravity, 0.0], (n, 1))
+    for effect, p in active:
+        jump = effect.meet(jump, measured, seen_after, p)
+        gap = effect.gap(gap, true, p, rig)
+        a = effect.acceleration(a, true, p, rig)
+    later = true.moved(
+        vx=true.vx + STEP * a[:, 0], vy=true.vy + STEP * a[:, 1], omega=true.omega + STEP * a[:, 2]
+    )
+    one, two = seen_by_camera(true), seen_by_camera(later)
+    return Prediction(
+        impact=np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1),
+        meet=jump,
+        touch=rig.shape.gap(true.y, true.theta, rig.height) - gap,
+        flight=np.stack([two.vx - one.vx, two.vy - one.vy, two.omega - one.omega], axis=-1) / STEP,
+        impulse=impulse,
+        space=space,
+        after=seen_after,
+    )

@@ -1,0 +1,109 @@
+"""The scripts of the impact study, run on a small dataset: what identification saw is never judged on."""
+
+import runpy
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from pipeline_copy import ROOT
+
+from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.contact import LAWS
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.header import Body, Header
+from thesis_lib.datasets.impacts import IMPACT_COLUMNS
+from thesis_lib.datasets.write import write_dataset
+from thesis_lib.identify.settings import Chapter3
+
+TABLES = ("ensemble", "ensemble_velocity", "convergence", "topography", "individual", "split")
+JUDGED = ("errors", "summary", "table_3_1", "table_3_2", "coverage", "statements")
+SETTINGS = Chapter3(
+    bootstrap=2, convergence={"sizes": (5, 10), "subsets": 2}, topography={"points": 5, "n": 10}
+).model_dump(mode="json")
+BODY = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.04, radius_of_gyration=0.019)
+
+
+def small_dataset(folder) -> None:
+    """40 trials of one or two impacts that AP Newton made, with a little noise."""
+    rng = np.random.default_rng(3)
+    trial = np.repeat(np.arange(40), np.arange(40) % 2 + 1)
+    impact = np.concatenate([np.arange(i % 2 + 1) for i in range(40)])
+    n = len(trial)
+    theta = rng.uniform(-np.pi, np.pi, n)
+    v_pre = np.stack([rng.normal(0.0, 0.6, n), rng.uniform(-2.5, -1.5, n), rng.normal(0.0, 8.0, n)], axis=1)
+    r = BODY.shape.contact_point(theta)
+    body = {"mass": BODY.mass, "k_g": BODY.radius_of_gyration}
+    v_post = LAWS["anitescu_potra_newton"](v_pre, r, **body, mu=0.1, epsilon=0.5).v_post
+    v_post = v_post + rng.normal(size=(n, 3)) * [0.02, 0.02, 1.0]
+    values = np.column_stack([trial, impact, np.zeros(n), -r[:, 1], theta, v_pre, v_post])
+    table = pd.DataFrame(values, columns=list(IMPACT_COLUMNS)).astype({"trial": int, "impact": int})
+    write_dataset(Dataset("small", Header(schema=1, body=BODY, rate=250.0), None, table), folder)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> dict[str, pd.DataFrame]:
+    """Tables that the scripts ch3_identify and ch3_evaluate write for the small dataset."""
+    folder = tmp_path_factory.mktemp("study")
+    small_dataset(folder / "small")
+    paths = {name: str(folder / f"{name}.csv") for name in (*TABLES, *JUDGED)}
+    source = {"header": str(folder / "small" / "dataset.yaml")}
+    for script, inputs, outputs in (
+        ("ch3_identify", (), TABLES),
+        ("ch3_evaluate", ("ensemble", "individual", "split", "topography", "convergence"), JUDGED),
+    ):
+        job = SimpleNamespace(
+            input=SimpleNamespace(**source, **{name: paths[name] for name in inputs}),
+            output=SimpleNamespace(**{name: paths[name] for name in outputs}),
+            params=SimpleNamespace(settings=SETTINGS, seed=1),
+            wildcards=SimpleNamespace(dataset="small"),
+            log=[str(folder / f"{script}.log")],
+        )
+        kept = sys.stdout, sys.stderr  # scripts send both to their log
+        try:
+            runpy.run_path(str(ROOT / f"workflow/scripts/{script}.py"), init_globals={"snakemake": job})
+        finally:
+            sys.stdout.close()
+            sys.stdout, sys.stderr = kept
+    return {name: pd.read_csv(path) for name, path in paths.items()}
+
+
+def keys(table: pd.DataFrame) -> set[tuple[int, int]]:
+    return set(zip(table["trial"], table["impact"]))
+
+
+def test_errors_are_those_of_held_out_impacts_only(results):
+    split = results["split"]
+    training, held_out = keys(split[split["train"] == 1]), keys(split[split["train"] == 0])
+    assert len(training) > 10 and len(held_out) > 10
+    assert not keys(results["errors"]) & training
+    assert keys(results["errors"]) == held_out
+    # a trial is wholly on one side
+    assert not {trial for trial, _ in training} & {trial for trial, _ in held_out}
+
+
+def test_tables_count_what_was_trained_on_and_what_was_judged(results):
+    train = results["split"]["train"]
+    for name in ("n_train", "n_held_out"):
+        (count,) = results["table_3_1"][name].unique()
+        assert count == (train == (name == "n_train")).sum()
+    assert set(results["ensemble"]["n"]) == {train.sum()}
+    assert (results["summary"]["n"] + results["summary"]["n_failed"] == (train == 0).sum()).all()
+    assert results["convergence"]["k"].max() <= train.sum()
+
+
+def test_statements_hold_what_the_ledger_reads(results):
+    """One row each, of every statement that a claim about the measured impacts names."""
+    from thesis_lib.claims.ledger import read_ledger
+
+    found = results["statements"].fillna({"law": ""})
+    assert not found[["statement", "law"]].duplicated().any()
+    named = {(str(s), str(law)) for s, law in zip(found["statement"], found["law"])}
+    wanted = set()
+    for claim in read_ledger(ROOT / "config/claims.yaml").claims:
+        where = claim.source.where
+        if claim.source.file == "chapter3/planar_impact/statements.csv" and "law" in where:
+            wanted.add((where["statement"], where["law"]))
+    depends_on_the_data = {("mu_zero_offset", "anitescu_potra_newton")}  # only if some impact has μ = 0
+    assert len(wanted) > 30 and wanted - depends_on_the_data <= named

@@ -1,0 +1,126 @@
+"""Do units and signs of impacts fit together?  The counterpart of plausible.py for impacts.csv.
+
+| on paper | in code  | unit  | shape |                                                                     |
+|----------|----------|-------|-------|---------------------------------------------------------------------|
+| e        | `extent` | m     |       | largest distance of the outline from the origin                     |
+| k        | `k_g`    | m     |       | radius of gyration                                                  |
+| r        | `r`      | m     | (n,2) | contact point from the body origin, as given or from shape and θ    |
+| E        |          | m²/s² | (n,)  | ½(v_x² + v_y² + k²ω²), kinetic energy per unit mass                 |
+
+An impact takes energy out, so most impacts gain none; ω in degrees per second makes them gain.  Contact points
+(or, if there are none, gaps at the surface) that fit the shape at θ read as degrees and not at θ as given give
+away θ in degrees.  Source: energy balance of the planar body (thesis section 3.3.1); the limits are own choices.
+"""
+
+import numpy as np
+
+from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
+from thesis_lib.datasets.plausible import (
+    LARGEST_HEIGHT,
+    LARGEST_SPEED,
+    METRES,
+    OR_HEIGHT,
+    RADIANS,
+    TO_RAD,
+    UPWARDS,
+    Body,
+)
+from thesis_lib.datasets.validate import Report, Table
+
+FITS_BETTER = 5.0  # degrees explain contact points this many times better than radians
+MISFIT = 0.05  # extents; misfits of contact points below it are tracker errors
+
+
+def check_impacts(table: Table, body: Body, report: Report) -> None:
+    """Directions and units of impacts."""
+    data = table.data
+    q, v_pre, v_post = (data[list(names)].to_numpy(float) for names in (POSE, V_PRE, V_POST))
+    below = q[:, 1] < body.height
+    if np.mean(below) > 0.5:
+        report.error(
+            table.file,
+            f"column y, {table.rows(below)}",
+            f"the body's centre is below the surface ({body.height:g} m) in most rows",
+            UPWARDS + OR_HEIGHT,
+        )
+    fast = {name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])}
+    if fast := {name: value for name, value in fast.items() if value > LARGEST_SPEED}:
+        name, value = next(iter(fast.items()))
+        report.error(
+            table.file,
+            f"column{'s' if len(fast) > 1 else ''} {', '.join(fast)}",
+            f"looks like mm/s or cm/s (median of {name}: {value:.4g})",
+            "give velocities in m/s: divide by 1000 if they are in mm/s",
+        )
+    if body.extent is None:
+        return
+    if body.oversized:  # contact points and inertia of such a shape say nothing
+        return
+    high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / body.extent
+    if high > LARGEST_HEIGHT:
+        report.error(
+            table.file,
+            "columns x, y",
+            f"looks like millimetres (y {q[:, 1].min():.4g} to {q[:, 1].max():.4g}: {high:.0f} times the body's size)",
+            METRES,
+        )
+    if not fast and high <= LARGEST_HEIGHT:
+        _check_impact_angles(table, q, v_pre, v_post, body, report)
+
+
+def _check_impact_angles(
+    table: Table, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: Body, report: Report
+) -> None:
+    data = table.data
+    stated = data[["r_x", "r_y"]].to_numpy(float) if {"r_x", "r_y"} <= set(data.columns) else None
+    if stated is not None and np.median(np.linalg.norm(stated, axis=1)) > LARGEST_HEIGHT * body.extent:
+        report.error(table.file, "columns r_x, r_y", "look like millimetres (far outside the body)", METRES)
+        return
+
+    def misfit(theta: np.ndarray) -> float:
+        r = body.shape.contact_point(theta)
+        error = q[:, 1] + r[:, 1] - body.height if stated is None else np.linalg.norm(stated - r, axis=1)
+        return float(np.median(np.abs(error))) / body.extent
+
+    as_given, as_degrees = misfit(q[:, 2]), misfit(q[:, 2] * TO_RAD)
+    spread = float(np.ptp(q[:, 2]))
+    if as_given > max(MISFIT, FITS_BETTER * as_degrees) and spread > 2.0 * np.pi:
+        report.error(
+            table.file,
+            "column theta",
+            f"looks like degrees ({q[:, 2].min():.4g} to {q[:, 2].max():.4g}; read as degrees, the contact points "
+            f"fit the shape {as_given / max(as_degrees, 1e-9):.0f} times better)",
+            RADIANS,
+        )
+
+    # E = ½(v_x² + v_y² + k²ω²) drops in an impact
+    def gains(factor: float) -> float:
+        scale = np.array([1.0, 1.0, factor * body.k_g])
+        return float(np.mean(np.sum((v_post * scale) ** 2, axis=1) > np.sum((v_pre * scale) ** 2, axis=1)))
+
+    if gains(1.0) > 0.5 > 2.0 * gains(TO_RAD):
+        report.error(
+            table.file,
+            "columns omega_pre, omega_post",
+            f"look like degrees per second ({gains(1.0):.0%} of the impacts would gain energy, "
+            f"read as degrees {gains(TO_RAD):.0%})",
+            "give omega in rad/s: multiply by pi/180",
+        )
+    elif gains(1.0) > 0.5:
+        report.warn(
+            table.file,
+            "columns v*_pre, v*_post, omega_*",
+            f"{gains(1.0):.0%} of the impacts gain energy",
+            "check units, and that _pre and _post are not exchanged",
+        )
+
+    # v_n = v_y + r_x ω < 0: the contact point approaches the surface
+    r = body.shape.contact_point(q[:, 2]) if stated is None else stated
+    leaving = v_pre[:, 1] + r[:, 0] * v_pre[:, 2] >= 0.0
+    if np.mean(leaving) > 0.5:
+        report.warn(
+            table.file,
+            f"columns vy_pre and omega_pre, {table.rows(leaving)}",
+            "the contact point does not approach the surface before the impact in most rows (v_n >= 0)",
+            "check the signs: y up, theta and omega counter-clockwise, _pre before _post",
+        )

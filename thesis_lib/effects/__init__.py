@@ -1,0 +1,27 @@
+"""Candidate physical effects, one file each: `EFFECTS[name]`.
+
+To add one, add a file with a class derived from `Effect` and an instance of it named EFFECT; nothing else.
+"""
+
+import pkgutil
+from importlib import import_module
+
+from thesis_lib.effects.effect import FAMILIES, Effect
+
+
+def _load() -> dict[str, Effect]:
+    found = {}
+    for module in pkgutil.iter_modules(__path__):
+        effect = getattr(import_module(f"{__name__}.{module.name}"), "EFFECT", None)
+        if effect is not None:
+            if effect.name != module.name:
+                raise ImportError(
+                    f"the effect in {module.name}.py calls itself {effect.name!r}; name it like its file"
+                )
+            found[effect.name] = effect
+    return dict(sorted(found.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0])))
+
+
+EFFECTS: dict[str, Effect] = _load()
+
+__all__ = ["EFFECTS", "Effect"]

@@ -1,0 +1,42 @@
+"""Anisotropic friction: slip to the right and to the left meet different friction (print direction, scratches).
+
+    μ ← μ (1 + a_t sign(v_t)),   so that μ_± = μ (1 ± a_t)
+
+The sign is that of the slip at each instant of the impact.  The law gets the μ of the first slip; where slip ends and
+may go on the other way, what the other μ changes is added as the difference of two impulse paths (Stronge's):
+
+    c ← c_law + c_path(μ of the first slip, then of the second) − c_path(μ of the first slip)
+
+| on paper | in code | unit | shape |                                                 |
+|----------|---------|------|-------|-------------------------------------------------|
+| a_t      | `a_t`   | 1    |       | half the relative difference; 0 is isotropic    |
+
+Breaks mirror symmetry.  Source: Zmitrowicz 1981 (constitutive equations of anisotropic friction).
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.path_friction import second_slip
+
+
+class AnisotropicFriction(Effect):
+    """μ_+ for slip along +t, μ_− for slip along −t."""
+
+    name = "anisotropic_friction"
+    family = "contact_law"
+    title = "friction depends on direction"
+    equation = "μ = μ₀ (1 + a_t sign(v_t))"
+    parameters = (Parameter("a_t", "1", null=0.0, low=-0.95, high=0.95, scale=0.1),)
+    reference = "Zmitrowicz 1981"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu * (1.0 + p["a_t"] * np.sign(space.v_t)), epsilon
+
+    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+        # a second slip goes the way of K_tn; `mu` is that of the first
+        ratio = (1.0 + p["a_t"] * np.sign(space.K_tn)) / (1.0 + p["a_t"] * np.sign(space.v_t))
+        return second_slip(impulse, space, mu, ratio * mu, epsilon)
+
+
+EFFECT = AnisotropicFriction()

@@ -1,0 +1,30 @@
+"""Contact point offset: the impulse acts beside the lowest point (bent surface, contact that lasts while it moves).
+
+    r_x ← r_x + d_r
+
+| on paper | in code | unit | shape |                                |
+|----------|---------|------|-------|--------------------------------|
+| d_r      | `d_r`   | m    |       | shift along t, constant        |
+
+Seen as a couple d_r c_n about the believed contact point.  Breaks mirror symmetry.
+Source: Brach 1989 (rigid body collisions: distributed contact).
+"""
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class ContactPointOffset(Effect):
+    """A constant shift of the contact point along the surface."""
+
+    name = "contact_point_offset"
+    family = "geometry"
+    title = "contact point offset"
+    equation = "r_x = r_x,shape + d_r"
+    parameters = (Parameter("d_r", "m", null=0.0, low=-0.01, high=0.01, scale=5e-4),)
+    reference = "Brach 1989"
+
+    def contact_point(self, r_x, r_y, state, p, rig):
+        return r_x + p["d_r"], r_y
+
+
+EFFECT = ContactPointOffset()

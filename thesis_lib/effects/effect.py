@@ -1,0 +1,204 @@
+"""What a candidate physical effect is: a name, an equation, parameters, and the places in which it acts.
+
+The prediction of one impact goes through these stages; an effect overrides the hooks of the stages in which it acts,
+so that any set of effects can be on at once (null parameters change nothing):
+
+    measured state ── to_true ──► true state ── to_contact ──► state as the contact sees it
+        contact_point, radius_of_gyration        where and on what the impulse acts
+        coefficients ──► law ──► impulse         μ, ε before the law; impulse and couple after it
+    v_post as measured ◄── to_measured ── v_post ◄── from_contact ── v⁺ = v + M⁻¹ Jᵀ c
+
+and between impacts `acceleration` gives the flight, `gap` the distance of body and surface at an impact.
+Up to `to_contact` a state is that of the body origin; `contact_point`, `coefficients` and `impulse` get the contact's.
+A measurement effect changes the prediction of what is measured, never the measurement itself.
+
+| on paper        | in code               | unit        | shape |                                                 |
+|-----------------|-----------------------|-------------|-------|-------------------------------------------------|
+| q, v            | `State`               | m, rad; m/s, rad/s | (n,) each | pose and velocity                        |
+| r               | `r_x`, `r_y`          | m           | (n,)  | contact point from the centre of mass           |
+| μ, ε            | `mu`, `epsilon`       | 1           | (n,)  | coefficients of each impact                     |
+| c, τ            | `c_t`, `c_n`, `tau`   | N s/kg, N m s/kg | (n,) | impulse and couple on the body, per unit mass |
+
+Masses are 1 throughout: planar impacts need the radius of gyration only.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.contact.space import ContactSpace
+
+Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
+FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface", "flight", "measurement")
+Channel = Literal["impact", "meet", "touch", "flight"]
+Parameters = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Attributes:
+        name: key, a standard symbol spelled out (e_t, c_x, ...).
+        unit: SI.
+        null: value at which the effect is absent.
+        low, high: bounds, inclusive; beyond them the effect makes no physical sense.
+        scale: a size that would matter, for steps and starting values.
+        starts: further starting values, for effects whose misfit has more than one minimum.
+        discrete: the only other value, for effects that are on or off (a mirrored axis); else None.
+    """
+
+    name: str
+    unit: str
+    null: float
+    low: float
+    high: float
+    scale: float
+    starts: tuple[float, ...] = ()
+    discrete: float | None = None
+
+
+@dataclass(frozen=True)
+class State:
+    """Poses and velocities of n bodies; arrays (n,) in m, rad, m/s, rad/s, and s for `t` since the first sample.
+
+    `trial` numbers releases in the order in which they were made.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    theta: np.ndarray
+    vx: np.ndarray
+    vy: np.ndarray
+    omega: np.ndarray
+    trial: np.ndarray
+    t: np.ndarray
+
+    def moved(self, **changes: np.ndarray) -> "State":
+        """The same with some arrays replaced."""
+        return replace(self, **changes)
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m)."""
+
+    shape: Shape
+    k_g: float
+    gravity: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Impulse:
+    """Impulse (c_t, c_n) in N s/kg and couple tau about the contact point in N m s/kg, counter-clockwise; (n,)."""
+
+    c_t: np.ndarray
+    c_n: np.ndarray
+    tau: np.ndarray
+
+
+class Effect:
+    """Base of all effects.  Override the class attributes and the hooks of the stages in which the effect acts.
+
+    Hooks take arrays (n,) and the effect's own parameters `p` (name -> value) and return new arrays; they must be the
+    identity at the null parameters, and must not change their arguments.
+
+    Attributes:
+        name: file name and key, a standard term.
+        family: one of `FAMILIES`.
+        title: in figures and reports.
+        equation: in plain text with the symbols of design's table.
+        parameters: see `Parameter`.
+        channels: what it changes: impact (velocity after impact), meet (pose before against pose after), touch
+            (gap at impact), flight (acceleration between impacts).
+        needs_trajectories: whether impacts alone cannot test it.
+        reference: source, with DOI where there is one.
+    """
+
+    name: str
+    family: Family
+    title: str
+    equation: str
+    parameters: tuple[Parameter, ...]
+    channels: tuple[Channel, ...] = ("impact",)
+    needs_trajectories: bool = False
+    reference: str = ""
+
+    def applies_to(self, rig: Rig) -> bool:
+        """Whether the effect can exist on this rig (a corner radius needs corners)."""
+        return True
+
+    # measurement ------------------------------------------------------------------------------------------------
+    def to_true(self, state: State, p: Parameters, rig: Rig) -> State:
+        """True state behind a measured one."""
+        return state
+
+    def to_measured(self, state: State, p: Parameters, rig: Rig) -> State:
+        """What the camera reports of a true state; the inverse of `to_true`."""
+        return state
+
+    def meet(self, jump: np.ndarray, before: State, after: State, p: Parameters) -> np.ndarray:
+        """Measured pose after minus before at the instant of impact, (n, 3) in m, m, rad; zero without a fault."""
+        return jump
+
+    # contact ----------------------------------------------------------------------------------------------------
+    def to_contact(self, state: State, p: Parameters, rig: Rig) -> State:
+        """State as the contact sees it: velocity of the true centre of mass, relative to the surface."""
+        return state
+
+    def from_contact(self, state: State, p: Parameters, rig: Rig) -> State:
+        """The inverse of `to_contact`."""
+        return state
+
+    def contact_point(
+        self, r_x: np.ndarray, r_y: np.ndarray, state: State, p: Parameters, rig: Rig
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Contact point from the true centre of mass."""
+        return r_x, r_y
+
+    def gap(self, gap: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
+        """Gap φ_n (n,) in m between believed shape, at its true pose `state`, and believed surface at contact.
+
+        Effects add their parts to `gap`; those of the measurement need none, because the pose is the true one.
+        """
+        return gap
+
+    def radius_of_gyration(self, k_g: float, p: Parameters) -> float:
+        """True radius of gyration in m."""
+        return k_g
+
+    def coefficients(
+        self, mu: np.ndarray, epsilon: np.ndarray, space: ContactSpace, state: State, p: Parameters, rig: Rig
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """μ and ε of each impact."""
+        return mu, epsilon
+
+    def impulse(
+        self,
+        impulse: Impulse,
+        space: ContactSpace,
+        mu: np.ndarray,
+        epsilon: np.ndarray,
+        r: tuple[np.ndarray, np.ndarray],
+        state: State,
+        p: Parameters,
+        rig: Rig,
+    ) -> Impulse:
+        """Impulse and couple, given those of the law."""
+        return impulse
+
+    # flight -----------------------------------------------------------------------------------------------------
+    def acceleration(self, a: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
+        """Acceleration (n, 3) of the body origin in flight, m/s², m/s², rad/s²; `state` is the true one."""
+        return a
+
+    def arc(self, tau: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray | None:
+        """What the path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
+
+        (n, W, 3) in m, m, rad; None if the acceleration is as good as constant over a tenth of a second.
+        """
+        return None

@@ -1,0 +1,42 @@
+"""Length scale: the camera reports lengths, and so velocities, by a factor too large or too small.
+
+    x_measured = (1 + s_L) x,   y_measured − H = (1 + s_L) (y − H),   v_measured = (1 + s_L) v;   θ and ω are right
+
+| on paper | in code      | unit | shape |                                                            |
+|----------|--------------|------|-------|------------------------------------------------------------|
+| s_L      | `s_L`        | 1    |       | relative error of the camera's scale                       |
+| H        | `rig.height` | m    |       | height of the surface, where the camera is right           |
+
+Source: camera calibration.
+"""
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class LengthScale(Effect):
+    """Relative error of the camera's scale."""
+
+    name = "length_scale"
+    family = "measurement"
+    title = "wrong length scale"
+    equation = "x_measured = (1 + s_L) x"
+    parameters = (Parameter("s_L", "1", null=0.0, low=-0.5, high=1.0, scale=0.02),)
+    channels = ("impact", "touch", "flight")
+    reference = "camera calibration"
+
+    def to_true(self, state, p, rig):
+        return _scaled(state, -p["s_L"] / (1.0 + p["s_L"]), rig.height)
+
+    def to_measured(self, state, p, rig):
+        return _scaled(state, p["s_L"], rig.height)
+
+
+def _scaled(state, s, height):
+    """Lengths times 1 + s, about the surface's origin (0, height)."""
+    factor = 1.0 + s
+    return state.moved(
+        x=state.x * factor, y=state.y + s * (state.y - height), vx=state.vx * factor, vy=state.vy * factor
+    )
+
+
+EFFECT = LengthScale()

@@ -1,0 +1,38 @@
+"""Linear drag: a force and a couple against motion, proportional to it (guide plate with lubricant, slow air).
+
+    a ← a − c_v (v_x, v_y),   α ← α − c_w ω
+
+| on paper | in code | unit | shape |                              |
+|----------|---------|------|-------|------------------------------|
+| c_v      | `c_v`   | 1/s  |       | rate at which velocity fades |
+| c_w      | `c_w`   | 1/s  |       | rate at which spin fades     |
+
+Source: Stokes 1851.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class LinearDrag(Effect):
+    """Velocity and spin fade exponentially."""
+
+    name = "linear_drag"
+    family = "flight"
+    title = "linear drag"
+    equation = "a = g − c_v v, α = −c_w ω"
+    parameters = (
+        Parameter("c_v", "1/s", null=0.0, low=0.0, high=20.0, scale=0.1),
+        Parameter("c_w", "1/s", null=0.0, low=0.0, high=20.0, scale=0.1),
+    )
+    channels = ("flight",)
+    needs_trajectories = True
+    reference = "Stokes 1851"
+
+    def acceleration(self, a, state, p, rig):
+        c_v, c_w = p["c_v"], p["c_w"]
+        return a - np.stack([c_v * state.vx, c_v * state.vy, c_w * state.omega], axis=-1)
+
+
+EFFECT = LinearDrag()

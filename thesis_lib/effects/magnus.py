@@ -1,0 +1,35 @@
+"""Magnus effect: a spinning body is pushed sideways.
+
+    a ← a + k_m ω × v = a + k_m ω (−v_y, v_x)
+
+| on paper | in code | unit | shape |                                                           |
+|----------|---------|------|-------|-----------------------------------------------------------|
+| k_m      | `k_m`   | 1    |       | mass of the air carried round, over the body's mass        |
+
+The force is perpendicular to the velocity and does no work.
+Source: Rubinow and Keller 1961, doi:10.1017/S0022112061000640.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class Magnus(Effect):
+    """Lift of a spinning body."""
+
+    name = "magnus"
+    family = "flight"
+    title = "Magnus effect"
+    equation = "a = g + k_m ω × v"
+    parameters = (Parameter("k_m", "1", null=0.0, low=-1.0, high=1.0, scale=0.01),)
+    channels = ("flight",)
+    needs_trajectories = True
+    reference = "Rubinow and Keller 1961, doi:10.1017/S0022112061000640"
+
+    def acceleration(self, a, state, p, rig):
+        rate = p["k_m"] * state.omega
+        return a + np.stack([-rate * state.vy, rate * state.vx, 0.0 * rate], axis=-1)
+
+
+EFFECT = Magnus()

@@ -1,0 +1,33 @@
+"""Position-dependent friction: the surface is rougher at one end.
+
+    μ ← max(μ (1 + g_μ x), 0)
+
+x is the position of the body origin; μ is then the value at x = 0, wherever the drops fall.
+
+| on paper | in code   | unit | shape |                                    |
+|----------|-----------|------|-------|------------------------------------|
+| g_μ      | `g_mu`    | 1/m  |       | relative slope along +t            |
+
+Breaks mirror symmetry.  Source: first order of a smooth dependence on place.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class PositionDependentFriction(Effect):
+    """μ is linear in x."""
+
+    name = "position_dependent_friction"
+    family = "surface"
+    title = "friction depends on place"
+    equation = "μ = μ₀ (1 + g_μ x)"
+    parameters = (Parameter("g_mu", "1/m", null=0.0, low=-10.0, high=10.0, scale=0.5),)
+    reference = "first order of a smooth dependence on place"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return np.maximum(mu * (1.0 + p["g_mu"] * state.x), 0.0), epsilon
+
+
+EFFECT = PositionDependentFriction()

@@ -1,0 +1,33 @@
+"""Position-dependent restitution: the surface is harder at one end.
+
+    ε ← clip(ε (1 + g_ε x), 0, 1)
+
+x is the position of the body origin; ε is then the value at x = 0, wherever the drops fall.
+
+| on paper | in code   | unit | shape |                                    |
+|----------|-----------|------|-------|------------------------------------|
+| g_ε      | `g_eps`   | 1/m  |       | relative slope along +t            |
+
+Breaks mirror symmetry.  Source: first order of a smooth dependence on place.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class PositionDependentRestitution(Effect):
+    """ε is linear in x."""
+
+    name = "position_dependent_restitution"
+    family = "surface"
+    title = "restitution depends on place"
+    equation = "ε = ε₀ (1 + g_ε x)"
+    parameters = (Parameter("g_eps", "1/m", null=0.0, low=-10.0, high=10.0, scale=0.5),)
+    reference = "first order of a smooth dependence on place"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["g_eps"] * state.x), 0.0, 1.0)
+
+
+EFFECT = PositionDependentRestitution()

@@ -1,0 +1,34 @@
+"""Quadratic drag: air resistance against the velocity, growing with its square.
+
+    a ← a − c_q |v| (v_x, v_y),   c_q = ρ C_d A / (2 m)
+
+| on paper | in code | unit | shape |                                         |
+|----------|---------|------|-------|-----------------------------------------|
+| c_q      | `c_q`   | 1/m  |       | over a path 1 / c_q, v falls to 1/e     |
+
+Spin is left as it is.  Source: Newton, Principia, book II; e.g. Batchelor 1967.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class QuadraticDrag(Effect):
+    """Deceleration with the square of the speed."""
+
+    name = "quadratic_drag"
+    family = "flight"
+    title = "air drag"
+    equation = "a = g − c_q |v| v"
+    parameters = (Parameter("c_q", "1/m", null=0.0, low=0.0, high=10.0, scale=0.1),)
+    channels = ("flight",)
+    needs_trajectories = True
+    reference = "Batchelor 1967"
+
+    def acceleration(self, a, state, p, rig):
+        rate = p["c_q"] * np.hypot(state.vx, state.vy)
+        return a - np.stack([rate * state.vx, rate * state.vy, 0.0 * rate], axis=-1)
+
+
+EFFECT = QuadraticDrag()

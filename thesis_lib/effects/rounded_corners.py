@@ -1,0 +1,102 @@
+"""Rounded corners: the corners of a polygon are arcs of radius ρ that touch its sides.
+
+The body is the polygon shrunk by ρ and grown by a disk of radius ρ.  With u_i the corners of the shrunk polygon,
+
+    u_i = v_i − ρ (n_i + n_i') / (1 + n_i · n_i'),   n_i, n_i' the outward normals of the two sides at v_i
+    r  ← r + (lowest R(θ) u_i − (0, ρ)) − lowest R(θ) v_i
+    φ_n ← φ_n + h_rounded − h_sharp < 0,   h the height of the origin above the lowest point
+
+| on paper | in code | unit | shape |                                                               |
+|----------|---------|------|-------|---------------------------------------------------------------|
+| ρ        | `rho`   | m    |       | radius of the corners; beyond the largest that fits it is that |
+| v_i, u_i | `corners`, `inner` | m | (k, 2) | corners of the convex hull, in the body frame           |
+
+Ellipses and disks have no corners.  Source: Minkowski sums, e.g. de Berg et al., Computational Geometry, 2008.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class RoundedCorners(Effect):
+    """The contact point moves along the arc of a rounded corner as the body turns."""
+
+    name = "rounded_corners"
+    family = "geometry"
+    title = "rounded corners"
+    equation = "r = lowest point of (polygon ⊖ ρ) ⊕ disk(ρ)"
+    parameters = (Parameter("rho", "m", null=0.0, low=0.0, high=0.05, scale=2e-3),)
+    channels = ("impact", "touch")
+    reference = "de Berg et al. 2008, doi:10.1007/978-3-540-77974-2"
+
+    def applies_to(self, rig):
+        return isinstance(rig.shape, Polygon)
+
+    def contact_point(self, r_x, r_y, state, p, rig):
+        if not self.applies_to(rig):
+            return r_x, r_y
+        d_x, d_y = _moved(rig.shape.vertices, state.theta, p["rho"])
+        return r_x + d_x, r_y + d_y
+
+    def gap(self, gap, state, p, rig):
+        if not self.applies_to(rig):
+            return gap
+        return gap - _moved(rig.shape.vertices, state.theta, p["rho"])[1]
+
+
+def _moved(vertices, theta, rho):
+    """Lowest point of the rounded polygon minus that of the sharp one, two arrays (n,)."""
+    corners, inward, largest = _corners(vertices)
+    rho = min(rho, largest)
+    sin, cos = np.sin(theta), np.cos(theta)
+
+    def lowest(points):
+        heights = np.multiply.outer(sin, points[:, 0]) + np.multiply.outer(cos, points[:, 1])
+        x, y = points[np.argmin(heights, axis=-1)].T
+        return cos * x - sin * y, sin * x + cos * y
+
+    round_x, round_y = lowest(corners + rho * inward)
+    sharp_x, sharp_y = lowest(corners)
+    return round_x - sharp_x, round_y - rho - sharp_y
+
+
+@lru_cache(maxsize=32)
+def _corners(vertices):
+    """Corners of the convex hull (k, 2), their shift inward for each metre of ρ (k, 2), and the largest ρ that fits."""
+    corners = np.array(_hull(vertices))
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(along[:, 0], along[:, 1])
+    after = (
+        np.stack([along[:, 1], -along[:, 0]], axis=-1) / length[:, None]
+    )  # normal of the side that follows
+    before = np.roll(after, 1, axis=0)
+    share = 1.0 + np.sum(before * after, axis=1)
+    inward = -(before + after) / share[:, None]
+    # an arc takes ρ tan(turn / 2) from each of its two sides
+    taken = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) / share
+    return corners, inward, float(np.min(length / (taken + np.roll(taken, -1))))
+
+
+def _hull(vertices):
+    """Corners of the convex hull, counter-clockwise, without points on its sides (Andrew's monotone chain)."""
+    points = sorted(set(vertices))
+
+    def chain(points):
+        kept = []
+        for x, y in points:
+            while len(kept) > 1:
+                (x0, y0), (x1, y1) = kept[-2:]
+                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
+                    break
+                kept.pop()
+            kept.append((x, y))
+        return kept[:-1]
+
+    return chain(points) + chain(points[::-1])
+
+
+EFFECT = RoundedCorners()

@@ -1,0 +1,31 @@
+"""Surface height: the surface is higher or lower than believed.
+
+    φ_n ← φ_n + h:   at contact the body is h above the believed surface
+
+| on paper | in code | unit | shape |                                  |
+|----------|---------|------|-------|----------------------------------|
+| h        | `h`     | m    |       | true minus believed height       |
+
+Velocities after impact do not depend on it.  Source: definition of the gap.
+"""
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class SurfaceHeight(Effect):
+    """True minus believed height of the surface."""
+
+    name = "surface_height"
+    family = "surface"
+    title = "wrong surface height"
+    equation = "φ_n = y − h(θ) − (H + h)"
+    parameters = (Parameter("h", "m", null=0.0, low=-0.1, high=0.1, scale=1e-3),)
+    channels = ("touch",)
+    needs_trajectories = True
+    reference = "definition of the gap"
+
+    def gap(self, gap, state, p, rig):
+        return gap + p["h"]
+
+
+EFFECT = SurfaceHeight()

@@ -1,0 +1,37 @@
+"""Surface tilt: the surface is not level; the camera's axes are those of the surface.
+
+    gravity g (sin φ, −cos φ) in place of g (0, −1):   a ← a + g (sin φ, 1 − cos φ)
+
+Contact frame and impact stay as they are, so the effect shows in flight only.  Positive φ: downhill is to the right.
+
+| on paper | in code       | unit | shape |                              |
+|----------|---------------|------|-------|------------------------------|
+| φ        | `phi`         | rad  |       | angle of the surface         |
+| g        | `rig.gravity` | m/s² |       | believed gravity             |
+
+Source: inclined plane.
+"""
+
+import math
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class SurfaceTilt(Effect):
+    """Gravity turned in the axes of the surface."""
+
+    name = "surface_tilt"
+    family = "surface"
+    title = "tilted surface"
+    equation = "a = g (sin φ, −cos φ)"
+    parameters = (Parameter("phi", "rad", null=0.0, low=-0.5, high=0.5, scale=0.01),)
+    channels = ("flight",)
+    needs_trajectories = True
+    reference = "inclined plane"
+
+    def acceleration(self, a, state, p, rig):
+        sin, cos = math.sin(p["phi"]), math.cos(p["phi"])
+        return a + [rig.gravity * sin, rig.gravity * (1.0 - cos), 0.0]
+
+
+EFFECT = SurfaceTilt()

@@ -1,0 +1,49 @@
+"""Tangential restitution: a stuck contact gives back part of its tangential velocity (back-spin).
+
+    c_t ← clip((1 + e_t) c_t, ±μ c_n)   where the contact sticks
+
+so that v_t⁺ = −e_t v_t as long as the impulse stays inside the cone; c_n is left as it is.
+
+| on paper | in code | unit | shape |                                                       |
+|----------|---------|------|-------|-------------------------------------------------------|
+| e_t      | `e_t`   | 1    |       | tangential restitution; 0 absent, 1 reverses the slip |
+
+Sources: Walton 1993; Chatterjee and Ruina 1998, doi:10.1115/1.2791929.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Impulse, Parameter
+
+TOLERANCE = 1e-9  # relative: above the rounding of laws that search a root, far below any slip that matters
+
+
+class TangentialRestitution(Effect):
+    """v_t⁺ = −e_t v_t for contacts that stick and stay inside the cone."""
+
+    name = "tangential_restitution"
+    family = "contact_law"
+    title = "tangential restitution"
+    equation = "c_t = clip((1 + e_t) c_t,stick, ±μ c_n)"
+    parameters = (Parameter("e_t", "1", null=0.0, low=-1.0, high=1.0, scale=0.2),)
+    reference = "Walton 1993; Chatterjee and Ruina 1998, doi:10.1115/1.2791929"
+
+    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+        # a law that leaves the cone by itself is not cut back to it
+        limit = np.maximum(mu * np.abs(impulse.c_n), np.abs(impulse.c_t))
+        wanted = np.clip((1.0 + p["e_t"]) * impulse.c_t, -limit, limit)
+        return Impulse(
+            np.where(_sticks(impulse, space, epsilon), wanted, impulse.c_t), impulse.c_n, impulse.tau
+        )
+
+
+def _sticks(impulse, space, epsilon):
+    # some laws stick to the end, others (Drumwright-Shell, published Poisson) up to maximum compression only
+    def at_rest(c_n):
+        driven = space.v_t + space.K_tn * c_n
+        return np.abs(driven + space.K_tt * impulse.c_t) <= TOLERANCE * np.abs(driven)
+
+    return at_rest(impulse.c_n) | at_rest(impulse.c_n / (1.0 + epsilon))
+
+
+EFFECT = TangentialRestitution()

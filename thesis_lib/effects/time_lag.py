@@ -1,0 +1,42 @@
+"""Time lag: the angle is behind the position, as from a second sensor or a filter.
+
+    θ_measured(t) = θ(t − T) = θ − ω T          while ω is constant
+
+At an impact the angle before it is seen ω T too small, the angle after it ω⁺ T, so the measured angle jumps there by
+−(ω⁺ − ω) T, although no body turns in no time.
+
+| on paper | in code | unit | shape |                                              |
+|----------|---------|------|-------|----------------------------------------------|
+| T        | `lag`   | s    |       | lag of θ behind x and y; negative: ahead     |
+
+Source: kinematics.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class TimeLag(Effect):
+    """θ is late by a constant time."""
+
+    name = "time_lag"
+    family = "measurement"
+    title = "angle lags behind position"
+    equation = "θ_measured(t) = θ(t − T)"
+    parameters = (Parameter("lag", "s", null=0.0, low=-0.05, high=0.05, scale=2e-3, starts=(-0.01, 0.01)),)
+    channels = ("impact", "meet", "touch")
+    reference = "kinematics"
+
+    def to_true(self, state, p, rig):
+        return state.moved(theta=state.theta + state.omega * p["lag"])
+
+    def to_measured(self, state, p, rig):
+        return state.moved(theta=state.theta - state.omega * p["lag"])
+
+    def meet(self, jump, before, after, p):
+        turned = -(after.omega - before.omega) * p["lag"]
+        return jump + np.stack([0.0 * turned, 0.0 * turned, turned], axis=-1)
+
+
+EFFECT = TimeLag()

@@ -1,0 +1,35 @@
+"""Wear: restitution drifts from one release to the next (worn corners, warming, loosening parts).
+
+    ε ← clip(ε (1 + w i), 0, 1),   i the number of the release, counted from 0
+
+Counted from the first release and not from the mean of those at hand: the prediction of one impact must not depend
+on which others are predicted with it.
+
+| on paper | in code       | unit    | shape |                                                |
+|----------|---------------|---------|-------|------------------------------------------------|
+| w        | `w`           | 1/trial |       | relative change a release; negative: it wears  |
+| i        | `state.trial` | 1       | (n,)  | order in which the releases were made          |
+
+Source: first order of a slow drift (our choice).
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class Wear(Effect):
+    """ε is linear in the number of the release."""
+
+    name = "wear"
+    family = "contact_law"
+    title = "wear"
+    equation = "ε = ε₀ (1 + w · trial)"
+    parameters = (Parameter("w", "1/trial", null=0.0, low=-0.02, high=0.02, scale=1e-3),)
+    reference = "first order of a slow drift"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["w"] * state.trial), 0.0, 1.0)
+
+
+EFFECT = Wear()

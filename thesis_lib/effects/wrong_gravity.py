@@ -1,0 +1,31 @@
+"""Wrong gravity: it differs from the believed value (buoyancy, a surface that leans away from the camera).
+
+    a_y ← a_y − dg
+
+| on paper | in code | unit | shape |                               |
+|----------|---------|------|-------|-------------------------------|
+| dg       | `dg`    | m/s² |       | true minus believed gravity   |
+
+Source: free fall.
+"""
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class WrongGravity(Effect):
+    """True minus believed gravity."""
+
+    name = "wrong_gravity"
+    family = "flight"
+    title = "wrong gravity"
+    equation = "a = (0, −(g + dg))"
+    parameters = (Parameter("dg", "m/s²", null=0.0, low=-9.0, high=9.0, scale=0.1),)
+    channels = ("flight",)
+    needs_trajectories = True
+    reference = "free fall"
+
+    def acceleration(self, a, state, p, rig):
+        return a - [0.0, p["dg"], 0.0]
+
+
+EFFECT = WrongGravity()

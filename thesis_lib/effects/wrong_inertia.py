@@ -1,0 +1,32 @@
+"""Wrong inertia: the radius of gyration differs from the believed one.
+
+    k ← k √(1 + d_I),   I = m k²
+
+| on paper | in code | unit | shape |                                                |
+|----------|---------|------|-------|------------------------------------------------|
+| d_I      | `d_I`   | 1    |       | relative error of the moment of inertia        |
+| k        | `k_g`   | m    |       | radius of gyration                             |
+
+Source: definition of the radius of gyration.
+"""
+
+import math
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class WrongInertia(Effect):
+    """Relative error of the moment of inertia."""
+
+    name = "wrong_inertia"
+    family = "inertia"
+    title = "wrong inertia"
+    equation = "k² = k₀² (1 + d_I)"
+    parameters = (Parameter("d_I", "1", null=0.0, low=-0.7, high=2.0, scale=0.1),)
+    reference = "definition of the radius of gyration"
+
+    def radius_of_gyration(self, k_g, p):
+        return k_g * math.sqrt(1.0 + p["d_I"])
+
+
+EFFECT = WrongInertia()

@@ -1,0 +1,36 @@
+"""Wrong size: the body is larger or smaller than its drawing, in the same shape.
+
+    r ← r + s r_shape(θ),   φ_n ← φ_n + s h(θ),   h = −r_y,shape > 0
+
+| on paper | in code | unit | shape |                                                   |
+|----------|---------|------|-------|---------------------------------------------------|
+| s        | `s`     | 1    |       | true size is (1 + s) times the believed one       |
+| r_shape  | `r`     | m    | (n, 2)| contact point of the believed shape               |
+
+The radius of gyration is measured on its own and stays.  Source: similarity of shapes.
+"""
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class WrongSize(Effect):
+    """The believed shape is scaled."""
+
+    name = "wrong_size"
+    family = "geometry"
+    title = "wrong size"
+    equation = "r = (1 + s) r_shape(θ)"
+    parameters = (Parameter("s", "1", null=0.0, low=-0.5, high=0.5, scale=0.03),)
+    channels = ("impact", "touch")
+    reference = "similarity of shapes"
+
+    # the change is added, not multiplied: r may by now hold a shift that does not grow with the body
+    def contact_point(self, r_x, r_y, state, p, rig):
+        r = rig.shape.contact_point(state.theta)
+        return r_x + p["s"] * r[:, 0], r_y + p["s"] * r[:, 1]
+
+    def gap(self, gap, state, p, rig):
+        return gap - p["s"] * rig.shape.contact_point(state.theta)[:, 1]
+
+
+EFFECT = WrongSize()
