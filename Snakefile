@@ -13,17 +13,20 @@ report: "workflow/report/workflow.rst"
 include: "workflow/rules/common.smk"
 include: "workflow/rules/datasets.smk"
 include: "workflow/rules/chapter3.smk"
+include: "workflow/rules/critique.smk"
 include: "workflow/rules/claims.smk"
 
 
 localrules:
     all,
     chapter3,
+    critique,
 
 
 rule all:
     default_target: True
     input:
         rules.chapter3.input,
+        rules.critique.input,
         rules.claims.output,
         rules.provenance.output,

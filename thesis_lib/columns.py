@@ -87,6 +87,14 @@ _FEATURES: dict[str, Meaning] = {
     "r_x": ("m", "contact point ahead of the centre of mass"),
     "theta": ("rad", "body angle, within half a turn"),
 }
+_INTERVALS: dict[str, Meaning] = {
+    "error": ("m/s", "mean error of the velocity after impact, held-out impacts"),
+    "error_low": ("m/s", "lower end of its 95 % interval, bootstrap over trials"),
+    "error_high": ("m/s", "upper end of it"),
+    "gain": ("1", "held-out log score an impact gained by the effect added, nats"),
+    "gain_low": ("1", "lower end of its 95 % interval, bootstrap over trials"),
+    "gain_high": ("1", "upper end of it"),
+}
 _JUDGED: dict[str, Meaning] = {
     "floor": ("m/s", "noise floor: the error that a perfect model would show; empty if the noise is unknown"),
     "score": ("1", "held-out log score an impact (flights included), nats"),
@@ -148,20 +156,12 @@ TABLES: dict[str, dict[str, Meaning]] = {
     },
     "ladder": {
         **_JUDGED,
+        **_INTERVALS,
         "step": ("1", "number of effects in the model"),
         "label": ("", "effect added at this step"),
-        "error": ("m/s", "mean error of the velocity after impact, held-out impacts"),
-        "error_low": ("m/s", "lower end of its 95 % interval, bootstrap over trials"),
-        "error_high": ("m/s", "upper end of it"),
-        "flight": (
-            "1",
-            "misfit of the acceleration in flight in standard deviations of the noise, whose floor is 1",
-        ),
+        "flight": ("1", "misfit of the acceleration in flight, standard deviations of the noise; floor 1"),
         "meet": ("1", "misfit of the poses before and after impact, likewise"),
         "touch": ("1", "misfit of the gap at impact, likewise"),
-        "gain": ("1", "held-out log score an impact gained by the effect added, nats"),
-        "gain_low": ("1", "lower end of its 95 % interval, bootstrap over trials"),
-        "gain_high": ("1", "upper end of it"),
     },
     "impacts": {
         "used": ("1", "1: used, 0: left out"),
@@ -183,6 +183,39 @@ TABLES: dict[str, dict[str, Meaning]] = {
         "part": ("", "part of the base law's error, defined in thesis_lib/critique/tables.py"),
         "mean_square": ("(m/s)²", "its part of the mean square error of held-out impacts"),
         "share": ("1", "its share of that mean square"),
+    },
+    "laws": {
+        **_INTERVALS,
+        "gain": ("1", "held-out log score an impact less that of the law chosen, nats"),
+    },
+    "where": {
+        **_FEATURES,
+        "x": ("m", "position along the surface"),
+        "t": ("s", "time since the first sample"),
+        "disc_across": ("1", "measured impulse in the unit disc of the energy ellipse, against the slip"),
+        "disc_along": ("1", "the same, upwards: −1 no impulse, 0 dead stop, 1 complete reversal"),
+        "error_before": ("m/s", "error of the velocity after impact, law without effects"),
+        "error_after": ("m/s", "the same with the effects found"),
+        **{f"region_{i}": ("1", f"1: inside region {i} of where.json") for i in (1, 2, 3)},
+    },
+    "residuals": {
+        "component": ("", "of the residual in the contact frame: normal, tangential or couple"),
+        "feature": ("", "state before impact against which it is drawn"),
+        "series": ("", "before: law without effects; after: with the effects found"),
+        "x": ("see feature", "mean of the feature in the bin; m/s, rad/s, m, rad, s or 1"),
+        "mean": ("m/s", "mean residual in the bin"),
+        "std": ("m/s", "standard error of the mean"),
+        "n": ("1", "impacts in the bin"),
+    },
+    "parameters": {
+        "label": ("", "effect added at this step"),
+        "parameter": ("", "name of the parameter"),
+        "value": ("see unit", "fitted value"),
+        "std": ("see unit", "standard error of it"),
+    },
+    "data": {
+        "x": ("see panel", "m in paths; else the state or reason that the panel is named after"),
+        "y": ("m", "height in paths; empty in the other panels, which count"),
     },
     "compare": {
         "quantity": ("", "verdict, error (m/s) or parameter"),

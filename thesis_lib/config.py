@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import Field, ValidationError
 
+from thesis_lib.critique.settings import CritiqueRun
 from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.errors import UserError
 from thesis_lib.identify.settings import Chapter3
@@ -36,6 +37,7 @@ class Config(Section):
     drops: SimulatedDrops = SimulatedDrops()
     arcs: ArcSettings = Field(ArcSettings(), description="detection of impacts and arc fits")
     chapter3: Chapter3 = Chapter3()
+    critique: CritiqueRun = CritiqueRun()
 
 
 def parse_config(values: dict, source: str = "configuration") -> Config:

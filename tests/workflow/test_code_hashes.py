@@ -13,12 +13,12 @@ DRAWN = {"ch3_figures", "ch3_schematics", "ch3_trajectories"}
 EDITS = [
     ("simulate/drops.py", {"simulate_drops"}, None),
     ("simulate/lcp.py", {"simulate_drops"}, None),
-    ("datasets/detect.py", {"find_impacts"}, None),
+    ("datasets/detect.py", {"find_impacts", "critique"}, None),
     ("claims/evaluate.py", {"claims"}, None),
     ("claims/page.py", {"claims"}, None),
     ("identify/stored_predictions.py", {"ch3_published"}, None),
-    ("figures/thesis.mplstyle", DRAWN, None),
-    ("figures/style.py", DRAWN, None),
+    ("figures/thesis.mplstyle", DRAWN | {"critique"}, None),
+    ("figures/style.py", DRAWN | {"critique"}, None),
     ("figures/chapter3_errors.py", {"ch3_figures"}, None),
     (
         "contact/mirtich.py",
@@ -33,7 +33,9 @@ EDITS = [
             "datasets_present",
         },
     ),
-    ("figures/law_style.py", {"ch3_figures", "ch3_schematics"}, None),
+    ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique"}, None),
+    ("effects/adhesion.py", {"critique"}, None),
+    ("critique/fit.py", {"critique"}, None),
     (
         "identify/individual.py",
         {"ch3_identify"},

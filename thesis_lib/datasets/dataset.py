@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,6 +77,17 @@ class Dataset:
         """Sorted numbers of the trials, integers (n_trials,)."""
         tables = [table for table in (self.trajectories, self.impacts) if table is not None]
         return np.unique(np.concatenate([table["trial"].to_numpy() for table in tables]))
+
+    def first_trials(self, count: int | None) -> "Dataset":
+        """The dataset cut to its first `count` trials; None for all."""
+        if count is None or count >= len(self.trials):
+            return self
+        kept = self.trials[:count]
+        tables = {
+            name: None if table is None else table[table["trial"].isin(kept)].reset_index(drop=True)
+            for name, table in (("trajectories", self.trajectories), ("impacts", self.impacts))
+        }
+        return replace(self, **tables)
 
     def stated_impacts(self) -> Impacts:
         """The impacts of impacts.csv as arrays, without looking at trajectories.

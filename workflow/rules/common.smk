@@ -34,7 +34,9 @@ def settings(section, *keys):
 try:
     DATASETS = {
         name: locate(name, CONFIG.measured)
-        for name in dict.fromkeys((*CONFIG.chapter3.datasets, *SOURCES, *SIMULATED))
+        for name in dict.fromkeys(
+            (*CONFIG.chapter3.datasets, *CONFIG.critique.datasets, *SOURCES, *SIMULATED)
+        )
     }
 except UserError as error:
     raise WorkflowError(str(error))

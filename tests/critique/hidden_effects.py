@@ -1,0 +1,68 @@
+"""Small datasets with something hidden in them."""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.model import Model
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.header import Header, Noise
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Rig, State
+from thesis_lib.simulate.compliant import simulate_compliant_drops
+from thesis_lib.simulate.drops import ELLIPSE_BODY
+from thesis_lib.simulate.mechanisms import PROOF_RELEASE, Mechanisms
+
+DROPS = 60
+RIG_NOISE = Noise(position=3e-4, angle=3e-3)
+ANISOTROPY = 0.3  # hidden in `hidden_drops`
+E_T = 0.4  # hidden in `hidden_impacts`
+
+
+def simulated(name: str, seed: int, **mechanisms: float) -> Dataset:
+    """Drops with compliant contact in continuous time, sampled as a rig would."""
+    drops = simulate_compliant_drops(
+        ELLIPSE_BODY,
+        PROOF_RELEASE,
+        DROPS,
+        mechanisms=Mechanisms(**mechanisms),
+        noise=RIG_NOISE,
+        rng=np.random.default_rng(seed),
+    )
+    return Dataset(name, drops.header, drops.trajectories)
+
+
+def injected_impacts(name: str, n: int, seed: int, effect: str, values: dict[str, float]) -> Dataset:
+    """impacts.csv only, from the law with one effect, with noise as stated in its header."""
+    rng = np.random.default_rng(seed)
+    noise = Noise(position=3e-4, angle=3e-3, velocity=0.01, angular_velocity=0.3)
+    header = Header(schema=1, body=ELLIPSE_BODY, noise=noise)
+    shape = ELLIPSE_BODY.shape
+    theta = rng.uniform(-np.pi, np.pi, n)
+    state = State(
+        x=rng.uniform(-0.2, 0.2, n),
+        y=-shape.contact_point(theta)[:, 1],
+        theta=theta,
+        vx=rng.uniform(-1.2, 1.2, n),
+        vy=-rng.uniform(1.0, 3.3, n),
+        omega=rng.uniform(-15.0, 15.0, n),
+        trial=np.arange(n),
+        t=np.zeros(n),
+    )
+    model = Model(LAWS["anitescu_potra_newton"], (EFFECTS[effect],))
+    after = model.predict(
+        state, {"mu": 0.2, "epsilon": 0.6, **values}, Rig(shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
+    )
+
+    def seen(values: np.ndarray, sigma: float) -> np.ndarray:
+        return values + sigma * rng.standard_normal(n)
+
+    table = pd.DataFrame({"trial": np.arange(n), "impact": 0})
+    for column in ("x", "y"):
+        table[column] = seen(getattr(state, column), noise.position)
+    table["theta"] = seen(theta, noise.angle)
+    for side, one in (("pre", state), ("post", after)):
+        for column in ("vx", "vy"):
+            table[f"{column}_{side}"] = seen(getattr(one, column), noise.velocity)
+        table[f"omega_{side}"] = seen(one.omega, noise.angular_velocity)
+    return Dataset(name, header, impacts=table)

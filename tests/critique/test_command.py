@@ -1,0 +1,216 @@
+"""`python -m thesis_lib`: what it prints, what it writes, and how it says no."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import thesis_lib.critique.report
+import thesis_lib.figures.critique_pictures
+from thesis_lib.__main__ import SEED, main
+from thesis_lib.config import Config
+from thesis_lib.critique.output import critique_folder, write_critique
+from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.write import write_dataset
+from thesis_lib.effects import EFFECTS
+
+FILES = (
+    *("comparison.csv", "errors.csv", "ladder.csv", "budget.csv", "impacts.csv"),
+    *("where.json", "diagnosis.json", "model.json", "report.html"),
+)
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """Pictures and page have their own tests and take most of the time."""
+    monkeypatch.setattr(thesis_lib.figures.critique_pictures, "pictures", lambda *args: {})
+    monkeypatch.setattr(thesis_lib.critique.report, "report_html", lambda *args: "<html></html>\n")
+
+
+@pytest.fixture(scope="module")
+def dataset_folder(impacts_dataset, tmp_path_factory) -> Path:
+    return write_dataset(impacts_dataset, tmp_path_factory.mktemp("data") / "my_drops", float_format=None)
+
+
+@pytest.fixture(scope="module")
+def run_folder(dataset_folder, tmp_path_factory) -> Path:
+    """What one command writes, without pictures."""
+    out = tmp_path_factory.mktemp("out") / "my_run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(thesis_lib.figures.critique_pictures, "pictures", lambda *args: {})
+        patch.setattr(thesis_lib.critique.report, "report_html", lambda *args: "<html></html>\n")
+        assert main(["critique", str(dataset_folder), "-o", str(out), "-q"]) == 0
+    return out
+
+
+def test_the_default_seed_is_that_of_the_configuration():
+    assert Config().seed == SEED
+
+
+def test_help_teaches_with_examples():
+    for command in ([], ["critique"], ["predict"], ["effects"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "thesis_lib", *command, "--help"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert "usage: python -m thesis_lib" in done.stdout
+        assert "thesis_lib critique data/my_drops" in done.stdout or command not in ([], ["critique"])
+
+
+def test_effects_lists_the_whole_library(capsys):
+    assert main(["effects"]) == 0
+    text = capsys.readouterr().out
+    for effect in EFFECTS.values():
+        assert f"  {effect.name}: {effect.title}" in text and effect.equation in text
+    assert main(["effects", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [entry["name"] for entry in listed] == list(EFFECTS)
+
+
+def test_critique_writes_every_file_and_names_the_effect(run_folder):
+    assert set(FILES) <= {path.name for path in run_folder.iterdir()}
+    assert not [path for path in run_folder.iterdir() if path.name.startswith(".")]
+    content = json.loads((run_folder / "diagnosis.json").read_text())
+    assert content["verdict"] == "effects" and content["effects"][0]["name"] == "tangential_restitution"
+    for name in ("comparison", "errors", "ladder", "budget", "impacts"):
+        assert len(pd.read_csv(run_folder / f"{name}.csv")) > 0
+    for path in run_folder.iterdir():  # no path of this machine in any output
+        assert str(run_folder.parent) not in path.read_text(encoding="utf-8")
+
+
+def test_the_library_writes_the_same_bytes_as_the_command(no_pictures, dataset_folder, run_folder, tmp_path):
+    critique_folder(read_dataset(dataset_folder), tmp_path / "again", SEED)
+    for name in FILES:
+        assert (tmp_path / "again" / name).read_bytes() == (run_folder / name).read_bytes(), name
+
+
+def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(
+    no_pictures, dataset_folder, tmp_path, capsys
+):
+    out = tmp_path / "run"
+    command = ["critique", str(dataset_folder), "-o", str(out), "--effect", "wrong_inertia", "--seed", "3"]
+    assert main(command) == 0
+    shown = capsys.readouterr()
+    assert "wrong_inertia.d_I" in shown.out and "report.html" in shown.out
+    assert "finding impacts" in shown.err and "finding impacts" not in shown.out
+    content = json.loads((out / "diagnosis.json").read_text())
+    assert [effect["name"] for effect in content["effects"]] == ["wrong_inertia"]
+
+
+def test_predict_uses_the_model_of_the_run(run_folder, tmp_path, capsys):
+    states = pd.DataFrame(
+        {"x": 0.0, "y": 0.03, "theta": [0.3, -0.3], "vx": [0.5, -0.5], "vy": -2.0, "omega": [5.0, -5.0]}
+    )
+    states.to_csv(tmp_path / "states.csv", index=False)
+    model = str(run_folder / "model.json")
+    assert main(["predict", model, str(tmp_path / "states.csv"), "-o", str(tmp_path / "out.csv")]) == 0
+    table = pd.read_csv(tmp_path / "out.csv")
+    # the mirrored throw has the mirrored outcome
+    assert table["vx_post"].sum() == pytest.approx(0.0, abs=1e-8)
+    assert table["vy_post"].diff().iloc[1] == pytest.approx(0.0, abs=1e-8)
+    capsys.readouterr()
+    assert main(["predict", model, str(tmp_path / "states.csv")]) == 0
+    assert capsys.readouterr().out == (tmp_path / "out.csv").read_text()
+
+
+def test_two_runs_are_compared_in_standard_errors(run_folder, tmp_path, capsys):
+    other = tmp_path / "repaired"
+    other.mkdir()
+    content = json.loads((run_folder / "diagnosis.json").read_text())
+    mu = content["augmented_model"]["parameters"]["mu"]
+    mu["value"] += 10.0 * mu["std"]
+    content["effects"] = []
+    (other / "diagnosis.json").write_text(json.dumps(content))
+    assert main(["critique", str(run_folder), str(other), "-o", str(tmp_path / "both")]) == 0
+    text = capsys.readouterr().out
+    assert "my_run" in text and "repaired" in text
+    assert "Different by more than 3 standard errors: mu." in text
+    table = pd.read_csv(tmp_path / "both" / "compare.csv").set_index("quantity")
+    assert float(table.loc["mu", "sigmas"]) == pytest.approx(10.0 / np.sqrt(2.0), rel=1e-3)
+    assert table.loc["effects", "b"] == "none"
+    assert np.isnan(table.loc["tangential_restitution.e_t", "sigmas"])
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (["critique", "nowhere"], "nowhere"),
+        (["critique", "a", "b", "c"], "one dataset, or two"),
+        (["critique", "DATA", "--effect", "gravity_waves"], "no effect 'gravity_waves'"),
+        (
+            ["critique", "DATA", "--effect", "linear_drag"],
+            "cannot test the effect linear_drag: no trajectories",
+        ),
+        (["critique", "DATA", "--seed", "-1"], "--seed"),
+        (["critique", "DATA", "-o", "DATA"], "is the dataset itself"),
+        (["critique", "RUN"], "written by a critique"),
+        (["predict", "nowhere.json", "states.csv"], "no model"),
+        (["predict", "RUN/model.json", "nowhere.csv"], "no file nowhere.csv"),
+        (["predict", "RUN/model.json", "RUN/ladder.csv"], "lack the column"),
+        (["predict", "RUN/diagnosis.json", "RUN/ladder.csv"], "not a model"),
+    ],
+)
+def test_mistakes_get_one_readable_block_and_exit_code_2(
+    command, says, dataset_folder, run_folder, capsys, monkeypatch, tmp_path
+):
+    monkeypatch.chdir(tmp_path)
+    command = [part.replace("DATA", str(dataset_folder)).replace("RUN", str(run_folder)) for part in command]
+    assert main(command) == 2
+    shown = capsys.readouterr()
+    assert says in shown.err and "Traceback" not in shown.err
+    assert shown.out == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_too_few_drops_are_refused_with_the_number_needed(impacts_dataset, tmp_path, capsys):
+    from dataclasses import replace
+
+    few = replace(impacts_dataset, impacts=impacts_dataset.impacts.iloc[:20])
+    folder = write_dataset(few, tmp_path / "few")
+    assert main(["critique", str(folder), "-q", "-o", str(tmp_path / "out")]) == 2
+    assert "20 usable impacts" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupted_run_leaves_no_verdict(hidden_impacts, no_pictures, tmp_path, monkeypatch):
+    (tmp_path / "diagnosis.json").write_text("{}")
+
+    def fail(*args):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("thesis_lib.critique.output.save_model", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_critique(hidden_impacts, tmp_path, np.random.default_rng(0))
+    assert not (tmp_path / "diagnosis.json").exists()
+
+
+def test_the_public_face_is_the_function_whatever_was_imported_before():
+    code = (
+        "from thesis_lib.critique.criticise import Critique\n"
+        "from thesis_lib.critique import criticise\n"
+        "assert callable(criticise) and criticise.__name__ == 'criticise'\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    light = (
+        "import sys, thesis_lib.critique\nassert 'scipy' not in sys.modules and 'pandas' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", light], check=True)
+
+
+@pytest.mark.slow
+def test_the_whole_folder_with_pictures_has_the_same_bytes_twice(dataset_folder, tmp_path):
+    for name in ("one", "two"):
+        assert main(["critique", str(dataset_folder), "-o", str(tmp_path / name), "-q"]) == 0
+    first, second = (
+        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two")
+    )
+    assert set(first) == set(second) and len(first) > len(FILES)
+    assert [name for name in first if first[name] != second[name]] == []
+    for name in ("ladder", "where"):
+        assert f"{name}.png" in first

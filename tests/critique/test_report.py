@@ -1,0 +1,284 @@
+"""report.html: one page that says what diagnosis.json says, is well-formed and escaped, and needs no network."""
+
+import copy
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.critique.elements import amount, estimate, interval, percent, plus_minus
+from thesis_lib.critique.elements import table as html_table
+from thesis_lib.critique.report import report_html
+from thesis_lib.critique.tables import tables as all_tables
+from thesis_lib.critique.where import where as all_regions
+from thesis_lib.figures.critique_pictures import NAMES, pictures
+
+VOID = {"meta", "br", "hr", "img", "link", "wbr"}
+EVIL = "<script>alert('x')</script> & \"quotes\""
+DIAGNOSIS = {
+    "schema": 1,
+    "dataset": "my_drops",
+    "n_impacts": 412,
+    "n_trials": 300,
+    "verdict": "effects",
+    "summary": ["AP Newton lacks tangential restitution.", "Use model.json."],
+    "base_model": {
+        "name": "anitescu_potra_newton",
+        "parameters": {
+            "mu": {"value": 0.15, "std": 0.004, "unit": "1"},
+            "epsilon": {"value": 0.6, "std": 0.004, "unit": "1"},
+        },
+    },
+    "effects": [
+        {
+            "name": "tangential_restitution",
+            "family": "contact_law",
+            "parameters": {"e_t": {"value": 0.41, "std": 0.02, "unit": "1"}},
+            "gain": {"held_out_log_score_per_impact": 1.83, "interval": [1.6, 2.1], "p_value": 0.001},
+            "indistinguishable_from": ["tangential_compliance"],
+        }
+    ],
+    "error": {
+        **{"unit": "m/s", "base": 0.31, "augmented": 0.052, "irb_bound": 0.04, "noise_floor": 0.048},
+        "explained_share": 0.985,
+        "flight": {"unit": "sigma", "base": 3.1, "augmented": 1.02, "noise_floor": 1.0},
+    },
+    "remaining": {"structured": False, "p_value": 0.4, "depends_on": []},
+    "not_testable": [{"name": "linear_drag", "why": "no trajectories"}],
+    "left_out": {"share": 0.25, "reasons": {"second_hit": 100, "not_ballistic": 37}},
+    "detectable": [{"name": "tangential_restitution", "smallest": {"e_t": 0.03}, "drops_for_half": 1200}],
+    "next_experiment": {
+        "why": "These two differ most when the body spins fast.",
+        "states": [{"vx": 0.4, "vy": -1.2, "omega": 8.0, "theta": 0.3}],
+    },
+}
+FAULT = {
+    "name": "mirrored_rotation",
+    "family": "measurement",
+    "parameters": {"mirrored": {"value": 1.0, "std": 0.0, "unit": "1"}},
+    "gain": {"held_out_log_score_per_impact": 4.2, "interval": [4.0, 4.5], "p_value": 0.001},
+    "indistinguishable_from": [],
+}
+
+
+class Page(HTMLParser):
+    """Text, tags and headings; fails on tags that are not closed in order."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.pieces, self.headings = [], [], [], []
+        self.feed(html)
+        self.close()
+        assert self.open == []
+        self.text = " ".join("".join(self.pieces).split())
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.pieces.append(data)
+
+    def all(self, tag):
+        return [attrs for name, attrs in self.tags if name == tag]
+
+
+@pytest.fixture(scope="module")
+def made(hidden_drops):
+    regions = all_regions(hidden_drops)
+    found = all_tables(hidden_drops, np.random.default_rng(0))
+    return hidden_drops, regions, found, pictures(hidden_drops, found, regions)
+
+
+@pytest.fixture
+def diagnosis():
+    return copy.deepcopy(DIAGNOSIS)
+
+
+def page_of(made, diagnosis, **changes):
+    critique, regions, found, drawn = made
+    return report_html(
+        critique, diagnosis, changes.get("where", regions), found, changes.get("pictures", drawn)
+    )
+
+
+@pytest.fixture(scope="module")
+def html(made):
+    return page_of(made, copy.deepcopy(DIAGNOSIS))
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def test_the_page_stands_alone(html):
+    assert "<script" not in html
+    assert not re.search(r"(?:src|href)=\"(?!data:image/png;base64,|#)", html)
+    assert "url(" not in html and "@import" not in html
+
+
+def test_verdict_comes_before_everything_else(page):
+    assert page.text.index("Use model.json.") < page.text.index("1. How far the laws are")
+
+
+def test_headings_are_in_order(page):
+    assert page.headings[0] == 1 and page.headings.count(1) == 1
+    assert max(np.diff(page.headings)) <= 1
+
+
+def test_links_lead_somewhere_and_ids_are_unique(page):
+    ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    links = {attrs["href"].removeprefix("#") for attrs in page.all("a")}
+    assert links <= set(ids) and {"compare", "where", "which", "added"} <= links
+    assert {attrs["aria-labelledby"] for attrs in page.all("section")} <= set(ids)
+
+
+def test_every_picture_has_a_text_and_every_table_scopes(page):
+    images = page.all("img")
+    assert len(images) == len(NAMES)
+    assert all(len(attrs["alt"]) > 80 for attrs in images)
+    assert all(attrs.get("scope") in ("col", "row") for attrs in page.all("th"))
+    assert len(page.all("caption")) == len(page.all("table")) > 5
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "412 impacts of 300 trials",
+        "25 % of the detected impacts were left out. That is much",
+        "e_t = 0.410 [0.371, 0.449]",
+        "1.83 [1.60, 2.10] nats an impact (p = 0.0010",
+        "cannot tell it from tangential compliance",
+        "linear drag",
+        "second hit too near to tell apart",
+        "These two differ most when the body spins fast.",
+        "from 3.10 to 1.02 standard deviations",
+        "e_t = 0.030",
+        "four times the drops, about 1200",
+        "doi:10.1023/A:1008292328909",
+        "98 % of the way to the noise floor",
+    ],
+)
+def test_the_page_says_what_the_diagnosis_says(page, text):
+    assert text in page.text
+
+
+def test_faults_of_the_measurement_come_first(made, diagnosis, page):
+    assert "the measurements themselves" not in page.text
+    diagnosis["effects"].insert(0, FAULT)
+    text = Page(page_of(made, diagnosis)).text
+    fault = text.index("Mirrored rotation (θ_measured = −θ, ω_measured = −ω): on.")
+    assert fault < text.index("412 impacts of 300 trials are used")
+    assert "Repair it and run the critique again" in text
+    assert "Mirrored rotation is a fault of the measurement; see above." in text
+
+
+def test_an_adequate_model_with_unknown_noise_is_told(made, diagnosis):
+    diagnosis |= {"verdict": "adequate", "effects": [], "next_experiment": None, "detectable": []}
+    diagnosis["error"] |= {"noise_floor": None, "explained_share": None, "flight": None, "augmented": 0.31}
+    diagnosis["left_out"] = {"share": 0.0, "reasons": {}}
+    text = Page(page_of(made, diagnosis)).text
+    assert "No candidate passes all three tests" in text
+    assert "the noise floor is unknown" in text and "none was left out" in text
+    assert "The next experiment" not in text and "What these data could have shown" not in text
+    assert " nan" not in text.lower()
+
+
+def test_structure_that_remains_is_told_with_its_features(made, diagnosis):
+    diagnosis["remaining"] = {"structured": True, "p_value": 0.005, "depends_on": ["r_x", "trial"]}
+    text = Page(page_of(made, diagnosis)).text
+    assert "contact point ahead of the centre of mass, number of the release" in text
+
+
+def test_scatter_beyond_noise_is_not_called_structure(made, diagnosis):
+    critique, *rest = made
+    strict = critique.settings.model_copy(update={"excess_scatter": 0.01})
+    diagnosis["remaining"] = {"structured": True, "p_value": 0.4, "depends_on": []}
+    text = Page(page_of((replace(critique, settings=strict), *rest), diagnosis)).text
+    assert "times what noise alone would give" in text and "learns no part of it" in text
+    assert "Structure remains" not in text
+
+
+def test_text_of_users_is_escaped(made, diagnosis):
+    diagnosis["dataset"] = EVIL
+    diagnosis["summary"] = [EVIL]
+    diagnosis["not_testable"] = [{"name": EVIL, "why": EVIL}]
+    diagnosis["left_out"]["reasons"] = {EVIL: 3}
+    diagnosis["next_experiment"]["why"] = EVIL
+    regions = made[1]
+    regions = {**regions, "regions": [{**r, "rule": EVIL} for r in regions["regions"]]}
+    html = page_of(made, diagnosis, where=regions)
+    assert "<script" not in html
+    assert Page(html).text.count("<script>alert('x')</script>") >= 6
+
+
+def test_equal_content_gives_equal_bytes_without_paths_or_times(made, diagnosis, html):
+    critique, regions, found, _ = made
+    drawn = pictures(critique, found, regions), pictures(critique, found, regions)
+    first, second = (page_of(made, diagnosis, pictures=one) for one in drawn)
+    assert first == second
+    words = re.sub(r"base64,[^\"]*", "", html)
+    assert "/tmp" not in words and "/home" not in words and not re.search(r"\b20[2-9]\d-\d\d", words)
+
+
+def test_a_page_without_tables_is_shorter_and_whole(made, diagnosis):
+    critique, regions, *_ = made
+    page = Page(report_html(critique, diagnosis, regions, {}, {}))
+    assert not page.all("img") and "failed solves" not in page.text
+
+
+def test_real_critiques_of_impacts_alone_and_of_nothing_hidden_are_told(
+    hidden_impacts, nothing_hidden, diagnosis
+):
+    for critique in (hidden_impacts, nothing_hidden):
+        text = Page(
+            report_html(critique, diagnosis, all_regions(critique), {}, pictures(critique, {}, None))
+        ).text
+        assert "which no choice has seen" in text
+
+
+def test_rows_head_their_table_and_no_rows_give_no_table():
+    page = Page(html_table("c & d", ("a", "b"), [("x", "1 < 2")], numeric=(1,)))
+    assert "c & d" in page.text and "1 < 2" in page.text
+    assert [attrs["scope"] for attrs in page.all("th")] == ["col", "col", "row"]
+    assert html_table("c", ("a",), []) == ""
+
+
+def test_numbers_show_their_uncertainty():
+    assert estimate(0.2496, 0.0023) == "0.250 [0.245, 0.254]"
+    assert estimate(0.11994, 3e-5) == "0.11994 [0.11988, 0.12000]"
+    assert estimate(1.0, 0.0, "rad") == "1.00 rad"
+    assert plus_minus(0.24961, 0.00233) == "0.2496 ± 0.0046"
+    assert interval(0.10859, 0.15625, "m/s") == "[0.109, 0.156] m/s"
+    assert interval(float("nan"), 1.0) == ""
+    assert amount(None, "m/s") == "unknown"
+    assert [percent(x) for x in (0.0, 1e-5, 0.0123, 0.5, 1.0)] == [
+        "0 %",
+        "less than 0.1 %",
+        "1.2 %",
+        "50 %",
+        "100 %",
+    ]
+
+
+def test_interval_digits_follow_the_width_not_the_value():
+    low, high = 0.6 + 1e-4 * np.array([-1.0, 1.0])
+    assert interval(low, high) == "[0.59990, 0.60010]"
+
+
+def test_missing_columns_of_a_table_are_an_error_not_a_gap(made, diagnosis):
+    critique, regions, _, drawn = made
+    with pytest.raises((AttributeError, KeyError)):
+        report_html(critique, diagnosis, regions, {"comparison": pd.DataFrame({"model": ["mirtich"]})}, drawn)

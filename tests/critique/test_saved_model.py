@@ -1,0 +1,156 @@
+"""A saved model predicts what the fitted one does, and a file that is wrong is refused with the reason."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.saved_model import (
+    STATE,
+    SavedModel,
+    load_model,
+    predict,
+    save_model,
+    saved,
+)
+from thesis_lib.effects import EFFECTS
+from thesis_lib.errors import UserError
+
+SIX_DIGITS = 1e-5  # parameters are stored with six digits
+EXACT = 1e-12
+
+
+@pytest.fixture
+def states() -> pd.DataFrame:
+    rng = np.random.default_rng(0)
+    n = 50
+    return pd.DataFrame(
+        {
+            "x": rng.uniform(-0.2, 0.2, n),
+            "y": 0.03,
+            "theta": rng.uniform(-3.0, 3.0, n),
+            "vx": rng.uniform(-1.0, 1.0, n),
+            "vy": -rng.uniform(1.5, 3.0, n),
+            "omega": rng.uniform(-10.0, 10.0, n),
+        }
+    )
+
+
+def model_with(*effects: str, **values: float) -> SavedModel:
+    parameters = {"mu": 0.2, "epsilon": 0.6, **{k.replace("__", "."): v for k, v in values.items()}}
+    return SavedModel.model_validate(
+        {
+            "schema": 1,
+            "law": "anitescu_potra_newton",
+            "effects": effects,
+            "parameters": {name: {"value": value, "unit": "1"} for name, value in parameters.items()},
+            "rig": {
+                "shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
+                "radius_of_gyration": 0.0192,
+                "gravity": 9.81,
+                "height": 0.0,
+            },
+        }
+    )
+
+
+def test_a_critiques_model_comes_back_from_its_file(hidden_impacts, states, tmp_path):
+    fitted, rig = hidden_impacts.ladder[-1][1], hidden_impacts.observations.rig
+    path = tmp_path / "model.json"
+    save_model(saved(fitted, rig, "drops"), path)
+    model = load_model(path)
+    assert model.effects == ("tangential_restitution",) and model.law == hidden_impacts.discovery.base
+    assert model.values == pytest.approx(fitted.values, rel=SIX_DIGITS)
+    assert model.believed == rig  # what the user gave is not rounded
+    assert "NaN" not in path.read_text()
+    first = path.read_bytes()
+    save_model(load_model(path), path)
+    assert path.read_bytes() == first
+
+
+def test_without_effects_it_is_the_law(states):
+    found = predict(model_with(), states)
+    r = Ellipse(semi_axes=(0.035, 0.025)).contact_point(states["theta"].to_numpy())
+    v_pre = states[["vx", "vy", "omega"]].to_numpy()
+    out = LAWS["anitescu_potra_newton"](v_pre, r, mass=1.0, k_g=0.0192, mu=0.2, epsilon=0.6)
+    assert found[["vx_post", "vy_post", "omega_post"]].to_numpy() == pytest.approx(out.v_post, abs=EXACT)
+    assert list(found.columns[:6]) == list(STATE)
+
+
+def test_an_effect_changes_the_prediction(states):
+    plain = predict(model_with(), states)
+    moving = predict(model_with("moving_surface", moving_surface__V=0.5), states)
+    assert not np.allclose(plain["vx_post"], moving["vx_post"], atol=1e-3)
+
+
+def test_a_body_that_leaves_is_told(states):
+    states.loc[3, "vy"] = 5.0
+    found = predict(model_with(), states)
+    assert found.loc[3, "status"] == "not_approaching" and found.loc[3, "vy_post"] == 5.0
+    assert (found["status"].drop(3) == "ok").all()
+
+
+def test_an_effect_that_needs_the_trial_asks_for_it(states):
+    worn = model_with("wear", wear__w=-0.01)
+    with pytest.raises(UserError, match="depends on trial"):
+        predict(worn, states)
+    states["trial"] = 10
+    later = predict(worn, states)
+    assert later["vy_post"].mean() < predict(worn, states.assign(trial=0))["vy_post"].mean()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: t.drop(columns="omega"), "lack the column.*omega"),
+        (lambda t: t.assign(vx=[np.nan, *t["vx"][1:]]), "vx holds no finite number in 1 row.*row 1"),
+        (lambda t: t.assign(vy="fast"), "vy holds no finite number in 50 row"),
+    ],
+)
+def test_bad_states_are_refused(states, change, says):
+    with pytest.raises(UserError, match=says):
+        predict(model_with(), change(states))
+
+
+def test_no_rows_give_no_rows(states):
+    assert len(predict(model_with(), states.iloc[:0])) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"law": "newton"}, "no law 'newton'"),
+        ({"effects": ["gravity_waves"]}, "no effect 'gravity_waves'"),
+        ({"effects": ["moving_surface"]}, "moving_surface.V"),
+        ({"schema": 2}, "schema"),
+        ({"colour": "red"}, "colour"),
+        ({"rig": {"shape": {"kind": "disk", "radius": -1.0}}}, "radius"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_the_reason(tmp_path, change, says):
+    content = model_with().model_dump(mode="json", by_alias=True) | change
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(UserError, match=says):
+        load_model(path)
+
+
+def test_no_file_says_how_to_make_one(tmp_path):
+    with pytest.raises(UserError, match="thesis_lib critique"):
+        load_model(tmp_path / "model.json")
+
+
+def test_every_effect_can_be_saved_and_predicts(states, tmp_path):
+    states["trial"], states["t"] = 1, 0.1
+    for name, effect in EFFECTS.items():
+        values = {
+            f"{name}__{p.name}": p.discrete if p.discrete is not None else min(p.null + p.scale, p.high)
+            for p in effect.parameters
+        }
+        path = tmp_path / f"{name}.json"
+        save_model(model_with(name, **values), path)
+        found = predict(load_model(path), states)
+        assert np.isfinite(found[["vx_post", "vy_post", "omega_post"]].to_numpy()).all(), name

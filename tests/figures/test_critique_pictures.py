@@ -1,0 +1,234 @@
+"""Pictures of the critique: complete, explained, reproducible, and true to the numbers of the critique."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from small_critique import drops, small_critique
+
+from thesis_lib.columns import explain
+from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change
+from thesis_lib.critique.model import states_at_impact
+from thesis_lib.critique.where import where
+from thesis_lib.figures import critique_numbers as numbers
+from thesis_lib.figures.critique_data import trials_to_show
+from thesis_lib.figures.critique_errors import compensations, laws_sentence
+from thesis_lib.figures.critique_pictures import NAMES, pictures
+from thesis_lib.figures.critique_where import boxes_of, dependences, inside, map_axes, region_text
+from thesis_lib.figures.style import house_style
+
+PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
+BUDGET = pd.DataFrame(
+    {"part": PARTS, "mean_square": [4.0, 1.0, 2.0, 3.0, 10.0], "share": [0.2, 0.05, 0.1, 0.15, 0.5]}
+)
+FAST = {"feature": "v_n", "absolute": True, "low": 1.5, "high": None}
+AHEAD = {"feature": "r_x", "absolute": False, "low": 0.0, "high": None}
+REGION = {"rule": "|v_n| > 1.5 m/s", "conditions": [FAST], "support": 0.4, "ratio": 2.5, "p_value": 0.002}
+ROUNDING = 1e-9  # relative: the same sums in another order
+COVERED = 0.95
+
+
+@pytest.fixture(scope="module")
+def critique():
+    return small_critique(drops(), ("tangential_restitution", "time_lag"))
+
+
+@pytest.fixture(scope="module")
+def without_effects():
+    return small_critique(drops(trajectories=False), ())
+
+
+@pytest.fixture(scope="module")
+def drawn(critique):
+    return pictures(critique, {"budget": BUDGET}, {"regions": [REGION]})
+
+
+def png(figure):
+    buffer = io.BytesIO()
+    house_style(figure.savefig)(buffer, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.findobj(match=lambda artist: hasattr(artist, "get_text"))]
+
+
+def test_all_pictures_are_there_with_explained_numbers_and_one_sentence(drawn):
+    assert tuple(drawn) == NAMES
+    for name, (figure, table) in drawn.items():
+        explain(name, table.columns)
+        assert len(table) and len(figure.get_suptitle()) > 20, name
+
+
+def test_no_title_leaves_its_figure(drawn):
+    for name, (figure, _) in drawn.items():
+        house_style(figure.draw_without_rendering)()
+        assert figure._suptitle.get_window_extent().x1 < figure.bbox.x1, name
+
+
+def test_equal_critiques_give_equal_bytes(critique):
+    # both freshly drawn: a figure that has been saved keeps its layout
+    first, second = (pictures(critique, {"budget": BUDGET}, {"regions": [REGION]}) for _ in range(2))
+    for name in NAMES:
+        assert png(first[name][0]) == png(second[name][0]), name
+
+
+def test_impacts_alone_without_effects_or_regions_are_drawn(without_effects):
+    found = pictures(without_effects, {}, where(without_effects))
+    assert set(NAMES) - set(found) == {"budget"}
+    assert "error_after" not in found["where"][1]
+    assert np.isnan(without_effects.ladder[0][2].floor)
+    assert "noise_floor" not in set(found["ladder"][1]["label"])
+    for figure, _ in found.values():
+        assert len(png(figure)) > 1000
+        assert not any("nan" in text for text in texts(figure))
+
+
+def test_ladder_holds_the_errors_and_bounds_of_the_critique(critique, drawn):
+    table = drawn["ladder"][1].set_index("label")
+    for label, _, judged in critique.ladder:
+        row = table.loc[label]
+        assert row["error"] == pytest.approx(judged.error.mean(), rel=ROUNDING)
+        assert row["error_low"] < row["error"] < row["error_high"]
+    assert table.loc["irb_bound", "error"] == critique.irb
+    assert table.loc["no_impact", "error"] == critique.no_impact
+    assert table.loc["noise_floor", "error"] == critique.ladder[-1][2].floor
+
+
+def test_ladder_takes_the_intervals_of_its_table(critique):
+    given = numbers.ladder_table(critique).assign(error_low=0.5)
+    assert (numbers.ladder_table(critique, {"ladder": given})["error_low"] == 0.5).all()
+
+
+def test_laws_are_sorted_and_none_beats_best_post_hoc(drawn):
+    table = drawn["laws"][1].set_index("model")
+    laws = table.iloc[:6]["error"]
+    assert laws.is_monotonic_increasing and table.loc["best_post_hoc", "error"] <= laws.iloc[0]
+
+
+def test_the_sentence_on_laws_follows_the_errors():
+    table = pd.DataFrame({"model": ["mirtich", "whittaker", "wang_mason"], "error": [1.0, 1.05, 1.08]})
+    assert "hardly matters" in laws_sentence(table)
+    assert "2 of 3 laws" in laws_sentence(table.assign(error=[1.0, 1.05, 3.0]))
+    assert "choice of law matters" in laws_sentence(table.assign(error=[1.0, 2.0, 3.0]))
+
+
+def test_budget_names_its_largest_part(drawn):
+    assert drawn["budget"][0].get_suptitle().startswith("50 %")
+
+
+def test_interval_of_a_mean_covers_the_truth_when_trials_are_alike_within():
+    rng = np.random.default_rng(0)
+    trial = np.repeat(np.arange(40), 3)
+    hits = 0
+    for _ in range(400):
+        values = np.repeat(rng.standard_normal(40), 3)  # three impacts of a trial say the same
+        _, low, high = numbers.mean_interval(values, trial)
+        hits += low < 0.0 < high
+    naive = 1.96 / np.sqrt(120)
+    assert abs(hits / 400 - COVERED) < 0.035  # three standard errors of the share
+    assert high - low > 2.5 * naive  # an interval that counts impacts would be too narrow
+
+
+def test_energy_disc_maps_what_impacts_do(critique):
+    o, fitted = critique.observations, critique.ladder[0][1]
+    disc = numbers.energy_disc(fitted, o)
+    before, after = states_at_impact(fitted.model, fitted.values, o)
+    r = o.rig.shape.contact_point(before.theta)
+    v_pre, v_post = (np.stack([s.vx, s.vy, s.omega], axis=1) for s in (before, after))
+    space = contact_space(v_pre, r, mass=1.0, k_g=o.rig.k_g)
+    alpha = space.alpha(*measured_impulse(v_post - v_pre, r, mass=1.0, k_g=o.rig.k_g))
+    np.testing.assert_allclose(
+        np.sum(disc**2, axis=1), alpha, rtol=1e-6
+    )  # squared radius: share of energy left
+
+
+@pytest.mark.parametrize(
+    ("velocity_after", "place"), [(1.0, (0.0, -1.0)), (0.0, (0.0, 0.0)), (-1.0, (0.0, 1.0))]
+)
+def test_energy_disc_has_nothing_below_and_reversal_above(without_effects, velocity_after, place):
+    o, fitted = without_effects.observations, without_effects.ladder[0][1]
+    before, _ = states_at_impact(fitted.model, fitted.values, o)
+    r = o.rig.shape.contact_point(before.theta) + o.offset
+    space = contact_space(o.slope[:, 0], r, mass=1.0, k_g=o.rig.k_g)
+    c_t, c_n = space.impulse_to(velocity_after * space.v_t, velocity_after * space.v_n)
+    slope = o.slope.copy()
+    slope[:, 1] = slope[:, 0] + velocity_change(c_t, c_n, r, mass=1.0, k_g=o.rig.k_g)
+    moved = replace(o, slope=slope)
+    np.testing.assert_allclose(
+        numbers.energy_disc(fitted, moved), np.broadcast_to(place, (len(o), 2)), atol=1e-6
+    )
+
+
+def test_regions_are_outlined_where_their_impacts_are():
+    rng = np.random.default_rng(1)
+    table = pd.DataFrame(
+        {"v_t": rng.uniform(-2, 2, 500), "v_n": rng.uniform(-3, 0, 500), "r_x": rng.uniform(-1, 1, 500)}
+    )
+    slip = {"feature": "v_t", "absolute": True, "low": 0.5, "high": 1.0}
+    region = {"conditions": [FAST, slip]}
+    boxes = boxes_of(region, ("v_t", "v_n"), (-2.0, 2.0, -3.0, 0.0))
+    assert len(boxes) == 2  # sliding ahead and back; v_n is never above zero
+    boxed = np.zeros(500, bool)
+    for a, b, c, d in boxes:
+        boxed |= (table["v_t"] > a) & (table["v_t"] < b) & (table["v_n"] > c) & (table["v_n"] < d)
+    assert boxed.any() and (boxed == inside(region, table)).all()
+
+
+def test_regions_of_other_features_change_the_map_or_are_not_outlined():
+    assert map_axes([]) == ("v_t", "v_n")
+    assert set(map_axes([{"conditions": [AHEAD]}])) == {"r_x", "v_t"}
+    assert map_axes([{"conditions": [FAST, AHEAD]}]) == ("v_n", "r_x")
+    assert boxes_of({"conditions": [AHEAD]}, ("v_t", "v_n"), (-1.0, 1.0, -1.0, 0.0)) is None
+    assert inside({"conditions": [{**AHEAD, "feature": "t"}]}, pd.DataFrame({"r_x": [1.0]})) is None
+
+
+def test_a_region_whose_error_is_only_larger_than_its_noise_is_not_said_to_err_more():
+    assert "2.5 times" in region_text(REGION)
+    assert "times" not in region_text({**REGION, "ratio": 0.8})
+
+
+def test_dependence_finds_the_feature_and_nothing_in_noise():
+    rng = np.random.default_rng(2)
+    table = pd.DataFrame({"v_t": rng.standard_normal(800), "omega": rng.standard_normal(800)})
+    noise = rng.standard_normal((800, 3))
+    shares = dependences(
+        np.stack([noise[:, 0], noise[:, 1] + 2.0 * table["v_t"], noise[:, 2]], axis=1), table
+    )
+    assert shares.loc["normal", "v_t"] > 0.6
+    assert shares.drop(columns="v_t").to_numpy().max() < 0.03 and shares.loc["couple", "v_t"] < 0.03
+
+
+def test_parameters_that_move_are_called_out(critique):
+    found = compensations(critique).set_index("parameter")
+    assert set(found.index) == {"mu", "epsilon"}
+    first, last = critique.ladder[0][1], critique.ladder[-1][1]
+    std = np.hypot(first.std["mu"], last.std["mu"])
+    assert found.loc["mu", "sigmas"] == pytest.approx((last.values["mu"] - first.values["mu"]) / std)
+
+
+def test_trials_shown_are_measured_ones(critique, without_effects):
+    shown = trials_to_show(critique)
+    assert 1 <= len(shown) <= 3 and np.isin(shown, critique.observations.trial).all()
+    assert len(trials_to_show(without_effects)) == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.05214, "0.0521"),
+        (0.09996, "0.100"),
+        (-1.5, "−1.50"),
+        (1718.0, "1718"),
+        (0.0, "0"),
+        (3.82e-6, "3.82·10⁻⁶"),
+    ],
+)
+def test_numbers_are_written_as_a_person_would(value, text):
+    assert numbers.number(value) == text
+
+
+def test_unknown_numbers_are_said_to_be_unknown():
+    assert numbers.number(float("nan")) == numbers.number(None) == "unknown"

@@ -1,0 +1,183 @@
+"""The whole critique of one dataset: compare, locate, discover, augment, and what to measure next.
+
+Trials are split once: 70 % for every choice (law, effects, where to stop; by K-fold) and 30 % that no choice sees, from
+which every reported error comes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.discover import Discovery, discover, testable_effects
+from thesis_lib.critique.fit import Fit, fit
+from thesis_lib.critique.judge import Judgement, judge, paired_gain
+from thesis_lib.critique.model import states_at_impact
+from thesis_lib.critique.observations import Observations, observe
+from thesis_lib.critique.remaining import Remaining, remaining
+from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.samples import ArcSettings
+from thesis_lib.effects import EFFECTS
+from thesis_lib.errors import UserError
+
+MIN_TRIALS = 10
+MIN_IMPACTS = 30
+
+
+@dataclass(frozen=True)
+class Critique:
+    """Everything that the critique found of one dataset.
+
+    Attributes:
+        dataset: its name; settings, seedless.
+        observations, training, held_out: all impacts, and the two parts.
+        discovery: law and effects, chosen on training trials.
+        ladder: (label, fit, held-out judgement) without effects and after each one.
+        laws: held-out judgement of each law without effects.
+        without: held-out judgement of the final model without each of its effects, all else refitted.
+        remaining: structure left on training trials after the last effect.
+        irb: held-out IRB bound, m/s; no_impact: held-out error if nothing happened.
+        source: the dataset itself, for pictures of its samples.
+    """
+
+    dataset: str
+    settings: CritiqueSettings
+    observations: Observations
+    training: Observations
+    held_out: Observations
+    discovery: Discovery
+    ladder: tuple[tuple[str, Fit, Judgement], ...]
+    laws: dict[str, Judgement]
+    without: dict[str, Judgement]
+    remaining: Remaining
+    irb: float
+    no_impact: float
+    source: Dataset | None = None
+
+    @property
+    def verdict(self) -> str:
+        """adequate, effects or unexplained (design: format 3.2)."""
+        if self.is_structured:
+            return "unexplained"
+        return "effects" if self.discovery.steps else "adequate"
+
+    @property
+    def is_structured(self) -> bool:
+        """Whether something remains that is material: learnable from the state, or scatter far beyond noise."""
+        return self.is_learnable or self.ladder[-1][2].excess > self.settings.excess_scatter
+
+    @property
+    def is_learnable(self) -> bool:
+        """Whether structure that a Gaussian process can learn is significant and material."""
+        left, s = self.remaining, self.settings
+        floor = self.ladder[-1][2].floor
+        fall = left.error_before - left.error_after
+        least = max(
+            s.material_share * left.error_before, s.material_floor * (floor if np.isfinite(floor) else 0.0)
+        )
+        return left.p_value <= s.alpha and fall >= least
+
+
+def criticise(
+    dataset: Dataset,
+    *,
+    rng: np.random.Generator,
+    settings: CritiqueSettings | None = None,
+    arcs: ArcSettings | None = None,
+    effects: Sequence[str] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Critique:
+    """Criticise contact models against a dataset.
+
+    Args:
+        dataset: measured drops.
+        rng: the split, the folds and the resamples; seed it from the dataset's content for reproducible results.
+        settings: thresholds; arcs: detection of impacts.
+        effects: names of effects to switch on instead of the automatic choice.
+        say: told what is being done.
+
+    Raises:
+        UserError: too few trials or impacts, or an effect that is unknown or cannot be tested.
+    """
+    # matrices here are small: threads of BLAS would only wait for each other, and change last bits with their number
+    with threadpool_limits(limits=1):
+        return _criticise(dataset, rng, settings or CritiqueSettings(), arcs, effects, say)
+
+
+def _criticise(
+    dataset: Dataset,
+    rng: np.random.Generator,
+    settings: CritiqueSettings,
+    arcs: ArcSettings | None,
+    effects: Sequence[str] | None,
+    say: Callable[[str], None],
+) -> Critique:
+    for name in effects or ():
+        if name not in EFFECTS:
+            raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")
+    say("finding impacts")
+    observations = observe(dataset, arcs)
+    for name, why in testable_effects(observations)[1].items():
+        if name in (effects or ()):
+            raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
+    training, held_out = _split(dataset, observations, settings, rng)
+    found = discover(training, settings, rng, effects, say)
+    say("judging on held-out trials")
+    fits = [("no effect", found.laws[found.base][0]), *((s.effect.name, s.fitted) for s in found.steps)]
+    ladder = tuple((label, one, judge(one, held_out, rng)) for label, one in fits)
+    laws = {name: judge(one, held_out, rng) for name, (one, _) in found.laws.items()}
+    final = found.fitted
+    without = {}
+    for step in found.steps:
+        smaller = final.model.without(step.effect.name)
+        kept = {k: v for k, v in final.values.items() if k in smaller.parameters}
+        without[step.effect.name] = judge(fit(smaller, training, kept), held_out, rng)
+    say("looking for what remains")
+    left = remaining(final, training, rng)
+    # the bound is of the data as measured: with the flights of the base law, and no effect at work
+    base = found.laws[found.base][0]
+    before, after = states_at_impact(base.model, base.values, held_out)
+    v_pre = np.stack([before.vx, before.vy, before.omega], 1)
+    v_post = np.stack([after.vx, after.vy, after.omega], 1)
+    k_g, r = held_out.rig.k_g, held_out.rig.shape.contact_point(before.theta) + held_out.offset
+    return Critique(
+        dataset.name,
+        settings,
+        observations,
+        training,
+        held_out,
+        found,
+        ladder,
+        laws,
+        without,
+        left,
+        float(irb_bound(v_pre, v_post, r, mass=1.0, k_g=k_g).error.mean()),
+        float(velocity_error(v_post - v_pre, k_g).mean()),
+        dataset,
+    )
+
+
+def _split(
+    dataset: Dataset, observations: Observations, settings: CritiqueSettings, rng: np.random.Generator
+) -> tuple[Observations, Observations]:
+    trials = np.unique(observations.trial)
+    if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
+        reasons = observations.found.left_out["reason"].value_counts().to_dict()
+        why = "; ".join(f"{count} {name}" for name, count in reasons.items()) or "none was left out"
+        raise UserError(
+            f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
+            f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. "
+            "Measure more drops, or look at what detection says (python -m thesis_lib.datasets check)."
+        )
+    chosen = rng.permutation(trials)
+    count = max(2, round(settings.held_out_share * len(trials)))
+    return observations.select(np.sort(chosen[count:])), observations.select(np.sort(chosen[:count]))
+
+
+def gain_of(critique: Critique, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Held-out gain of the final model over the one without `effect`, nats an impact, with 95 % interval."""
+    return paired_gain(critique.ladder[-1][2], critique.without[effect], rng)

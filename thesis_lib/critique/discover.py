@@ -1,0 +1,200 @@
+"""Which effect is missing: forward selection with a backward check, and its refusals.
+
+At each step all candidates are screened by score tests, the best few are fitted with *all* parameters free and judged
+by K-fold over training trials.  An effect enters if it clears the null of the largest of all candidates' gains, if its
+held-out gain is positive by its paired interval, and if it lowers a held-out error materially.  Candidates that this
+design cannot tell from the chosen one are named with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.critique.fit import Fit, fit
+from thesis_lib.critique.judge import Judgement, cross_validate, is_material, paired_gain
+from thesis_lib.critique.model import Model
+from thesis_lib.critique.observations import Observations
+from thesis_lib.critique.score_test import Scan, expected_difference, scan
+from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.effects import EFFECTS, Effect
+
+
+@dataclass(frozen=True)
+class Step:
+    """One chosen effect.
+
+    Attributes:
+        effect: chosen; alternatives: names that the data cannot tell from it.
+        p_value: of its gain against the null of the largest gain.
+        gain: held-out gain an impact by K-fold, with 95 % interval, nats.
+        fitted: the model with it, on all training trials; judged: by K-fold.
+        scan: score tests before it was added.
+    """
+
+    effect: Effect
+    alternatives: tuple[str, ...]
+    p_value: float
+    gain: tuple[float, float, float]
+    fitted: Fit
+    judged: Judgement
+    scan: Scan
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """The chosen model and how it was found.
+
+    Attributes:
+        laws: by name, fit and K-fold judgement without effects.
+        base: name of the chosen law; steps: in order of selection.
+        last_scan: score tests at the final model.
+        not_testable: name -> why.
+    """
+
+    laws: dict[str, tuple[Fit, Judgement]]
+    base: str
+    steps: tuple[Step, ...]
+    last_scan: Scan
+    not_testable: dict[str, str]
+
+    @property
+    def fitted(self) -> Fit:
+        """The final model."""
+        return self.steps[-1].fitted if self.steps else self.laws[self.base][0]
+
+    @property
+    def judged(self) -> Judgement:
+        """Its K-fold judgement."""
+        return self.steps[-1].judged if self.steps else self.laws[self.base][1]
+
+
+def discover(
+    training: Observations,
+    settings: CritiqueSettings,
+    rng: np.random.Generator,
+    fixed: Sequence[str] | None = None,
+    say=lambda text: None,
+) -> Discovery:
+    """Choose law and effects on training trials; `fixed` names the effects instead of the automatic choice."""
+    trials = np.unique(training.trial)
+    folds = rng.permutation(np.arange(len(trials)) % min(settings.folds, len(trials)))
+    say("fitting the six laws")
+    laws = {}
+    for name in SIX_LAWS:
+        fitted = fit(Model(LAWS[name]), training)
+        laws[name] = (fitted, cross_validate(fitted, training, folds, rng))
+    base = max(laws, key=lambda name: laws[name][1].total)
+    fitted, judged = laws[base]
+    testable, why_not = testable_effects(training)
+    steps: list[Step] = []
+    wanted = list(fixed) if fixed is not None else None
+    while len(steps) < (settings.max_effects if wanted is None else len(wanted)):
+        taken = {step.effect.name for step in steps}
+        candidates = [effect for effect in testable.values() if effect.name not in taken]
+        if wanted is not None:
+            candidates = [EFFECTS[wanted[len(steps)]]]
+        if not candidates:
+            break
+        found = scan(fitted, training, candidates, rng)
+        say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
+        step = _best_step(
+            fitted, judged, training, folds, candidates, found, settings, rng, wanted is not None
+        )
+        if step is None:
+            break
+        step = _with_best_law(step, training, folds, settings, rng)
+        say(f"step {len(steps) + 1}: {step.effect.name} ({step.gain[0]:.2f} nats an impact)")
+        steps.append(step)
+        fitted, judged = step.fitted, step.judged
+    taken = {step.effect.name for step in steps}
+    rest = [effect for effect in testable.values() if effect.name not in taken]
+    return Discovery(laws, base, tuple(steps), scan(fitted, training, rest, rng), why_not)
+
+
+def testable_effects(observations: Observations) -> tuple[dict[str, Effect], dict[str, str]]:
+    """Effects that this dataset can test, and why it cannot test the others."""
+    testable, why_not = {}, {}
+    for name, effect in EFFECTS.items():
+        if not effect.applies_to(observations.rig):
+            why_not[name] = f"does not apply to a body of shape {observations.rig.shape.kind}"
+        elif effect.needs_trajectories and not observations.arcs:
+            why_not[name] = "no trajectories"
+        else:
+            testable[name] = effect
+    return testable, why_not
+
+
+def _best_step(
+    fitted: Fit,
+    judged: Judgement,
+    training: Observations,
+    folds: np.ndarray,
+    candidates: Sequence[Effect],
+    found: Scan,
+    settings: CritiqueSettings,
+    rng: np.random.Generator,
+    forced: bool,
+) -> Step | None:
+    by_name = {effect.name: effect for effect in candidates}
+    ranked = sorted(found.gain, key=lambda name: -found.gain[name])
+    # effects that are on or off lie far from the null: the score test says little about them
+    discrete = [e.name for e in candidates if any(p.discrete is not None for p in e.parameters)]
+    names = list(dict.fromkeys([*ranked[: settings.finalists], *discrete]))
+    # a mirrored axis turns the world over: (μ, ε) found without it are no start
+    own = {k: v for k, v in fitted.values.items() if k not in ("mu", "epsilon")}
+    full = {
+        name: fit(
+            fitted.model.with_effect(by_name[name]), training, own if name in discrete else fitted.values
+        )
+        for name in names
+    }
+    gains = {name: one.score - fitted.score for name, one in full.items()}
+    names = sorted(names, key=lambda name: -gains[name])[:3]
+    judgements = {name: cross_validate(full[name], training, folds, rng) for name in names}
+    for name in sorted(names, key=lambda name: -judgements[name].total):
+        gain = paired_gain(judgements[name], judged, rng)
+        p_value = found.p_value(gains[name])
+        material = is_material(
+            judgements[name], judged, by_name[name].channels, settings.material_share, settings.material_floor
+        )
+        if forced or (p_value <= settings.alpha and gain[1] > 0.0 and material):
+            alternatives = _alternatives(name, gains, found, settings)
+            return Step(by_name[name], alternatives, p_value, gain, full[name], judgements[name], found)
+    return None
+
+
+def _with_best_law(
+    step: Step,
+    training: Observations,
+    folds: np.ndarray,
+    settings: CritiqueSettings,
+    rng: np.random.Generator,
+) -> Step:
+    """The step with the law that fits best now that the effect is in: without it another law may have stood in."""
+    model = step.fitted.model
+    fits = {name: fit(Model(LAWS[name], model.effects), training, step.fitted.values) for name in SIX_LAWS}
+    best = max(fits, key=lambda name: fits[name].score)
+    if best == model.law.name or fits[best].score - step.fitted.score < settings.tell_apart:
+        return step
+    judged = cross_validate(fits[best], training, folds, rng)
+    if judged.total - step.judged.total < settings.tell_apart:
+        return step
+    return replace(step, fitted=fits[best], judged=judged)
+
+
+def _alternatives(
+    name: str, gains: dict[str, float], found: Scan, settings: CritiqueSettings
+) -> tuple[str, ...]:
+    """Effects that would explain the same on this design, nearest first."""
+    close = {}
+    for other in found.columns:
+        if other == name or not found.columns[other].shape[1]:
+            continue
+        loss = expected_difference(found, name, other)
+        if other in gains:  # fitted in full: what the data say counts, too
+            loss = max(loss, gains[name] - gains[other])
+        if loss < settings.tell_apart:
+            close[other] = loss
+    return tuple(sorted(close, key=lambda other: close[other])[: settings.max_group - 1])

@@ -1,0 +1,220 @@
+"""Fit of all parameters of a model, and its log score, under the measured noise.
+
+    log score of an impact   log t_ν(R; 0, S),   Student's t with ν = 8 in m dimensions
+    log score of a flight    the same in 3 dimensions
+
+The t distribution keeps single bad impacts from deciding; with Gaussian residuals it costs 2 % of efficiency.  The fit
+is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residuals, with S and σ_m updated between
+rounds: the weights (ν + m)/(ν + d²) make it a maximum-likelihood fit at fixed S.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import gammaln
+
+from thesis_lib.critique.model import (
+    Model,
+    components,
+    flight_residuals,
+    impact_residuals,
+    residual_covariance,
+)
+from thesis_lib.critique.observations import Observations
+
+NU = 8.0
+ROUNDS = 3  # of S, σ_m and weights; parameters move by less than a tenth of their error in the third
+STEPS = 12  # Levenberg-Marquardt steps a round
+SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model.
+
+    Attributes:
+        model: law and effects.
+        values, std: by full parameter name.
+        covariance: of the parameters, in their order.
+        sigma_m: m/s, scatter beyond noise.
+        score: log score of the training data, nats; n impacts.
+    """
+
+    model: Model
+    values: dict[str, float]
+    std: dict[str, float]
+    covariance: np.ndarray
+    sigma_m: float
+    score: float
+    n: int
+
+
+def whitened(
+    model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray, sigma_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Whitened residuals of impacts (n, m) and flights (f, 3), and the log determinants of their covariances."""
+    L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
+    R = impact_residuals(model, values, observations)
+    z = np.linalg.solve(L, R[:, :, None])[:, :, 0]
+    log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
+    flights = observations.flights
+    f = flight_residuals(model, values, flights, observations.rig) / np.sqrt(flights.variance)
+    return z, f, log_det, np.log(flights.variance).sum(1)
+
+
+def log_scores(
+    model: Model, values: Mapping[str, float], observations: Observations, sigma_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Log score of each impact (n,) and each flight (f,), in nats."""
+    S = residual_covariance(model, values, observations)
+    z, f, log_det, flight_det = whitened(model, values, observations, S, sigma_m)
+    return _log_t(z, log_det), _log_t(f, flight_det)
+
+
+def fit(
+    model: Model,
+    observations: Observations,
+    start: Mapping[str, float] | None = None,
+    rounds: int = ROUNDS,
+) -> Fit:
+    """Fit all parameters from `start` (nulls where absent), trying every declared start of the last effect."""
+    tries = [dict(start or {})]
+    if model.effects:
+        effect = model.effects[-1]
+        for p in effect.parameters:
+            key = f"{effect.name}.{p.name}"
+            if p.discrete is not None:
+                tries = [{**t, key: p.discrete} for t in tries]
+            elif key not in tries[0]:
+                # a start off the null: at the null itself many effects have no slope
+                options = p.starts or (
+                    (p.null + p.scale, p.null - p.scale) if p.low < p.null < p.high else (p.null + p.scale,)
+                )
+                tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options[:2]]
+    fits = [_fit_from(model, observations, one, rounds) for one in tries[:4]]
+    return max(fits, key=lambda one: one.score)
+
+
+def _fit_from(model: Model, observations: Observations, start: dict[str, float], rounds: int) -> Fit:
+    declared = model.parameters
+    values = {name: float(start.get(name, p.null)) for name, p in declared.items()}
+    free = [name for name, p in declared.items() if p.discrete is None]
+    low = np.array([declared[name].low for name in free])
+    high = np.array([declared[name].high for name in free])
+    step = np.array([1e-3 * declared[name].scale for name in free])
+    if "mu" not in start:
+        values |= _rough_start(model, observations, values)
+    sigma_m = 0.02
+    x = np.clip([values[name] for name in free], low, high)
+    J = np.zeros((0, len(free)))
+    for _ in range(rounds):
+        values |= dict(zip(free, map(float, x)))
+        S = residual_covariance(model, values, observations)
+        sigma_m = _best_sigma(model, values, observations, S)
+
+        def residuals(x: np.ndarray) -> np.ndarray:
+            z, f, *_ = whitened(model, {**values, **dict(zip(free, x))}, observations, S, sigma_m)  # noqa: B023
+            return np.concatenate([_robust(z).ravel(), _robust(f).ravel()])
+
+        x, J = _levenberg_marquardt(residuals, x, low, high, step)
+    values |= dict(zip(free, map(float, x)))
+    S = residual_covariance(model, values, observations)
+    sigma_m = _best_sigma(model, values, observations, S)
+    z, f, log_det, flight_det = whitened(model, values, observations, S, sigma_m)
+    score = float(_log_t(z, log_det).sum() + _log_t(f, flight_det).sum())
+    covariance = np.linalg.pinv(J.T @ J, hermitian=True)
+    std = dict.fromkeys(declared, 0.0) | dict(zip(free, np.sqrt(np.diag(covariance)).tolist()))
+    return Fit(model, values, std, covariance, sigma_m, score, len(observations))
+
+
+def _levenberg_marquardt(residuals, x, low, high, step) -> tuple[np.ndarray, np.ndarray]:
+    """Minimise |residuals(x)|² within bounds; returns x and the Jacobian there."""
+    r = residuals(x)
+    cost, damping = r @ r, 1e-3
+    J = np.zeros((len(r), len(x)))
+    for _ in range(STEPS):
+        for i in range(len(x)):
+            h = step[i] if x[i] + step[i] <= high[i] else -step[i]
+            moved = x.copy()
+            moved[i] += h
+            J[:, i] = (residuals(moved) - r) / h
+        JtJ, g = J.T @ J, J.T @ r
+        improved = False
+        for _ in range(6):
+            # parameters at a bound that want to leave the box stay there
+            held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
+            move = ~held
+            d = np.zeros_like(x)
+            if not move.any():
+                return x, J
+            H = JtJ[np.ix_(move, move)]
+            d[move] = -np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g[move], rcond=None)[0]
+            new = np.clip(x + d, low, high)
+            r_new = residuals(new)
+            if r_new @ r_new < cost:
+                improved = True
+                break
+            damping *= 10.0
+        if not improved:
+            return x, J
+        gain = cost - r_new @ r_new
+        x, r, cost, damping = new, r_new, r_new @ r_new, max(damping / 10.0, 1e-8)
+        if gain < 1e-4:  # nats: far below anything that is decided
+            return x, J
+    return x, J
+
+
+def _robust(z: np.ndarray) -> np.ndarray:
+    """Residuals whose squares sum to −2 log t_ν up to a constant."""
+    if not len(z):
+        return z
+    m = z.shape[1]
+    d2 = np.einsum("nm,nm->n", z, z)
+    scale = (NU + m) * np.log1p(d2 / NU) / np.where(d2 > 0, d2, 1.0)
+    return z * np.sqrt(np.where(d2 > 0, scale, 1.0))[:, None]
+
+
+def _log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
+    m = z.shape[1]
+    d2 = np.einsum("nm,nm->n", z, z)
+    constant = gammaln(0.5 * (NU + m)) - gammaln(0.5 * NU) - 0.5 * m * np.log(NU * np.pi)
+    return constant - 0.5 * log_det - 0.5 * (NU + m) * np.log1p(d2 / NU)
+
+
+def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
+    m = components(observations)
+    D = np.zeros((m, m))
+    D[0, 0] = D[1, 1] = sigma_m**2
+    D[2, 2] = (sigma_m / observations.rig.k_g) ** 2
+    return D
+
+
+def _best_sigma(
+    model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray
+) -> float:
+    R = impact_residuals(model, values, observations)
+
+    def loss(log_sigma: float) -> float:
+        L = np.linalg.cholesky(S + _scatter(observations, np.exp(log_sigma)))
+        z = np.linalg.solve(L, R[:, :, None])[:, :, 0]
+        return -_log_t(z, 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)).sum()
+
+    found = minimize_scalar(
+        loss, bounds=(np.log(SIGMA_LOW), np.log(SIGMA_HIGH)), method="bounded", options={"xatol": 0.05}
+    )
+    return float(np.exp(found.x))
+
+
+def _rough_start(model: Model, observations: Observations, values: dict[str, float]) -> dict[str, float]:
+    """Best (μ, ε) on a coarse grid in the kinetic norm: a start in the right basin."""
+    k = observations.rig.k_g
+    best, chosen = np.inf, {}
+    for mu in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8):
+        for epsilon in (0.2, 0.4, 0.6, 0.8):
+            R = impact_residuals(model, {**values, "mu": mu, "epsilon": epsilon}, observations)[:, :3]
+            cost = np.median(np.abs(R[:, 0]) + np.abs(R[:, 1]) + k * np.abs(R[:, 2]))
+            if cost < best:
+                best, chosen = cost, {"mu": mu, "epsilon": epsilon}
+    return chosen

@@ -1,0 +1,24 @@
+"""Numbers as they stand in our JSON files: six significant digits, and null where there is no number."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+
+def six_digits(value: Any) -> Any:
+    """`value` with every float rounded to six significant digits and NaN or infinity as None.
+
+    Six digits are finer than anything that is measured here and coarser than what differs between processors.
+    """
+    if isinstance(value, dict):
+        return {str(key): six_digits(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [six_digits(item) for item in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.6g}") + 0.0 if math.isfinite(value) else None
+    return value

@@ -1,0 +1,192 @@
+"""A fitted model as a file: law, parameters, effects and the rig they belong to; and its predictions.
+
+model.json is checked against `SavedModel` when it is read, so that a file that was edited by hand, or that names an
+effect of another version, is refused with the reason instead of predicting something else.
+"""
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, ValidationError
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.fit import Fit
+from thesis_lib.critique.model import Model
+from thesis_lib.critique.rounding import six_digits
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Rig, State
+from thesis_lib.errors import UserError
+from thesis_lib.files import read_json, write_json
+from thesis_lib.settings import Section
+
+STATE = ("x", "y", "theta", "vx", "vy", "omega")
+POST = ("vx_post", "vy_post", "omega_post")
+OPTIONAL = ("trial", "t")  # needed by effects that change over time
+_PULL = 1.0  # release or s: a step of `trial` and `t` that shows whether a model looks at them
+
+
+class SavedParameter(Section):
+    """One fitted parameter; std is null where it was not fitted."""
+
+    value: float = Field(allow_inf_nan=False)
+    std: float | None = Field(None, ge=0)
+    unit: str
+
+
+class SavedRig(Section):
+    """Body and rig as believed: what the parameters belong to."""
+
+    shape: Shape
+    radius_of_gyration: float = Field(gt=0, description="m")
+    gravity: float = Field(gt=0, description="m/s²")
+    height: float = Field(description="m, of the surface")
+
+
+class SavedModel(Section):
+    """The content of model.json."""
+
+    schema_: Literal[1] = Field(1, alias="schema", description="version of this format")
+    dataset: str = Field("", description="fitted to it")
+    law: str = Field(description="key of thesis_lib.contact.LAWS")
+    effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
+    parameters: dict[str, SavedParameter] = Field(
+        description="mu, epsilon, and effect.parameter of each effect"
+    )
+    scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
+    rig: SavedRig
+
+    @property
+    def model(self) -> Model:
+        """Law and effects."""
+        return Model(LAWS[self.law], tuple(EFFECTS[name] for name in self.effects))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters by full name."""
+        return {name: p.value for name, p in self.parameters.items()}
+
+    @property
+    def believed(self) -> Rig:
+        """The rig as the effects take it."""
+        return Rig(self.rig.shape, self.rig.radius_of_gyration, self.rig.gravity, self.rig.height)
+
+
+def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
+    """What model.json holds of a fitted model."""
+    parameters = {
+        name: {
+            "value": fitted.values[name],
+            "std": None if p.discrete is not None else fitted.std[name],
+            "unit": p.unit,
+        }
+        for name, p in fitted.model.parameters.items()
+    }
+    return SavedModel.model_validate(
+        six_digits(
+            {
+                "schema": 1,
+                "dataset": dataset,
+                "law": fitted.model.law.name,
+                "effects": [effect.name for effect in fitted.model.effects],
+                "parameters": parameters,
+                "scatter": fitted.sigma_m,
+            }
+        )
+        # what the user gave is not rounded
+        | {
+            "rig": {
+                "shape": rig.shape.model_dump(mode="json"),
+                "radius_of_gyration": rig.k_g,
+                "gravity": rig.gravity,
+                "height": rig.height,
+            }
+        }
+    )
+
+
+def save_model(model: SavedModel, path: str | Path) -> None:
+    """Write model.json."""
+    write_json(model.model_dump(mode="json", by_alias=True), path)
+
+
+def load_model(path: str | Path) -> SavedModel:
+    """Read model.json.
+
+    Raises:
+        UserError: there is no such file, it is no model, or it names a law, effect or parameter that is not known.
+    """
+    if not Path(path).is_file():
+        raise UserError(
+            f"There is no model {path}. A critique writes model.json: python -m thesis_lib critique DATASET -o DIR"
+        )
+    try:
+        model = SavedModel.model_validate(read_json(path))
+    except ValidationError as error:
+        lines = [f"{path} is not a model that this program wrote:"]
+        for item in error.errors():
+            lines.append(f"  {'.'.join(map(str, item['loc'])) or '(top level)'}: {item['msg']}")
+        raise UserError("\n".join([*lines, "Write it again with python -m thesis_lib critique."])) from error
+    if model.law not in LAWS:
+        raise UserError(f"{path}: there is no law {model.law!r}; known are {', '.join(LAWS)}.")
+    for name in model.effects:
+        if name not in EFFECTS:
+            raise UserError(f"{path}: there is no effect {name!r}; python -m thesis_lib effects lists them.")
+    needed = set(model.model.parameters)
+    if needed != set(model.parameters):
+        wrong = ", ".join(sorted(needed ^ set(model.parameters)))
+        raise UserError(f"{path}: missing or unknown parameter(s): {wrong}. Write it again.")
+    return model
+
+
+def predict(model: SavedModel, states: pd.DataFrame) -> pd.DataFrame:
+    """Velocity after impact for each row.
+
+    Args:
+        model: as saved.
+        states: x, y, theta, vx, vy, omega just before impact (m, rad, m/s, rad/s), as measured; further columns stay.
+            `trial` and `t` are needed only where an effect looks at them.
+
+    Returns:
+        The table with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
+
+    Raises:
+        UserError: a column is missing or holds something other than finite numbers.
+    """
+    missing = [name for name in STATE if name not in states]
+    if missing:
+        raise UserError(
+            f"The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
+            "(m, rad, m/s, rad/s) just before impact."
+        )
+    columns = {}
+    for name in (*STATE, *OPTIONAL):
+        if name in states:
+            columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
+            bad = np.flatnonzero(~np.isfinite(columns[name]))
+            if len(bad):
+                raise UserError(
+                    f"The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
+                    "below the header."
+                )
+    n = len(states)
+    state = State(**{name: columns.get(name, np.zeros(n)) for name in (*STATE, *OPTIONAL)})
+    after = _after(model, state)
+    for name in OPTIONAL:
+        if name not in columns:
+            moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
+            if not np.array_equal(after, moved, equal_nan=True):
+                raise UserError(
+                    f"This model depends on {name} ({', '.join(model.effects)}): add the column {name} to the states."
+                )
+    before = np.stack([state.vx, state.vy, state.omega], axis=1)
+    status = np.where((after == before).all(axis=1), "not_approaching", "ok")
+    status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
+    return states.assign(**dict(zip(POST, after.T)), status=status)
+
+
+def _after(model: SavedModel, state: State) -> np.ndarray:
+    out = model.model.predict(state, model.values, model.believed)
+    return np.stack([out.vx, out.vy, out.omega], axis=1)

@@ -1,0 +1,34 @@
+"""All pictures of one critique, by name."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from thesis_lib.critique.criticise import Critique
+from thesis_lib.figures.critique_data import draw_data
+from thesis_lib.figures.critique_errors import draw_budget, draw_ladder, draw_laws, draw_parameters
+from thesis_lib.figures.critique_where import draw_residuals, draw_where
+from thesis_lib.figures.style import Drawn
+
+NAMES = ("data", "laws", "budget", "where", "residuals", "ladder", "parameters")
+
+
+def pictures(
+    critique: Critique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None
+) -> dict[str, Drawn]:
+    """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
+
+    Args:
+        critique: what was found.
+        tables: `ladder`, `comparison` (IRB bound) and `budget` are used; without a budget there is no such picture.
+        where: content of where.json.
+    """
+    tables = tables or {}
+    drawn = {"data": draw_data(critique), "laws": draw_laws(critique, tables)}
+    if "budget" in tables:
+        drawn["budget"] = draw_budget(tables)
+    drawn["where"] = draw_where(critique, where)
+    drawn["residuals"] = draw_residuals(critique)
+    drawn["ladder"] = draw_ladder(critique, tables)
+    drawn["parameters"] = draw_parameters(critique)
+    return drawn

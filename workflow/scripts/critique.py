@@ -1,0 +1,24 @@
+"""Criticise one dataset: the same as `python -m thesis_lib critique`."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.critique.output import critique_folder
+from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.datasets.samples import ArcSettings
+
+params = snakemake.params
+dataset = read_dataset(params.folder).first_trials(params.max_trials)
+critique_folder(
+    dataset,
+    Path(snakemake.output.page).parent,
+    params.seed,
+    effects=params.effects,
+    settings=CritiqueSettings.model_validate(params.settings),
+    arcs=ArcSettings.model_validate(params.arcs),
+    say=print,
+)
