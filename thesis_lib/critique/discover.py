@@ -99,8 +99,11 @@ def discover(
             break
         found = scan(fitted, training, candidates, rng)
         say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
+        # a missing effect may have made the wrong law the best one: the next best are tried with it, too
+        rivals = sorted(laws, key=lambda name: -laws[name][1].total)[: settings.rivals]
+        contenders = [fitted] if steps else [laws[name][0] for name in rivals]
         step = _best_step(
-            fitted, judged, training, folds, candidates, found, settings, rng, wanted is not None
+            fitted, judged, contenders, training, folds, candidates, found, settings, rng, wanted is not None
         )
         if step is None:
             break
@@ -129,6 +132,7 @@ def testable_effects(observations: Observations) -> tuple[dict[str, Effect], dic
 def _best_step(
     fitted: Fit,
     judged: Judgement,
+    contenders: Sequence[Fit],
     training: Observations,
     folds: np.ndarray,
     candidates: Sequence[Effect],
@@ -138,19 +142,20 @@ def _best_step(
     forced: bool,
 ) -> Step | None:
     by_name = {effect.name: effect for effect in candidates}
-    ranked = sorted(found.gain, key=lambda name: -found.gain[name])
-    # effects that are on or off lie far from the null: the score test says little about them
-    discrete = [e.name for e in candidates if any(p.discrete is not None for p in e.parameters)]
-    names = list(dict.fromkeys([*ranked[: settings.finalists], *discrete]))
-    # a mirrored axis turns the world over: (μ, ε) found without it are no start
-    own = {k: v for k, v in fitted.values.items() if k not in ("mu", "epsilon")}
-    full = {
-        name: fit(
-            fitted.model.with_effect(by_name[name]), training, own if name in discrete else fitted.values
-        )
-        for name in names
-    }
-    gains = {name: one.score - fitted.score for name, one in full.items()}
+    quick = {}
+    for effect in candidates:
+        discrete = any(p.discrete is not None for p in effect.parameters)
+        tries = []
+        for one in contenders:
+            # a mirrored axis turns the world over: (μ, ε) found without it are no start
+            own = {k: v for k, v in one.values.items() if not (discrete and k in ("mu", "epsilon"))}
+            tries.append(fit(one.model.with_effect(effect), training, own, rounds=1))
+        quick[effect.name] = max(tries, key=lambda one: one.score)
+    # ranked by a quick fit and not by the score test: far from the null a robust fit may have called outliers what the
+    # effect explains, and then the slope at the null says nothing
+    names = sorted(quick, key=lambda name: -quick[name].score)[: settings.finalists]
+    full = {name: fit(quick[name].model, training, quick[name].values) for name in names}
+    gains = {name: one.score - fitted.score for name, one in (quick | full).items()}
     names = sorted(names, key=lambda name: -gains[name])[:3]
     judgements = {name: cross_validate(full[name], training, folds, rng) for name in names}
     for name in sorted(names, key=lambda name: -judgements[name].total):
@@ -193,8 +198,8 @@ def _alternatives(
         if other == name or not found.columns[other].shape[1]:
             continue
         loss = expected_difference(found, name, other)
-        if other in gains:  # fitted in full: what the data say counts, too
-            loss = max(loss, gains[name] - gains[other])
+        # what the data say counts, too
+        loss = max(loss, gains[name] - gains[other])
         if loss < settings.tell_apart:
             close[other] = loss
     return tuple(sorted(close, key=lambda other: close[other])[: settings.max_group - 1])

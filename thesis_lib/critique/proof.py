@@ -37,10 +37,8 @@ STORE = Path("config/proof")
 SIZES = Path("config/proof_sizes.json")
 DEVELOPMENT = range(0, 1000)  # seeds for tuning; never in the table
 SEEDS = 1000  # first seed of the table
-MU, EPSILON = (
-    0.3,
-    0.55,
-)  # of source (a); with less friction hardly any contact sticks, and some effects do not show
+# of source (a); with less friction hardly any contact sticks, and some effects do not show
+MU, EPSILON = 0.3, 0.55
 LAW = "wang_mason"  # of source (a): an exact path-wise law
 RIG = Noise(position=3e-4, angle=3e-3)
 _HALF = 0.03

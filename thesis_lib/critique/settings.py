@@ -16,6 +16,7 @@ class CritiqueSettings(Section):
     folds: int = Field(5, ge=2, description="K of the K-fold over training trials")
     max_effects: int = Field(4, ge=0, description="effects in one model")
     finalists: int = Field(5, ge=1, description="candidates that are fitted in full at each step")
+    rivals: int = Field(3, ge=1, description="laws with which the first effect is tried")
     alpha: float = Field(0.01, gt=0, lt=1, description="level of the null that counts the candidates tried")
     material_share: float = Field(0.05, ge=0, description="least fall of a held-out error, over that error")
     material_floor: float = Field(

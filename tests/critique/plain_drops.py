@@ -1,0 +1,46 @@
+"""Drops of the LCP simulator with nothing hidden, made once, and their observations."""
+
+from functools import cache
+
+import numpy as np
+from hidden_effects import RIG_NOISE
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.model import Model
+from thesis_lib.critique.observations import Observations, observe
+from thesis_lib.critique.synthetic import synthesise
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.simulate.drops import ELLIPSE_BODY, Drops, simulate_drops
+from thesis_lib.simulate.mechanisms import PROOF_RELEASE
+
+TRUTH = {"mu": 0.2, "epsilon": 0.6}
+LAW = LAWS["anitescu_potra_newton"]  # that of the simulator
+
+
+@cache
+def drops(n: int = 40, seed: int = 0) -> Drops:
+    rng = np.random.default_rng(seed)
+    return simulate_drops(ELLIPSE_BODY, PROOF_RELEASE, n, **TRUTH, noise=RIG_NOISE, rng=rng)
+
+
+@cache
+def observed(n: int = 40, seed: int = 0) -> Observations:
+    one = drops(n, seed)
+    return observe(Dataset("plain", one.header, one.trajectories))
+
+
+def sizes(effect: Effect, factor: float = 1.0) -> dict[str, float]:
+    """Parameters of an effect at a multiple of their scales, by full name."""
+    return {
+        f"{effect.name}.{p.name}": p.null + factor * p.scale if p.discrete is None else p.discrete
+        for p in effect.parameters
+    }
+
+
+def injected(name: str, factor: float = 1.0, seed: int = 5) -> tuple[Observations, dict[str, float]]:
+    """Observations as the law with one effect would have made them, and the true values."""
+    effect = EFFECTS[name]
+    values = TRUTH | sizes(effect, factor)
+    rng = np.random.default_rng(seed)
+    return synthesise(Model(LAW, (effect,)), values, observed(), rng), values

@@ -1,0 +1,154 @@
+"""Observations: errors are as large as their covariance says, windows stop at hits, tables are taken as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden_effects import RIG_NOISE, injected_impacts
+from plain_drops import LAW, TRUTH, drops, observed
+
+from thesis_lib.critique.model import Model, states_at_impact
+from thesis_lib.critique.observations import MIN_FLIGHT, observe
+from thesis_lib.datasets.dataset import Dataset
+
+GRAVITY = 9.81
+SIGMAS = 4.0  # standard deviations of a reduced chi² (√(2/dof)) by which it may miss 1
+MATCH = 4e-3  # s; a hit found farther than a frame from a true one is another hit
+POSE, SPEED = ("x", "y", "theta"), ("vx", "vy", "omega")
+
+
+@pytest.fixture(scope="module")
+def errors() -> np.ndarray:
+    """Pose and velocity minus truth, (n, 2 sides, 3, 2), at the estimated instant."""
+    o, truth = observed(), drops().impacts
+    rows = []
+    for trial, t in zip(o.trial, o.t):
+        own = truth[truth["trial"] == trial]
+        nearest = (own["t"] - t).abs().idxmin()
+        assert abs(own.loc[nearest, "t"] - t) < MATCH
+        rows.append(nearest)
+    assert len(set(rows)) == len(o)  # no hit is counted twice
+    true = truth.loc[rows]
+    late = o.t - true["t"].to_numpy()
+    found = np.zeros((len(o), 2, 3, 2))
+    for side, (state, suffix) in enumerate(zip(states_at_impact(Model(LAW), TRUTH, o), ("pre", "post"))):
+        for channel in range(3):
+            a = -GRAVITY if channel == 1 else 0.0
+            v = true[f"{SPEED[channel]}_{suffix}"].to_numpy()
+            q = true[POSE[channel]].to_numpy() + late * v + 0.5 * a * late**2
+            turns = 2 * np.pi * np.rint((getattr(state, POSE[channel]) - q) / (2 * np.pi))
+            found[:, side, channel, 0] = getattr(state, POSE[channel]) - q - turns * (channel == 2)
+            found[:, side, channel, 1] = getattr(state, SPEED[channel]) - v - a * late
+    return found
+
+
+def test_errors_of_pose_and_velocity_are_as_large_as_their_covariance_says(errors):
+    solved = np.linalg.solve(observed().cov, errors[..., None])[..., 0]
+    chi2 = np.einsum("nsck,nsck->nsc", errors, solved) / 2.0
+    n = len(chi2)
+    assert chi2.mean() == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / (12 * n)))
+    assert np.abs(chi2.mean(axis=0) - 1.0).max() < SIGMAS * np.sqrt(2.0 / (2 * n))
+
+
+def test_errors_have_no_bias(errors):
+    z = errors / np.sqrt(np.einsum("nsckk->nsck", observed().cov))
+    assert np.abs(z.mean(axis=0)).max() < SIGMAS / np.sqrt(len(z))
+
+
+def test_flights_fall_with_gravity():
+    flights = observed().flights
+    assert len(flights) > 40  # more than one a drop, or the test would say little
+    z = (flights.acceleration - [0.0, -GRAVITY, 0.0]) / np.sqrt(flights.variance)
+    assert np.abs(z.mean(axis=0)).max() < SIGMAS / np.sqrt(len(z))
+    assert np.abs((z**2).mean(axis=0) - 1.0).max() < SIGMAS * np.sqrt(2.0 / len(z))
+
+
+def test_no_window_reaches_over_a_detected_hit_used_or_not():
+    o = observed()
+    hits = o.found.arcs
+    assert not hits["used"].all()  # else unused hits would not be put to the test
+    bounded = 0
+    for i in range(len(o)):
+        own = hits.loc[hits["trial"] == o.trial[i], "t"].to_numpy()
+        others = own[np.abs(own - o.t[i]) > 1e-9]
+        used = o.t[i] + o.tau[i][o.side[i].sum(axis=0) > 0]
+        assert not ((others > used.min()) & (others < used.max())).any()
+        bounded += bool(len(others))
+    assert bounded > 0
+    # each side keeps to its own side, and has enough samples for a line
+    assert (o.tau[o.side[:, 0] > 0] < 0).all() and (o.tau[o.side[:, 1] > 0] > 0).all()
+    assert (o.side.sum(axis=-1) >= 3).all()
+
+
+def test_windows_and_flights_hold_samples_of_one_trial_only():
+    one = drops()
+    table = one.trajectories.sample(frac=1.0, random_state=0)  # order of rows must not matter
+    shuffled = observe(Dataset("plain", one.header, table))
+    np.testing.assert_allclose(shuffled.slope, observed().slope, atol=1e-12)
+    alone = observe(
+        Dataset("plain", one.header, one.trajectories[one.trajectories["trial"] == 7].reset_index(drop=True))
+    )
+    same = observed().select(np.array([7]))
+    assert len(alone) == len(same) > 0
+    np.testing.assert_allclose(alone.slope, same.slope, atol=1e-9)
+    assert len(alone.flights) == len(same.flights)
+
+
+def test_flights_have_enough_samples():
+    flights = observed().flights
+    assert flights.span.min() > (MIN_FLIGHT - 2) / 250.0
+
+
+def test_selection_keeps_impacts_and_flights_of_the_trials():
+    o = observed()
+    kept = np.array([3, 11, 20])
+    part = o.select(kept)
+    rows = np.isin(o.trial, kept)
+    assert len(part) == rows.sum() > 0
+    assert set(part.trial) == set(part.flights.state.trial) == set(kept)
+    for name in ("t", "value", "slope", "bow", "cov", "tau", "side", "t_std", "offset"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(o, name)[rows])
+    rest = o.select(np.setdiff1d(o.trial, kept))
+    assert len(rest) + len(part) == len(o)
+    assert len(rest.flights) + len(part.flights) == len(o.flights)
+    assert len(o.select(np.array([], int))) == 0
+
+
+@pytest.fixture
+def table_only() -> Dataset:
+    return injected_impacts("table", 25, 2, "tangential_restitution", {"tangential_restitution.e_t": 0.0})
+
+
+def test_impacts_csv_is_taken_as_it_is(table_only):
+    o, table = observe(table_only), table_only.impacts
+    assert not o.arcs and o.noise_known and len(o.flights) == 0
+    for side, suffix in enumerate(("pre", "post")):
+        np.testing.assert_array_equal(o.value[:, side], table[list(POSE)])
+        np.testing.assert_array_equal(o.slope[:, side], table[[f"{name}_{suffix}" for name in SPEED]])
+    variance = np.einsum("nsckk->nsck", o.cov)
+    noise = table_only.header.noise
+    for channel, (pose, speed) in enumerate(
+        [(noise.position, noise.velocity)] * 2 + [(noise.angle, noise.angular_velocity)]
+    ):
+        np.testing.assert_allclose(variance[:, :, channel, 0], pose**2)
+        np.testing.assert_allclose(variance[:, :, channel, 1], speed**2)
+    np.testing.assert_allclose(o.offset, 0.0, atol=1e-12)
+
+
+def test_a_given_contact_point_is_kept_as_an_offset(table_only):
+    r = table_only.shape.contact_point(table_only.impacts["theta"].to_numpy())
+    table = table_only.impacts.assign(r_x=r[:, 0] + 0.002, r_y=r[:, 1] - 0.001)
+    o = observe(replace(table_only, impacts=table))
+    np.testing.assert_allclose(o.offset, np.tile([0.002, -0.001], (len(o), 1)), atol=1e-12)
+
+
+def test_without_stated_noise_only_scatter_is_known(table_only):
+    header = table_only.header.model_copy(update={"noise": None})
+    o = observe(replace(table_only, header=header))
+    assert not o.noise_known
+    assert (o.cov == 0.0).all()
+
+
+def test_noise_in_the_samples_is_that_of_the_rig():
+    assert observed().found.noise.position == pytest.approx(RIG_NOISE.position, rel=0.1)
+    assert observed().found.noise.angle == pytest.approx(RIG_NOISE.angle, rel=0.1)
