@@ -28,5 +28,6 @@ rule all:
     input:
         rules.chapter3.input,
         rules.critique.input,
+        rules.critique_proof.output,
         rules.claims.output,
         rules.provenance.output,

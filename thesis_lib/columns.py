@@ -101,6 +101,32 @@ _JUDGED: dict[str, Meaning] = {
 }
 
 TABLES: dict[str, dict[str, Meaning]] = {
+    "agreement": {
+        "source": ("", "law: the effect's own law; mechanism: compliant contact with its cause"),
+        "truth": ("", "what was hidden"),
+        "verdict": ("", "of the critique, run again"),
+        "agrees": ("1", "1 if verdict and first effect are those stored"),
+    },
+    "confusion": {
+        "source": ("", "law: the effect's own law; mechanism: compliant contact with its cause"),
+        "truth": ("", "what was hidden: an effect or a cause, or nothing"),
+        "drops": ("1", "releases in a dataset"),
+        "noise": ("1", "noise of the samples, in units of the rig's (0.3 mm, 3 mrad)"),
+        "n": ("1", "datasets"),
+        "right": (
+            "1",
+            "share in which the hidden effect is first or in the first group, or the verdict is right",
+        ),
+        "right_low": ("1", "lower end of its 95 % Wilson interval"),
+        "right_high": ("1", "upper end of its 95 % Wilson interval"),
+        "group_size": ("1", "mean number of effects named together first"),
+        "named_first": ("", "effects named first, with their counts"),
+        "verdicts": ("", "verdicts with their counts"),
+        "error_before": ("m/s", "median held-out error of the base law"),
+        "error_after": ("m/s", "median held-out error with the effects"),
+        "floor": ("m/s", "median noise floor"),
+        "coverage": ("1", "share of true parameters within their 95 % interval"),
+    },
     "statements": {"value": ("see unit", "the statement as a number")},
     "ensemble_velocity": {
         "cost": ("m/s", "mean error of the velocity after impact, √(δv_x² + δv_y² + (k δω)²)")

@@ -87,7 +87,7 @@ def test_fit_finds_the_parameters_of_an_injected_effect(name):
     o, values = injected(name)
     fitted = fit(Model(LAW, (EFFECTS[name],)), o)
     for key, value in values.items():
-        assert 0.0 < fitted.std[key]
+        assert fitted.std[key] > 0.0
         assert abs(fitted.values[key] - value) < SIGMAS * fitted.std[key], key
     effect = EFFECTS[name]
     # it can tell the injected size from none

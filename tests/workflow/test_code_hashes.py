@@ -11,9 +11,9 @@ STUDY = {"ch3_identify", "ch3_evaluate", "ch3_figures"}
 DRAWN = {"ch3_figures", "ch3_schematics", "ch3_trajectories"}
 # edited file, scripts that must run again, scripts that must not (None: all others)
 EDITS = [
-    ("simulate/drops.py", {"simulate_drops"}, None),
-    ("simulate/lcp.py", {"simulate_drops"}, None),
-    ("datasets/detect.py", {"find_impacts", "critique"}, None),
+    ("simulate/drops.py", {"simulate_drops", "critique_proof"}, None),
+    ("simulate/lcp.py", {"simulate_drops", "critique_proof"}, None),
+    ("datasets/detect.py", {"find_impacts", "critique", "critique_proof"}, None),
     ("claims/evaluate.py", {"claims"}, None),
     ("claims/page.py", {"claims"}, None),
     ("identify/stored_predictions.py", {"ch3_published"}, None),
@@ -34,8 +34,9 @@ EDITS = [
         },
     ),
     ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique"}, None),
-    ("effects/adhesion.py", {"critique"}, None),
-    ("critique/fit.py", {"critique"}, None),
+    ("effects/adhesion.py", {"critique", "critique_proof"}, None),
+    ("critique/fit.py", {"critique", "critique_proof"}, None),
+    ("critique/report.py", {"critique"}, None),
     (
         "identify/individual.py",
         {"ch3_identify"},

@@ -30,6 +30,9 @@ BASE_PARAMETERS = (
 )
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 ARC_POINTS = 33  # of a flight, at which its path is compared with a parabola
+# a line through τ³/6 on [−W, 0] has the slope 0.15 W², as if the acceleration were that at −0.3 W; the line's own slope
+# is the velocity at −0.5 W
+ARC_MEAN = 0.6
 _H = 1e-3  # s, for the derivative of a linear map
 
 
@@ -47,6 +50,11 @@ class Model:
         for effect in self.effects:
             named |= {f"{effect.name}.{p.name}": p for p in effect.parameters}
         return named
+
+    @property
+    def has_varying_flight(self) -> bool:
+        """Whether the acceleration in flight may change with the velocity."""
+        return any(type(effect).acceleration is not Effect.acceleration for effect in self.effects)
 
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""
@@ -174,6 +182,9 @@ def states_at_impact(
         state = State(*value[:, side].T, *slope[:, side].T, o.trial, o.t)
         if o.arcs:
             a = model.acceleration(state, values, o.rig)
+            if model.has_varying_flight:
+                v = slope[:, side] - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
+                a = model.acceleration(State(*value[:, side].T, *v.T, o.trial, o.t), values, o.rig)
             q = value[:, side] - o.bow[:, side, :1] * a
             v = slope[:, side] - o.bow[:, side, 1:] * a
             state = State(*q.T, *v.T, o.trial, o.t)

@@ -1,12 +1,15 @@
 """The confusion table of the proof: truth against verdict, with intervals."""
 
 import json
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof import NOTHING, STORE
+from thesis_lib.critique.proof import NOTHING, SEEDS, STORE, Case, run
+from thesis_lib.errors import UserError
 from thesis_lib.simulate.mechanisms import CAUSES
 
 
@@ -72,3 +75,28 @@ def _wilson(k: int, n: int, z: float = 1.96) -> tuple[float, float]:
     share, centre = k / n, (k + 0.5 * z * z) / (n + z * z)
     half = z / (n + z * z) * np.sqrt(n * share * (1 - share) + 0.25 * z * z)
     return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+
+
+def rerun(cases: Sequence[str], store: Path = STORE) -> pd.DataFrame:
+    """Run the first dataset of each "source/truth" again and compare what it says with what is stored.
+
+    Raises:
+        UserError: a verdict, or the effect named first, is not the stored one.
+    """
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in cases:
+            source, truth = name.split("/")
+            case = Case(source, truth, SEEDS)
+            stored = json.loads((store / case.path).read_text(encoding="utf-8"))
+            again = run(case, Path(folder))
+            same = stored["verdict"] == again["verdict"] and stored["steps"][:1] == again["steps"][:1]
+            rows.append({"source": source, "truth": truth, "verdict": again["verdict"], "agrees": int(same)})
+    table = pd.DataFrame(rows, columns=["source", "truth", "verdict", "agrees"])
+    if not table["agrees"].all():
+        changed = table.loc[table["agrees"] == 0, "truth"].tolist()
+        raise UserError(
+            f"The critique says something else than the stored proof on {', '.join(changed)}. If the change is meant, "
+            "delete config/proof and run python -m thesis_lib.critique.proof run again."
+        )
+    return table

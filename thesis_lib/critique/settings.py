@@ -47,4 +47,14 @@ class CritiqueRun(Section):
         300,
         description="trials used a dataset, the first ones; null: all. Own choice: 300 drops show what matters",
     )
+    proof: tuple[str, ...] = Field(
+        (
+            "law/nothing",
+            "law/tangential_restitution",
+            "law/com_offset",
+            "mechanism/nothing",
+            "mechanism/hunt_crossley",
+        ),
+        description="source/truth of the proof's datasets that the pipeline runs again to check the stored table",
+    )
     settings: CritiqueSettings = CritiqueSettings()

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.critique.model import Model, flight_residuals, states_at_impact
+from thesis_lib.critique.model import ARC_MEAN, Model, flight_residuals, states_at_impact
 from thesis_lib.critique.observations import Flights, Observations
 from thesis_lib.datasets.misfits import lines_through
 
@@ -51,6 +51,9 @@ def synthesise(
             pose = np.stack([before.x, before.y, before.theta], axis=1) + jump
         if o.arcs:
             a = model.acceleration(state, values, rig)
+            if model.has_varying_flight:
+                v = speed + ARC_MEAN * o.bow[:, side, 1:] * a
+                a = model.acceleration(state.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2]), values, rig)
             beyond = model.arc(o.tau, state, values, rig)
             if beyond is not None:
                 lines = lines_through(o.side[:, side : side + 1], o.tau, beyond)

@@ -34,3 +34,23 @@ rule critique_dataset:
 rule critique:
     input:
         expand("results/critique/{dataset}/report.html", dataset=CRITIQUE_DATASETS),
+
+
+rule critique_proof:
+    input:
+        sizes="config/proof_sizes.json",
+    output:
+        confusion="results/critique/proof/confusion.csv",
+        agreement="results/critique/proof/agreement.csv",
+    log:
+        "results/logs/critique_proof.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        store=lambda wildcards: "config/proof",
+        cases=list(CONFIG.critique.proof),
+        lib=code_of("critique_proof"),
+    message:
+        "Proof of the critique: {params.cases}"
+    script:
+        "../scripts/critique_proof.py"
