@@ -122,6 +122,17 @@ def test_fit_stays_within_bounds():
     assert all(p.low <= fitted.values[name] <= p.high for name, p in fitted.model.parameters.items())
 
 
+@pytest.mark.parametrize("factor", [0.3, 1.0, 2.5])
+def test_a_law_that_is_wrong_still_starts_in_the_right_basin(factor):
+    """Most impacts stick here: at a large μ all do, no step changes anything, and every effect would look absent."""
+    o, _ = injected("anisotropic_friction", factor)
+    fitted = fit(Model(LAW), o)
+    assert fitted.values["mu"] == pytest.approx(TRUTH["mu"], rel=0.25)
+    assert fitted.std["mu"] > 0.0
+    true = fit(Model(LAW, (EFFECTS["anisotropic_friction"],)), o)
+    assert true.values["mu"] == pytest.approx(TRUTH["mu"], rel=0.02)
+
+
 def test_perfectly_elastic_bodies_stay_within_bounds():
     o = synthesise(Model(LAW), {"mu": 0.0, "epsilon": 1.0}, observed(), np.random.default_rng(1))
     fitted = fit(Model(LAW), o)

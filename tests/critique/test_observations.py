@@ -14,8 +14,8 @@ from thesis_lib.datasets.dataset import Dataset
 GRAVITY = 9.81
 SIGMAS = 4.0  # standard deviations of a reduced chi² (√(2/dof)) by which it may miss 1
 MATCH = 4e-3  # s; a hit found farther than a frame from a true one is another hit
-# share of impacts with a hit too weak to be seen in their windows, or of a body that rolls out at the end of its record:
-# the t weights of the fit take them
+# share of impacts with a hit too weak to be seen in their windows, or of a body that rolls out at the end of its
+# record: the t weights of the fit take them
 FALSE = 0.1
 ROLLING = 0.1  # the same of flights
 POSE, SPEED = ("x", "y", "theta"), ("vx", "vy", "omega")

@@ -119,6 +119,7 @@ def _criticise(
     for name in effects or ():
         if name not in EFFECTS:
             raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")
+    _refuse_constant(dataset)
     say("finding impacts")
     observations = observe(dataset, arcs)
     for name, why in testable_effects(observations)[1].items():
@@ -159,6 +160,23 @@ def _criticise(
         float(velocity_error(v_post - v_pre, k_g).mean()),
         dataset,
     )
+
+
+def _refuse_constant(dataset: Dataset) -> None:
+    """A channel that never changes was not measured, and any verdict on it would be made up."""
+    given = dataset.impacts is not None and len(dataset.impacts) > 0
+    table = dataset.impacts if given else dataset.trajectories
+    if table is None or len(table) < 2:
+        return
+    columns = ("vx_post", "vy_post", "omega_post") if given else ("x", "y", "theta")
+    stuck = [name for name in columns if table[name].nunique() == 1]
+    if stuck:
+        many = len(stuck) > 1
+        raise UserError(
+            f"{'Columns' if many else 'Column'} {', '.join(stuck)} of {'impacts' if given else 'trajectories'}.csv in "
+            f"{dataset.name} {'hold' if many else 'holds'} the same value in all {len(table)} rows, so nothing was "
+            "measured there and no model can be judged. Look at the export of that channel, or measure it."
+        )
 
 
 def _split(

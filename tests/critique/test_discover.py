@@ -1,0 +1,153 @@
+"""Discovery: silent when nothing is hidden, names what is, names what cannot be told from it, obeys when told to."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_effects import injected_impacts
+from plain_drops import injected
+
+import thesis_lib
+from thesis_lib.contact import SIX_LAWS
+from thesis_lib.critique.discover import discover
+from thesis_lib.critique.discover import testable_effects as usable_effects
+from thesis_lib.critique.observations import Observations, observe
+from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.effects import EFFECTS
+
+NEW_EFFECT = '''"""Restitution that depends on the sense of rotation: epsilon (1 + a sign(omega))."""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class HandedRestitution(Effect):
+    """More restitution one way round."""
+
+    name = "handed_restitution"
+    family = "contact_law"
+    title = "handed restitution"
+    equation = "epsilon = epsilon_0 (1 + a sign(omega))"
+    parameters = (Parameter("a", "1", null=0.0, low=-0.9, high=0.9, scale=0.05),)
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["a"] * np.sign(state.omega)), 0.0, 1.0)
+
+
+EFFECT = HandedRestitution()
+'''
+FIND_IT = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+from hidden_effects import injected_impacts
+import thesis_lib
+from thesis_lib.critique.discover import discover
+from thesis_lib.critique.observations import observe
+from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.effects import EFFECTS
+print(thesis_lib.__file__)
+print("known" if "handed_restitution" in EFFECTS else "unknown")
+hidden = injected_impacts("hidden", 70, 3, "handed_restitution", {"handed_restitution.a": 0.25})
+found = discover(observe(hidden), CritiqueSettings(max_effects=1), np.random.default_rng(0))
+print(*(step.effect.name for step in found.steps))
+print(*(abs(step.fitted.values["handed_restitution.a"] - 0.25) < 0.02 for step in found.steps))
+"""
+
+
+def table_only(n: int = 40) -> Observations:
+    return observe(
+        injected_impacts("table", n, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4})
+    )
+
+
+def test_nothing_hidden_nothing_found(nothing_hidden):
+    found = nothing_hidden.discovery
+    assert found.steps == () and nothing_hidden.verdict == "adequate"
+    assert found.fitted is found.laws[found.base][0] and found.judged is found.laws[found.base][1]
+    assert set(found.laws) == set(SIX_LAWS)
+
+
+def test_an_injected_effect_is_named_with_its_size(hidden_impacts):
+    first = hidden_impacts.discovery.steps[0]
+    assert first.effect.name == "tangential_restitution"
+    assert first.p_value <= CritiqueSettings().alpha and first.gain[1] > 0.0
+    key = "tangential_restitution.e_t"
+    fitted = hidden_impacts.discovery.fitted
+    assert abs(fitted.values[key] - 0.4) < 4.0 * fitted.std[key]
+    # what was taken is no candidate any more
+    assert "tangential_restitution" in first.scan.gain
+    assert "tangential_restitution" not in hidden_impacts.discovery.last_scan.gain
+
+
+def test_what_cannot_be_tested_is_said_with_the_reason():
+    testable, why_not = usable_effects(table_only())
+    assert set(testable) | set(why_not) == set(EFFECTS) and not set(testable) & set(why_not)
+    assert why_not["linear_drag"] == "no trajectories"
+    assert "ellipse" in why_not["rounded_corners"]
+    assert "tangential_restitution" in testable
+
+
+def test_forced_effects_are_switched_on_in_the_order_given():
+    wanted = ["wrong_inertia", "tangential_restitution"]
+    found = discover(table_only(), CritiqueSettings(), np.random.default_rng(0), fixed=wanted)
+    assert [step.effect.name for step in found.steps] == wanted
+    assert [effect.name for effect in found.fitted.model.effects] == wanted
+    # the one that is not there comes out small, the one that is there as it is
+    values, std = found.fitted.values, found.fitted.std
+    assert abs(values["wrong_inertia.d_I"]) < 4.0 * std["wrong_inertia.d_I"]
+    assert abs(values["tangential_restitution.e_t"] - 0.4) < 4.0 * std["tangential_restitution.e_t"]
+
+
+def test_no_effects_wanted_no_effects_tried():
+    for settings, fixed in ((CritiqueSettings(), []), (CritiqueSettings(max_effects=0), None)):
+        assert discover(table_only(), settings, np.random.default_rng(0), fixed=fixed).steps == ()
+
+
+@pytest.mark.slow
+def test_a_moving_surface_is_named_together_with_a_drifting_camera():
+    found = discover(injected("moving_surface")[0], CritiqueSettings(), np.random.default_rng(0))
+    assert len(found.steps) == 1
+    step = found.steps[0]
+    assert {step.effect.name, *step.alternatives} == {"moving_surface", "sensor_drift"}
+
+
+@pytest.mark.slow
+def test_the_same_generator_gives_the_same_discovery():
+    one, two = (discover(table_only(), CritiqueSettings(), np.random.default_rng(4)) for _ in range(2))
+    assert [step.effect.name for step in one.steps] == [step.effect.name for step in two.steps]
+    assert one.fitted.values == two.fitted.values and one.judged.total == two.judged.total
+
+
+@pytest.mark.slow
+def test_a_new_effect_is_one_new_file_and_nothing_else(tmp_path):
+    package = Path(thesis_lib.__file__).parent
+    copy = tmp_path / "thesis_lib"
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    (copy / "effects" / "handed_restitution.py").write_text(NEW_EFFECT, encoding="utf-8")
+
+    def run(where: Path) -> subprocess.CompletedProcess:
+        # -P: not the working directory; PYTHONPATH comes before any installed package
+        return subprocess.run(
+            [sys.executable, "-P", "-c", FIND_IT, str(Path(__file__).parent)],
+            capture_output=True,
+            text=True,
+            env={"PYTHONPATH": str(where), "PATH": "", "OPENBLAS_NUM_THREADS": "1"},
+            cwd=tmp_path,
+            check=False,
+        )
+
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(copy / "__init__.py"), "known", "handed_restitution", "True"]
+    # all other files are as they were
+    names = {path.relative_to(copy) for path in copy.rglob("*") if path.is_file() and path.suffix != ".pyc"}
+    original = {
+        path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"
+    }
+    assert names - original == {Path("effects/handed_restitution.py")}
+    assert "handed_restitution" not in EFFECTS
