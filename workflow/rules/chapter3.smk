@@ -95,6 +95,7 @@ rule ch3_published:
     params:
         folder=lambda wildcards: DATASETS["planar_impact"].folder,
         seed=CONFIG.seed,
+        max_impacts=CONFIG.chapter3.max_impacts,
         lib=code_of("ch3_published"),
     message:
         "Chapter 3: comparing our laws with the predictions that the authors stored"

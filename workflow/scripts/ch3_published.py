@@ -10,12 +10,16 @@ from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.files import read_table
 from thesis_lib.identify import stored_predictions as stored
+from thesis_lib.identify.impact_study import select_impacts
+from thesis_lib.randomness import generator
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
+rng = generator(snakemake.params.seed, "ch3_published", "select")
+chosen = select_impacts(impacts, "keep", snakemake.params.max_impacts, rng)
 folder, out = Path(snakemake.params.folder), snakemake.output
 predictions = read_table(folder / "published_predictions.csv")
 write_result(stored.best_worst(predictions), out.best_worst)
 write_result(stored.agreement(impacts, predictions), out.agreement)
-write_result(stored.cost_at_published(impacts), out.cost)
-write_result(stored.parameters(impacts, snakemake.params.seed), out.parameters)
+write_result(stored.cost_at_published(chosen), out.cost)
+write_result(stored.parameters(chosen, snakemake.params.seed), out.parameters)
 write_result(stored.drops_kept(read_table(folder / "all_drops.csv")), out.kept)
