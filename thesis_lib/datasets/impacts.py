@@ -78,6 +78,12 @@ class Impacts:
             flags=self.flags[rows],
         )
 
+    def sample(self, count: int | None, rng: np.random.Generator) -> "Impacts":
+        """At most `count` of the impacts, drawn at random, in their order; None for all."""
+        if count is None or count >= len(self):
+            return self
+        return self.select(np.sort(rng.choice(len(self), size=count, replace=False)))
+
     @classmethod
     def from_table(
         cls, table: pd.DataFrame, shape: Shape, k_g: float, mass: float | None = None

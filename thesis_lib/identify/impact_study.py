@@ -49,8 +49,7 @@ def select_impacts(
     impacts = impacts.select(contact_space(impacts.v_pre, impacts.r, **body).v_n < 0.0)
     if filtering == "thesis":
         impacts = impacts.select(thesis_filter(impacts))
-    if max_impacts is not None and len(impacts) > max_impacts:
-        impacts = impacts.select(np.sort(rng.choice(len(impacts), size=max_impacts, replace=False)))
+    impacts = impacts.sample(max_impacts, rng)
     if not len(impacts):
         raise ValueError("no impact is left to study; see left_out.csv and the flags in impacts.csv")
     return impacts

@@ -10,12 +10,11 @@ from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.files import read_table
 from thesis_lib.identify import stored_predictions as stored
-from thesis_lib.identify.impact_study import select_impacts
 from thesis_lib.randomness import generator
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
 rng = generator(snakemake.params.seed, "ch3_published", "select")
-chosen = select_impacts(impacts, "keep", snakemake.params.max_impacts, rng)
+chosen = impacts.sample(snakemake.params.max_impacts, rng)
 folder, out = Path(snakemake.params.folder), snakemake.output
 predictions = read_table(folder / "published_predictions.csv")
 write_result(stored.best_worst(predictions), out.best_worst)
