@@ -41,9 +41,10 @@ report: reproduce  ## as reproduce, then one page with all of it: results/report
 test: setup  ## run the tests (TESTS='-m "not slow"' for the fast ones)
 	$(BIN)/python -m pytest -n 2 $(TESTS)
 
-bench: setup  ## measure speed: laws, identification, pipeline
+bench: setup  ## measure speed: laws, identification, critique, pipeline
 	$(BIN)/python -m benchmarks.laws
 	$(BIN)/python -m benchmarks.identification
+	$(BIN)/python -m benchmarks.critique
 	$(BIN)/python -m benchmarks.pipeline
 
 check: setup  ## lint and formatting, as CI does

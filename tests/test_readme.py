@@ -1,11 +1,20 @@
 """The README says what is: its numbers, commands, paths and code."""
 
+import json
+import os
 import re
+import shlex
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 import yaml
+
+from thesis_lib.critique.saved_model import load_model, predict
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -58,7 +67,7 @@ def test_the_library_example_runs():
     assert callable(space["find_impacts"]) and callable(space["read_dataset"])
 
 
-@pytest.mark.parametrize("command", ["fetch", "init", "check"])
+@pytest.mark.parametrize("command", ["fetch", "init", "check", "example"])
 def test_dataset_commands_exist(command, capsys):
     from thesis_lib.datasets.__main__ import main
 
@@ -66,3 +75,74 @@ def test_dataset_commands_exist(command, capsys):
     with pytest.raises(SystemExit) as stopped:
         main([command, "--help"])
     assert stopped.value.code == 0 and command in capsys.readouterr().out
+
+
+# --- from a misfit to its cause ---
+
+WALK = README.split("### From a misfit to its cause")[1].split("\n### ")[0]
+COMMANDS = [line.strip() for line in re.findall(r"^    (python .*)$", WALK, re.M)]
+PRINTED = re.findall(r"```text\n(.*?)```", WALK, re.S)
+NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
+ROUNDING = (
+    0.1  # relative: other versions of the libraries move floors, and whatever is drawn, by a few per cent
+)
+HIDDEN = 0.0005  # m, com_offset_x of the example
+
+
+def numbers_as_printed(text: str, output: str) -> list[tuple[float, float]]:
+    """Numbers of a text of the README, each with that which the output has in the same words; … stands for anything."""
+    output = " ".join(output.split())
+    pairs = []
+    for fragment in re.split(r"…|\n {4}", text):
+        words = " ".join(fragment.split())
+        pattern = f"({NUMBER})".join(re.escape(word) for word in re.split(NUMBER, words))
+        found = re.search(pattern, output)
+        assert found, f"the README shows {words!r}, which the command does not print"
+        pairs += zip(map(float, re.findall(NUMBER, words)), map(float, found.groups()))
+    return pairs
+
+
+@pytest.mark.slow
+def test_five_commands_lead_from_a_misfit_to_its_cause_and_a_fallen_error(tmp_path):
+    assert len(COMMANDS) == 5
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    outputs = []
+    for command in COMMANDS:
+        line = command.replace("python", shlex.quote(sys.executable), 1)
+        done = subprocess.run(
+            line, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        outputs.append(done.stdout)
+
+    runs = tmp_path / "results" / "critique"
+    content = json.loads((runs / "example" / "diagnosis.json").read_text())
+    error, (effect,) = content["error"], content["effects"]
+    assert content["verdict"] == "effects" and effect["name"] == "com_offset"
+    assert effect["indistinguishable_from"] == []
+    c_x = effect["parameters"]["c_x"]
+    assert abs(c_x["value"] - HIDDEN) < 3.0 * c_x["std"] < 0.05 * HIDDEN
+    assert error["base"] > 2.5 * error["noise_floor"]
+    assert error["augmented"] < 1.2 * error["noise_floor"]
+    fixed = json.loads((runs / "example_fixed" / "diagnosis.json").read_text())
+    assert fixed["error"]["augmented"] == pytest.approx(error["augmented"], rel=0.01)
+
+    data = tmp_path / "data" / "example"
+    for name in ("dataset.yaml", "trajectories.csv", "new_impacts.csv"):  # no hint of what was hidden
+        assert not re.search("com|offset|hidden", (data / name).read_text()), name
+    new = pd.read_csv(data / "new_impacts.csv")
+    after = predict(load_model(runs / "example" / "model.json"), new)
+    k_g = yaml.safe_load((data / "dataset.yaml").read_text())["body"]["radius_of_gyration"]
+    d = [after[f"{name}_post"] - after[f"{name}_seen"] for name in ("vx", "vy", "omega")]
+    unseen = np.sqrt(d[0] ** 2 + d[1] ** 2 + (k_g * d[2]) ** 2)
+    assert len(unseen) == 40 and unseen.mean() < 0.1 * error["base"]
+
+    for text, output in zip(PRINTED, (outputs[2], outputs[4]), strict=True):
+        for said, printed in numbers_as_printed(text, output):
+            assert said == pytest.approx(printed, rel=ROUNDING), (said, printed)
+
+
+def test_numbers_of_the_readme_that_are_not_printed_are_noticed():
+    output = "base law      0.0333\nwith effects  0.0097"
+    assert numbers_as_printed("    base law 0.05\n", output) == [(0.05, 0.0333)]
+    with pytest.raises(AssertionError, match="does not print"):
+        numbers_as_printed("    noise floor 0.05\n", output)

@@ -100,32 +100,104 @@ _JUDGED: dict[str, Meaning] = {
     "score": ("1", "held-out log score an impact (flights included), nats"),
 }
 
+_HIDDEN: dict[str, Meaning] = {  # the proof
+    "source": (
+        "",
+        "law: the effect's own law; mechanism: compliant contact with its cause; drake: the same in Drake",
+    ),
+    "truth": ("", "what was hidden: an effect or a cause, two of them (a+b), or nothing"),
+    "effect": ("", "effect that describes the truth best"),
+    "ratio": ("1", "size of the effect: nominal misfit of the base law over the noise floor"),
+    "drops": ("1", "releases in a dataset"),
+    "noise": ("1", "noise of the samples, in units of the rig's (0.3 mm, 3 mrad)"),
+}
+_RIGHT: dict[str, Meaning] = {
+    "n": ("1", "datasets"),
+    "right": ("1", "share of right answers, as defined in thesis_lib/critique/proof_results.py"),
+    "right_low": ("1", "lower end of its 95 % Wilson interval"),
+    "right_high": ("1", "upper end of its 95 % Wilson interval"),
+}
+_COVERED: dict[str, Meaning] = {
+    "coverage": ("1", "share of true parameters within their 95 % interval"),
+    "coverage_low": ("1", "lower end of its 95 % Wilson interval"),
+    "coverage_high": ("1", "upper end of its 95 % Wilson interval"),
+}
+
 TABLES: dict[str, dict[str, Meaning]] = {
-    "agreement": {
-        "source": ("", "law: the effect's own law; mechanism: compliant contact with its cause"),
-        "truth": ("", "what was hidden"),
+    "rerun": {
+        **_HIDDEN,
         "verdict": ("", "of the critique, run again"),
         "agrees": ("1", "1 if verdict and first effect are those stored"),
     },
     "confusion": {
-        "source": ("", "law: the effect's own law; mechanism: compliant contact with its cause"),
-        "truth": ("", "what was hidden: an effect or a cause, or nothing"),
-        "drops": ("1", "releases in a dataset"),
-        "noise": ("1", "noise of the samples, in units of the rig's (0.3 mm, 3 mrad)"),
-        "n": ("1", "datasets"),
-        "right": (
-            "1",
-            "share in which the hidden effect is first or in the first group, or the verdict is right",
-        ),
-        "right_low": ("1", "lower end of its 95 % Wilson interval"),
-        "right_high": ("1", "upper end of its 95 % Wilson interval"),
-        "group_size": ("1", "mean number of effects named together first"),
+        **_HIDDEN,
+        **_RIGHT,
+        **_COVERED,
+        "kind": ("", "single, nothing, pair, or outside (no effect of the library describes the cause)"),
+        "group_size": ("1", "mean number of effects in the group named first; for pairs, in any group"),
         "named_first": ("", "effects named first, with their counts"),
         "verdicts": ("", "verdicts with their counts"),
         "error_before": ("m/s", "median held-out error of the base law"),
         "error_after": ("m/s", "median held-out error with the effects"),
         "floor": ("m/s", "median noise floor"),
-        "coverage": ("1", "share of true parameters within their 95 % interval"),
+        "before_over_floor": (
+            "1",
+            "median misfit of the base law over its floor, in the worst channel of the effect",
+        ),
+        "after_over_floor": ("1", "the same with the effects found"),
+        "n_parameters": ("1", "true parameters in models that hold the hidden effect, over all datasets"),
+        "z": ("1", "median distance of a parameter from the truth, in its standard errors; 0.67 is expected"),
+        "width": ("1", "median standard error of a parameter over that of the Cramér-Rao bound"),
+    },
+    "summary": {
+        "figure": ("", "what is measured; defined in thesis_lib/critique/proof_summary.py"),
+        "source": ("", "sources of truth that are judged together"),
+        "at_least": ("see figure", "least value that is wanted"),
+        "aim": ("see figure", "value that is aimed at"),
+        "measured": ("1", "share of datasets or parameters; for the error the median over datasets"),
+        "low": ("1", "lower end of its 95 % interval: Wilson's for shares, of order statistics for medians"),
+        "high": ("1", "upper end of it"),
+        "n": ("1", "stored datasets that count"),
+        "n_asked": ("1", "datasets planned; empty where the plan is not per source"),
+        "met": ("", "aim, at least, missed, or not run"),
+        "group_size": ("1", "mean number of effects that were named together"),
+        "note": ("", "what belongs beside the figure"),
+    },
+    "misses": {
+        **_HIDDEN,
+        "seed": ("1", "of the dataset"),
+        "kind": ("", "single, nothing, pair, or outside (no effect of the library describes the cause)"),
+        "verdict": ("", "of the critique"),
+        "named": ("", "effects named: / within a group, + between groups"),
+        "why": ("", "why the dataset was refused"),
+    },
+    **{
+        f"matrix_{source}": {
+            **_HIDDEN,
+            **_RIGHT,
+            "column": ("", "effect named first; the verdict where none was"),
+            "share": ("1", "share of the truth's datasets"),
+        }
+        for source in ("law", "mechanism", "drake")
+    },
+    "detection": {**_HIDDEN, **_RIGHT},
+    "sizes": {**_HIDDEN, **_RIGHT},
+    "misfits": {
+        **_HIDDEN,
+        "series": ("", "before: base law; after: with the effects found"),
+        "n": ("1", "datasets"),
+        "median": ("1", "median misfit over its floor"),
+        "low": ("1", "value that 10 % of the datasets do not exceed"),
+        "high": ("1", "value that 90 % of the datasets do not exceed"),
+    },
+    "recovery": {
+        **_HIDDEN,
+        **_COVERED,
+        "parameter": ("", "name of the parameter"),
+        "n": ("1", "datasets whose model holds the effect"),
+        "width": ("1", "median standard error over that of the Cramér-Rao bound"),
+        "width_low": ("1", "value that 10 % of the datasets do not exceed"),
+        "width_high": ("1", "value that 90 % of the datasets do not exceed"),
     },
     "statements": {"value": ("see unit", "the statement as a number")},
     "ensemble_velocity": {

@@ -164,11 +164,15 @@ def test_a_fault_of_the_measurement_is_said_first(told):
     content = {
         **told,
         "effects": [*told["effects"], fault],
-        "left_out": {"share": 0.3, "reasons": {"second_hit": 9}},
+        "left_out": {"share": 0.3, "reasons": {"second_hit": 90, "not_ballistic": 20, "lost_frames": 1}},
     }
     sentences = module._summary(content)
     assert "faulty" in sentences[0] and "mirrored rotation" in sentences[0]
-    assert "30 %" in sentences[1] and "9 second_hit" in sentences[1]
+    assert "30 %" in sentences[1]
+    assert (
+        "(90 × second hit too near to tell apart; 20 × no free flight on a side (held, rolling, bad track); 1 for "
+        "other reasons)" in sentences[1]
+    )
     assert "tangential restitution" in sentences[2] and "mirrored" not in sentences[2]
     alone = module._summary({**told, "effects": [fault]})
     assert "put right" in alone[1]
@@ -185,4 +189,6 @@ def test_structure_that_nothing_explains_is_told_with_what_it_depends_on(hidden_
     content = diagnosis(replace(hidden_impacts, remaining=left), np.random.default_rng(0))
     assert content["verdict"] == "unexplained" and content["remaining"]["structured"]
     assert content["remaining"]["depends_on"] == ["theta", "v_n"]
-    assert "theta and v_n" in content["summary"][-1]
+    assert (
+        "(theta) and the normal velocity of the contact point before impact (v_n):" in content["summary"][-1]
+    )

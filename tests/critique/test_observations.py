@@ -29,7 +29,7 @@ def matched() -> tuple[np.ndarray, list[int]]:
     for i, (trial, t) in enumerate(zip(o.trial, o.t)):
         own = truth[truth["trial"] == trial]
         nearest = (own["t"] - t).abs().idxmin()
-        used = t + o.tau[i][o.side[i].sum(axis=0) > 0]
+        used = t + o.nodes[i].ravel()
         others = own["t"].drop(nearest).between(used.min(), used.max()).any()
         if abs(own.loc[nearest, "t"] - t) < MATCH and not others and used.max() < support[trial]:
             real.append(i)
@@ -99,13 +99,12 @@ def test_no_window_reaches_over_a_detected_hit_used_or_not():
     for i in range(len(o)):
         own = hits.loc[hits["trial"] == o.trial[i], "t"].to_numpy()
         others = own[np.abs(own - o.t[i]) > 1e-9]
-        used = o.t[i] + o.tau[i][o.side[i].sum(axis=0) > 0]
+        used = o.t[i] + o.nodes[i].ravel()
         assert not ((others > used.min()) & (others < used.max())).any()
         bounded += bool(len(others))
     assert bounded > 0
     # each side keeps to its own side, and has enough samples for a line
-    assert (o.tau[o.side[:, 0] > 0] < 0).all() and (o.tau[o.side[:, 1] > 0] > 0).all()
-    assert (o.side.sum(axis=-1) >= 3).all()
+    assert (o.nodes[:, 0] < 0).all() and (o.nodes[:, 1] > 0).all()
 
 
 def test_windows_and_flights_hold_samples_of_one_trial_only():
@@ -134,7 +133,7 @@ def test_selection_keeps_impacts_and_flights_of_the_trials():
     rows = np.isin(o.trial, kept)
     assert len(part) == rows.sum() > 0
     assert set(part.trial) == set(part.flights.state.trial) == set(kept)
-    for name in ("t", "value", "slope", "bow", "cov", "tau", "side", "t_std", "offset"):
+    for name in ("t", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset"):
         np.testing.assert_array_equal(getattr(part, name), getattr(o, name)[rows])
     rest = o.select(np.setdiff1d(o.trial, kept))
     assert len(rest) + len(part) == len(o)

@@ -4,35 +4,47 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from thesis_lib.critique import proof
-from thesis_lib.critique.proof import DEVELOPMENT, NOTHING, SEEDS, Case, law_size, make, truths
+from thesis_lib.critique.proof import (
+    DEVELOPMENT,
+    EPSILON,
+    MU,
+    NOTHING,
+    SEEDS,
+    SIZES,
+    SOURCES,
+    Case,
+    is_right,
+    law_size,
+    make,
+    pairs,
+    truths,
+)
 from thesis_lib.critique.proof_table import confusion
 from thesis_lib.effects import EFFECTS
 from thesis_lib.errors import UserError
 from thesis_lib.simulate.mechanisms import CAUSES
 
-
-def outside_the_library() -> str:
-    return next(name for name, cause in CAUSES.items() if not cause.effects)
+STORED_SIZES = json.loads(SIZES.read_text(encoding="utf-8"))["law"]
 
 
 def test_every_case_has_a_path_of_its_own():
     cases = [
-        Case(source, truth, seed, drops, noise)
-        for source in ("law", "mechanism")
-        for truth in truths(source)
+        Case(source, truth, seed, drops, noise, ratio)
+        for source in SOURCES
+        for truth in [*truths(source), *pairs(source)]
         for seed in (SEEDS, SEEDS + 1)
         for drops in (50, 150)
         for noise in (1.0, 5.0)
+        for ratio in (1.5, 3.0)
     ]
     assert len({case.path for case in cases}) == len(cases)
     assert not any(case.path.is_absolute() for case in cases)
-    assert Case("law", "wear", 1003).path == Path("law/wear/drops150_noise1/1003.json")
+    assert Case("law", "wear", 1003).path == Path("law/wear/ratio3_drops150_noise1/1003.json")
     assert Case("mechanism", NOTHING, 1000, 50, 5.0).path == Path(
-        "mechanism/nothing/drops50_noise5/1000.json"
+        "mechanism/nothing/ratio3_drops50_noise5/1000.json"
     )
 
 
@@ -44,14 +56,40 @@ def test_truths_and_what_counts_as_right():
     assert truths("law")[0] == truths("mechanism")[0] == NOTHING
     assert set(truths("law")[1:]) == set(EFFECTS)
     assert Case("law", NOTHING, 0).expected == ()
-    assert Case("law", "wear", 0).expected == ("wear",)
+    assert Case("law", "wear", 0).expected == (("wear",),)
     for cause in CAUSES:
-        assert set(Case("mechanism", cause, 0).expected) <= set(EFFECTS)
+        assert set(Case("mechanism", cause, 0).expected[0]) <= set(EFFECTS)
+
+
+def test_pairs_are_ten_of_known_causes_that_ask_for_different_effects():
+    assert len(pairs("mechanism")) == len(pairs("law")) == 10
+    for source in SOURCES:
+        for truth in pairs(source):
+            one, two = Case(source, truth, 0).expected
+            assert one and two and not set(one) & set(two)
+
+
+def test_a_pair_needs_both_in_groups_of_their_own():
+    pair = Case("law", "wear+moving_surface", 0)
+    assert is_right(pair, [["moving_surface", "sensor_drift"], ["wear"]])
+    assert not is_right(pair, [["wear", "moving_surface"]])
+    assert not is_right(pair, [["wear"], ["magnus"]]) and not is_right(pair, [])
+    single = Case("law", "wear", 0)
+    assert is_right(single, [["magnus", "wear"]]) and not is_right(single, [["magnus"], ["wear"]])
+    assert not is_right(Case("law", NOTHING, 0), [["wear"]])
+
+
+def test_the_detection_curve_scales_what_is_hidden():
+    sizes = [make(Case("law", "wear", 3, 12, ratio=ratio))[1]["wear.w"] for ratio in (1.5, 3.0, 6.0)]
+    null = EFFECTS["wear"].parameters[0].null
+    assert np.diff(np.abs(np.array(sizes) - null)).min() > 0
+    # misfit and noise add up as squares
+    assert (sizes[0] - null) / (sizes[1] - null) == pytest.approx(np.sqrt(1.25 / 8.0))
 
 
 def test_every_law_has_a_size_within_its_bounds():
     for name, effect in EFFECTS.items():
-        size = law_size(name)
+        size = law_size(name, STORED_SIZES[name])
         for p in effect.parameters:
             assert p.low <= size[p.name] <= p.high
             assert size[p.name] != p.null, name
@@ -61,9 +99,11 @@ def test_a_case_is_made_the_same_each_time():
     case = Case("law", "sensor_drift", 3, drops=12)
     (one, true), (two, _) = make(case), make(case)
     assert one.digest() == two.digest()
-    assert true == law_size("sensor_drift")
+    assert true == {"mu": MU, "epsilon": EPSILON} | {
+        f"sensor_drift.{k}": v for k, v in law_size("sensor_drift", STORED_SIZES["sensor_drift"]).items()
+    }
     other, none = make(Case("law", NOTHING, 3, drops=12))
-    assert none == {} and other.digest() != one.digest()
+    assert none == {"mu": MU, "epsilon": EPSILON} and other.digest() != one.digest()
     assert make(Case("law", "sensor_drift", 4, drops=12))[0].digest() != one.digest()
 
 
@@ -98,80 +138,7 @@ def test_a_hidden_effect_is_found_and_its_result_holds_what_the_table_needs(tmp_
         else next(iter(result["parameters"].values()))
     )
     assert abs(p["found"] - p["true"]) < 4.0 * p["std"]
+    assert 0.8 < p["std"] / p["fisher"] < 1.5
     assert str(tmp_path) not in (tmp_path / case.path).read_text()
     table = confusion(tmp_path)
     assert len(table) == 1 and table["right"].iloc[0] == 1.0
-
-
-def store(folder: Path, source: str, truth: str, seed: int, **content) -> None:
-    case = Case(source, truth, seed)
-    path = folder / case.path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fields = {"source": source, "truth": truth, "seed": seed, "drops": 150, "noise": 1.0}
-    path.write_text(json.dumps(fields | content))
-
-
-def error(base: float, augmented: float) -> dict:
-    return {"base": base, "augmented": augmented, "floor": 0.01}
-
-
-@pytest.fixture
-def table(tmp_path) -> pd.DataFrame:
-    wear = {"error": error(0.1, 0.02), "verdict": "effects"}
-    near = {"w": {"true": 0.2, "found": 0.21, "std": 0.01}}
-    far = {"w": {"true": 0.2, "found": 0.25, "std": 0.01}}
-    store(tmp_path, "law", "wear", 1, right=True, steps=[["wear"]], parameters=near, **wear)
-    store(tmp_path, "law", "wear", 2, right=True, steps=[["wrong_size", "wear"]], parameters={}, **wear)
-    store(tmp_path, "law", "wear", 3, right=True, steps=[["wear"]], parameters=far, **wear)
-    store(
-        tmp_path,
-        "law",
-        "wear",
-        4,
-        right=False,
-        steps=[],
-        parameters={},
-        verdict="adequate",
-        error=error(1, 1),
-    )
-    for seed, verdict in enumerate(("adequate", "adequate", "effects")):
-        store(tmp_path, "law", NOTHING, seed, right=False, steps=[], verdict=verdict, error=error(0.1, 0.1))
-    for seed, verdict in enumerate(("unexplained", "adequate")):
-        store(tmp_path, "mechanism", outside_the_library(), seed, right=False, steps=[], verdict=verdict)
-    store(tmp_path, "mechanism", NOTHING, 9, verdict="refused", why="too few")
-    return confusion(tmp_path).set_index(["source", "truth"])
-
-
-def test_right_is_first_or_in_the_group_named_first(table):
-    row = table.loc[("law", "wear")]
-    assert row["n"] == 4 and row["right"] == 0.75
-    assert row["group_size"] == pytest.approx(4.0 / 3.0)
-    assert row["named_first"] == "wear:2;wrong_size:1"
-    assert row["verdicts"] == "adequate:1;effects:3"
-    assert row["coverage"] == 0.5
-    assert row["error_before"] == pytest.approx(0.1) and row["floor"] == pytest.approx(0.01)
-    assert row["error_after"] == pytest.approx(0.02)
-
-
-def test_nothing_hidden_is_right_when_adequate(table):
-    assert table.loc[("law", NOTHING), "right"] == pytest.approx(2.0 / 3.0)
-    assert np.isnan(table.loc[("law", NOTHING), "coverage"])
-
-
-def test_outside_the_library_is_right_when_unexplained(table):
-    assert table.loc[("mechanism", outside_the_library()), "right"] == 0.5
-
-
-def test_a_refusal_is_counted_and_not_right(table):
-    row = table.loc[("mechanism", NOTHING)]
-    assert row["n"] == 1 and row["right"] == 0.0 and row["verdicts"] == "refused:1"
-
-
-def test_intervals_are_wilson_s(table):
-    from scipy.stats import binomtest
-
-    low, high = binomtest(3, 4).proportion_ci(method="wilson")
-    row = table.loc[("law", "wear")]
-    assert row["right_low"] == pytest.approx(low, abs=1e-4)
-    assert row["right_high"] == pytest.approx(high, abs=1e-4)
-    assert (table["right_low"] <= table["right"]).all() and (table["right"] <= table["right_high"]).all()

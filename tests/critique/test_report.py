@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.elements import amount, estimate, interval, percent, plus_minus
+from thesis_lib.critique.elements import amount, estimate, interval, paragraph, percent, plus_minus
 from thesis_lib.critique.elements import table as html_table
 from thesis_lib.critique.report import report_html
 from thesis_lib.critique.tables import tables as all_tables
 from thesis_lib.critique.where import where as all_regions
+from thesis_lib.critique.words import feature_text, plain_rule, reasons_listed
 from thesis_lib.figures.critique_pictures import NAMES, pictures
 
 VOID = {"meta", "br", "hr", "img", "link", "wbr"}
@@ -43,10 +44,11 @@ DIAGNOSIS = {
     ],
     "error": {
         **{"unit": "m/s", "base": 0.31, "augmented": 0.052, "irb_bound": 0.04, "noise_floor": 0.048},
+        "irb_bound_augmented": 0.04,
         "explained_share": 0.985,
         "flight": {"unit": "sigma", "base": 3.1, "augmented": 1.02, "noise_floor": 1.0},
     },
-    "remaining": {"structured": False, "p_value": 0.4, "depends_on": []},
+    "remaining": {"structured": False, "channels": [], "p_value": 0.4, "depends_on": []},
     "not_testable": [{"name": "linear_drag", "why": "no trajectories"}],
     "left_out": {"share": 0.25, "reasons": {"second_hit": 100, "not_ballistic": 37}},
     "detectable": [{"name": "tangential_restitution", "smallest": {"e_t": 0.03}, "drops_for_half": 1200}],
@@ -197,15 +199,19 @@ def test_an_adequate_model_with_unknown_noise_is_told(made, diagnosis):
 
 
 def test_structure_that_remains_is_told_with_its_features(made, diagnosis):
-    diagnosis["remaining"] = {"structured": True, "p_value": 0.005, "depends_on": ["r_x", "trial"]}
+    diagnosis["remaining"] = {
+        **{"structured": True, "channels": [], "p_value": 0.005},
+        "depends_on": ["r_x", "trial"],
+    }
     text = Page(page_of(made, diagnosis)).text
-    assert "contact point ahead of the centre of mass, number of the release" in text
+    assert "contact point ahead of the centre of mass (r_x); number of the release (trial)." in text
+    assert "may stand in for its cause" in text
 
 
 def test_scatter_beyond_noise_is_not_called_structure(made, diagnosis):
     critique, *rest = made
     strict = critique.settings.model_copy(update={"excess_scatter": 0.01})
-    diagnosis["remaining"] = {"structured": True, "p_value": 0.4, "depends_on": []}
+    diagnosis["remaining"] = {"structured": True, "channels": ["impact"], "p_value": 0.4, "depends_on": []}
     text = Page(page_of((replace(critique, settings=strict), *rest), diagnosis)).text
     assert "times what noise alone would give" in text and "learns no part of it" in text
     assert "Structure remains" not in text
@@ -260,6 +266,9 @@ def test_numbers_show_their_uncertainty():
     assert estimate(0.2496, 0.0023) == "0.250 [0.245, 0.254]"
     assert estimate(0.11994, 3e-5) == "0.11994 [0.11988, 0.12000]"
     assert estimate(1.0, 0.0, "rad") == "1.00 rad"
+    assert estimate(4.995e-4, 1.3e-6, "m") == "0.500 [0.497, 0.502] mm"
+    assert estimate(1.8e-6, 1.2e-6, "m") == "0.00180 [−0.000552, 0.00415] mm"
+    assert amount(0.0358, "rad") == "35.8 mrad"
     assert plus_minus(0.24961, 0.00233) == "0.2496 ± 0.0046"
     assert interval(0.10859, 0.15625, "m/s") == "[0.109, 0.156] m/s"
     assert interval(float("nan"), 1.0) == ""
@@ -282,3 +291,21 @@ def test_missing_columns_of_a_table_are_an_error_not_a_gap(made, diagnosis):
     critique, regions, _, drawn = made
     with pytest.raises((AttributeError, KeyError)):
         report_html(critique, diagnosis, regions, {"comparison": pd.DataFrame({"model": ["mirtich"]})}, drawn)
+
+
+def test_rules_and_reasons_are_written_as_people_write_them():
+    assert plain_rule({"rule": "theta < -0.5 rad and |omega| > 3 rad/s"}) == "θ < −0.5 rad and |ω| > 3 rad/s"
+    counts = {"second_hit": 50, "not_ballistic": 49, "lost_frames": 1}
+    said = (
+        "50 × second hit too near to tell apart; 49 × no free flight on a side (held, rolling, bad track); "
+    )
+    assert reasons_listed(counts) == said + "1 for other reasons"
+    assert reasons_listed({}) == ""
+    assert feature_text("theta") == "body angle (theta)" and feature_text("mood") == "mood"
+
+
+def test_a_number_and_its_unit_stay_on_one_line():
+    assert (
+        paragraph("an error of 0.03 m/s, 3.2 % more") == "<p>an error of 0.03\u00a0m/s, 3.2\u00a0% more</p>"
+    )
+    assert paragraph("in 5 minutes") == "<p>in 5 minutes</p>"

@@ -105,7 +105,7 @@ def test_direction_dependent_friction_breaks_parity_and_nothing_else(hidden_drop
     ("effect", "values", "broken"),
     [
         ("mirrored_rotation", {"mirrored": 1.0}, {"rigid_point", "momentum_balance"}),
-        ("velocity_dependent_restitution", {"p": 0.2}, {"homogeneity"}),
+        ("velocity_dependent_restitution", {"p": 0.2, "c": 0.0}, {"homogeneity"}),
         ("tangential_restitution", {"e_t": 0.4}, set()),
         ("wrong_inertia", {"d_I": 0.1}, {"momentum_balance"}),
     ],

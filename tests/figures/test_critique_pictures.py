@@ -14,7 +14,7 @@ from thesis_lib.critique.model import states_at_impact
 from thesis_lib.critique.where import where
 from thesis_lib.figures import critique_numbers as numbers
 from thesis_lib.figures.critique_data import trials_to_show
-from thesis_lib.figures.critique_errors import compensations, laws_sentence
+from thesis_lib.figures.critique_errors import draw_budget, laws_sentence
 from thesis_lib.figures.critique_pictures import NAMES, pictures
 from thesis_lib.figures.critique_where import boxes_of, dependences, inside, map_axes, region_text
 from thesis_lib.figures.style import house_style
@@ -202,11 +202,18 @@ def test_dependence_finds_the_feature_and_nothing_in_noise():
 
 
 def test_parameters_that_move_are_called_out(critique):
-    found = compensations(critique).set_index("parameter")
+    found = numbers.compensations(critique).set_index("parameter")
     assert set(found.index) == {"mu", "epsilon"}
     first, last = critique.ladder[0][1], critique.ladder[-1][1]
     std = np.hypot(first.std["mu"], last.std["mu"])
     assert found.loc["mu", "sigmas"] == pytest.approx((last.values["mu"] - first.values["mu"]) / std)
+
+
+def test_a_sure_but_tiny_move_is_no_compensation(critique, monkeypatch):
+    rows = [("mu", 0.149, 0.150, 4.1), ("epsilon", 0.5, 0.6, 9.0), ("other", 0.5, 0.6, 2.0)]
+    table = pd.DataFrame(rows, columns=["parameter", "before", "after", "sigmas"])
+    monkeypatch.setattr(numbers, "compensations", lambda critique: table)
+    assert numbers.compensated(critique)["parameter"].tolist() == ["epsilon"]
 
 
 def test_trials_shown_are_measured_ones(critique, without_effects):
@@ -232,3 +239,23 @@ def test_numbers_are_written_as_a_person_would(value, text):
 
 def test_unknown_numbers_are_said_to_be_unknown():
     assert numbers.number(float("nan")) == numbers.number(None) == "unknown"
+
+
+def test_a_picture_saved_twice_is_the_same_picture(drawn):
+    for name, (figure, _) in drawn.items():
+        assert png(figure) == png(figure), name
+
+
+def test_small_lengths_and_angles_are_shown_in_thousandths():
+    assert numbers.handy_unit(0.0005, "m") == (1e3, "mm") and numbers.handy_unit(-0.0358, "rad") == (
+        1e3,
+        "mrad",
+    )
+    for size, unit in ((0.1, "m"), (0.5, "rad"), (0.0, "m"), (0.001, "1"), (0.001, "m/s")):
+        assert numbers.handy_unit(size, unit) == (1.0, unit)
+
+
+def test_a_budget_of_unknown_noise_does_not_call_it_none():
+    part = {"part": PARTS, "mean_square": [0.0, 1.0, 2.0, 3.0, 4.0], "share": [0.0, 0.1, 0.2, 0.3, 0.4]}
+    assert "noise unknown" in texts(draw_budget({"budget": pd.DataFrame(part)})[0])
+    assert "noise 20 %" in texts(draw_budget({"budget": BUDGET})[0])

@@ -20,7 +20,12 @@ from scipy.stats import f as f_distribution
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
 from thesis_lib.critique.fit import Fit
-from thesis_lib.critique.model import impact_residuals, residual_covariance, states_at_impact
+from thesis_lib.critique.model import (
+    impact_residuals,
+    noise_covariance,
+    residual_covariance,
+    states_at_impact,
+)
 from thesis_lib.critique.observations import Observations
 
 SIGMAS = 3.0  # beyond which an impact counts as outside a class
@@ -41,14 +46,9 @@ def class_tests(fitted: Fit, observations: Observations) -> dict:
     }
 
 
-def velocities(
-    fitted: Fit,
-    observations: Observations,
-    value: np.ndarray | None = None,
-    slope: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured v_pre and v_post (n, 3), and the contact point r (n, 2) that the shape has at the measured angle."""
-    before, after = states_at_impact(fitted.model, fitted.values, observations, value, slope)
+    before, after = states_at_impact(fitted.model, fitted.values, observations)
     r = observations.rig.shape.contact_point(before.theta) + observations.offset
     return (
         np.stack([before.vx, before.vy, before.omega], axis=1),
@@ -57,34 +57,11 @@ def velocities(
     )
 
 
-def noise_covariance(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:
-    """Covariance (n, m, m) that the noise of all data gives to `statistic`, by secants over one standard deviation."""
-    o = observations
-
-    def at(value: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        return statistic(*velocities(fitted, o, value, slope))
-
-    m = at(o.value, o.slope).shape[1]
-    found = np.zeros((len(o), m, m))
-    for side in (0, 1):
-        for channel in range(3):
-            slopes = np.zeros((len(o), 2, m))
-            for k in (0, 1):
-                std = np.sqrt(o.cov[:, side, channel, k, k])
-                step = np.where(std > 0.0, std, 1e-6)
-                ends = []
-                for sign in (1.0, -1.0):
-                    data = [o.value, o.slope]
-                    data[k] = data[k].copy()
-                    data[k][:, side, channel] += sign * step
-                    ends.append(at(*data))
-                slopes[:, k] = (ends[0] - ends[1]) / (2.0 * step[:, None])
-            found += np.swapaxes(slopes, 1, 2) @ o.cov[:, side, channel] @ slopes
-    if o.arcs:
-        h = 1e-4
-        drift = o.t_std[:, None] * (at(o.value + h * o.slope, o.slope) - at(o.value, o.slope)) / h
-        found += drift[:, :, None] * drift[:, None, :]
-    return found
+def _noise(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:
+    """Covariance (n, m, m) that the noise of all data gives to `statistic`."""
+    return noise_covariance(
+        lambda o: statistic(*velocities(fitted, o)), observations, observations.t_std, fitted.model.has_arc
+    )
 
 
 def rigid_point(fitted: Fit, observations: Observations) -> dict:
@@ -100,7 +77,7 @@ def rigid_point(fitted: Fit, observations: Observations) -> dict:
         gain = space.energy(*after) - space.energy(space.v_t, space.v_n)
         return np.stack([residual_couple(dv, r, mass=1.0, k_g=k_g), gain], axis=1)
 
-    variance = np.einsum("nii->ni", noise_covariance(couple_and_gain, fitted, observations))
+    variance = np.einsum("nii->ni", _noise(couple_and_gain, fitted, observations))
     z, up = (couple_and_gain(*velocities(fitted, observations)) / np.sqrt(variance + 1e-300)).T
     beyond = SIGMAS / NOISE_TRUST
     count, gained, n = int(np.sum(np.abs(z) > SIGMAS)), int(np.sum(up > SIGMAS)), len(z)
@@ -134,7 +111,7 @@ def momentum_balance(fitted: Fit, observations: Observations) -> dict:
     X = X[:, seen]
     # τ regressed on X gives (a − 1, b − 1); both hold the same noise, whose product must not pass for a slope
     coefficients, covariance = _regress(tau, X)
-    shared = noise_covariance(terms, fitted, observations)[:, :2, 2].sum(axis=0)[seen]
+    shared = _noise(terms, fitted, observations)[:, :2, 2].sum(axis=0)[seen]
     coefficients = 1.0 + coefficients - np.linalg.pinv(X.T @ X, hermitian=True) @ shared
     p = _p_of(coefficients - 1.0, covariance, len(tau) - X.shape[1])
     found: dict = {"p_value": p}

@@ -1,5 +1,7 @@
 """Two critiques side by side: verdicts, errors, and parameters with their difference in standard errors.
 
+Each is shown with the law and the effects that it chose; where these differ, also both with the same law and none.
+
 Read from diagnosis.json, so that a run of last year can be compared with today's, before and after a repair of the rig.
 """
 
@@ -14,6 +16,10 @@ from thesis_lib.errors import UserError
 from thesis_lib.files import read_json
 
 FAR = 3.0  # standard errors beyond which a difference is pointed out
+ALONE = " alone"  # marks rows of one law without effects, in both runs
+OLD_RUN = (
+    "one of the runs was written by an older version; run python -m thesis_lib critique on its dataset again."
+)
 COLUMNS = ("quantity", "a", "b", "difference", "sigmas", "unit")
 
 
@@ -38,29 +44,37 @@ def read_run(path: str | Path) -> dict:
 
 
 def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
-    """Rows (quantity, a, b, difference, sigmas, unit); what only one of the two has is empty in the other."""
+    """Two diagnoses, row by row; what only one of the two has is empty in the other.
+
+    First each with its own law and effects.  Where the two models differ in law or effects, every law that either of
+    them chose follows without effects, in both: `<law> alone, …`.  μ and ε of different laws mean different things, so
+    their difference is told in standard errors only within one law.
+
+    Returns:
+        Columns quantity, a, b, difference (b − a), sigmas (difference over its standard error), unit.
+    """
+    same_law = _law(a) == _law(b)
     rows = [
         _text("verdict", a["verdict"], b["verdict"]),
-        _text("base law", a["base_model"]["name"], b["base_model"]["name"]),
-        _text("effects", *(" + ".join(e["name"] for e in one["effects"]) or "none" for one in (a, b))),
+        _text("base law", _law(a), _law(b)),
+        _text("effects", _effects(a) or "none", _effects(b) or "none"),
     ]
-    for key in ("base", "augmented", "noise_floor", "irb_bound"):
+    for key in ("base", "augmented", "noise_floor", "irb_bound", "irb_bound_augmented"):
         rows.append(
             _number(f"error, {key.replace('_', ' ')}", a["error"].get(key), b["error"].get(key), "m/s")
         )
-    one, two = _parameters(a), _parameters(b)
+    one, two = _own(a), _own(b)
     for name in dict.fromkeys([*one, *two]):
-        p, q = one.get(name), two.get(name)
-        row = _number(name, p and p["value"], q and q["value"], (p or q)["unit"])
-        if p and q:
-            std = math.hypot(p["std"] or 0.0, q["std"] or 0.0)
-            row["sigmas"] = row["difference"] / std if std > 0 else None
-        rows.append(row)
+        comparable = same_law or name not in a["base_model"]["parameters"]
+        rows.append(_parameter(name, one.get(name), two.get(name), comparable))
+    if not same_law or _effects(a) != _effects(b):
+        for law in dict.fromkeys([_law(a), _law(b)]):
+            rows += _alone(law, a, b)
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
-    """The table for a terminal, with what differs pointed out."""
+    """The table for a terminal, with what differs pointed out in plain words."""
     cells = [["", a, b, "difference", "in std errors"]]
     for row in table.to_dict("records"):
         unit = "" if row["unit"] in ("", "1") else f" ({row['unit']})"
@@ -75,24 +89,67 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
         )
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
+    said = table.set_index("quantity")
+    law, effects = (tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "effects"))
+    lines.append("")
+    if law[0] != law[1]:
+        lines.append(
+            f"The base laws differ: {a} has {law[0]}, {b} has {law[1]}. μ and ε of different laws mean different "
+            f"things; like is compared with like in the rows “{law[0]}{ALONE}” and “{law[1]}{ALONE}”."
+        )
+    if effects[0] != effects[1]:
+        lines.append(
+            f"The effects differ: {a} has {effects[0]}, {b} has {effects[1]}. A parameter can move because an effect "
+            f"came or went; the rows “…{ALONE}” hold the same law without effects in both."
+        )
+    alone = table["quantity"].str.contains(ALONE, regex=False)
+    if (law[0] != law[1] or effects[0] != effects[1]) and not alone.any():
+        lines.append(f"Those rows are missing: {OLD_RUN}")
     sigmas = pd.to_numeric(table["sigmas"]).abs()
     far = table.loc[sigmas > FAR, "quantity"].tolist()
-    same_law = table.loc[table["quantity"] == "base law"].eval("a == b").all()
-    if not same_law:
-        lines.append("The base laws differ: μ and ε of different laws mean different things.")
     if far:
-        lines.append(f"Different by more than {FAR:g} standard errors: {', '.join(far)}.")
+        lines.append(f"Different by more than {FAR:g} standard errors: {'; '.join(far)}.")
+    elif sigmas.notna().any():
+        lines.append(f"No parameter that both have differs by more than {FAR:g} standard errors.")
     else:
-        lines.append(f"No parameter differs by more than {FAR:g} standard errors.")
+        lines.append("No parameter can be compared.")
     return "\n".join(lines)
 
 
-def _parameters(content: Mapping) -> dict[str, Mapping]:
+def _alone(law: str, a: Mapping, b: Mapping) -> list[dict]:
+    """Rows of one law without effects in both; none where a run holds no law but its own."""
+    one, two = (content.get("laws", {}).get(law) for content in (a, b))
+    if one is None or two is None:
+        return []
+    rows = [_number(f"{law}{ALONE}, error", one["error"], two["error"], "m/s")]
+    for name, p in one["parameters"].items():
+        rows.append(_parameter(f"{law}{ALONE}, {name}", p, two["parameters"].get(name)))
+    return rows
+
+
+def _law(content: Mapping) -> str:
+    return content["base_model"]["name"]
+
+
+def _effects(content: Mapping) -> str:
+    return " + ".join(sorted(effect["name"] for effect in content["effects"]))
+
+
+def _own(content: Mapping) -> dict[str, Mapping]:
+    """Parameters of a run's final model."""
     model = content.get("augmented_model") or content["base_model"]
     found = dict(model["parameters"])
     for effect in content["effects"]:
         found |= {f"{effect['name']}.{name}": p for name, p in effect["parameters"].items()}
     return found
+
+
+def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: bool = True) -> dict:
+    row = _number(quantity, p and p["value"], q and q["value"], (p or q)["unit"])
+    if p and q and comparable:
+        std = math.hypot(p["std"] or 0.0, q["std"] or 0.0)
+        row["sigmas"] = row["difference"] / std if std > 0 else None
+    return row if comparable else row | {"difference": None}
 
 
 def _text(quantity: str, a: str, b: str) -> dict:

@@ -11,7 +11,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
-from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.discover import Discovery, discover, testable_effects
 from thesis_lib.critique.fit import Fit, fit
 from thesis_lib.critique.judge import Judgement, judge, paired_gain
@@ -40,7 +39,9 @@ class Critique:
         laws: held-out judgement of each law without effects.
         without: held-out judgement of the final model without each of its effects, all else refitted.
         remaining: structure left on training trials after the last effect.
-        irb: held-out IRB bound, m/s; no_impact: held-out error if nothing happened.
+        irb: held-out IRB bound of the data as measured, m/s; irb_augmented: with geometry, inertia and camera as the
+            final model has them.
+        no_impact: held-out error if nothing happened, m/s.
         source: the dataset itself, for pictures of its samples.
     """
 
@@ -55,6 +56,7 @@ class Critique:
     without: dict[str, Judgement]
     remaining: Remaining
     irb: float
+    irb_augmented: float
     no_impact: float
     source: Dataset | None = None
 
@@ -67,8 +69,20 @@ class Critique:
 
     @property
     def is_structured(self) -> bool:
-        """Whether something remains that is material: learnable from the state, or scatter far beyond noise."""
-        return self.is_learnable or self.ladder[-1][2].excess > self.settings.excess_scatter
+        """Whether something remains that is material: learnable from the state, or misfit far beyond noise."""
+        return self.is_learnable or bool(self.misfit_channels)
+
+    @property
+    def misfit_channels(self) -> tuple[str, ...]:
+        """Channels whose held-out misfit stays far above noise with all effects: impact, flight, meet, touch."""
+        last, limit = self.ladder[-1][2], self.settings.excess_scatter
+        far = ["impact"] if last.excess > limit else []
+        for channel, mean_square in last.sigmas.items():
+            count = len(last.flight_score if channel == "flight" else last.score)
+            # a root mean square from a median of n has a standard error of 1.17 / √(2n) of itself
+            if np.sqrt(mean_square) > limit * (1.0 + 2.0 * 1.17 / np.sqrt(2.0 * max(count, 1))):
+                far.append(channel)
+        return tuple(far)
 
     @property
     def is_learnable(self) -> bool:
@@ -139,12 +153,10 @@ def _criticise(
         without[step.effect.name] = judge(fit(smaller, training, kept), held_out, rng)
     say("looking for what remains")
     left = remaining(final, training, rng)
-    # the bound is of the data as measured: with the flights of the base law, and no effect at work
+    # as measured, and with geometry, inertia and camera as the final model has them
     base = found.laws[found.base][0]
     before, after = states_at_impact(base.model, base.values, held_out)
-    v_pre = np.stack([before.vx, before.vy, before.omega], 1)
-    v_post = np.stack([after.vx, after.vy, after.omega], 1)
-    k_g, r = held_out.rig.k_g, held_out.rig.shape.contact_point(before.theta) + held_out.offset
+    no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
     return Critique(
         dataset.name,
         settings,
@@ -156,10 +168,23 @@ def _criticise(
         laws,
         without,
         left,
-        float(irb_bound(v_pre, v_post, r, mass=1.0, k_g=k_g).error.mean()),
-        float(velocity_error(v_post - v_pre, k_g).mean()),
+        _irb(base, held_out),
+        _irb(final, held_out),
+        float(np.linalg.norm(no_impact, axis=0).mean()),
         dataset,
     )
+
+
+def _irb(fitted: Fit, observations: Observations) -> float:
+    """Mean IRB bound, m/s, of the impacts as the model's contact sees them."""
+    before, after = states_at_impact(fitted.model, fitted.values, observations)
+    seen = [
+        fitted.model.contact(state, fitted.values, observations.rig, observations.offset)
+        for state in (before, after)
+    ]
+    _, r_x, r_y, k_g = seen[0]
+    v_pre, v_post = (np.stack([one.vx, one.vy, one.omega], 1) for one, *_ in seen)
+    return float(irb_bound(v_pre, v_post, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g).error.mean())
 
 
 def _refuse_constant(dataset: Dataset) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.discover import testable_effects
-from thesis_lib.critique.fit import whitened
+from thesis_lib.critique.fit import Whitening
 from thesis_lib.critique.judge import MAD
 from thesis_lib.critique.model import Model, flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.effects.effect import Parameter
@@ -85,7 +85,7 @@ def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
 
     def at(model: Model, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Residuals by channel, in m/s or standard deviations, and all of them whitened."""
-        z, f, *_ = whitened(model, values, o, S, final.sigma_m)
+        z, f = Whitening(model, o, S, final.sigma_m)(values)
         R = impact_residuals(model, values, o)
         parts = {"impact": R[:, :3] * [1.0, 1.0, o.rig.k_g], "all": np.concatenate([z.ravel(), f.ravel()])}
         if o.arcs:

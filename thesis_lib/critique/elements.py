@@ -2,21 +2,29 @@
 
 import base64
 import io
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from thesis_lib.figures.critique_numbers import number
+from thesis_lib.figures.critique_numbers import handy_unit, number
 from thesis_lib.figures.style import house_style
+
+_UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigma)(?![\w]))")
 
 
 def paragraph(*sentences: str, kind: str = "") -> str:
     """Escaped sentences as one paragraph; '' where there are none."""
     text = " ".join(sentence.strip() for sentence in sentences if sentence and sentence.strip())
     attribute = f' class="{kind}"' if kind else ""
-    return f"<p{attribute}>{escape(text)}</p>" if text else ""
+    return f"<p{attribute}>{_bound(escape(text))}</p>" if text else ""
+
+
+def _bound(text: str) -> str:
+    """No line break between a number and its unit."""
+    return _UNIT.sub("\u00a0", text)
 
 
 def bullets(items: Iterable[str]) -> str:
@@ -54,7 +62,9 @@ def table(
     body = []
     for row in rows:
         first, *rest = row
-        cells = "".join(f"<td{kind(i)}>{escape(str(cell))}</td>" for i, cell in enumerate(rest, start=1))
+        cells = "".join(
+            f"<td{kind(i)}>{_bound(escape(str(cell)))}</td>" for i, cell in enumerate(rest, start=1)
+        )
         body.append(f'<tr><th scope="row">{escape(str(first))}</th>{cells}</tr>')
     if not body:
         return ""
@@ -88,8 +98,8 @@ def amount(value: float | None, unit: str = "", digits: int = 3) -> str:
     """A number with its unit; "unknown" without a value."""
     if value is None or not np.isfinite(value):
         return "unknown"
-    unit = "" if unit == "1" else unit
-    return f"{number(value, digits)} {unit}".strip()
+    factor, unit = handy_unit(value, unit)
+    return f"{number(factor * value, digits)} {'' if unit == '1' else unit}".strip()
 
 
 def interval(low: float | None, high: float | None, unit: str = "") -> str:
@@ -106,6 +116,8 @@ def estimate(value: float, std: float, unit: str = "", factor: float = 1.96) -> 
     if not np.isfinite(std) or std == 0.0:
         return amount(value, unit)
     low, high = value - factor * std, value + factor * std
+    scale, unit = handy_unit(max(abs(low), abs(high)), unit)
+    value, low, high = scale * value, scale * low, scale * high
     digits = _digits(low, high)
     unit = "" if unit in ("", "1") else f" {unit}"
     return f"{number(value, digits)} [{number(low, digits)}, {number(high, digits)}]{unit}"
@@ -127,12 +139,6 @@ def percent(share: float | None) -> str:
     if 0.0 < abs(share) < 0.0005:
         return "less than 0.1 %"
     return f"{100.0 * share:.1f} %" if 0.0 < abs(share) < 0.095 else f"{100.0 * share:.0f} %"
-
-
-def listed(names: Sequence[str], last: str = "and") -> str:
-    """a, b and c."""
-    names = list(names)
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
 def _digits(low: float, high: float) -> int:

@@ -21,12 +21,14 @@ from thesis_lib.critique.model import (
     flight_residuals,
     impact_residuals,
     residual_covariance,
+    states_at_impact,
 )
 from thesis_lib.critique.observations import Observations
 
 NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; parameters move by less than a tenth of their error in the third
 STEPS = 12  # Levenberg-Marquardt steps a round
+ENOUGH = 1e-3  # nats of gain in a step below which a round ends: a twentieth of a standard error
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
 
@@ -51,26 +53,41 @@ class Fit:
     n: int
 
 
-def whitened(
-    model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray, sigma_m: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Whitened residuals of impacts (n, m) and flights (f, 3), and the log determinants of their covariances."""
-    L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
-    R = impact_residuals(model, values, observations)
-    z = np.linalg.solve(L, R[:, :, None])[:, :, 0]
-    log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
-    flights = observations.flights
-    f = flight_residuals(model, values, flights, observations.rig) / np.sqrt(flights.variance)
-    return z, f, log_det, np.log(flights.variance).sum(1)
+class Whitening:
+    """Residuals of a model in units of their noise, at fixed S and σ_m and any parameters.
+
+    Flights, and so the states at impact, are kept as long as no parameter changes on which they depend.
+    """
+
+    def __init__(self, model: Model, observations: Observations, S: np.ndarray, sigma_m: float) -> None:
+        self.model, self.observations = model, observations
+        L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
+        self._inverse = np.linalg.inv(L)
+        flights = observations.flights
+        self._flight_std = np.sqrt(flights.variance)
+        self.log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
+        self.flight_log_det = np.log(flights.variance).sum(1)
+        self._kept: tuple | None = None
+
+    def __call__(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened residuals of impacts (n, m) and flights (f, 3)."""
+        model, o = self.model, self.observations
+        key = [values[name] for name in model.flight_parameters]
+        if self._kept is None or self._kept[0] != key:
+            states = states_at_impact(model, values, o)
+            self._kept = key, states, flight_residuals(model, values, o.flights, o.rig) / self._flight_std
+        _, states, f = self._kept
+        R = impact_residuals(model, values, o, states)
+        return (self._inverse @ R[:, :, None])[:, :, 0], f
 
 
 def log_scores(
     model: Model, values: Mapping[str, float], observations: Observations, sigma_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Log score of each impact (n,) and each flight (f,), in nats."""
-    S = residual_covariance(model, values, observations)
-    z, f, log_det, flight_det = whitened(model, values, observations, S, sigma_m)
-    return _log_t(z, log_det), _log_t(f, flight_det)
+    whitening = Whitening(model, observations, residual_covariance(model, values, observations), sigma_m)
+    z, f = whitening(values)
+    return _log_t(z, whitening.log_det), _log_t(f, whitening.flight_log_det)
 
 
 def fit(
@@ -113,17 +130,19 @@ def _fit_from(model: Model, observations: Observations, start: dict[str, float],
         values |= dict(zip(free, map(float, x)))
         S = residual_covariance(model, values, observations)
         sigma_m = _best_sigma(model, values, observations, S)
+        whitening = Whitening(model, observations, S, sigma_m)
 
         def residuals(x: np.ndarray) -> np.ndarray:
-            z, f, *_ = whitened(model, {**values, **dict(zip(free, x))}, observations, S, sigma_m)  # noqa: B023
+            z, f = whitening({**values, **dict(zip(free, x))})  # noqa: B023
             return np.concatenate([_robust(z).ravel(), _robust(f).ravel()])
 
         x, J = _levenberg_marquardt(residuals, x, low, high, step)
     values |= dict(zip(free, map(float, x)))
     S = residual_covariance(model, values, observations)
     sigma_m = _best_sigma(model, values, observations, S)
-    z, f, log_det, flight_det = whitened(model, values, observations, S, sigma_m)
-    score = float(_log_t(z, log_det).sum() + _log_t(f, flight_det).sum())
+    whitening = Whitening(model, observations, S, sigma_m)
+    z, f = whitening(values)
+    score = float(_log_t(z, whitening.log_det).sum() + _log_t(f, whitening.flight_log_det).sum())
     covariance = np.linalg.pinv(J.T @ J, hermitian=True)
     std = dict.fromkeys(declared, 0.0) | dict(zip(free, np.sqrt(np.diag(covariance)).tolist()))
     return Fit(model, values, std, covariance, sigma_m, score, len(observations))
@@ -161,7 +180,7 @@ def _levenberg_marquardt(residuals, x, low, high, step) -> tuple[np.ndarray, np.
             return x, J
         gain = cost - r_new @ r_new
         x, r, cost, damping = new, r_new, r_new @ r_new, max(damping / 10.0, 1e-8)
-        if gain < 1e-4:  # nats: far below anything that is decided
+        if gain < ENOUGH:
             return x, J
     return x, J
 
@@ -224,3 +243,22 @@ def _rough_start(model: Model, observations: Observations, values: dict[str, flo
     mu, epsilon = min(grid, key=lambda one: cost(*one))
     mu = min((mu * 2.0 ** (i / 4.0) for i in range(-4, 5)), key=lambda finer: cost(finer, epsilon))
     return {"mu": mu, "epsilon": epsilon}
+
+
+def cramer_rao(model: Model, true: Mapping[str, float], observations: Observations) -> dict[str, float]:
+    """Smallest std that any unbiased fit of all parameters could have on these impacts and flights, by name.
+
+    From the Fisher information JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
+    """
+    free = [name for name, p in model.parameters.items() if p.discrete is None]
+    whitening = Whitening(model, observations, residual_covariance(model, true, observations), SIGMA_LOW)
+
+    def at(name: str, step: float) -> np.ndarray:
+        return np.concatenate([part.ravel() for part in whitening({**true, name: true[name] + step})])
+
+    columns = []
+    for name in free:
+        step = 1e-3 * model.parameters[name].scale
+        columns.append((at(name, step) - at(name, -step)) / (2.0 * step))
+    J = np.stack(columns, axis=1)
+    return dict(zip(free, np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True))).tolist()))

@@ -13,7 +13,7 @@ with the share of it that the noise reaches; κ wide, because the instant of imp
 scatter that neither noise nor model explain.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,6 @@ import numpy as np
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.observations import Flights, Observations
-from thesis_lib.datasets.misfits import lines_through
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State
 
 BASE_PARAMETERS = (
@@ -34,6 +33,7 @@ ARC_POINTS = 33  # of a flight, at which its path is compared with a parabola
 # is the velocity at −0.5 W
 ARC_MEAN = 0.6
 _H = 1e-3  # s, for the derivative of a linear map
+_H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,22 @@ class Model:
         """Whether the acceleration in flight may change with the velocity."""
         return any(type(effect).acceleration is not Effect.acceleration for effect in self.effects)
 
+    @property
+    def has_arc(self) -> bool:
+        """Whether paths in flight may differ from parabolas."""
+        return any(type(effect).arc is not Effect.arc for effect in self.effects)
+
+    @property
+    def flight_parameters(self) -> list[str]:
+        """Names of the parameters on which the measured flights, and so the states at impact, depend."""
+        hooks = ("to_true", "to_measured", "acceleration", "arc")
+        return [
+            f"{effect.name}.{p.name}"
+            for effect in self.effects
+            if any(getattr(type(effect), hook) is not getattr(Effect, hook) for hook in hooks)
+            for p in effect.parameters
+        ]
+
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""
         return Model(self.law, (*self.effects, effect))
@@ -63,6 +79,27 @@ class Model:
     def without(self, name: str) -> "Model":
         """The model without the effect of that name."""
         return Model(self.law, tuple(effect for effect in self.effects if effect.name != name))
+
+    def contact(
+        self, measured: State, values: Mapping[str, float], rig: Rig, offset: np.ndarray | None = None
+    ) -> tuple[State, np.ndarray, np.ndarray, float]:
+        """State as the contact sees it, contact point r_x, r_y (n,) from the true centre of mass, and true k, m."""
+        own = self.own(values)
+        true = self.to_true(measured, own, rig)
+        r = rig.shape.contact_point(true.theta)
+        r_x, r_y = r[:, 0], r[:, 1]
+        if offset is not None and offset.any():
+            # a given contact point belongs to the measured angle; where that is mirrored, so is its offset
+            turned = self.to_true(measured.moved(theta=measured.theta + _H), own, rig)
+            r_x, r_y = r_x + offset[:, 0] * np.sign(turned.theta - true.theta), r_y + offset[:, 1]
+        seen, k_g = true, rig.k_g
+        for effect, p in own:
+            seen = effect.to_contact(seen, p, rig)
+        for effect, p in own:
+            r_x, r_y = effect.contact_point(r_x, r_y, seen, p, rig)
+        for effect, p in own:
+            k_g = effect.radius_of_gyration(k_g, p)
+        return seen, r_x, r_y, k_g
 
     def predict(
         self,
@@ -75,21 +112,7 @@ class Model:
     ) -> State:
         """Measured state after impact, from the measured state before it (see effects/effect.py for the stages)."""
         own = self.own(values)
-        true = self.to_true(measured, own, rig)
-        r = rig.shape.contact_point(true.theta)
-        r_x, r_y = r[:, 0], r[:, 1]
-        if offset is not None and offset.any():
-            # a given contact point belongs to the measured angle; where that is mirrored, so is its offset
-            turned = self.to_true(measured.moved(theta=measured.theta + _H), own, rig)
-            r_x, r_y = r_x + offset[:, 0] * np.sign(turned.theta - true.theta), r_y + offset[:, 1]
-        seen = true
-        for effect, p in own:
-            seen = effect.to_contact(seen, p, rig)
-        for effect, p in own:
-            r_x, r_y = effect.contact_point(r_x, r_y, seen, p, rig)
-        k_g = rig.k_g
-        for effect, p in own:
-            k_g = effect.radius_of_gyration(k_g, p)
+        seen, r_x, r_y, k_g = self.contact(measured, values, rig, offset)
         w = 1.0 / (k_g * k_g)
         space = ContactSpace(
             v_t=seen.vx - r_y * seen.omega,
@@ -170,13 +193,9 @@ def states_at_impact(
     model: Model,
     values: Mapping[str, float],
     observations: Observations,
-    value: np.ndarray | None = None,
-    slope: np.ndarray | None = None,
 ) -> tuple[State, State]:
     """Measured states just before and just after impact, extrapolated with the model's flight."""
-    o = observations
-    value = o.value if value is None else value
-    slope = o.slope if slope is None else slope
+    o, value, slope = observations, observations.value, observations.slope
     sides = []
     for side in (0, 1):
         state = State(*value[:, side].T, *slope[:, side].T, o.trial, o.t)
@@ -188,10 +207,10 @@ def states_at_impact(
             q = value[:, side] - o.bow[:, side, :1] * a
             v = slope[:, side] - o.bow[:, side, 1:] * a
             state = State(*q.T, *v.T, o.trial, o.t)
-            beyond = model.arc(o.tau, state, values, o.rig)
+            beyond = model.arc(o.nodes[:, side], state, values, o.rig)
             if beyond is not None:
-                lines = lines_through(o.side[:, side : side + 1], o.tau, beyond)
-                q, v = q - lines.value[:, 0], v - lines.slope[:, 0]
+                line = o.weights[:, side] @ beyond
+                q, v = q - line[:, 0], v - line[:, 1]
                 state = State(*q.T, *v.T, o.trial, o.t)
         sides.append(state)
     return sides[0], sides[1]
@@ -201,12 +220,14 @@ def impact_residuals(
     model: Model,
     values: Mapping[str, float],
     observations: Observations,
-    value: np.ndarray | None = None,
-    slope: np.ndarray | None = None,
+    states: tuple[State, State] | None = None,
 ) -> np.ndarray:
-    """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m)."""
+    """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m).
+
+    `states` are those of `states_at_impact` where they are known already.
+    """
     o, rig = observations, observations.rig
-    before, after = states_at_impact(model, values, o, value, slope)
+    before, after = states or states_at_impact(model, values, o)
     predicted = model.predict(before, values, rig, o.offset)
     residual = [after.vx - predicted.vx, after.vy - predicted.vy, after.omega - predicted.omega]
     if o.arcs:
@@ -242,37 +263,47 @@ def residual_covariance(
     observations: Observations,
     instant: np.ndarray | float = INSTANT,
 ) -> np.ndarray:
-    """S (n, m, m) without σ_m, by secants over one standard deviation of each datum.
+    """S (n, m, m) without σ_m.
 
     `instant` is κ in s: wide where S weighs residuals (the instant is then fitted), `t_std` where S says how large
     residuals at the estimated instant are.
     """
+    return noise_covariance(
+        lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc
+    )
+
+
+def noise_covariance(
+    statistic: Callable[[Observations], np.ndarray],
+    observations: Observations,
+    instant: np.ndarray | float,
+    with_samples: bool,
+) -> np.ndarray:
+    """Covariance (n, m, m) that the noise of all data gives to `statistic` (n, m), by secants (see above).
+
+    `with_samples` says whether the statistic looks at `nodes` and `weights`.
+    """
     o = observations
-    n, m = len(o), components(o)
-    S = np.zeros((n, m, m))
-    slopes = np.zeros((n, 2, 3, 2, m))
-    for side in (0, 1):
-        for channel in range(3):
-            if not o.arcs and side == 1:  # the velocity after impact enters as it is
-                slopes[:, 1, channel, 1, channel] = 1.0
-                continue
-            for k in (0, 1):
-                std = np.sqrt(o.cov[:, side, channel, k, k])
-                step = np.where(std > 0.0, std, 1e-6)
-                ends = []
-                for sign in (1.0, -1.0):
-                    data = [o.value, o.slope]
-                    data[k] = data[k].copy()
-                    data[k][:, side, channel] += sign * step
-                    ends.append(impact_residuals(model, values, o, *data))
-                slopes[:, side, channel, k] = (ends[0] - ends[1]) / (2.0 * step[:, None])
-    for side in (0, 1):
-        for channel in range(3):
-            A = slopes[:, side, channel]  # (n, 2, m)
-            S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
+    n = len(o)
+    data = [(side, channel, k) for side in (0, 1) for channel in range(3) for k in (0, 1)]
+    std = np.sqrt(np.einsum("nsckk->nsck", o.cov))
+    step = np.where(std > 0.0, std, 1e-6)
+    # all secants in one call: two copies of the impacts for each of the data, and two for the instant
+    copies = o.tiled(2 * len(data) + 2, with_samples)
+    value, slope = copies.value.reshape(-1, n, 2, 3), copies.slope.reshape(-1, n, 2, 3)
+    for i, (side, channel, k) in enumerate(data):
+        moved = slope if k else value
+        moved[2 * i, :, side, channel] += step[:, side, channel, k]
+        moved[2 * i + 1, :, side, channel] -= step[:, side, channel, k]
+    value[-1] += _H_INSTANT * o.slope
+    R = statistic(copies).reshape(len(value), n, -1)
+    S = np.zeros((n, R.shape[2], R.shape[2]))
+    for i in range(0, len(data), 2):
+        side, channel, _ = data[i]
+        A = np.stack([R[2 * j] - R[2 * j + 1] for j in (i, i + 1)], axis=1)
+        A /= 2.0 * step[:, side, channel, :, None]  # (n, 2, m)
+        S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
     if o.arcs:
-        h = 1e-4
-        shifted = impact_residuals(model, values, o, o.value + h * o.slope, o.slope)
-        w = (shifted - impact_residuals(model, values, o)) / h
-        S += np.broadcast_to(instant, len(o))[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
+        w = (R[-1] - R[-2]) / _H_INSTANT
+        S += np.broadcast_to(instant, n)[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
     return S

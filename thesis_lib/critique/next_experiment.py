@@ -2,7 +2,8 @@
 
 The two models are the final one and its nearest rival: an alternative that these data cannot tell from a chosen effect,
 else the unused candidate with the largest score test.  The difference of their predictions of the velocity after
-impact, d, counts as √(dᵀ S⁻¹ d) with S the mean covariance of the final model's residual, scatter included.
+impact, d, counts as √(dᵀ S⁻¹ d) with S the mean covariance of the final model's residual, scatter included.  States lie
+within reach of the rig: `REACH` times the range of those before the first impacts of the trials measured.
 """
 
 import numpy as np
@@ -41,8 +42,8 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     repeats = int(np.ceil((CLEAR / largest) ** 2))
     often = "a single one tells" if repeats == 1 else f"about {repeats} impacts there would tell"
     return {
-        "why": f"{why} At these states before impact they differ by up to {largest:.2g} standard deviations of noise "
-        f"and scatter in a single impact: {often}.",
+        "why": f"{why} At these states before impact the two predictions differ by up to {largest:.2g} standard "
+        f"deviations of noise and scatter in a single impact: {often}.",
         "states": [dict(zip(CHANNELS, map(_set_point, states[i]))) for i in rows],
         "sigmas": [float(differences[i]) for i in rows],
     }
@@ -58,7 +59,7 @@ def _rival(critique: Critique) -> tuple[Fit, str] | None:
             kept = {k: v for k, v in final.values.items() if k in model.parameters}
             return (
                 fit(model, critique.training, kept),
-                f"These data cannot tell {step.effect.title} from {EFFECTS[name].title}.",
+                f"These data cannot tell “{step.effect.title}” from “{EFFECTS[name].title}”.",
             )
     ranked = [
         name
@@ -70,7 +71,7 @@ def _rival(critique: Critique) -> tuple[Fit, str] | None:
     effect = EFFECTS[ranked[0]]
     return (
         fit(final.model.with_effect(effect), critique.training, final.values),
-        f"Of the effects that the data do not ask for, {effect.title} comes nearest.",
+        f"Of the effects that the data do not ask for, “{effect.title}” comes nearest.",
     )
 
 
@@ -82,6 +83,8 @@ def _states(
     rig = o.rig
     before, _ = states_at_impact(final.model, final.values, o)
     measured = np.stack([getattr(before, name) for name in CHANNELS], axis=1)
+    # a release decides its first impact; the spin that bodies have after a bounce is beyond most hands and launchers
+    measured = measured[np.unique(o.trial, return_index=True)[1]]
     # bodies turn many times: only the angle within a turn is a state
     measured[:, 3] = np.remainder(measured[:, 3] + np.pi, 2.0 * np.pi) - np.pi
     low, high = np.quantile(measured, [0.01, 0.99], axis=0)

@@ -18,15 +18,17 @@ Flights that are long enough also give their acceleration, from a parabola throu
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.detect import FoundImpacts, find_impacts
-from thesis_lib.datasets.misfits import lines_through, rank
+from thesis_lib.datasets.misfits import Lines, lines_through, rank
 from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.effects.effect import Rig, State
 
 MIN_FLIGHT = 12  # samples: a shorter flight's acceleration is noise
 MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds a hit that was not seen
+NODES = 8  # a path that turns by 2.5 rad in a window of 0.1 s is then a polynomial to 1e-6 of its size
 GUARD = 1e-3  # s; samples this near to an impact may fall into the contact
 
 
@@ -60,7 +62,8 @@ class Observations:
         rig: what is believed of body and rig.
         trial, t: (n,).
         value, slope, bow, cov: see the module's table; `value` is NaN-free.
-        tau, side: (n, W) s after impact and (n, 2, W) 1 for the samples used before and after, else 0.
+        nodes, weights: (n, 2, `NODES`) s after impact, and (n, 2, 2, `NODES`): the line through the samples of any
+            smooth path f(τ) has value and slope `weights @ f(nodes)`.  First and last node: ends of the samples used.
         t_std: (n,) s, how well t_c is known.
         offset: (n, 2) contact point as given by the dataset minus that of the shape, m (zero from trajectories).
         arcs: whether there are trajectories, so that poses before and after are measured separately.
@@ -76,8 +79,8 @@ class Observations:
     slope: np.ndarray
     bow: np.ndarray
     cov: np.ndarray
-    tau: np.ndarray
-    side: np.ndarray
+    nodes: np.ndarray
+    weights: np.ndarray
     t_std: np.ndarray
     offset: np.ndarray
     arcs: bool
@@ -94,9 +97,20 @@ class Observations:
         flights = self.flights.select(np.flatnonzero(np.isin(self.flights.state.trial, trials)))
         arrays = {
             name: getattr(self, name)[rows]
-            for name in ("trial", "t", "value", "slope", "bow", "cov", "tau", "side", "t_std", "offset")
+            for name in ("trial", "t", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset")
         }
         return replace(self, **arrays, flights=flights)
+
+    def tiled(self, copies: int, with_samples: bool) -> "Observations":
+        """The impacts `copies` times one after the other; without samples `nodes` and `weights` stay as they are."""
+        names = ("trial", "t", "value", "slope", "bow", "offset") + (
+            ("nodes", "weights") if with_samples else ()
+        )
+        arrays = {}
+        for name in names:
+            array = getattr(self, name)
+            arrays[name] = np.tile(array, (copies, *(1,) * (array.ndim - 1)))
+        return replace(self, **arrays)
 
 
 def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
@@ -132,8 +146,8 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         slope,
         np.zeros((n, 2, 2)),
         cov,
-        np.zeros((n, 0)),
-        np.zeros((n, 2, 0)),
+        np.zeros((n, 2, NODES)),
+        np.zeros((n, 2, 2, NODES)),
         np.zeros(n),
         offset,
         False,
@@ -159,10 +173,11 @@ def _from_trajectories(
     # a window that detection has cut short, because the arc was bent, stays short
     size = found.arcs.loc[found.arcs["used"].astype(bool), ["n_pre", "n_post"]].to_numpy()
     lines = _side_lines(trial, t, q, impacts.trial, impacts.t, before, after, size)
-    value, slope, bow, unit_cov, tau, side = lines
+    value, slope, bow, unit_cov, nodes, weights = lines
     cov = unit_cov[:, :, None] * (sigma**2 * colour)[None, None, :, None, None]
     t_std = found.arcs.loc[found.arcs["used"].astype(bool), "t_std"].to_numpy()
-    flights = _flights(trial, t, q, hits["trial"].to_numpy(), hits["t"].to_numpy(), sigma**2 * colour)
+    where = hits["trial"].to_numpy(), hits["t"].to_numpy(), hits["used"].to_numpy(bool)
+    flights = _flights(trial, t, q, *where, sigma**2 * colour)
     enough = np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(value).all(axis=(1, 2))
     rows = np.flatnonzero(enough)
     offset = np.zeros((len(rows), 2))
@@ -174,8 +189,8 @@ def _from_trajectories(
         slope[rows],
         bow[rows],
         cov[rows],
-        tau[rows],
-        side[rows],
+        nodes[rows],
+        weights[rows],
         t_std[rows],
         offset,
         True,
@@ -213,7 +228,7 @@ def _side_lines(
     after: np.ndarray,
     size: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
-    """Lines on both sides: value, slope (n, 2, 3), bow (n, 2, 2), unit covariance (n, 2, 2, 2), and tau, side."""
+    """Lines on both sides: value, slope (n, 2, 3), bow (n, 2, 2), unit covariance (n, 2, 2, 2), nodes and weights."""
     span = 2.0 * (np.abs(t).max(initial=0.0) + 1.0)
     first = np.searchsorted(trial * span + t, at_trial * span + at_t)
     window = int(size.max(initial=1)) + 1
@@ -233,7 +248,30 @@ def _side_lines(
     unit[..., 0, 0] = 1.0 / count + lines.mean**2 / spread
     unit[..., 1, 1] = 1.0 / spread
     unit[..., 0, 1] = unit[..., 1, 0] = -lines.mean / spread
-    return lines.value, lines.slope, np.concatenate([bow.value, bow.slope], axis=2), unit, tau, side
+    bows = np.concatenate([bow.value, bow.slope], axis=2)
+    return lines.value, lines.slope, bows, unit, *_nodes(side, tau, lines)
+
+
+def _nodes(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+    """Few nodes that do for smooth paths what all samples do: exact for polynomials of degree `NODES` − 1."""
+    low = np.where(side > 0, tau[:, None], np.inf).min(axis=2, initial=np.inf)
+    high = np.where(side > 0, tau[:, None], -np.inf).max(axis=2, initial=-np.inf)
+    low, high = (np.where(np.isfinite(a), a, 0.0) for a in (low, high))
+    half = np.maximum(0.5 * (high - low), 1e-9)
+    middle = 0.5 * (low + high)
+    unit = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+    # how value and slope of the line weigh each sample
+    safe = np.maximum(lines.count, 1.0)[..., None]
+    slope = (
+        (tau[:, None] - lines.mean[..., None])
+        * side
+        / np.where(lines.spread > 0, lines.spread, 1.0)[..., None]
+    )
+    value = side / safe - slope * lines.mean[..., None]
+    at = np.where(side > 0, (tau[:, None] - middle[..., None]) / half[..., None], 0.0)
+    moments = np.einsum("nskw,nswl->nskl", np.stack([value, slope], axis=2), legvander(at, NODES - 1))
+    weights = moments @ np.linalg.inv(legvander(unit, NODES - 1))
+    return middle[..., None] + half[..., None] * unit, weights
 
 
 def _flights(
@@ -242,9 +280,14 @@ def _flights(
     q: np.ndarray,
     hit_trial: np.ndarray,
     hit_t: np.ndarray,
+    used: np.ndarray,
     variance: np.ndarray,
 ) -> Flights:
-    """Accelerations of all flights with at least `MIN_FLIGHT` samples, from parabolas through them."""
+    """Accelerations of the flights with at least `MIN_FLIGHT` samples, from parabolas through them.
+
+    Only flights that a hit ends which is itself used: what follows the last hit of a trial may be a body at rest, and
+    an instant that is not known well leaves samples of two flights in one.
+    """
     span = 2.0 * (np.abs(t).max(initial=0.0) + 1.0)
     # number of hits before each sample, counted over all trials: constant in one flight of one trial
     flight = np.searchsorted(hit_trial * span + hit_t, trial * span + t)
@@ -266,7 +309,6 @@ def _flights(
     n = total(np.ones(len(t)))
     tau = t - (total(t) / np.maximum(n, 1))[label]
     powers = [total(tau**k) for k in range(5)]
-    # what follows the last hit of a trial may be a body at rest: only flights that a hit ends count
     normal = np.array(
         [
             [powers[i + j] / (2.0 if j == 2 else 1.0) / (2.0 if i == 2 else 1.0) for j in range(3)]
@@ -274,10 +316,12 @@ def _flights(
         ]
     )
     normal = np.moveaxis(normal, -1, 0)
-    last = np.zeros(m, bool)
-    ends = np.r_[np.flatnonzero(np.diff(trial) != 0), len(trial) - 1] if len(trial) else np.zeros(0, int)
-    last[label[ends]] = True
-    good = (n >= MIN_FLIGHT) & ~last
+    start = np.zeros(m, int)
+    start[label[::-1]] = np.arange(len(label))[::-1]
+    end = flight[start]  # number of the hit that ends the flight, if that is of the same trial
+    ended = end < len(hit_t)
+    ended[ended] = (hit_trial[end[ended]] == trial[start[ended]]) & used[end[ended]]
+    good = (n >= MIN_FLIGHT) & ended
     rows = np.flatnonzero(good)
     inverse = np.linalg.inv(normal[rows])
     right = np.stack(
@@ -298,8 +342,6 @@ def _flights(
     chi2 = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], -1) / variance
     straight = (chi2.sum(1) / (3.0 * (n[rows] - 3.0))) < MAX_CHI2
     rows, fitted, inverse = rows[straight], fitted[straight], inverse[straight]
-    start = np.zeros(m, int)
-    start[label[::-1]] = np.arange(len(label))[::-1]
     mid = (total(t) / np.maximum(n, 1))[rows]
     pose, speed = fitted[:, 0], fitted[:, 1]
     state = State(*pose.T, *speed.T, trial[start[rows]], mid)

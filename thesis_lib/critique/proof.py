@@ -1,25 +1,30 @@
 """Proof on data with a hidden effect: does the critique name what was hidden, and is it silent when nothing was?
 
-Two sources of truth: "law", the effect's own law injected into drops (law_drops), and "mechanism", drops with compliant
-contact in continuous time in which the effect arises from its cause (simulate/compliant).  Sizes raise the base law's
-error (arc misfit for flight effects, gap for what only the touch shows) to about three times the noise floor; they were
-fixed on development seeds (`DEVELOPMENT`), the table uses others (`SEEDS`).
+Three sources of truth: "law", the effect's own law injected into drops (law_drops); "mechanism", drops with compliant
+contact in continuous time in which the effect arises from its cause (simulate/compliant); and "drake", the same of
+those causes that Drake's MultibodyPlant can have (simulate/drake_drops).
+
+Sizes raise the base law's error (arc misfit for flight effects, gap for what only the touch shows) to about three times
+the noise floor; they were fixed on development seeds (`DEVELOPMENT`), the table uses others (`SEEDS`).  For the
+detection curve they are scaled as if misfit and noise added up as squares: to R times the floor by √(R² − 1) / √8.
 
 Each dataset's result is its own small JSON file, so that a long run goes on where it stopped:
 
-    python -m thesis_lib.critique.proof run --truths all --seeds 10 [--source law mechanism] [--drops 150] [--noise 1]
+    python -m thesis_lib.critique.proof run --seeds 10 [--source law mechanism drake] [--truths NAME ...] [--drops 150]
     python -m thesis_lib.critique.proof table
 """
 
 import json
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.criticise import Critique, criticise
+from thesis_lib.critique.fit import cramer_rao
 from thesis_lib.critique.law_drops import simulate_law_drops
 from thesis_lib.critique.model import Model
 from thesis_lib.datasets.dataset import Dataset
@@ -28,24 +33,34 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.errors import UserError
 from thesis_lib.files import write_json
 from thesis_lib.randomness import generator
-from thesis_lib.simulate.compliant import simulate_compliant_drops
 from thesis_lib.simulate.drops import ELLIPSE_BODY
-from thesis_lib.simulate.mechanisms import CAUSES, PROOF_RELEASE, Mechanisms
+from thesis_lib.simulate.mechanisms import CAUSES, PROOF_RELEASE, RIG_NOISE, SQUARE, Mechanisms
 
 NOTHING = "nothing"
-STORE = Path("config/proof")
-SIZES = Path("config/proof_sizes.json")
+SOURCES = ("law", "mechanism", "drake")
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+STORE = CONFIG / "proof"
+SIZES = CONFIG / "proof_sizes.json"
+RATIO = 3.0  # base law's misfit over the noise floor, at the stored sizes
 DEVELOPMENT = range(0, 1000)  # seeds for tuning; never in the table
 SEEDS = 1000  # first seed of the table
 # of source (a); with less friction hardly any contact sticks, and some effects do not show
 MU, EPSILON = 0.3, 0.55
 LAW = "wang_mason"  # of source (a): an exact path-wise law
-RIG = Noise(position=3e-4, angle=3e-3)
-_HALF = 0.03
-SQUARE = Body(
-    shape=Polygon(vertices=((_HALF, _HALF), (-_HALF, _HALF), (-_HALF, -_HALF), (_HALF, -_HALF))),
-    mass=0.05,
-    radius_of_gyration=2.0 * _HALF / np.sqrt(6.0),
+
+
+# two causes at once, from different families; a pair of the source "law" has the effects that describe them
+PAIRS = (
+    ("hunt_crossley", "tilt"),
+    ("com_offset_x", "linear_drag"),
+    ("friction_anisotropy", "gravity_error"),
+    ("tangential_compliance", "time_lag"),
+    ("wear", "plate_velocity"),
+    ("inertia_error", "surface_height"),
+    ("angle_offset", "restitution_slope"),
+    ("rolling_lever", "drift"),
+    ("size_error", "quadratic_drag"),
+    ("mirrored", "hunt_crossley"),
 )
 
 
@@ -54,10 +69,10 @@ class Case:
     """One dataset of the proof.
 
     Attributes:
-        source: "law" or "mechanism".
-        truth: effect (law) or cause (mechanism), or "nothing".
+        source: "law", "mechanism" or "drake".
+        truth: effect (law) or cause (mechanism, drake), two of them joined by "+", or "nothing".
         seed: of the dataset.
-        drops: releases; noise: times the rig's.
+        drops: releases; noise: times the rig's; ratio: misfit over the noise floor, nominal.
     """
 
     source: str
@@ -65,61 +80,82 @@ class Case:
     seed: int
     drops: int = 150
     noise: float = 1.0
+    ratio: float = RATIO
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """Names of the effects or causes; () where nothing is hidden."""
+        return () if self.truth == NOTHING else tuple(self.truth.split("+"))
 
     @property
     def path(self) -> Path:
         """Where its result is stored, below `STORE`."""
-        return Path(f"{self.source}/{self.truth}/drops{self.drops}_noise{self.noise:g}/{self.seed}.json")
+        size = f"ratio{self.ratio:g}_drops{self.drops}_noise{self.noise:g}"
+        return Path(self.source) / self.truth / size / f"{self.seed}.json"
 
     @property
-    def expected(self) -> tuple[str, ...]:
-        """Effects that count as right; none: nothing hidden, or outside the library."""
-        if self.truth == NOTHING:
-            return ()
-        return (self.truth,) if self.source == "law" else CAUSES[self.truth].effects
+    def expected(self) -> tuple[tuple[str, ...], ...]:
+        """For each hidden one the effects that count as right; none: outside the library."""
+        return tuple((name,) if self.source == "law" else CAUSES[name].effects for name in self.hidden)
+
+    @property
+    def body(self) -> Body:
+        """The chapter's ellipse, or a square where corners matter."""
+        corners = {"rounded_corners", *(name for name, cause in CAUSES.items() if cause.polygon_only)}
+        return SQUARE if corners & set(self.hidden) else ELLIPSE_BODY
 
 
 def truths(source: str) -> list[str]:
-    """All truths of a source: nothing first."""
+    """All single truths of a source: nothing first."""
+    if source == "drake":
+        from thesis_lib.simulate.drake_drops import SUPPORTED
+
+        return [NOTHING, *SUPPORTED]
     return [NOTHING, *(EFFECTS if source == "law" else CAUSES)]
 
 
+def pairs(source: str) -> list[str]:
+    """All pairs of a source."""
+    if source == "law":
+        return ["+".join(CAUSES[name].effects[0] for name in pair) for pair in PAIRS]
+    return ["+".join(pair) for pair in PAIRS if set(pair) <= set(truths(source))]
+
+
 def make(case: Case) -> tuple[Dataset, dict[str, float]]:
-    """The dataset, and the true parameters of the effect where they have the effect's own meaning."""
+    """The dataset, and the true parameters by full name where they have the effects' own meaning."""
     rng = generator(case.seed, "proof", case.source, case.truth)
-    noise = Noise(position=case.noise * RIG.position, angle=case.noise * RIG.angle)
-    if case.source == "mechanism":
-        hidden = {} if case.truth == NOTHING else {case.truth: _mechanism_size(case.truth)}
-        body = SQUARE if case.truth != NOTHING and CAUSES[case.truth].polygon_only else ELLIPSE_BODY
-        drops = simulate_compliant_drops(
-            body, PROOF_RELEASE, case.drops, mechanisms=Mechanisms(**hidden), noise=noise, rng=rng
-        )
-        return Dataset("proof", drops.header, drops.trajectories), {}
-    effects = () if case.truth == NOTHING else (EFFECTS[case.truth],)
-    true = law_size(case.truth) if effects else {}
-    body = SQUARE if case.truth == "rounded_corners" else ELLIPSE_BODY
-    values = {"mu": MU, "epsilon": EPSILON} | {f"{case.truth}.{k}": v for k, v in true.items()}
-    model = Model(LAWS[LAW], effects)
-    dataset = simulate_law_drops(body, PROOF_RELEASE, case.drops, model, values, noise=noise, rng=rng)
-    return dataset, true
+    noise = Noise(position=case.noise * RIG_NOISE.position, angle=case.noise * RIG_NOISE.angle)
+    factor = float(np.sqrt(case.ratio**2 - 1.0) / np.sqrt(RATIO**2 - 1.0))
+    if case.source == "law":
+        true = {"mu": MU, "epsilon": EPSILON}
+        for name in case.hidden:
+            true |= {f"{name}.{k}": v for k, v in law_size(name, factor * _law_factor(name)).items()}
+        model = Model(LAWS[LAW], tuple(EFFECTS[name] for name in case.hidden))
+        drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=noise, rng=rng)
+        return drops, true
+    hidden = {name: True if name == "mirrored" else factor * CAUSES[name].size for name in case.hidden}
+    if case.source == "drake":
+        from thesis_lib.simulate.drake_drops import simulate_drake_drops as simulate
+    else:
+        from thesis_lib.simulate.compliant import simulate_compliant_drops as simulate
+    drops = simulate(
+        case.body, PROOF_RELEASE, case.drops, mechanisms=Mechanisms(**hidden), noise=noise, rng=rng
+    )
+    return Dataset("proof", drops.header, drops.trajectories), {}
 
 
-def law_size(name: str, factor: float | None = None) -> dict[str, float]:
-    """Parameters of an effect: its scales times a factor, by default the stored one."""
-    effect = EFFECTS[name]
-    if factor is None:
-        factor = json.loads(SIZES.read_text(encoding="utf-8"))["law"][name]
+def _law_factor(name: str) -> float:
+    return json.loads(SIZES.read_text(encoding="utf-8"))["law"][name]
+
+
+def law_size(name: str, factor: float) -> dict[str, float]:
+    """Parameters of an effect: its scales times a factor."""
     return {
         p.name: p.discrete
         if p.discrete is not None
         else float(np.clip(p.null + factor * p.scale, p.low, p.high))
-        for p in effect.parameters
+        for p in EFFECTS[name].parameters
     }
-
-
-def _mechanism_size(cause: str) -> float | bool:
-    size = CAUSES[cause].size
-    return bool(size) if cause == "mirrored" else size
 
 
 def run(case: Case, store: Path = STORE) -> dict:
@@ -141,18 +177,12 @@ def run(case: Case, store: Path = STORE) -> dict:
 def _summary(case: Case, found: Critique, true: dict[str, float]) -> dict:
     first, last = found.ladder[0][2], found.ladder[-1][2]
     steps = [[s.effect.name, *s.alternatives] for s in found.discovery.steps]
-    parameters = {}
-    for name, value in true.items():
-        key = f"{case.truth}.{name}"
-        if key in found.discovery.fitted.values and EFFECTS[case.truth].parameters[0].discrete is None:
-            fitted = found.discovery.fitted
-            parameters[name] = {"true": value, "found": fitted.values[key], "std": fitted.std[key]}
     return {
         "verdict": found.verdict,
         "law": found.discovery.fitted.model.law.name,
         "steps": steps,
-        "right": bool(steps) and any(name in steps[0] for name in case.expected),
-        "parameters": parameters,
+        "right": is_right(case, steps),
+        "parameters": _parameters(found, true) if len(case.hidden) == 1 else {},
         "n_impacts": len(found.observations),
         "error": {
             "base": float(first.error.mean()),
@@ -164,6 +194,34 @@ def _summary(case: Case, found: Critique, true: dict[str, float]) -> dict:
             "touch_augmented": _root(last.sigmas["touch"]),
         },
         "remaining_p": found.remaining.p_value,
+    }
+
+
+def is_right(case: Case, steps: Sequence[Sequence[str]]) -> bool:
+    """Whether the one hidden effect stands in the group named first, or both of a pair in groups of their own."""
+    if len(case.expected) < 2:
+        return bool(case.expected and steps and set(steps[0]) & set(case.expected[0]))
+    fits = [{i for i, group in enumerate(steps) if set(group) & set(names)} for names in case.expected]
+    return all(fits) and len(set.union(*fits)) >= len(fits)
+
+
+def _parameters(found: Critique, true: dict[str, float]) -> dict[str, dict[str, float]]:
+    """Found and true parameters of the hidden effect, with the std of the fit and of the Cramér-Rao bound."""
+    fitted = found.discovery.fitted
+    wanted = [key for key in true if key in fitted.values and key not in ("mu", "epsilon")]
+    wanted = [key for key in wanted if fitted.model.parameters[key].discrete is None]
+    if not wanted:
+        return {}
+    effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in wanted))
+    bound = cramer_rao(Model(LAWS[LAW], effects), true, found.training)
+    return {
+        key.split(".")[1]: {
+            "true": true[key],
+            "found": fitted.values[key],
+            "std": fitted.std[key],
+            "fisher": bound[key],
+        }
+        for key in wanted
     }
 
 
@@ -185,7 +243,7 @@ def find_size(name: str, ratio: float, seed: int) -> float:
         values |= {f"{name}.{k}": v for k, v in law_size(name, factor).items()}
         rng = generator(seed, "proof sizes", name)
         model = Model(LAWS[LAW], (effect,))
-        o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG, rng=rng))
+        o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG_NOISE, rng=rng))
         judged = judge(fit(Model(LAWS[LAW]), o), o, rng)
         # from the misfit without anything hidden, which is not exactly 1 in the gap
         impact = float(judged.error.mean()) / judged.floor
@@ -211,35 +269,48 @@ def main(arguments: list[str] | None = None) -> int:
     )
     commands = parser.add_subparsers(dest="command", required=True)
     go = commands.add_parser("run", help="criticise datasets with hidden effects; stored results are kept")
-    go.add_argument("--source", nargs="+", choices=["law", "mechanism"], default=["law", "mechanism"])
+    go.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
     go.add_argument(
-        "--truths", nargs="+", default=["all"], metavar="NAME", help="effects, causes, nothing, or all"
+        "--truths", nargs="+", default=["all"], metavar="NAME", help="effects, causes, nothing, all, or pairs"
     )
     go.add_argument("--seeds", type=int, default=1, help="datasets of each (1)")
     go.add_argument("--first", type=int, default=0, help="offset of the first seed (0)")
     go.add_argument("--drops", type=int, default=150)
     go.add_argument("--noise", type=float, default=1.0, help="times the rig's (1)")
+    go.add_argument("--ratio", type=float, default=RATIO, help="misfit over the noise floor (3)")
     go.add_argument(
         "--development", action="store_true", help="tuning seeds; results are printed, not stored"
     )
-    commands.add_parser("table", help="print the confusion table of the stored results")
+    table = commands.add_parser(
+        "table", help="the stored results against the targets, the misses, the confusion table"
+    )
+    table.add_argument(
+        "--csv", type=Path, metavar="DIR", help="write summary.csv, misses.csv and confusion.csv there too"
+    )
     options = parser.parse_args(arguments)
     if options.command == "table":
-        from thesis_lib.critique.proof_table import confusion
+        from thesis_lib.critique.proof_summary import report
 
-        print(confusion().to_string(index=False, float_format=lambda x: f"{x:.3g}"))
+        try:
+            print(report(STORE, options.csv), end="")
+        except UserError as error:
+            print(error, file=sys.stderr)
+            return 1
         return 0
     import tempfile
 
     store = Path(tempfile.mkdtemp()) if options.development else STORE
     for i in range(options.first, options.first + options.seeds):
+        seed = i if options.development else SEEDS + i
         for source in options.source:
-            for truth in truths(source):
-                if "all" not in options.truths and truth not in options.truths:
-                    continue
-                seed = i if options.development else SEEDS + i
-                result = run(Case(source, truth, seed, options.drops, options.noise), store)
-                print(source, truth, seed, result["verdict"], result.get("steps"), flush=True)
+            wanted = [*truths(source), *pairs(source)] if "all" not in options.truths else truths(source)
+            if "pairs" in options.truths:
+                wanted = pairs(source)
+            for truth in wanted:
+                if {"all", "pairs", truth} & set(options.truths):
+                    case = Case(source, truth, seed, options.drops, options.noise, options.ratio)
+                    result = run(case, store)
+                    print(source, truth, seed, result["verdict"], result.get("steps"), flush=True)
     return 0
 
 

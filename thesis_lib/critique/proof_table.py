@@ -1,6 +1,5 @@
-"""The confusion table of the proof: truth against verdict, with intervals."""
+"""Tables of the proof: truth against verdict, the datasets that were missed, and a rerun of a few stored ones."""
 
-import json
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,93 +7,113 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof import NOTHING, SEEDS, STORE, Case, run
+from thesis_lib.critique.proof import RATIO, SEEDS, STORE, Case, run
+from thesis_lib.critique.proof_results import CELL, VERDICTS, outcomes, recovered, wilson
 from thesis_lib.errors import UserError
-from thesis_lib.simulate.mechanisms import CAUSES
+from thesis_lib.files import read_json
+
+TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary's table; the other sizes show the curve
+MISFITS = ("error_before", "error_after", "floor", "before_over_floor", "after_over_floor")
+CONFUSION = (
+    *CELL,
+    *("kind", "n", "right", "right_low", "right_high", "group_size", "named_first", "verdicts"),
+    *MISFITS,
+    *("n_parameters", "z", "coverage", "coverage_low", "coverage_high", "width"),
+)
+MISSES = ("source", "truth", "seed", "kind", "verdict", "named", "why")
+
+
+def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
+    """Rows at the size, drops and noise of the summary's table, or with `changes` of these."""
+    keep = np.ones(len(table), bool)
+    for key, value in (TABLE | changes).items():
+        keep &= (table[key] == value).to_numpy()
+    return table[keep]
 
 
 def confusion(store: Path = STORE) -> pd.DataFrame:
-    """A row per source, truth, size and noise: how often the verdict was right, with Wilson intervals, and how well.
+    """A row per source, truth, ratio, drops and noise: how often the verdict was right, and how well.
 
-    `right` is the share in which the hidden effect stood first or in the group named first; for nothing hidden it is
-    the share of `adequate`, and for causes outside the library that of `unexplained`.
+    Shares have Wilson intervals; misfits, |z| and widths are medians; columns are explained in thesis_lib/columns.py,
+    what is right and the misfit over its floor in `proof_results`.
+
+    Raises:
+        CorruptFileError: a stored result cannot be read.
     """
-    cells: dict[tuple, list[dict]] = {}
-    for path in sorted(store.rglob("*.json")):
-        result = json.loads(path.read_text(encoding="utf-8"))
-        cells.setdefault((result["source"], result["truth"], result["drops"], result["noise"]), []).append(
-            result
-        )
+    datasets, parameters = outcomes(store), recovered(store)
+    by_cell = dict(list(parameters.groupby(list(CELL)))) if len(parameters) else {}
     rows = []
-    for (source, truth, drops, noise), results in sorted(cells.items()):
-        outside = source == "mechanism" and truth != NOTHING and not CAUSES[truth].effects
-        wanted = "adequate" if truth == NOTHING else "unexplained"
-        good = [
-            r["verdict"] == wanted if truth == NOTHING or outside else bool(r.get("right")) for r in results
-        ]
-        low, high = _wilson(sum(good), len(good))
-        steps = [r["steps"] for r in results if r.get("steps")]
-        named: dict[str, int] = {}
-        for one in steps:
-            named[one[0][0]] = named.get(one[0][0], 0) + 1
-        judged = [r["error"] for r in results if "error" in r]
-        inside = [
-            abs(p["found"] - p["true"]) <= 1.96 * p["std"]
-            for r in results
-            for p in r.get("parameters", {}).values()
-        ]
+    for cell, own in datasets.groupby(list(CELL), sort=False):
+        values = by_cell.get(cell, parameters.iloc[:0])
+        low, high = wilson(int(own["right"].sum()), len(own))
+        inside_low, inside_high = wilson(int(values["inside"].sum()), len(values))
         rows.append(
-            {
-                "source": source,
-                "truth": truth,
-                "drops": drops,
-                "noise": noise,
-                "n": len(results),
-                "right": np.mean(good),
+            dict(zip(CELL, cell))
+            | {
+                "kind": own["kind"].iloc[0],
+                "n": len(own),
+                "right": own["right"].mean(),
                 "right_low": low,
                 "right_high": high,
-                "group_size": np.mean([len(one[0]) for one in steps]) if steps else np.nan,
-                "named_first": ";".join(
-                    f"{k}:{v}" for k, v in sorted(named.items(), key=lambda i: (-i[1], i[0]))
-                ),
-                "verdicts": ";".join(
-                    f"{v}:{sum(r['verdict'] == v for r in results)}"
-                    for v in ("adequate", "effects", "unexplained", "refused")
-                    if any(r["verdict"] == v for r in results)
-                ),
-                "error_before": np.median([e["base"] for e in judged]) if judged else np.nan,
-                "error_after": np.median([e["augmented"] for e in judged]) if judged else np.nan,
-                "floor": np.median([e["floor"] for e in judged]) if judged else np.nan,
-                "coverage": np.mean(inside) if inside else np.nan,
+                "group_size": own["group_size"].mean(),
+                "named_first": _counts(own.loc[own["named_first"] != "", "named_first"]),
+                "verdicts": _counts(own["verdict"], VERDICTS),
+                **{name: own[name].median() for name in MISFITS},
+                "n_parameters": len(values),
+                "z": values["z"].abs().median(),
+                "coverage": values["inside"].mean() if len(values) else np.nan,
+                "coverage_low": inside_low,
+                "coverage_high": inside_high,
+                "width": values["width"].median(),
             }
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(CONFUSION))
 
 
-def _wilson(k: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    share, centre = k / n, (k + 0.5 * z * z) / (n + z * z)
-    half = z / (n + z * z) * np.sqrt(n * share * (1 - share) + 0.25 * z * z)
-    return max(0.0, float(centre - half)), min(1.0, float(centre + half))
+def _counts(values: pd.Series, order: Sequence[str] | None = None) -> str:
+    """As "a:3;b:1", the most frequent first, or in the given order."""
+    counts = values.value_counts()
+    names = sorted(counts.index, key=lambda name: (-counts[name], name))
+    names = [name for name in order if name in counts.index] if order else names
+    return ";".join(f"{name}:{counts[name]}" for name in names)
+
+
+def misses(store: Path = STORE) -> pd.DataFrame:
+    """Every stored dataset of the table (of its size, drops and noise: `TABLE`) that is wrong; columns `MISSES`.
+
+    Raises:
+        CorruptFileError: a stored result cannot be read.
+    """
+    own = of_table(outcomes(store))
+    return own.loc[~own["right"].astype(bool), list(MISSES)].reset_index(drop=True)
 
 
 def rerun(cases: Sequence[str], store: Path = STORE) -> pd.DataFrame:
     """Run the first dataset of each "source/truth" again and compare what it says with what is stored.
 
     Raises:
-        UserError: a verdict, or the effect named first, is not the stored one.
+        UserError: a result is not stored; or a verdict, or what is named first, is not the stored one.
     """
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for name in cases:
             source, truth = name.split("/")
             case = Case(source, truth, SEEDS)
-            stored = json.loads((store / case.path).read_text(encoding="utf-8"))
+            if not (store / case.path).is_file():
+                raise UserError(
+                    f"The proof holds no result of {name} to compare with. Make it with python -m "
+                    f"thesis_lib.critique.proof run --source {source} --truths {truth}, or leave it out of "
+                    "critique.proof in the configuration."
+                )
+            stored = read_json(store / case.path)
             again = run(case, Path(folder))
-            same = stored["verdict"] == again["verdict"] and stored["steps"][:1] == again["steps"][:1]
+            same = all(stored[key] == again[key] for key in ("source", "truth", "verdict")) and (
+                stored.get("steps", [])[:1] == again.get("steps", [])[:1]
+            )
             rows.append({"source": source, "truth": truth, "verdict": again["verdict"], "agrees": int(same)})
     table = pd.DataFrame(rows, columns=["source", "truth", "verdict", "agrees"])
     if not table["agrees"].all():
-        changed = table.loc[table["agrees"] == 0, "truth"].tolist()
+        changed = (table["source"] + "/" + table["truth"])[table["agrees"] == 0].tolist()
         raise UserError(
             f"The critique says something else than the stored proof on {', '.join(changed)}. If the change is meant, "
             "delete config/proof and run python -m thesis_lib.critique.proof run again."

@@ -155,14 +155,14 @@ def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> str:
             f"{d['n_trials']} trials, {percent(d['left_out']['share'])} left out",
         ),
         (
-            "held-out error, base law",
+            "error of the base law",
             amount(error["base"], unit),
-            interval(first["error_low"], first["error_high"], unit),
+            f"held-out, {interval(first['error_low'], first['error_high'])}",
         ),
     ]
     if d["effects"]:
-        ends = interval(last["error_low"], last["error_high"], unit)
-        cells.append(("with the effects", amount(error["augmented"], unit), ends))
+        ends = f"held-out, {interval(last['error_low'], last['error_high'])}"
+        cells.append(("error with the effects", amount(error["augmented"], unit), ends))
     cells.append(("noise floor", amount(error["noise_floor"], unit), "what a perfect model would show"))
     if error["explained_share"] is not None and d["effects"]:
         cells.append(

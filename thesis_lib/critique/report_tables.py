@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import pandas as pd
 
 from thesis_lib.critique.criticise import Critique
-from thesis_lib.critique.elements import amount, estimate, interval, listed, percent, plus_minus, table
+from thesis_lib.critique.elements import amount, estimate, interval, percent, plus_minus, table
+from thesis_lib.critique.words import listed, plain_rule, reason_text
 from thesis_lib.effects import EFFECTS
-from thesis_lib.figures.critique_data import reason_text
 from thesis_lib.figures.critique_numbers import effect_title, law_title, number, parameter_table, symbol
 
 FAMILY_WORDS = {
@@ -59,9 +59,9 @@ def captions(critique: Critique) -> dict[str, str]:
         "laws": "Left: mean held-out error of each law with its 95 % interval, and the bounds. Right: held-out log "
         "score of each law less that of the base law.",
         "budget": "The mean square of the base law's held-out error, split into parts that add up to it.",
-        "where": f"Mean error of the impacts in each hexagon, {two}; rectangles mark the regions of the rules. The map "
-        "over the energy disc shows what each impact did: the centre is the dead stop, the circle keeps all energy at "
-        "the contact, the lowest point is no impulse, the highest complete reversal.",
+        "where": f"Mean error of the impacts in each hexagon, {two}; rectangles mark those regions of the rules that "
+        "these axes can show. The map over the energy disc shows what each impact did: the centre is the dead stop, "
+        "the circle keeps all energy at the contact, the lowest point is no impulse, the highest complete reversal.",
         "residuals": "Rows: parts of the error; columns: the states on which it depends most. Grey: single impacts of "
         "the base law; lines: means in eight bins with 95 % intervals. The number in each panel is the share of the "
         "base law's variance that the state explains.",
@@ -118,21 +118,22 @@ def regions_table(where: Mapping) -> str:
         for r in regions:
             inside, outside = number(r["error_inside"]), number(r["error_outside"])
             over = [number(r[key], 2) for key in ("sigmas_inside", "sigmas_outside")]
-            rule = str(r["rule"]).replace(" -", " −")
-            rows.append((rule, model, percent(r["support"]), inside, outside, *over, number(r["p_value"], 2)))
+            rows.append(
+                (plain_rule(r), model, percent(r["support"]), inside, outside, *over, number(r["p_value"], 2))
+            )
     columns = (
         "region",
         "model",
         "impacts",
-        "inside (m/s)",
+        "error inside (m/s)",
         "outside (m/s)",
-        "over expected, inside",
-        "outside",
+        "inside over expected",
+        "outside over expected",
         "p",
     )
     caption = (
-        "Regions in which the error is larger than elsewhere over what noise and mean scatter let expect; p counts all "
-        "rules that were tried"
+        "Regions in which the error is larger than elsewhere. Expected is what noise and the mean scatter of the model "
+        "give at the same states; p counts all rules that were tried"
     )
     return table(caption, columns, rows, numeric=range(2, 8))
 
@@ -156,7 +157,7 @@ def tests_table(where: Mapping) -> str:
             parts = [f"{k} = {estimate(test[k]['value'], test[k]['std'])}" for k in ("a", "b") if test.get(k)]
             detail = f": {listed(parts)}" if parts else ""
         elif name == "homogeneity" and "speed_ratio" in test:
-            detail = f" over a factor of {number(test['speed_ratio'], 2)} in speed"
+            detail = f", over speeds that differ by a factor of {number(test['speed_ratio'], 2)}"
         rows.append((TESTS.get(name, name), number(p, 2) if p >= 1e-4 else "< 0.0001", found + detail))
     columns = ("what such laws have in common", "p", "what the data say")
     return table("Tests of the whole class of laws, before any effect is tried", columns, rows, numeric=(1,))
@@ -172,12 +173,12 @@ def parameters_table(critique: Critique) -> str:
         effect, _, name = p.parameter.rpartition(".")
         of = effect_title(effect) if effect else "base law"
         old = before.loc[p.parameter] if p.parameter in before.index else None
-        was = "–" if old is None else estimate(old["value"], old["std"])
-        rows.append((symbol(name), of, was, estimate(p.value, p.std), "–" if p.unit == "1" else p.unit))
+        was = "–" if old is None else estimate(old["value"], old["std"], old["unit"])
+        rows.append((symbol(name), of, was, estimate(p.value, p.std, p.unit)))
     if len(critique.ladder) == 1:
-        rows = [(name, of, now, unit) for name, of, _, now, unit in rows]
-        return table("Parameters [95 % interval]", ("parameter", "of", "value", "unit"), rows, numeric=(2,))
-    columns = ("parameter", "of", "before", "with all effects", "unit")
+        rows = [(name, of, now) for name, of, _, now in rows]
+        return table("Parameters [95 % interval]", ("parameter", "of", "value"), rows, numeric=(2,))
+    columns = ("parameter", "of", "before", "with all effects")
     return table("Parameters before and after [95 % interval]", columns, rows, numeric=(2, 3))
 
 

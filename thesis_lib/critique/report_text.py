@@ -13,18 +13,17 @@ from thesis_lib.critique.elements import (
     estimate,
     heading,
     interval,
-    listed,
     paragraph,
     percent,
     table,
 )
-from thesis_lib.critique.features import FEATURES
 from thesis_lib.critique.report_tables import sizes, states_table
+from thesis_lib.critique.words import CHANNEL_TEXT, feature_text, listed, plain_rule
 from thesis_lib.effects import EFFECTS
-from thesis_lib.figures.critique_errors import compensations, laws_sentence
+from thesis_lib.figures.critique_errors import laws_sentence
 from thesis_lib.figures.critique_numbers import (
+    compensated,
     effect_title,
-    irb_of_base,
     law_errors,
     law_title,
     number,
@@ -32,7 +31,6 @@ from thesis_lib.figures.critique_numbers import (
 )
 
 MUCH_LEFT_OUT = 0.2
-MOVED = 3.0  # standard errors by which a parameter must move to be called out
 METHOD_SOURCES = (
     "Energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929.",
     "Best Post Hoc and IRB bound: Fazeli, thesis, section 3.3.2.",
@@ -101,7 +99,7 @@ def laws(critique: Critique, d: Mapping, tables: Mapping[str, pd.DataFrame], lad
         f"{laws_sentence(errors)}.",
         f"The best of the six laws for each impact, picked after the fact, would err by "
         f"{amount(float(best.mean()), unit)}; any rigid impulse at the believed contact point by at least "
-        f"{amount(irb_of_base(critique, tables), unit)} (IRB bound, after the fact); "
+        f"{amount(critique.irb, unit)} (IRB bound, after the fact); "
         f"and if nothing happened at the impact, by {amount(critique.no_impact, unit)}.",
     )
 
@@ -110,9 +108,13 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> str:
     if "budget" not in tables:
         return ""
     share = tables["budget"].set_index("part")["share"]
+    noise = (
+        f"{percent(share['noise'])} is noise and {percent(share['parameters'])} the uncertainty of its parameters. "
+        if share["noise"] > 0
+        else f"{percent(share['parameters'])} is the uncertainty of its parameters; how much is noise is unknown. "
+    )
     return paragraph(
-        f"Of the mean square error of the base law, {percent(share['noise'])} is noise and "
-        f"{percent(share['parameters'])} the uncertainty of its parameters. "
+        f"Of the mean square error of the base law, {noise}"
         f"{percent(share['rigid_point_contact'])} lies beyond any rigid impulse at "
         f"the believed contact point, so that no friction or restitution can remove it; "
         f"{percent(share['choice_of_law'])} would go with another of the six laws; {percent(share['rest'])} is left."
@@ -126,7 +128,7 @@ def where_it_fails(where: Mapping) -> str:
             "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
         )
     else:
-        r = regions[0]
+        r = regions[0] | {"rule": plain_rule(regions[0])}
         times = f" ({number(r['ratio'], 2)} times)" if r["ratio"] else ""
         text = (
             f"The base law errs most where {r['rule']}: {amount(r['error_inside'], 'm/s')} there against "
@@ -138,7 +140,7 @@ def where_it_fails(where: Mapping) -> str:
         return paragraph(text)
     left = after["regions"]
     then = (
-        f"With the effects the error, over what noise and scatter let expect, is largest where {left[0]['rule']} "
+        f"With the effects the error, over what noise and scatter let expect, is largest where {plain_rule(left[0])} "
         f"(p = {number(left[0]['p_value'], 2)})."
         if left
         else "With the effects no such region is left."
@@ -196,26 +198,32 @@ def remaining(critique: Critique, d: Mapping) -> str:
             f"What is left in the residuals shows no structure that matters (p = {p} by permutation)."
         )
     sentences = []
-    excess = critique.ladder[-1][2].excess
-    scattered = np.isfinite(excess) and excess > critique.settings.excess_scatter
-    if scattered:
+    judged = critique.ladder[-1][2]
+    for channel in left["channels"]:
+        times = judged.excess if channel == "impact" else np.sqrt(judged.sigmas[channel])
         sentences.append(
-            f"The median held-out error is {number(excess, 2)} times what noise alone would give "
-            f"(more than {number(critique.settings.excess_scatter, 2)} counts as unexplained)."
+            f"With all that was found the held-out misfit of {CHANNEL_TEXT[channel]} is {number(times, 2)} times what "
+            f"noise alone would give (far more than {number(critique.settings.excess_scatter, 2)} counts as "
+            "unexplained)."
         )
-    if left["p_value"] <= critique.settings.alpha or not scattered:
+    if left["p_value"] <= critique.settings.alpha or not left["channels"]:
         sentences.append(f"Structure remains that no named effect explains (p = {p} by permutation).")
         if left.get("error") is not None and left.get("error_without_it") is not None:
             sentences.append(
                 f"A Gaussian process learns part of it: the error falls from {amount(left['error'], 'm/s')} to "
                 f"{amount(left['error_without_it'], 'm/s')} on training trials it was not fitted to."
             )
-        names = [FEATURES[name][1] if name in FEATURES else name for name in left["depends_on"]]
-        sentences.append(f"It depends most on: {', '.join(names)}." if names else "")
+        names = [feature_text(name) for name in left["depends_on"]]
+        sentences.append(f"It depends most on: {'; '.join(names)}." if names else "")
     else:
         sentences.append(
             f"A Gaussian process learns no part of it from the state (p = {p} by permutation): it is scatter whose "
             "cause is not in the state before impact."
+        )
+    if d["effects"]:
+        sentences.append(
+            "As long as something is unexplained, the effects above may stand in for its cause, and their sizes may be "
+            "off by more than their intervals say."
         )
     return paragraph(*sentences)
 
@@ -236,11 +244,14 @@ def ladder_text(d: Mapping, ladder: pd.DataFrame) -> str:
     if flight:
         before, after = number(flight["base"]), number(flight["augmented"])
         moves = f"stays at {after}" if before == after else f"goes from {before} to {after}"
-        text += f" The misfit of the flights {moves} standard deviations of the noise, where 1 is the floor."
-    if error["augmented"] < error["irb_bound"]:
         text += (
-            f" The IRB bound of {amount(error['irb_bound'], unit)} is that of the poses as measured and of the "
-            "believed contact point; an effect that corrects these may go below it."
+            f" The misfit of the flights {moves} standard deviations of the noise, where 1 is noise alone."
+        )
+    bound, put_right = error["irb_bound"], error["irb_bound_augmented"]
+    if number(bound, 2) != number(put_right, 2):
+        text += (
+            f" The IRB bound is {amount(bound, unit)} with poses, geometry and inertia as believed, and "
+            f"{amount(put_right, unit)} as the effects have them."
         )
     return paragraph(text)
 
@@ -253,10 +264,9 @@ def way(share: float) -> str:
 def moved(critique: Critique) -> str:
     if len(critique.ladder) < 2:
         return ""
-    table_of = compensations(critique)
-    table_of = table_of[table_of["sigmas"].abs() > MOVED]
+    table_of = compensated(critique)
     if table_of.empty:
-        return paragraph("μ and ε stay where they were: they had not compensated for what was missing.")
+        return paragraph("μ and ε hardly move: they had not compensated for what was missing.")
     parts = [
         f"{symbol(row.parameter)} from {number(row.before)} to {number(row.after)} "
         f"({number(abs(row.sigmas), 2)} standard errors)"
@@ -281,7 +291,9 @@ def untold(d: Mapping) -> str:
     if groups:
         told = bullets(groups)
     elif d["effects"]:
-        told = paragraph("Each effect that was found can be told from all others in the library.")
+        told = paragraph(
+            "Each effect that was found predicts these data better than any other in the library could in its place."
+        )
     return told + untested
 
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.critique.fit import NU, Fit, whitened
-from thesis_lib.critique.model import Model, residual_covariance
+from thesis_lib.critique.fit import NU, Fit, Whitening
+from thesis_lib.critique.model import residual_covariance
 from thesis_lib.critique.observations import Observations
 from thesis_lib.effects.effect import Effect
 
@@ -50,12 +50,9 @@ class Scan:
         return float((1 + np.sum(self.null >= gain)) / (1 + len(self.null)))
 
 
-def stacked(
-    model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray, sigma_m: float
-) -> np.ndarray:
+def stacked(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray:
     """All whitened residuals as one vector (N,), impacts first."""
-    z, f, *_ = whitened(model, values, observations, S, sigma_m)
-    return np.concatenate([z.ravel(), f.ravel()])
+    return np.concatenate([part.ravel() for part in whitening(values)])
 
 
 def scan(
@@ -63,28 +60,26 @@ def scan(
 ) -> Scan:
     """Score tests of `candidates` at `fitted`; effects that are on or off are tested at their other value."""
     S = residual_covariance(fitted.model, fitted.values, observations)
-    z, f, *_ = whitened(fitted.model, fitted.values, observations, S, fitted.sigma_m)
+    here = Whitening(fitted.model, observations, S, fitted.sigma_m)
+    z, f = here(fitted.values)
     # the t distribution's weights: a bad impact counts as little here as in the fit
     weight = np.concatenate([_weights(z), _weights(f)])
     base = np.concatenate([z.ravel(), f.ravel()])
     residual = weight * base
-
-    def secant(model: Model, name: str, step: float, null: float) -> np.ndarray:
-        values = {**fitted.values, name: null + step}
-        return weight * (stacked(model, values, observations, S, fitted.sigma_m) - base) / step
 
     own = []
     for name, p in fitted.model.parameters.items():
         if p.discrete is None:
             step = 1e-3 * p.scale
             step = step if fitted.values[name] + step <= p.high else -step
-            own.append(secant(fitted.model, name, step, fitted.values[name]))
+            values = {**fitted.values, name: fitted.values[name] + step}
+            own.append(weight * (stacked(here, values) - base) / step)
     Q = _basis(np.stack(own, axis=1))
     residual = residual - Q @ (Q.T @ residual)
 
     gain, columns, shift, size, information = {}, {}, {}, {}, {}
     for effect in candidates:
-        model = fitted.model.with_effect(effect)
+        with_it = Whitening(fitted.model.with_effect(effect), observations, S, fitted.sigma_m)
         full = {**fitted.values} | {f"{effect.name}.{p.name}": p.null for p in effect.parameters}
         U = []
         for p in effect.parameters:
@@ -92,7 +87,7 @@ def scan(
             step = p.scale if p.null + p.scale <= p.high else -p.scale
             step = step if p.discrete is None else p.discrete - p.null
             values = {**full, name: p.null + step}
-            U.append(weight * (stacked(model, values, observations, S, fitted.sigma_m) - base) / step)
+            U.append(weight * (stacked(with_it, values) - base) / step)
         U = np.stack(U, axis=1)
         U = U - Q @ (Q.T @ U)
         basis = _basis(U)

@@ -11,7 +11,6 @@ import numpy as np
 
 from thesis_lib.critique.model import ARC_MEAN, Model, flight_residuals, states_at_impact
 from thesis_lib.critique.observations import Flights, Observations
-from thesis_lib.datasets.misfits import lines_through
 
 
 def synthesise(
@@ -54,10 +53,10 @@ def synthesise(
             if model.has_varying_flight:
                 v = speed + ARC_MEAN * o.bow[:, side, 1:] * a
                 a = model.acceleration(state.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2]), values, rig)
-            beyond = model.arc(o.tau, state, values, rig)
+            beyond = model.arc(o.nodes[:, side], state, values, rig)
             if beyond is not None:
-                lines = lines_through(o.side[:, side : side + 1], o.tau, beyond)
-                pose, speed = pose + lines.value[:, 0], speed + lines.slope[:, 0]
+                line = o.weights[:, side] @ beyond
+                pose, speed = pose + line[:, 0], speed + line[:, 1]
             pose, speed = pose + o.bow[:, side, :1] * a, speed + o.bow[:, side, 1:] * a
         value[:, side], slope[:, side] = pose, speed
     L = np.linalg.cholesky(o.cov + 1e-30 * np.eye(2))

@@ -1,4 +1,4 @@
-"""`python -m thesis_lib.datasets`: fetch published sets, check a dataset, convert a rig's logs."""
+"""`python -m thesis_lib.datasets`: fetch published sets, check a dataset, convert a rig's logs, make an example."""
 
 import argparse
 import json
@@ -15,6 +15,7 @@ examples:
   python -m thesis_lib.datasets check data/my_drops
   python -m thesis_lib.datasets init log.csv -o data/my_drops --units mm,deg \\
       --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06 --mass 0.05
+  python -m thesis_lib.datasets example -o data/example --hidden com_offset_x
 """
 INIT_EXAMPLES = """\
 examples:
@@ -24,6 +25,25 @@ examples:
   one file a run, no time column, y pointing down in the camera's image:
     python -m thesis_lib.datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
         --columns "x=u,y=-v,theta=-phi" --shape ellipse:0.035,0.025
+"""
+EXAMPLE = """\
+Simulate drops of a rig that is not quite what its dataset.yaml says: the contact forces are integrated in time, poses
+are sampled at 250 Hz with 0.3 mm and 3 mrad of noise, and one cause is hidden. What was hidden is not written down:
+python -m thesis_lib critique has to find it.
+
+What it writes into DIR:
+  dataset.yaml, trajectories.csv   the dataset, as its owner believes it to be
+  new_impacts.csv                  first impacts of 40 further drops: x,y,theta,vx,vy,omega just before, for
+                                   python -m thesis_lib predict, and vx_seen,vy_seen,omega_seen just after, both
+                                   without noise, so that what differs is the error of the model
+"""
+EXAMPLE_EXAMPLES = """\
+examples:
+  python -m thesis_lib.datasets example -o data/example                       centre of mass 0.5 mm off
+  python -m thesis_lib.datasets example -o data/tilted --hidden tilt --size 0.02
+  python -m thesis_lib.datasets example -o data/fine --hidden nothing --seed 7
+
+what can be hidden, its default size (about 3 times the error of a perfect model) and meaning:
 """
 
 
@@ -35,7 +55,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=raw,
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="{fetch,check,init}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="{fetch,check,init,example}")
 
     fetch = commands.add_parser(
         "fetch",
@@ -85,13 +105,43 @@ def build_parser() -> argparse.ArgumentParser:
     init.add_argument("--delimiter", default=",", help="between cells, such as ';' or '\\t'; default: comma")
     init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
     init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
+
+    example = commands.add_parser(
+        "example",
+        help="simulate drops with a hidden cause, to try the critique on",
+        description=EXAMPLE,
+        formatter_class=raw,
+        add_help=False,
+    )
+    example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
+    example.add_argument(
+        "--hidden", default="com_offset_x", metavar="NAME", help="see below; default: %(default)s"
+    )
+    example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
+    example.add_argument("--drops", type=int, default=150, help="releases; default: %(default)s")
+    example.add_argument(
+        "--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s"
+    )
+    example.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
+    example.add_argument("-h", "--help", action=_ExampleHelp, nargs=0, help="show this and exit")
     return parser
+
+
+class _ExampleHelp(argparse.Action):
+    """Help that ends with the list of hidden causes, which needs the simulator: other commands must not wait for it."""
+
+    def __call__(self, parser, namespace, values, option_string=None) -> None:
+        from thesis_lib.simulate.example import causes_text
+
+        parser.epilog = EXAMPLE_EXAMPLES + causes_text()
+        parser.print_help()
+        parser.exit()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     try:
-        return {"fetch": _fetch, "check": _check, "init": _init}[args.command](args)
+        return {"fetch": _fetch, "check": _check, "init": _init, "example": _example}[args.command](args)
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -133,10 +183,7 @@ def _init(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.write import write_dataset
 
     out = Path(args.out)
-    if (out / "dataset.yaml").exists() and not args.force:
-        raise UserError(
-            f"{out} already holds a dataset; choose another folder, or give --force to replace it."
-        )
+    _refuse_existing(out, args.force)
     delimiter = {"\\t": "\t", "tab": "\t"}.get(args.delimiter, args.delimiter)
     if len(delimiter) != 1:
         raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
@@ -168,6 +215,31 @@ def _init(args: argparse.Namespace) -> int:
         f"then run python -m thesis_lib.datasets check {out}"
     )
     return 0
+
+
+def _example(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.summary import check_dataset, summary_text
+    from thesis_lib.simulate.example import NEW_IMPACTS, simulate_example, write_example
+
+    out = Path(args.out)
+    _refuse_existing(out, args.force)
+    example = simulate_example(
+        out.resolve().name, args.hidden, size=args.size, drops=args.drops, seed=args.seed
+    )
+    write_example(example, out)
+    print(summary_text(*check_dataset(out)))
+    print(
+        f"written to {out}, with {len(example.new_impacts)} further impacts in {out / NEW_IMPACTS}. "
+        f"Next: python -m thesis_lib critique {out}"
+    )
+    return 0
+
+
+def _refuse_existing(out: Path, force: bool) -> None:
+    if (out / "dataset.yaml").exists() and not force:
+        raise UserError(
+            f"{out} already holds a dataset; choose another folder, or give --force to replace it."
+        )
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ Left out, with a reason (the first that applies):
 | reason             | meaning                                                                                    |
 |--------------------|--------------------------------------------------------------------------------------------|
 | `lost_frames`      | a gap in time leaves too few samples on a side, or holds the impact itself                 |
-| `second_hit`       | another hit too near: few samples between them, or arcs and samples that fit only two hits |
+| `second_hit`       | another hit too near: few samples between them, arcs and samples that fit only two hits, or a  |
+|                    | second corner that touches at once                                                         |
 | `window_too_short` | the trial begins or ends too near                                                          |
 | `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet     |
 | `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                |
@@ -29,6 +30,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.arcs import ArcFits, is_bent
 from thesis_lib.datasets.header import Header
 from thesis_lib.datasets.impacts import Impacts
@@ -40,6 +42,8 @@ THESIS_FLAGS = ("energy", "cone", "compression")
 _APPROACH_SIGMA = 3.0  # 1 in 700 motionless contacts would pass
 _TOUCH_SIGMA = 5.0
 _REST = 9.0  # chi² (3 sigmas) by which rest must beat free fall to be believed
+_RESTITUTIONS = (0.2, 0.9)
+_ONE_PLACE = 0.2  # radii of gyration between two contact points
 _ROUNDING = 1e-9  # an impact without losses (α = 1) must not be flagged by the last digit
 
 
@@ -136,6 +140,10 @@ def assess_arcs(
     leave_out(worst > settings.not_ballistic, "not_ballistic", bad_arc + _text(worst))
     leave_out(missing, "second_hit", "the arcs miss each other by " + _text(1e3 * fits.miss) + " mm")
     leave_out(~fits.converged, "not_ballistic", "the arcs do not meet near the detected instant")
+    wait = _second_corner(fits, header)
+    leave_out(
+        wait < settings.double_hit, "second_hit", "the next corner hits after " + _text(1e3 * wait) + " ms"
+    )
 
     r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
     v_n = fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2]
@@ -149,6 +157,33 @@ def assess_arcs(
         "no_touch": np.abs(fits.gap) > np.maximum(_TOUCH_SIGMA * fits.gap_std, settings.touch_limit),
     }
     return reason, detail, _add_flags(np.full(n, "", object), failed)
+
+
+def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
+    """Time (n,) in s from the impact of a polygon's lowest corner to that of the next one; ∞ for other shapes.
+
+    From the state before the impact only, for impulses without friction, and the longest of those for little and for
+    much restitution: the pair is one hit in the samples, whatever the contact is like.
+    """
+    wait = np.full(len(fits), np.inf)
+    if not isinstance(header.body.shape, Polygon):
+        return wait
+    corners = np.asarray(header.body.shape.vertices)
+    cos, sin = np.cos(fits.q[:, 2])[:, None], np.sin(fits.q[:, 2])[:, None]
+    r_x, r_y = cos * corners[:, 0] - sin * corners[:, 1], sin * corners[:, 0] + cos * corners[:, 1]
+    rows, lowest = np.arange(len(fits)), r_y.argmin(axis=1)
+    height, lever = r_y - r_y[rows, lowest][:, None], r_x[rows, lowest][:, None]
+    v_n = fits.v_pre[:, 1:2] + r_x * fits.v_pre[:, 2:3]
+    k2, g = header.body.radius_of_gyration**2, header.gravity
+    last = np.zeros(len(fits))
+    for epsilon in _RESTITUTIONS:
+        c_n = -(1.0 + epsilon) * v_n[rows, lowest][:, None] / (1.0 + lever**2 / k2)
+        after = v_n + c_n * (1.0 + lever * r_x / k2)
+        fall = (after + np.sqrt(after**2 + 2.0 * g * height)) / g
+        # vertices side by side (a rounded corner drawn as a polygon) are one place
+        fall[np.abs(r_x - lever) < _ONE_PLACE * header.body.radius_of_gyration] = np.inf
+        last = np.maximum(last, fall.min(axis=1))
+    return last
 
 
 def _lost_near(fits: ArcFits, samples: Samples, settings: ArcSettings) -> np.ndarray:

@@ -22,6 +22,12 @@ class ArcSettings(Section):
         ge=0,
         description="s; samples this near to an impact may fall into the contact (about 1 ms): not used",
     )
+    double_hit: float = Field(
+        5e-3,
+        ge=0,
+        description="s; two corners of a polygon that touch within this time make one hit in the samples, which is no "
+        "single impact: a sample and a contact of about 1 ms",
+    )
     touch_sigma: float = Field(
         1e-3,
         gt=0,

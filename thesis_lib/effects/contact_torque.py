@@ -1,53 +1,64 @@
-"""Contact torque: a patch of finite width resists rolling with an impulsive couple.
+"""Contact torque: a patch of finite width resists rolling with a couple, along the path of the impact.
 
-    τ = −clip(2 k² ω̄, ±m_r c_n),   ω̄ = ω + (r_x c_n − r_y c_t) / (2 k²)
+    dτ = −m_r sign(ω) dp while the body turns;  |dτ| ≤ m_r dp, and what holds ω = 0, where it has stopped
 
-ω̄ is the mean of the rates before and after the law's impulse; τ opposes it with the lever m_r and saturates before
-it would turn it round, so the couple never gives energy.  c_n is left as it is.  The couple turns the contact point
-by −r_y τ / k² along t, and friction answers as on the total impulse:
-
-    c_t ← c_t + C(−r_y τ / k²) − C(0),   C(u) = clip(−(v_t + u + K_tn c_n) / K_tt, ±μ c_n)
-
-so that a stuck contact stays stuck (it rolls) and a sliding one is not touched.
+This is Coulomb's law for rolling: the normal force can act off the nominal contact point by at most m_r.  During an
+impact ω changes, often its sign, and the couple with it; it never gives energy.  Through dv_t = −r_y dτ / k² and
+dv_n = r_x dτ / k² it also changes the slip and the end of restitution, which follow their own laws on the same path.
 
 | on paper | in code | unit | shape |                                                              |
 |----------|---------|------|-------|--------------------------------------------------------------|
 | m_r      | `m_r`   | m    |       | lever of rolling resistance, at most the patch's half-width  |
 | k²       | `k2`    | m²   | (n,)  | radius of gyration squared, as the contact space has it      |
 
-Source: Brach 1989 (rigid body collisions: moment coefficient).
+Sources: Brach 1989 (rigid body collisions: moment coefficient); Johnson 1985, chapter 8 (rolling resistance).
 """
 
 import numpy as np
 
 from thesis_lib.effects.effect import Effect, Impulse, Parameter
+from thesis_lib.effects.impulse_path import STEPS, NormalPath, added, friction, whole_impulse
 
 
 class ContactTorque(Effect):
-    """Couple against the mean rolling rate, proportional to the normal impulse."""
+    """Couple against the rolling rate, proportional to the normal impulse."""
 
     name = "contact_torque"
     family = "contact_law"
     title = "contact torque"
-    equation = "τ = −sign(ω̄) min(m_r c_n, 2 k² |ω̄|)"
+    equation = "dτ = −m_r sign(ω) dp, |dτ| ≤ m_r dp where ω = 0"
     parameters = (Parameter("m_r", "m", null=0.0, low=0.0, high=0.02, scale=5e-4),)
-    reference = "Brach 1989"
+    reference = "Brach 1989; Johnson 1985"
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        c_t, c_n = impulse.c_t, impulse.c_n
-        r_x, r_y = r
-        # K_tt + K_nn − 2 = |r|² / k²: the k of this impact, whatever other effects made of it
-        k2 = (r_x * r_x + r_y * r_y) / (space.K_tt + space.K_nn - 2.0)
-        rate = state.omega + (r_x * c_n - r_y * c_t) / (2.0 * k2)
-        lever = p["m_r"] * np.abs(c_n)
-        tau = -np.clip(2.0 * k2 * rate, -lever, lever)
+        if p["m_r"] == 0.0:
+            return impulse
+        with np.errstate(all="ignore"):
+            paths = _paths(space, mu, epsilon, r, state.omega, p["m_r"])
+        return added(impulse, paths, mu, lever=p["m_r"])
 
-        def friction(turned):
-            limit = mu * np.abs(c_n)
-            return np.clip(-(space.v_t + turned + space.K_tn * c_n) / space.K_tt, -limit, limit)
 
-        answer = friction(-r_y * tau / k2) - friction(0.0)
-        return Impulse(c_t + answer, c_n, impulse.tau + tau)
+def _paths(space, mu, epsilon, r, omega, m_r) -> Impulse:
+    """Impulses and couples (2, n) at the ends of the paths with rolling resistance and without."""
+    r_x, r_y = r
+    # K_tt + K_nn − 2 = |r|² / k²: the k of this impact, whatever other effects made of it
+    k2 = (r_x * r_x + r_y * r_y) / (space.K_tt + space.K_nn - 2.0)
+    turn_t, turn_n = r_y / k2, r_x / k2
+    dp = whole_impulse(space, mu, epsilon) / STEPS
+    kick, limit, spin, inverse = space.K_tn * dp, mu * dp, turn_n * dp, 1.0 / k2
+    most = np.stack([m_r * dp, 0.0 * dp])
+    v_t, couple, path = space.v_t, np.zeros_like(most), NormalPath(space, turn_n)
+    for _ in range(STEPS):
+        # friction foresees the couple of the step before, so that what sticks goes on sticking while it rolls
+        kicked = v_t + kick - turn_t * couple
+        d_t = friction(kicked, limit, space.K_tt)
+        omega = omega + spin - turn_t * d_t
+        d_tau = friction(omega, most, inverse)
+        omega = omega + inverse * d_tau
+        v_t = kicked + space.K_tt * d_t - turn_t * (d_tau - couple)
+        couple = d_tau
+        path.step(dp, d_t, d_tau)
+    return path.end(epsilon)
 
 
 EFFECT = ContactTorque()

@@ -1,14 +1,15 @@
-"""Velocity-dependent friction: μ rises or falls with the slip speed.
+"""Velocity-dependent friction: μ falls, or rises, from a static value with the speed of the slip (Stribeck).
 
-    μ ← max(μ (1 + c_μ |v_t|), 0),   |v_t| the mean speed of the slip during the impact
+    μ(v_t) = μ (1 + s exp(−(v_t / v_s)²)),   along the path of the impact: dc_t = −μ(v_t) sign(v_t) dp while it slips
 
-The slip slows down along the path of the impact: its mean speed is (|v_t| + |v_t⁺|)/2 where it lasts to the end, and
-|v_t|/2 where it ends before; a second slip, the other way, starts from zero.  The linear law is the first order of any
-smooth dependence; a Stribeck curve has c_μ < 0, polymer creep c_μ > 0.
+μ is that of fast slip.  The slip changes during the impact, and with it its friction; a contact holds without slip
+as long as μ (1 + s) can.  s > 0 is the Stribeck curve of dry and lubricated metals, s < 0 friction that rises with
+speed (polymers); with v_s above all speeds both are a parabola in the speed.
 
-| on paper | in code | unit | shape |                                     |
-|----------|---------|------|-------|-------------------------------------|
-| c_μ      | `c_mu`  | s/m  |       | relative slope; 0 is Coulomb's law  |
+| on paper | in code | unit | shape |                                                     |
+|----------|---------|------|-------|-----------------------------------------------------|
+| s        | `s`     | 1    |       | static over sliding friction, minus 1; 0 is Coulomb |
+| v_s      | `v_s`   | m/s  |       | Stribeck velocity                                   |
 
 Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, doi:10.1016/0005-1098(94)90209-7.
 """
@@ -16,45 +17,31 @@ Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, doi:10.1016/0005-10
 import numpy as np
 
 from thesis_lib.effects.effect import Effect, Parameter
-from thesis_lib.effects.path_friction import second_slip
+from thesis_lib.effects.impulse_path import added, walk
 
 
 class VelocityDependentFriction(Effect):
-    """μ is linear in the mean tangential contact speed."""
+    """μ follows a Stribeck curve in the speed of the slip, along the path of the impact."""
 
     name = "velocity_dependent_friction"
     family = "contact_law"
     title = "friction depends on speed"
-    equation = "μ = max(μ₀ (1 + c_μ |v_t|), 0)"
-    parameters = (Parameter("c_mu", "s/m", null=0.0, low=-1.0, high=3.0, scale=0.2),)
+    equation = "μ = μ₀ (1 + s exp(−(v_t/v_s)²))"
+    parameters = (
+        Parameter("s", "1", null=0.0, low=-0.9, high=3.0, scale=0.2, starts=(0.2, -0.2)),
+        Parameter("v_s", "m/s", null=0.5, low=0.05, high=3.0, scale=0.05, starts=(0.5, 1.2)),
+    )
     reference = "Armstrong-Hélouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7"
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        return np.maximum(mu * (1.0 + p["c_mu"] * _mean_speed(space, mu, epsilon)), 0.0), epsilon
-
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        factor = np.maximum(1.0 + p["c_mu"] * _mean_speed(space, mu, epsilon), 1e-9)
-        before = mu / factor
-        # a second slip gathers speed along K_tn − μ K_tt from where the first has ended
-        rate = np.maximum(np.abs(space.K_tn) - before * space.K_tt, 0.0)
-        whole = (1.0 + epsilon) * np.abs(space.v_n) / space.K_nn
-        ended = np.minimum(_slip_end(space, before), whole)
-        after = np.maximum(before * (1.0 + 0.5 * p["c_mu"] * rate * (whole - ended)), 0.0)
-        return second_slip(impulse, space, mu, after, epsilon)
+        s, v_s = p["s"], p["v_s"]
+        if s == 0.0:
+            return impulse
 
+        def factor(v_t: np.ndarray) -> np.ndarray:
+            return 1.0 + s * np.exp(-((v_t / v_s) ** 2))
 
-def _slip_end(space, mu):
-    """Normal impulse at which the first slip ends, ∞ if it is not braked."""
-    braking = mu * space.K_tt - np.sign(space.v_t) * space.K_tn
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(braking > 0.0, np.abs(space.v_t) / braking, np.inf)
-
-
-def _mean_speed(space, mu, epsilon):
-    """Mean |v_t| of the first slip, m/s."""
-    whole = (1.0 + epsilon) * np.abs(space.v_n) / space.K_nn
-    left = np.maximum(1.0 - whole / np.maximum(_slip_end(space, mu), 1e-300), 0.0)
-    return 0.5 * np.abs(space.v_t) * (1.0 + left)
+        return added(impulse, walk(space, mu, epsilon, factor), mu, 1.0 + max(s, 0.0))
 
 
 EFFECT = VelocityDependentFriction()

@@ -1,15 +1,19 @@
 """Velocity-dependent restitution: faster impacts lose a larger share of their normal velocity.
 
-    ε ← clip(ε (|v_n| / v_0)^−p, 0, 1),   v_0 = 1 m/s
+    ε ← clip(ε (|v_n| / v_0)^−p exp(−c |v_n|), 0, 1),   v_0 = 1 m/s
 
-Plastic contact above yield has p = 1/4, hard plastics less; ε is then the restitution at v_0.
+Two ways to lose more: yield, where ε falls with a power (p = 1/4 far above yield, hard plastics less; Johnson), and
+viscous dissipation, where the force k δⁿ (1 + d δ̇) gives 1 − ε ~ |v_n| to first order (Hunt and Crossley).  The
+exponential has that first order and stays positive; c ≈ (1 + ε) d / 3.
 
-| on paper | in code   | unit | shape |                                     |
-|----------|-----------|------|-------|-------------------------------------|
-| p        | `p`       | 1    |       | exponent; 0 is constant restitution |
-| v_0      | `SPEED`   | m/s  |       | fixed scale                         |
+| on paper | in code   | unit | shape |                                                 |
+|----------|-----------|------|-------|-------------------------------------------------|
+| p        | `p`       | 1    |       | exponent of yield; 0: none                      |
+| c        | `c`       | s/m  |       | slope of viscous dissipation; 0: none           |
+| v_0      | `SPEED`   | m/s  |       | fixed scale                                     |
 
-Source: Johnson, Contact Mechanics, 1985, section 11.5, doi:10.1017/CBO9781139171731.
+Sources: Johnson, Contact Mechanics, 1985, section 11.5, doi:10.1017/CBO9781139171731; Hunt and Crossley 1975,
+doi:10.1115/1.3423596.
 """
 
 import numpy as np
@@ -21,18 +25,21 @@ SLOWEST = 1e-3  # m/s, below every impact that a camera sees; keeps the power fi
 
 
 class VelocityDependentRestitution(Effect):
-    """ε falls with a power of the normal contact speed."""
+    """ε falls with the normal contact speed, by a power and an exponential."""
 
     name = "velocity_dependent_restitution"
     family = "contact_law"
     title = "restitution depends on speed"
-    equation = "ε = ε₀ (|v_n| / 1 m/s)^−p"
-    parameters = (Parameter("p", "1", null=0.0, low=-1.0, high=1.0, scale=0.15),)
-    reference = "Johnson 1985, doi:10.1017/CBO9781139171731"
+    equation = "ε = ε₀ (|v_n| / 1 m/s)^−p exp(−c |v_n|)"
+    parameters = (
+        Parameter("p", "1", null=0.0, low=-1.0, high=1.0, scale=0.15, starts=(0.05,)),
+        Parameter("c", "s/m", null=0.0, low=-0.5, high=0.5, scale=0.05, starts=(0.02,)),
+    )
+    reference = "Johnson 1985, doi:10.1017/CBO9781139171731; Hunt and Crossley 1975, doi:10.1115/1.3423596"
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         speed = np.maximum(np.abs(space.v_n), SLOWEST) / SPEED
-        return mu, np.clip(epsilon * speed ** -p["p"], 0.0, 1.0)
+        return mu, np.clip(epsilon * speed ** -p["p"] * np.exp(-p["c"] * speed), 0.0, 1.0)
 
 
 EFFECT = VelocityDependentRestitution()

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.features import features
 from thesis_lib.critique.tables import left_out_impacts
+from thesis_lib.critique.words import reason_text
 from thesis_lib.figures.critique_errors import set_title
 from thesis_lib.figures.critique_numbers import FEATURE_LABEL, unit_of
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
@@ -20,19 +21,7 @@ from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 PANEL = 1.3  # width of a trial's panel over its height
 TRIALS = 3  # drawn
 USED, LEFT_OUT, ARC = "#0072B2", "#D55E00", "0.45"
-REASONS = {
-    "lost_frames": "lost frames: too few samples on a side",
-    "second_hit": "second hit too near to tell apart",
-    "window_too_short": "trial begins or ends too near",
-    "not_ballistic": "no free flight on a side (held, rolling, bad track)",
-    "no_approach": "contact point does not approach (rest, rolling)",
-}
 STATES = ("v_t", "v_n", "omega", "theta")
-
-
-def reason_text(reason: str) -> str:
-    """A reason for leaving an impact out, in words."""
-    return REASONS.get(reason, reason.replace("_", " "))
 
 
 @house_style

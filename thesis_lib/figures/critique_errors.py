@@ -13,12 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from thesis_lib.critique.criticise import Critique
+from thesis_lib.critique.words import listed
 from thesis_lib.figures.critique_numbers import (
     BASE_NAMES,
     GREEK,
     Z95,
+    compensated,
     effect_title,
-    irb_of_base,
+    handy_unit,
     ladder_table,
     law_errors,
     law_title,
@@ -31,6 +33,7 @@ from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito; the second is darker in grey
 TITLE_WIDTH = 76  # characters a line of a figure's title
+SAME_BOUND = 0.02  # share by which two bounds may differ and be drawn as one line
 ALIKE = 0.1  # share by which errors of laws may differ for their choice not to matter
 FAR = 8.0  # misfit in units of noise above which its axis is logarithmic
 CHANNELS = {"flight": ("o", "flight"), "meet": ("^", "poses"), "touch": ("s", "gap")}
@@ -78,7 +81,7 @@ def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn
     ax = axes[0]
     floor = critique.ladder[-1][2].floor
     best = float(law_errors(critique)[1].mean())
-    lines = bound_lines(ax, floor, critique.irb, best, critique.no_impact)
+    lines = bound_lines(ax, floor, critique.irb, best, critique.no_impact, critique.irb_augmented)
     ax.plot(table["error"], y, color=GREY, linewidth=0.8, zorder=1)
     error_dots(ax, table["error"], table["error_low"], table["error_high"], y, color=INK)
     for i, row in table.iterrows():
@@ -129,13 +132,11 @@ def ladder_sentence(critique: Critique) -> str:
     to_floor = f"; the noise floor is {number(floor)} m/s" if np.isfinite(floor) else ""
     if len(critique.ladder) == 1:
         return f"No effect was added: the held-out error is {number(before)} m/s{to_floor}"
-    names = "; ".join(effect_title(label) for label, *_ in critique.ladder[1:])
+    names = listed([effect_title(label) for label, *_ in critique.ladder[1:]])
     if abs(before - after) < 0.02 * before:
-        return f"The held-out error of impacts stays at {number(after)} m/s with {names} added{to_floor}"
+        return f"The held-out error of impacts stays at {number(after)} m/s with {names}{to_floor}"
     verb = "falls" if after < before else "rises"
-    return (
-        f"The held-out error {verb} from {number(before)} to {number(after)} m/s with {names} added{to_floor}"
-    )
+    return f"The held-out error {verb} from {number(before)} to {number(after)} m/s with {names}{to_floor}"
 
 
 @house_style
@@ -146,8 +147,8 @@ def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.25, 1.0]})
     y = np.arange(len(table))
     colors = [LAW_STYLE[name].color if name in LAW_STYLE else INK for name in table["model"]]
-    floor = critique.ladder[0][2].floor
-    lines = bound_lines(left, floor, irb_of_base(critique, tables), float(best.mean()), None)
+    floor = critique.ladder[-1][2].floor  # the one that all other places name
+    lines = bound_lines(left, floor, critique.irb, float(best.mean()), None)
     for ax, names in (
         (left, ("error", "error_low", "error_high")),
         (right, ("gain", "gain_low", "gain_high")),
@@ -203,7 +204,9 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
         label, color, hatch = BUDGET_LOOK.get(row.part, (row.part.replace("_", " "), "#999999", ""))
         share = 100.0 * row.mean_square / total
         ax.barh(0, share, left=left, color=color, hatch=hatch, edgecolor="white", linewidth=0.6)
-        ax.barh(0, 0, color=color, hatch=hatch, edgecolor="white", label=f"{label} {number(share, 2)} %")
+        # without known noise its part is 0: nobody should read that as data without noise
+        said = f"{label} {number(share, 2)} %" if row.part != "noise" or share > 0 else f"{label} unknown"
+        ax.barh(0, 0, color=color, hatch=hatch, edgecolor="white", label=said)
         if share > 7:
             light = row.part in ("rest", "rigid_point_contact")
             box = {"facecolor": color, "edgecolor": "none", "pad": 1.0}
@@ -246,17 +249,16 @@ def draw_parameters(critique: Critique) -> Drawn:
     for ax, name in zip(axes.ravel(), names):
         own = table[table["parameter"] == name]
         y = own["label"].map(at).to_numpy()
-        half = Z95 * own["std"].to_numpy()
-        value = own["value"].to_numpy()
+        factor, unit = handy_unit(float(own["value"].abs().max()), own["unit"].iloc[0])
+        half, value = factor * Z95 * own["std"].to_numpy(), factor * own["value"].to_numpy()
         error_dots(ax, value, value - half, value + half, y, color=INK)
         ax.plot(value, y, color=GREY, linewidth=0.8, zorder=1)
-        unit = own["unit"].iloc[0]
         symbol = symbol_of(name.split(".")[-1])
         ax.set_xlabel(symbol if unit == "1" else f"{symbol} ({unit})")
         if name not in BASE_NAMES:
             ax.set_title(textwrap.fill(effect_title(name.split(".")[0]), 20), fontsize=7)
         ax.margins(x=0.2)
-        ax.locator_params(axis="x", nbins=3)
+        ax.locator_params(axis="x", nbins=3 if np.ptp(value) + half.max() > 0.02 * np.abs(value).max() else 2)
         ax.ticklabel_format(axis="x", useOffset=False)
     for ax in axes[:, 0]:
         ax.set_yticks(range(n), labels)
@@ -276,30 +278,14 @@ def _glyph(part: str) -> str:
     return part if len(part) == 1 else rf"\mathrm{{{part}}}"
 
 
-def compensations(critique: Critique) -> pd.DataFrame:
-    """By how much each base parameter moved from the first rung to the last: columns parameter, before, after, sigmas.
-
-    `sigmas` is in standard errors of the two values together.
-    """
-    first, last = critique.ladder[0][1], critique.ladder[-1][1]
-    rows = []
-    for name in first.values:
-        if name in last.values:
-            std = float(np.hypot(first.std[name], last.std[name]))
-            moved = last.values[name] - first.values[name]
-            rows.append((name, first.values[name], last.values[name], moved / std if std > 0 else np.nan))
-    return pd.DataFrame(rows, columns=["parameter", "before", "after", "sigmas"])
-
-
 def parameters_sentence(critique: Critique) -> str:
     """Which parameters had compensated for what was missing."""
     names = {"mu": "friction μ", "epsilon": "restitution ε"}
     if len(critique.ladder) == 1:
         return "Parameters of the base law with 95 % intervals"
-    moved = compensations(critique)
-    moved = moved[moved["sigmas"].abs() > 3.0]
+    moved = compensated(critique)
     if moved.empty:
-        return "No parameter of the base law had compensated: none moves by more than 3 standard errors"
+        return "No parameter of the base law had compensated for what was missing: none moves by much"
     parts = [
         f"{names.get(r.parameter, r.parameter)} moves from {number(r.before)} to {number(r.after)}"
         for r in moved.itertuples()
@@ -316,12 +302,23 @@ def error_dots(ax: Axes, value, low, high, y, color: str) -> None:
 
 
 def bound_lines(
-    ax: Axes, floor: float, irb: float, best: float | None, nothing: float | None
+    ax: Axes,
+    floor: float,
+    irb: float,
+    best: float | None,
+    nothing: float | None,
+    irb_augmented: float | None = None,
 ) -> dict[str, float]:
-    """Vertical lines of the bounds; returns those that exist."""
+    """Vertical lines of the bounds; returns those that exist.
+
+    The IRB bound with the effects on is drawn where it is another one: they put right what the bound takes as given.
+    """
+    if irb_augmented is not None and abs(irb_augmented - irb) < SAME_BOUND * irb:
+        irb_augmented = None
     looks = {
         "noise_floor": (floor, GREY, (0, (4, 2)), "noise floor"),
         "irb_bound": (irb, "black", "-", "IRB bound"),
+        "irb_bound_augmented": (irb_augmented, INK, (0, (6, 1.5)), "IRB bound with the effects"),
         "best_post_hoc": (best, "0.45", (0, (3, 1, 1, 1, 1, 1)), "Best Post Hoc"),
         "no_impact": (nothing, "black", (0, (1, 1.5)), "if nothing happened"),
     }

@@ -27,6 +27,7 @@ from thesis_lib.critique.observations import Observations
 from thesis_lib.effects import EFFECTS
 
 Z95 = 1.959964  # standard deviations of a normal distribution's 95 % interval
+MOVED, MATERIAL = 3.0, 0.02  # standard errors and share by which a parameter must move to have compensated
 FEATURE_LABEL = {
     "v_t": "tangential velocity $v_t$",
     "v_n": "normal velocity $v_n$",
@@ -40,8 +41,18 @@ FEATURE_LABEL = {
 CHANNELS = ("flight", "meet", "touch")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = {
-    **{"mu": "μ", "epsilon": "ε", "eps": "ε", "phi": "φ", "theta": "θ", "omega": "ω", "chi": "χ", "rho": "ρ"},
-    **{"tau": "τ", "alpha": "α", "beta": "β", "gamma": "γ", "kappa": "κ"},
+    **{
+        "mu": "μ",
+        "epsilon": "ε",
+        "eps": "ε",
+        "phi": "φ",
+        "theta": "θ",
+        "omega": "ω",
+        "eta": "η",
+        "zeta": "ζ",
+        "rho": "ρ",
+    },
+    **{"tau": "τ", "alpha": "α", "beta": "β", "gamma": "γ", "kappa": "κ", "eta": "η", "zeta": "ζ"},
 }
 
 
@@ -58,6 +69,12 @@ def number(value: float, digits: int = 3) -> str:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         text = f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
     return text.replace("-", "−")
+
+
+def handy_unit(size: float, unit: str) -> tuple[float, str]:
+    """Factor and unit in which a length or an angle of this size reads well: below 0.1 in mm and mrad."""
+    small = unit in ("m", "rad") and 0.0 < abs(size) < 0.1
+    return (1e3, f"m{unit}") if small else (1.0, unit)
 
 
 def symbol(name: str) -> str:
@@ -139,17 +156,6 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
     return table.sort_values("error", kind="stable", ignore_index=True), best
 
 
-def irb_of_base(critique: Critique, tables: Mapping[str, pd.DataFrame] | None = None) -> float:
-    """IRB bound in m/s of the held-out impacts as the base law's flights have them (`comparison`), where it is known.
-
-    `Critique.irb` is that of the final model, whose flights may differ by a tilt or by drag.
-    """
-    given = (tables or {}).get("comparison")
-    if given is None:
-        return critique.irb
-    return float(given.loc[given["model"] == "irb_bound", "mean"].iloc[0])
-
-
 def impact_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     """Kinetic error (n,) in m/s of each impact."""
     R = impact_residuals(fitted.model, fitted.values, observations)[:, :3]
@@ -227,3 +233,25 @@ def bin_of(feature: np.ndarray, bins: int) -> np.ndarray:
     edges = np.unique(np.quantile(feature, np.linspace(0.0, 1.0, bins + 1)[1:-1]))
     label = np.searchsorted(edges, feature, side="right")
     return np.unique(label, return_inverse=True)[1]
+
+
+def compensations(critique: Critique) -> pd.DataFrame:
+    """By how much each base parameter moved from the first rung to the last: columns parameter, before, after, sigmas.
+
+    `sigmas` is in standard errors of the two values together.
+    """
+    first, last = critique.ladder[0][1], critique.ladder[-1][1]
+    rows = []
+    for name in first.values:
+        if name in last.values:
+            std = float(np.hypot(first.std[name], last.std[name]))
+            moved = last.values[name] - first.values[name]
+            rows.append((name, first.values[name], last.values[name], moved / std if std > 0 else np.nan))
+    return pd.DataFrame(rows, columns=["parameter", "before", "after", "sigmas"])
+
+
+def compensated(critique: Critique) -> pd.DataFrame:
+    """The rows of `compensations` in which a parameter moved surely and by an amount that matters."""
+    table = compensations(critique)
+    share = (table["after"] - table["before"]).abs() / table["before"].abs()
+    return table[(table["sigmas"].abs() > MOVED) & (share > MATERIAL)]

@@ -3,16 +3,18 @@
 from collections.abc import Mapping
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.figures.critique_data import draw_data
 from thesis_lib.figures.critique_errors import draw_budget, draw_ladder, draw_laws, draw_parameters
 from thesis_lib.figures.critique_where import draw_residuals, draw_where
-from thesis_lib.figures.style import Drawn
+from thesis_lib.figures.style import Drawn, house_style
 
 NAMES = ("data", "laws", "budget", "where", "residuals", "ladder", "parameters")
 
 
+@house_style
 def pictures(
     critique: Critique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None
 ) -> dict[str, Drawn]:
@@ -31,4 +33,16 @@ def pictures(
     drawn["residuals"] = draw_residuals(critique)
     drawn["ladder"] = draw_ladder(critique, tables)
     drawn["parameters"] = draw_parameters(critique)
+    for figure, _ in drawn.values():
+        settle(figure)
     return drawn
+
+
+def settle(figure: Figure) -> None:
+    """Lay a figure out once and for all.
+
+    Constrained layout starts each time from where it stopped, and with panels of fixed aspect it never stops: without
+    this the second file of one figure (the page, then .png and .pdf) would not be that of the first.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")

@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.features import features
+from thesis_lib.critique.words import plain_rule
 from thesis_lib.figures.critique_errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique_numbers import (
     FEATURE_LABEL,
@@ -176,11 +177,6 @@ def region_text(region: Mapping) -> str:
     else:
         text += ": larger over what the noise allows there than elsewhere"
     return f"{text}, {100 * region['support']:.0f} % of impacts (p = {number(region['p_value'], 2)})"
-
-
-def plain_rule(region: Mapping) -> str:
-    """The rule of a region with true minus signs."""
-    return str(region["rule"]).replace(" -", " −")
 
 
 def where_sentence(critique: Critique, errors: Mapping[str, np.ndarray], regions: Sequence[Mapping]) -> str:

@@ -97,7 +97,7 @@ def simulate_compliant_drops(
         UserError: the body has no mass, an argument is out of range, or a release touches the plate.
     """
     contact, m = contact or CompliantContact(), mechanisms or Mechanisms()
-    _check(body, release, m, {"n": n, "gravity": gravity, "duration": duration, "rate": rate})
+    check_request(body, release, m, {"n": n, "gravity": gravity, "duration": duration, "rate": rate})
     release_rng, noise_rng, phase_rng = rng.spawn(3)
     pose, velocity = release.draw(n, release_rng)
     mechanics = Mechanics(body, contact, m, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
@@ -118,7 +118,7 @@ def simulate_compliant_drops(
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
     poses = poses + noise_rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
     header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)
-    return CompliantDrops(header, _trajectories(poses, samples), impacts, drops.trials(pose, velocity))
+    return CompliantDrops(header, as_trajectories(poses, samples), impacts, drops.trials(pose, velocity))
 
 
 class _Drops:
@@ -320,7 +320,7 @@ def _ticks(samples: np.ndarray, lagged: np.ndarray, rate: float) -> np.ndarray:
     return ticks[np.r_[True, np.diff(ticks) > 1e-9]]
 
 
-def _trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
+def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
     """Long table of poses (n, samples, 3); samples after the end of a recording (NaN) do not exist."""
     n = len(poses)
     table = pd.DataFrame({"trial": np.repeat(np.arange(n), len(times)), "t": np.tile(times, n)})
@@ -328,7 +328,12 @@ def _trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
     return table[np.isfinite(poses.reshape(-1, 3)).all(axis=1)].reset_index(drop=True)
 
 
-def _check(body: Body, release: Release, m: Mechanisms, positive: dict[str, float]) -> None:
+def check_request(body: Body, release: Release, m: Mechanisms, positive: dict[str, float]) -> None:
+    """Refuse what cannot be simulated; `positive` holds what must be above zero, by name.
+
+    Raises:
+        UserError: see `simulate_compliant_drops`.
+    """
     if body.mass is None:
         raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
     for name, value in positive.items():

@@ -24,6 +24,8 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.datasets.header import Body, Noise
 from thesis_lib.settings import Section
 from thesis_lib.simulate.release import Release, Spread
 
@@ -172,4 +174,11 @@ PROOF_RELEASE = Release(
     theta=Spread(low=-math.pi, high=math.pi),
     vx=Spread(low=-1.2, high=1.2),
     omega=Spread(low=-15.0, high=15.0),
+)
+RIG_NOISE = Noise(position=3e-4, angle=3e-3)  # m, rad: a good motion capture system at 250 Hz
+# where corners matter; elsewhere the chapter's ellipse
+SQUARE = Body(
+    shape=Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))),
+    mass=0.05,
+    radius_of_gyration=0.06 / math.sqrt(6.0),
 )

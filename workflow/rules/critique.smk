@@ -1,4 +1,6 @@
 # The critique: which physical effect is missing from the contact models, for every dataset that is present.
+from thesis_lib.provenance import folder_sha256
+
 CRITIQUE_DATASETS = [name for name in CONFIG.critique.datasets if DATASETS[name].present]
 
 
@@ -36,18 +38,45 @@ rule critique:
         expand("results/critique/{dataset}/report.html", dataset=CRITIQUE_DATASETS),
 
 
+PROOF = "results/critique/proof"
+PROOF_PICTURES = (
+    "matrix_law",
+    "matrix_mechanism",
+    "matrix_drake",
+    "detection",
+    "sizes",
+    "misfits",
+    "recovery",
+)
+
+
 rule critique_proof:
     input:
         sizes="config/proof_sizes.json",
     output:
-        confusion="results/critique/proof/confusion.csv",
-        agreement="results/critique/proof/agreement.csv",
+        report(
+            expand(f"{PROOF}/{{name}}.png", name=PROOF_PICTURES),
+            caption="../report/critique_proof.rst",
+            category="Critique",
+            subcategory="proof",
+        ),
+        expand(f"{PROOF}/{{name}}.{{kind}}", name=PROOF_PICTURES, kind=("pdf", "csv")),
+        confusion=f"{PROOF}/confusion.csv",
+        summary=report(
+            f"{PROOF}/summary.csv",
+            caption="../report/critique_proof.rst",
+            category="Critique",
+            subcategory="proof",
+        ),
+        misses=f"{PROOF}/misses.csv",
+        rerun=f"{PROOF}/rerun.csv",
     log:
         "results/logs/critique_proof.log",
     conda:
         "../envs/thesis.yaml"
     params:
         store=lambda wildcards: "config/proof",
+        stored=lambda wildcards: folder_sha256("config/proof"),  # a result that was added must show
         cases=list(CONFIG.critique.proof),
         lib=code_of("critique_proof"),
     message:

@@ -1,4 +1,4 @@
-"""Confusion table of the stored proof, and a rerun of a few of its datasets: their verdicts must agree."""
+"""Tables and pictures of the stored proof, and a rerun of a few of its datasets: their verdicts must agree."""
 
 import sys
 
@@ -7,7 +7,14 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.columns import write_result
-from thesis_lib.critique.proof_table import confusion, rerun
+from thesis_lib.critique.proof_results import outcomes, recovered
+from thesis_lib.critique.proof_summary import report
+from thesis_lib.critique.proof_table import rerun
+from thesis_lib.figures.proof_pictures import pictures
+from thesis_lib.figures.style import save_figure
 
-write_result(confusion(Path(snakemake.params.store)), snakemake.output.confusion)
-write_result(rerun(snakemake.params.cases, Path(snakemake.params.store)), snakemake.output.agreement)
+store, written = Path(snakemake.params.store), Path(snakemake.output.summary)
+print(report(store, written.parent))
+for name, (figure, table) in pictures(outcomes(store), recovered(store)).items():
+    save_figure(figure, table, written.with_name(name))
+write_result(rerun(snakemake.params.cases, store), snakemake.output.rerun)

@@ -1,0 +1,92 @@
+"""Two critiques side by side: like is compared with like, and what cannot be compared is said."""
+
+import copy
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.critique.compare import ALONE, OLD_RUN, compare, comparison_text
+
+
+def parameter(value: float, std: float = 0.01, unit: str = "1") -> dict:
+    return {"value": value, "std": std, "unit": unit}
+
+
+def run(law: str, mu: float, effects: tuple[str, ...] = ()) -> dict:
+    own = {"mu": parameter(mu), "epsilon": parameter(0.6)}
+    return {
+        "schema": 1,
+        "verdict": "effects" if effects else "adequate",
+        "base_model": {"name": law, "parameters": own},
+        "augmented_model": {"name": law, "parameters": own},
+        "effects": [{"name": name, "parameters": {"phi": parameter(0.05, unit="rad")}} for name in effects],
+        "error": {"base": 0.03, "augmented": 0.01, "noise_floor": 0.01, "irb_bound": 0.005},
+        "laws": {
+            "mirtich": {
+                "parameters": {"mu": parameter(0.15 + mu), "epsilon": parameter(0.6)},
+                "error": 0.03,
+                "unit": "m/s",
+            },
+            "whittaker": {
+                "parameters": {"mu": parameter(0.25 + mu), "epsilon": parameter(0.6)},
+                "error": 0.04,
+                "unit": "m/s",
+            },
+        },
+    }
+
+
+def rows(a: dict, b: dict) -> pd.DataFrame:
+    return compare(a, b).set_index("quantity")
+
+
+def test_runs_of_one_law_without_effects_need_no_further_rows():
+    a, b = run("mirtich", 0.1), run("mirtich", 0.2)
+    table = rows(a, b)
+    assert table.loc["mu", "sigmas"] == pytest.approx(0.1 / np.hypot(0.01, 0.01))
+    assert not table.index.str.contains(ALONE, regex=False).any()
+    text = comparison_text(compare(a, b), "before", "after")
+    assert "Different by more than 3 standard errors: mu." in text and "differ:" not in text
+
+
+def test_friction_of_different_laws_is_not_compared_but_that_of_each_law_is():
+    a, b = run("mirtich", 0.1), run("whittaker", 0.3)
+    table = rows(a, b)
+    assert pd.isna(table.loc["mu", "sigmas"]) and pd.isna(table.loc["mu", "difference"])
+    for law in ("mirtich", "whittaker"):
+        assert table.loc[f"{law}{ALONE}, mu", "difference"] == pytest.approx(0.2)
+        assert table.loc[f"{law}{ALONE}, mu", "sigmas"] == pytest.approx(0.2 / np.hypot(0.01, 0.01))
+        assert table.loc[f"{law}{ALONE}, error", "difference"] == 0.0
+    text = comparison_text(compare(a, b), "before", "after")
+    assert "The base laws differ: before has mirtich, after has whittaker." in text
+    assert "Different by more than 3 standard errors: mirtich alone, mu; whittaker alone, mu." in text
+
+
+def test_effects_that_come_or_go_are_said_and_the_law_is_compared_without_them():
+    a, b = run("mirtich", 0.1, ("surface_tilt",)), run("mirtich", 0.1)
+    table = rows(a, b)
+    assert table.loc["surface_tilt.phi", "unit"] == "rad" and pd.isna(table.loc["surface_tilt.phi", "b"])
+    assert f"mirtich{ALONE}, epsilon" in table.index and f"whittaker{ALONE}, epsilon" not in table.index
+    text = comparison_text(compare(a, b), "before", "after")
+    assert "The effects differ: before has surface_tilt, after has none." in text
+    assert "No parameter that both have differs by more than 3 standard errors." in text
+
+
+def test_an_effect_means_the_same_under_any_law():
+    a, b = run("mirtich", 0.1, ("surface_tilt",)), run("whittaker", 0.1, ("surface_tilt",))
+    b["effects"][0]["parameters"]["phi"]["value"] = 0.25
+    assert rows(a, b).loc["surface_tilt.phi", "sigmas"] == pytest.approx(0.2 / np.hypot(0.01, 0.01))
+
+
+def test_the_order_in_which_effects_were_found_is_no_difference():
+    a, b = run("mirtich", 0.1, ("x", "y")), run("mirtich", 0.1, ("y", "x"))
+    assert "differ:" not in comparison_text(compare(a, b), "a", "b")
+
+
+def test_runs_of_an_older_version_are_compared_as_far_as_they_go():
+    old = copy.deepcopy(run("mirtich", 0.1))
+    del old["laws"]
+    text = comparison_text(compare(old, run("whittaker", 0.1)), "before", "after")
+    assert OLD_RUN in text and "differs by more than" not in text.replace("No parameter", "")
+    assert "No parameter can be compared." in text

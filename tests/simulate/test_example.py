@@ -1,0 +1,97 @@
+"""The example dataset: what is hidden shows in the motion and not in the files."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.datasets.__main__ import main
+from thesis_lib.errors import UserError
+from thesis_lib.simulate.example import NEW_IMPACTS, causes_text, simulate_example
+from thesis_lib.simulate.mechanisms import CAUSES
+
+
+def new_impacts(hidden: str, size: float | None = None, seed: int = 0) -> pd.DataFrame:
+    return simulate_example("e", hidden, size=size, drops=1, seed=seed).new_impacts
+
+
+def test_equal_seeds_give_equal_data_and_others_do_not():
+    one, two, other = (simulate_example("e", "tilt", drops=2, seed=seed) for seed in (3, 3, 4))
+    pd.testing.assert_frame_equal(one.dataset.trajectories, two.dataset.trajectories)
+    pd.testing.assert_frame_equal(one.new_impacts, two.new_impacts)
+    assert not np.array_equal(one.new_impacts["x"], other.new_impacts["x"])
+
+
+def test_nothing_of_the_cause_is_written_down():
+    plain, hidden = (simulate_example("e", name, drops=1) for name in ("nothing", "com_offset_x"))
+    assert plain.dataset.header == hidden.dataset.header
+    assert not plain.new_impacts.equals(hidden.new_impacts)
+
+
+def test_new_impacts_obey_the_balance_of_momentum_only_where_nothing_is_hidden():
+    """k² Δω = r_x Δv_y − r_y Δv_x about the contact point, for every contact law."""
+
+    def unbalanced(hidden: str) -> float:
+        example = simulate_example("e", hidden, drops=1)
+        t, dataset = example.new_impacts, example.dataset
+        r = dataset.shape.contact_point(t["theta"].to_numpy())
+        dx, dy, dw = (t[f"{name}_seen"] - t[name] for name in ("vx", "vy", "omega"))
+        couple = dataset.k_g**2 * dw - (r[:, 0] * dy - r[:, 1] * dx)
+        return float(np.abs(couple).max() / (dataset.k_g**2 * np.abs(dw)).max())
+
+    assert unbalanced("nothing") < 2e-3  # the body moves on by micrometres during the contact
+    assert unbalanced("com_offset_x") > 1e-2
+
+
+def test_the_camera_faults_show_in_the_new_impacts():
+    plain, mirrored = new_impacts("nothing"), new_impacts("mirrored")
+    for name in ("theta", "omega", "omega_seen"):
+        np.testing.assert_allclose(mirrored[name], -plain[name], atol=1e-9)
+    drift = new_impacts("drift", 0.2)
+    for name in ("vx", "vx_seen"):
+        np.testing.assert_allclose(drift[name] - plain[name], 0.2, atol=1e-9)
+    lag = new_impacts("time_lag", 0.004)
+    np.testing.assert_allclose(plain["theta"] - lag["theta"], 0.004 * plain["omega"], atol=1e-9)
+
+
+def test_a_cause_of_corners_gets_a_body_with_corners():
+    assert isinstance(simulate_example("e", "corner_radius", drops=1).dataset.shape, Polygon)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"hidden": "gremlins"}, "no hidden cause 'gremlins'; known are tangential_compliance"),
+        ({"hidden": "nothing", "size": 1.0}, "--size has no meaning"),
+        ({"hidden": "mirrored", "size": 0.5}, "on or off"),
+        ({"hidden": "size_error", "size": -2.0}, "size of -2 is not possible for size_error"),
+        ({"hidden": "tilt", "drops": 0}, "at least one drop"),
+        ({"hidden": "tilt", "seed": -1}, "seed must be 0 or more"),
+    ],
+)
+def test_mistakes_are_explained(arguments, says):
+    with pytest.raises(UserError, match=says):
+        simulate_example("e", **arguments)
+
+
+def test_the_command_makes_a_dataset_that_check_accepts_and_keeps_what_is_there(tmp_path, capsys):
+    out = str(tmp_path / "one")
+    assert main(["example", "-o", out, "--drops", "12"]) == 0
+    text = capsys.readouterr().out
+    assert "trials      12" in text and "The dataset is valid" in text
+    assert len(pd.read_csv(tmp_path / "one" / NEW_IMPACTS)) == 40
+    assert main(["check", out]) == 0
+    assert main(["example", "-o", out, "--drops", "12"]) == 2
+    assert "already holds a dataset" in capsys.readouterr().err
+    assert main(["example", "-o", out, "--drops", "3", "--force"]) == 0
+    assert "trials      3" in capsys.readouterr().out
+
+
+def test_help_lists_every_cause_with_its_size(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["example", "--help"])
+    assert stopped.value.code == 0
+    text = capsys.readouterr().out
+    assert causes_text() in text
+    for name in CAUSES:
+        assert f"  {name} " in text

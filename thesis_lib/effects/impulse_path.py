@@ -1,0 +1,136 @@
+"""The path of an impact in steps of the normal impulse, for effects that change Coulomb's law on the way.
+
+Shared by effects; not an effect itself.  With the normal impulse p as "time" (Routh), and per unit mass,
+
+    dv_t = K_tt dc_t + K_tn dp − (r_y / k²) dτ,   dv_n = K_nn dp + K_tn dc_t + (r_x / k²) dτ
+
+Within a step friction is what would end the slip, at most μ dp; so a constant μ is followed exactly but for the one
+step in which the slip turns round.  Restitution ends by Stronge's energetic coefficient: W = ∫ v_n dp has its least
+value W_c at maximum compression, and the impact ends at W = (1 − ε²) W_c.  v_n is linear in p within a step, so both
+have closed forms; the last step is drawn out, or cut, to where the impact ends.
+
+An effect takes the *difference* of two such paths, with it and without it (rows 0 and 1 of arrays (2, n)), and adds it
+to the impulse of whatever law is in use (`added`): errors of the steps cancel, a null effect changes nothing, and the
+law keeps its say on the rest.
+
+| on paper | in code   | unit      | shape  |                                                       |
+|----------|-----------|-----------|--------|-------------------------------------------------------|
+| dp       | `dp`      | N s/kg    | (n,)   | normal impulse of a step, the same on both paths      |
+| v_n      | `v_n`     | m/s       | (2, n) | normal contact velocity at the end of a step          |
+| dc_t, dτ | `d_t`, `d_tau`  | N s/kg, N m s/kg | (2, n) | friction impulse and couple of a step      |
+| p_end    | `whole_impulse` | N s/kg | (n,)   | normal impulse of the path with constant μ            |
+
+Sources: Routh 1860; Stronge 1990, doi:10.1098/rspa.1990.0125; Mirtich 1996.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from thesis_lib.contact.mirtich import impulse as exact_impulse
+from thesis_lib.contact.space import ContactSpace
+from thesis_lib.effects.effect import Impulse
+
+STEPS = 12  # of one path; the velocities after impact then err by about 1 mm/s in the mean, at 1 to 3 m/s
+_TINY = 1e-30  # m/s; a step without any rise of v_n lies wholly in compression or in restitution
+_FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
+
+
+def whole_impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
+    """Normal impulse (n,) of the path with constant μ, the length to divide into steps."""
+    with np.errstate(all="ignore"):
+        return exact_impulse(space, mu, epsilon)[1]
+
+
+def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndarray:
+    """Friction impulse of a step: what ends the slip `kicked`, at most `limit`; (n,) or (2, n)."""
+    return np.maximum(np.minimum(kicked / -K_tt, limit), -limit)
+
+
+def walk(
+    space: ContactSpace,
+    mu: np.ndarray,
+    epsilon: np.ndarray,
+    factor: Callable[[np.ndarray], np.ndarray] | None = None,
+    steps: int = STEPS,
+) -> Impulse:
+    """Impulses (2, n) at the ends of two paths: on the first friction is μ `factor`(v_t), on the second μ."""
+    dp = whole_impulse(space, mu, epsilon) / steps
+    kick, path = space.K_tn * dp, NormalPath(space)
+    limit = np.stack([mu * dp, mu * dp])
+    v_t = before = np.stack([space.v_t, space.v_t])
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            if factor is not None:
+                # the slip in the middle of the step, drawn out from the step before
+                limit[0] = limit[1] * factor(1.5 * v_t[0] - 0.5 * before[0])
+            before, kicked = v_t, v_t + kick
+            d_t = friction(kicked, limit, space.K_tt)
+            v_t = kicked + space.K_tt * d_t
+            path.step(dp, d_t)
+        return path.end(epsilon)
+
+
+class NormalPath:
+    """Normal velocity, its work and the impulses on the way of two paths; `end` says where restitution stops.
+
+    Attributes:
+        v_n: (2, n) m/s at the end of the last step.
+        lift: (n,) r_x / k² in rad/m, what a couple does to v_n.
+    """
+
+    def __init__(self, space: ContactSpace, lift: np.ndarray | float = 0.0) -> None:
+        self.space, self.lift = space, lift
+        self.v_n = self._low = space.v_n  # _low is v_n while it compresses, then 0
+        # twice the work of compression and of all; sums of the steps
+        self._compression = self._work = self._c_t = self._c_n = self._tau = 0.0
+        self._last = (space.v_n,) * 4
+
+    def step(self, dp: np.ndarray, d_t: np.ndarray, d_tau: np.ndarray | None = None) -> None:
+        """Advance by the normal impulse `dp` (n,) > 0; friction impulse and couple of the step are (2, n)."""
+        rise = self.space.K_nn * dp + self.space.K_tn * d_t
+        if d_tau is not None:
+            rise += self.lift * d_tau
+            self._tau = self._tau + d_tau
+        v_n = self.v_n + rise
+        low = np.minimum(v_n, 0.0)
+        # v_n is linear in p: the share of the step that still compresses
+        share = (low - self._low + _TINY) / (rise + _TINY)
+        self._compression = self._compression + share * (low + self._low) * dp
+        self._work = self._work + (v_n + self.v_n) * dp
+        self._c_t, self._c_n = self._c_t + d_t, self._c_n + dp
+        self.v_n, self._low, self._last = v_n, low, (dp, d_t, d_tau, rise)
+
+    def end(self, epsilon: np.ndarray) -> Impulse:
+        """Impulses (2, n) where restitution has given back the share ε² of the work of compression.
+
+        The last step is drawn out to there, or cut.
+        """
+        dp, d_t, d_tau, rise = self._last
+        b = np.maximum(rise / dp, _FLATTEST * self.space.K_nn)
+        # compression may last longer than the steps reach
+        compression = self._compression - self._low * self._low / b
+        # 2 W + 2 v_n x + b x² = (1 − ε²) 2 W_c
+        square = self.v_n * self.v_n + b * ((1.0 - epsilon * epsilon) * compression - self._work)
+        more = (np.sqrt(np.maximum(square, 0.0)) - self.v_n) / b
+        share = more / dp
+        tau = np.zeros_like(more) if d_tau is None else self._tau + share * d_tau
+        return Impulse(self._c_t + share * d_t, self._c_n + more, tau)
+
+
+def added(
+    impulse: Impulse, paths: Impulse, mu: np.ndarray, highest: float | np.ndarray = 1.0, lever: float = 0.0
+) -> Impulse:
+    """`impulse` plus what the first of two paths (2, n) has over the second.
+
+    The contact still pushes, friction stays inside the cone of μ `highest`, the couple within the `lever` (m) times
+    c_n.  A law that leaves the cone by itself may go on doing so, as far as it did.
+    """
+    d_t, d_n, d_tau = (
+        np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0)
+        for pair in (paths.c_t, paths.c_n, paths.tau)
+    )
+    c_n = np.maximum(impulse.c_n + d_n, 0.0)
+    limit = np.maximum(mu * highest * c_n, np.abs(impulse.c_t))
+    c_t = np.maximum(np.minimum(impulse.c_t + d_t, limit), -limit)
+    return Impulse(c_t, c_n, impulse.tau + np.clip(d_tau, -lever * c_n, lever * c_n))
