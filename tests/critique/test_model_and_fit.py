@@ -1,11 +1,13 @@
 """The model without effects is the law; covariances are those of synthetic data; fits find what was put in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.critique.fit import NU, fit, log_scores
+from thesis_lib.critique.fit import NU, cramer_rao, fit, log_scores
 from thesis_lib.critique.model import Model, impact_residuals, residual_covariance, states_at_impact
 from thesis_lib.critique.synthetic import synthesise
 from thesis_lib.effects import EFFECTS
@@ -13,6 +15,7 @@ from thesis_lib.effects.effect import Parameter
 
 EXACT = 1e-12  # rounding of two orders of the same operations
 SIGMAS = 4.0
+WIDEST = 1.15  # times the bound: 1.02 by the t distribution, the rest by scatter that is fitted, too
 RECOVERED = (
     *("tangential_restitution", "anisotropic_friction", "contact_torque", "com_offset"),
     *("surface_tilt", "linear_drag", "moving_surface", "angle_offset"),
@@ -171,3 +174,19 @@ def test_the_score_is_a_normalised_t_distribution():
     ours = _log_t(z, np.linalg.slogdet(S)[1])
     theirs = [multivariate_t.logpdf(x[i], shape=S[i], df=NU) for i in range(5)]
     np.testing.assert_allclose(ours, theirs, atol=1e-10)
+
+
+def test_errors_are_no_smaller_than_the_cramer_rao_bound_and_hardly_larger():
+    effect = EFFECTS["surface_tilt"]
+    model, values = Model(LAW, (effect,)), TRUTH | {"surface_tilt.phi": 0.02}
+    o = synthesise(model, values, observed(), np.random.default_rng(8))
+    bound, fitted = cramer_rao(model, values, o), fit(model, o, values)
+    for name in values:
+        assert 1.0 < fitted.std[name] / bound[name] < WIDEST, name
+    # half the noise, half the bound
+    assert cramer_rao(model, values, replace(o, cov=0.25 * o.cov))["mu"] / bound["mu"] == pytest.approx(
+        0.5, rel=0.1
+    )
+    # noise that is larger than stated shows in the errors
+    loud = synthesise(model, values, replace(o, cov=9.0 * o.cov), np.random.default_rng(9))
+    assert fit(model, replace(loud, cov=o.cov), values).std["mu"] > 1.5 * fitted.std["mu"]

@@ -8,12 +8,13 @@ is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residua
 rounds: the weights (ν + m)/(ν + d²) make it a maximum-likelihood fit at fixed S.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
+from scipy.stats import chi2
 
 from thesis_lib.critique.model import (
     Model,
@@ -29,6 +30,9 @@ NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; parameters move by less than a tenth of their error in the third
 STEPS = 12  # Levenberg-Marquardt steps a round
 ENOUGH = 1e-3  # nats of gain in a step below which a round ends: a twentieth of a standard error
+LEAST_CURVATURE = (
+    0.1  # of the likelihood, over that of a normal one; heavier tails than Student's t have less
+)
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
 
@@ -125,7 +129,6 @@ def _fit_from(model: Model, observations: Observations, start: dict[str, float],
         values |= _rough_start(model, observations, values)
     sigma_m = 0.02
     x = np.clip([values[name] for name in free], low, high)
-    J = np.zeros((0, len(free)))
     for _ in range(rounds):
         values |= dict(zip(free, map(float, x)))
         S = residual_covariance(model, values, observations)
@@ -136,20 +139,20 @@ def _fit_from(model: Model, observations: Observations, start: dict[str, float],
             z, f = whitening({**values, **dict(zip(free, x))})  # noqa: B023
             return np.concatenate([_robust(z).ravel(), _robust(f).ravel()])
 
-        x, J = _levenberg_marquardt(residuals, x, low, high, step)
+        x = _levenberg_marquardt(residuals, x, low, high, step)
     values |= dict(zip(free, map(float, x)))
     S = residual_covariance(model, values, observations)
     sigma_m = _best_sigma(model, values, observations, S)
     whitening = Whitening(model, observations, S, sigma_m)
     z, f = whitening(values)
     score = float(_log_t(z, whitening.log_det).sum() + _log_t(f, whitening.flight_log_det).sum())
-    covariance = np.linalg.pinv(J.T @ J, hermitian=True)
+    covariance = _covariance(whitening, values, free, step, high)
     std = dict.fromkeys(declared, 0.0) | dict(zip(free, np.sqrt(np.diag(covariance)).tolist()))
     return Fit(model, values, std, covariance, sigma_m, score, len(observations))
 
 
-def _levenberg_marquardt(residuals, x, low, high, step) -> tuple[np.ndarray, np.ndarray]:
-    """Minimise |residuals(x)|² within bounds; returns x and the Jacobian there."""
+def _levenberg_marquardt(residuals, x, low, high, step) -> np.ndarray:
+    """Minimise |residuals(x)|² within bounds."""
     r = residuals(x)
     cost, damping = r @ r, 1e-3
     J = np.zeros((len(r), len(x)))
@@ -167,7 +170,7 @@ def _levenberg_marquardt(residuals, x, low, high, step) -> tuple[np.ndarray, np.
             move = ~held
             d = np.zeros_like(x)
             if not move.any():
-                return x, J
+                return x
             H = JtJ[np.ix_(move, move)]
             d[move] = -np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g[move], rcond=None)[0]
             new = np.clip(x + d, low, high)
@@ -177,12 +180,59 @@ def _levenberg_marquardt(residuals, x, low, high, step) -> tuple[np.ndarray, np.
                 break
             damping *= 10.0
         if not improved:
-            return x, J
+            return x
         gain = cost - r_new @ r_new
         x, r, cost, damping = new, r_new, r_new @ r_new, max(damping / 10.0, 1e-8)
         if gain < ENOUGH:
-            return x, J
-    return x, J
+            return x
+    return x
+
+
+def _covariance(
+    whitening: Whitening,
+    values: Mapping[str, float],
+    free: Sequence[str],
+    step: np.ndarray,
+    high: np.ndarray,
+) -> np.ndarray:
+    """Covariance of the parameters `free` as an M-estimator has it, (p, p).
+
+    With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the whitened residuals' Jacobian:
+
+        H⁻¹ B H⁻¹,   H = Σ a JᵀJ,  a = ⟨w + 2 w' d²/m⟩,   B = Σ b JᵀJ,  b = ⟨w² d²/m⟩
+
+    summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals that is 1.02 times the
+    Cramér-Rao bound; it grows with residuals that are larger than S says, and does not shrink with smaller ones.
+    """
+    here = whitening(values)
+    columns: list[list[np.ndarray]] = [[], []]
+    for i, name in enumerate(free):
+        h = step[i] if values[name] + step[i] <= high[i] else -step[i]
+        for part, moved, base in zip(columns, whitening({**values, name: values[name] + h}), here):
+            part.append((moved - base).ravel() / h)
+    H, B = np.zeros((len(free),) * 2), np.zeros((len(free),) * 2)
+    for part, z in zip(columns, here):
+        if not len(z):
+            continue
+        J, m = np.stack(part, axis=1), z.shape[1]
+        normal = _curvature_and_variance(chi2.ppf((np.arange(2000) + 0.5) / 2000, m), m)
+        own = _curvature_and_variance(np.einsum("nm,nm->n", z, z), m)
+        a, b = max(own, normal, key=lambda one: one[1] / one[0] ** 2)
+        information = J.T @ J
+        H += a * information
+        B += b * information
+    # in units of each parameter's own information, so that the units of parameters do not matter
+    unit = np.sqrt(np.diag(H))
+    unit = np.outer(unit, unit) + (unit == 0.0) + (unit == 0.0)[:, None]
+    inverse = np.linalg.pinv(H / unit, hermitian=True) / unit
+    return inverse @ B @ inverse
+
+
+def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:
+    """a and b of `_covariance` for squared residuals d² (n,) in m dimensions."""
+    w = (NU + m) / (NU + d2)
+    a = max(float(np.mean(w - 2.0 * w / (NU + d2) * d2 / m)), LEAST_CURVATURE)
+    return a, float(np.mean(w * w * d2 / m))
 
 
 def _robust(z: np.ndarray) -> np.ndarray:
