@@ -131,7 +131,7 @@ def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden):
         values = {**base.values, f"{name}.{p}": size}
         draws = [synthesise(hidden, values, training, rng) for _ in range(8)]
         fits = [fit(base.model, data, base.values, rounds=1) for data in draws]
-        return float(np.mean([judge(one, data, rng).error.mean() for one, data in zip(fits, draws)]))
+        return float(np.mean([judge(one, data).error.mean() for one, data in zip(fits, draws)]))
 
     rise = (error(size) - error(0.0)) / floor
     assert 0.5 * LEAST_RISE < rise < 2.0 * LEAST_RISE

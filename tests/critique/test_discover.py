@@ -11,10 +11,14 @@ from hidden_effects import injected_impacts
 from plain_drops import injected
 
 import thesis_lib
-from thesis_lib.contact import SIX_LAWS
+from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.critique import discover as discover_module
 from thesis_lib.critique.discover import discover
 from thesis_lib.critique.discover import testable_effects as usable_effects
+from thesis_lib.critique.fit import fit
+from thesis_lib.critique.model import Model
 from thesis_lib.critique.observations import Observations, observe
+from thesis_lib.critique.score_test import scan
 from thesis_lib.critique.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
 
@@ -97,10 +101,36 @@ def test_forced_effects_are_switched_on_in_the_order_given():
     found = discover(table_only(), CritiqueSettings(), np.random.default_rng(0), fixed=wanted)
     assert [step.effect.name for step in found.steps] == wanted
     assert [effect.name for effect in found.fitted.model.effects] == wanted
+    # only one of them is asked for by the data
+    assert [step.clears for step in found.steps] == [False, True]
     # the one that is not there comes out small, the one that is there as it is
     values, std = found.fitted.values, found.fitted.std
     assert abs(values["wrong_inertia.d_I"]) < 4.0 * std["wrong_inertia.d_I"]
     assert abs(values["tangential_restitution.e_t"] - 0.4) < 4.0 * std["tangential_restitution.e_t"]
+
+
+def test_an_effect_that_a_later_one_makes_superfluous_leaves_again():
+    training, settings, rng = table_only(), CritiqueSettings(), np.random.default_rng(0)
+    wanted = ["wrong_inertia", "tangential_restitution"]
+    steps = discover(training, settings, rng, fixed=wanted).steps
+    folds = np.arange(len(np.unique(training.trial))) % settings.folds
+    gone = discover_module._not_needed_any_more(steps, training, folds, settings, rng)
+    assert gone == {"wrong_inertia"}
+    (left,) = discover_module._without(steps, gone, training, folds)
+    assert [effect.name for effect in left.fitted.model.effects] == ["tangential_restitution"]
+    assert set(left.fitted.values) == {"mu", "epsilon", "tangential_restitution.e_t"}
+    assert discover_module._not_needed_any_more([left], training, folds, settings, rng) == set()
+
+
+def test_refits_stretch_the_null_of_the_score_test_little(monkeypatch):
+    monkeypatch.setattr(discover_module, "REFITS", 40)
+    training, rng = table_only(), np.random.default_rng(0)
+    fitted = fit(Model(LAWS["anitescu_potra_newton"]), training)
+    effect = EFFECTS["wrong_inertia"]
+    found = scan(fitted, training, [effect], rng)
+    stretch = discover_module._stretch_of_null(fitted, effect, training, found, rng)
+    # the mean of 40 halves of chi² with one degree of freedom is known to 0.22 of itself
+    assert 1.0 <= stretch < 1.0 + 4.0 * 0.22
 
 
 def test_no_effects_wanted_no_effects_tried():

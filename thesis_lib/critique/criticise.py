@@ -65,7 +65,7 @@ class Critique:
         """adequate, effects or unexplained (design: format 3.2)."""
         if self.is_structured:
             return "unexplained"
-        return "effects" if self.discovery.steps else "adequate"
+        return "effects" if any(step.clears for step in self.discovery.steps) else "adequate"
 
     @property
     def is_structured(self) -> bool:
@@ -143,14 +143,14 @@ def _criticise(
     found = discover(training, settings, rng, effects, say)
     say("judging on held-out trials")
     fits = [("no effect", found.laws[found.base][0]), *((s.effect.name, s.fitted) for s in found.steps)]
-    ladder = tuple((label, one, judge(one, held_out, rng)) for label, one in fits)
-    laws = {name: judge(one, held_out, rng) for name, (one, _) in found.laws.items()}
+    ladder = tuple((label, one, judge(one, held_out)) for label, one in fits)
+    laws = {name: judge(one, held_out) for name, (one, _) in found.laws.items()}
     final = found.fitted
     without = {}
     for step in found.steps:
         smaller = final.model.without(step.effect.name)
         kept = {k: v for k, v in final.values.items() if k in smaller.parameters}
-        without[step.effect.name] = judge(fit(smaller, training, kept), held_out, rng)
+        without[step.effect.name] = judge(fit(smaller, training, kept), held_out)
     say("looking for what remains")
     left = remaining(final, training, rng)
     # as measured, and with geometry, inertia and camera as the final model has them

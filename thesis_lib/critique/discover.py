@@ -2,8 +2,10 @@
 
 At each step all candidates are screened by score tests, the best few are fitted with *all* parameters free and judged
 by K-fold over training trials.  An effect enters if it clears the null of the largest of all candidates' gains, if its
-held-out gain is positive by its paired interval, and if it lowers a held-out error materially.  Candidates that this
-design cannot tell from the chosen one are named with it.
+held-out gain is positive by its paired interval, and if it lowers a held-out error materially; earlier ones that it has
+made superfluous leave again.  The null is that of the score test; where a gain is not far beyond it, refits to data
+drawn without the effect say by how much refits stretch it.  Candidates that this design cannot tell from the chosen one
+are named with it.
 """
 
 from collections.abc import Sequence
@@ -18,7 +20,11 @@ from thesis_lib.critique.model import Model
 from thesis_lib.critique.observations import Observations
 from thesis_lib.critique.score_test import Scan, expected_difference, scan
 from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.critique.synthetic import synthesise
 from thesis_lib.effects import EFFECTS, Effect
+
+REFITS = 199  # of data drawn without the effect, where its gain is near the null
+FAR_BEYOND = 3.0  # times the largest draw of the null: no refit would stretch it as far
 
 
 @dataclass(frozen=True)
@@ -26,7 +32,8 @@ class Step:
     """One chosen effect.
 
     Attributes:
-        effect: chosen; alternatives: names that the data cannot tell from it.
+        effect: chosen; alternatives: names that the data cannot tell from it, nearest first.
+        clears: whether it passes all three tests; always so unless it was switched on by hand.
         p_value: of its gain against the null of the largest gain.
         gain: held-out gain an impact by K-fold, with 95 % interval, nats.
         fitted: the model with it, on all training trials; judged: by K-fold.
@@ -35,6 +42,7 @@ class Step:
 
     effect: Effect
     alternatives: tuple[str, ...]
+    clears: bool
     p_value: float
     gain: tuple[float, float, float]
     fitted: Fit
@@ -84,14 +92,15 @@ def discover(
     laws = {}
     for name in SIX_LAWS:
         fitted = fit(Model(LAWS[name]), training)
-        laws[name] = (fitted, cross_validate(fitted, training, folds, rng))
+        laws[name] = (fitted, cross_validate(fitted, training, folds))
     base = max(laws, key=lambda name: laws[name][1].total)
     fitted, judged = laws[base]
     testable, why_not = testable_effects(training)
     steps: list[Step] = []
+    dropped: set[str] = set()
     wanted = list(fixed) if fixed is not None else None
     while len(steps) < (settings.max_effects if wanted is None else len(wanted)):
-        taken = {step.effect.name for step in steps}
+        taken = {step.effect.name for step in steps} | dropped
         candidates = [effect for effect in testable.values() if effect.name not in taken]
         if wanted is not None:
             candidates = [EFFECTS[wanted[len(steps)]]]
@@ -110,7 +119,13 @@ def discover(
         step = _with_best_law(step, training, folds, settings, rng)
         say(f"step {len(steps) + 1}: {step.effect.name} ({step.gain[0]:.2f} nats an impact)")
         steps.append(step)
-        fitted, judged = step.fitted, step.judged
+        if wanted is None:
+            gone = _not_needed_any_more(steps, training, folds, settings, rng)
+            if gone:
+                say(f"not needed any more: {', '.join(sorted(gone))}")
+                dropped |= gone
+                steps = _without(steps, gone, training, folds)
+        fitted, judged = steps[-1].fitted, steps[-1].judged
     taken = {step.effect.name for step in steps}
     rest = [effect for effect in testable.values() if effect.name not in taken]
     return Discovery(laws, base, tuple(steps), scan(fitted, training, rest, rng), why_not)
@@ -155,19 +170,83 @@ def _best_step(
     # effect explains, and then the slope at the null says nothing
     names = sorted(quick, key=lambda name: -quick[name].score)[: settings.finalists]
     full = {name: fit(quick[name].model, training, quick[name].values) for name in names}
-    gains = {name: one.score - fitted.score for name, one in (quick | full).items()}
+    # over the best law without it: that one of the rivals may fit better by chance is no gain of the effect
+    best = max([fitted, *contenders], key=lambda one: one.score)
+    gains = {name: one.score - best.score for name, one in (quick | full).items()}
     names = sorted(names, key=lambda name: -gains[name])[:3]
-    judgements = {name: cross_validate(full[name], training, folds, rng) for name in names}
+    judgements = {name: cross_validate(full[name], training, folds) for name in names}
     for name in sorted(names, key=lambda name: -judgements[name].total):
         gain = paired_gain(judgements[name], judged, rng)
+        clears = gain[1] > 0.0 and _is_material(judgements[name], judged, by_name[name], settings)
         p_value = found.p_value(gains[name])
-        material = is_material(
-            judgements[name], judged, by_name[name].channels, settings.material_share, settings.material_floor
-        )
-        if forced or (p_value <= settings.alpha and gain[1] > 0.0 and material):
+        if clears and p_value <= settings.alpha and gains[name] < FAR_BEYOND * found.null.max():
+            stretch = _stretch_of_null(best, by_name[name], training, found, rng)
+            p_value = found.p_value(gains[name] / stretch)
+        clears = clears and p_value <= settings.alpha
+        if forced or clears:
             alternatives = _alternatives(name, gains, found, settings)
-            return Step(by_name[name], alternatives, p_value, gain, full[name], judgements[name], found)
+            return Step(
+                by_name[name], alternatives, clears, p_value, gain, full[name], judgements[name], found
+            )
     return None
+
+
+def _is_material(better: Judgement, worse: Judgement, effect: Effect, settings: CritiqueSettings) -> bool:
+    return is_material(better, worse, effect.channels, settings.material_share, settings.material_floor)
+
+
+def _stretch_of_null(
+    fitted: Fit, effect: Effect, training: Observations, found: Scan, rng: np.random.Generator
+) -> float:
+    """Factor by which gains of full refits exceed those of the score test where nothing is hidden, at least 1.
+
+    The mean gain of `REFITS` refits to data drawn from the model without the effect, over half the number of its
+    columns: the mean of the score test (Bartlett's correction).
+    """
+    with_it = fitted.model.with_effect(effect)
+    gains = []
+    for _ in range(REFITS):
+        drawn = synthesise(fitted.model, fitted.values, training, rng, fitted.sigma_m)
+        plain = fit(fitted.model, drawn, fitted.values, rounds=1)
+        gains.append(fit(with_it, drawn, plain.values, rounds=1).score - plain.score)
+    expected = 0.5 * max(found.columns[effect.name].shape[1], 1)
+    return max(1.0, float(np.mean(np.maximum(gains, 0.0))) / expected)
+
+
+def _not_needed_any_more(
+    steps: Sequence[Step],
+    training: Observations,
+    folds: np.ndarray,
+    settings: CritiqueSettings,
+    rng: np.random.Generator,
+) -> set[str]:
+    """The earlier effect that the last one has made superfluous, if there is one (backward check)."""
+    last = steps[-1]
+    for step in steps[:-1]:
+        smaller = last.fitted.model.without(step.effect.name)
+        start = {k: v for k, v in last.fitted.values.items() if k in smaller.parameters}
+        judged = cross_validate(fit(smaller, training, start), training, folds)
+        gain = paired_gain(last.judged, judged, rng)
+        if gain[1] <= 0.0 or not _is_material(last.judged, judged, step.effect, settings):
+            return {step.effect.name}
+    return set()
+
+
+def _without(steps: Sequence[Step], gone: set[str], training: Observations, folds: np.ndarray) -> list[Step]:
+    """The steps without the effects `gone`, all that came after them fitted and judged again."""
+    kept: list[Step] = []
+    changed = False
+    for step in steps:
+        if step.effect.name in gone:
+            changed = True
+            continue
+        if changed:
+            model = Model(step.fitted.model.law, (*(one.effect for one in kept), step.effect))
+            start = {k: v for k, v in step.fitted.values.items() if k in model.parameters}
+            fitted = fit(model, training, start)
+            step = replace(step, fitted=fitted, judged=cross_validate(fitted, training, folds))
+        kept.append(step)
+    return kept
 
 
 def _with_best_law(
@@ -183,7 +262,7 @@ def _with_best_law(
     best = max(fits, key=lambda name: fits[name].score)
     if best == model.law.name or fits[best].score - step.fitted.score < settings.tell_apart:
         return step
-    judged = cross_validate(fits[best], training, folds, rng)
+    judged = cross_validate(fits[best], training, folds)
     if judged.total - step.judged.total < settings.tell_apart:
         return step
     return replace(step, fitted=fits[best], judged=judged)
@@ -202,4 +281,4 @@ def _alternatives(
         loss = max(loss, gains[name] - gains[other])
         if loss < settings.tell_apart:
             close[other] = loss
-    return tuple(sorted(close, key=lambda other: close[other])[: settings.max_group - 1])
+    return tuple(sorted(close, key=lambda other: close[other]))

@@ -23,6 +23,7 @@ from thesis_lib.critique.observations import Observations
 
 CHANNELS = ("impact", "flight", "meet", "touch")
 MAD = 0.6744897501960817  # median of |z| for unit normal z
+FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # an impact; the mean over 100 impacts is then known to 1 %
 
 
@@ -62,7 +63,7 @@ class Judgement:
         return found
 
 
-def judge(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Judgement:
+def judge(fitted: Fit, observations: Observations) -> Judgement:
     """Judge a fitted model on observations that it was not fitted to."""
     model, values, o = fitted.model, fitted.values, observations
     score, flight_score = log_scores(model, values, o, fitted.sigma_m)
@@ -80,7 +81,9 @@ def judge(fitted: Fit, observations: Observations, rng: np.random.Generator) -> 
     floor, excess = np.nan, np.nan
     if o.noise_known:
         L = np.linalg.cholesky(S[:, :3, :3] + 1e-18 * np.eye(3))
-        draws = np.einsum("nij,dnj->dni", L, rng.standard_normal((FLOOR_DRAWS, len(o), 3)))
+        # the same draws for every model, so that the same residuals have the same floor everywhere
+        unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), 3))
+        draws = np.einsum("nij,dnj->dni", L, unit)
         noise = velocity_error(draws, o.rig.k_g)
         floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
     return Judgement(
@@ -95,9 +98,7 @@ def judge(fitted: Fit, observations: Observations, rng: np.random.Generator) -> 
     )
 
 
-def cross_validate(
-    fitted: Fit, observations: Observations, folds: np.ndarray, rng: np.random.Generator
-) -> Judgement:
+def cross_validate(fitted: Fit, observations: Observations, folds: np.ndarray) -> Judgement:
     """Judge by K-fold: `folds` numbers the fold of each trial of `np.unique(observations.trial)`."""
     trials = np.unique(observations.trial)
     parts = []
@@ -105,7 +106,7 @@ def cross_validate(
         rest = observations.select(trials[folds != k])
         own = observations.select(trials[folds == k])
         refitted = fit(fitted.model, rest, fitted.values, rounds=1)
-        parts.append(judge(refitted, own, rng))
+        parts.append(judge(refitted, own))
     weights = np.array([len(part.score) for part in parts], float)
     channels = parts[0].sigmas
 

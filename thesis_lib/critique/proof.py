@@ -244,7 +244,7 @@ def find_size(name: str, ratio: float, seed: int) -> float:
         rng = generator(seed, "proof sizes", name)
         model = Model(LAWS[LAW], (effect,))
         o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG_NOISE, rng=rng))
-        judged = judge(fit(Model(LAWS[LAW]), o), o, rng)
+        judged = judge(fit(Model(LAWS[LAW]), o), o)
         # from the misfit without anything hidden, which is not exactly 1 in the gap
         impact = float(judged.error.mean()) / judged.floor
         flight = np.sqrt(judged.sigmas["flight"])

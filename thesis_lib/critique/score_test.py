@@ -99,8 +99,10 @@ def scan(
         size[effect.name] = {p.name: float(x) for p, x in zip(effect.parameters, solved)}
     null = np.zeros(RESAMPLES)
     if columns:
-        draws = rng.standard_normal((len(residual), RESAMPLES)) * np.sqrt(np.mean(residual**2))
-        best = [0.5 * ((basis.T @ draws) ** 2).sum(axis=0) for basis in columns.values()]
+        # normal draws matter only in the space of all columns together
+        joint = _basis(np.concatenate(list(columns.values()), axis=1))
+        draws = rng.standard_normal((joint.shape[1], RESAMPLES)) * np.sqrt(np.mean(residual**2))
+        best = [0.5 * ((basis.T @ joint @ draws) ** 2).sum(axis=0) for basis in columns.values()]
         null = np.max(best, axis=0)
     return Scan(gain, null, columns, shift, size, information)
 

@@ -30,7 +30,7 @@ class CritiqueSettings(Section):
     tell_apart: float = Field(
         3.0, gt=0, description="nats in total below which two effects cannot be told apart"
     )
-    max_group: int = Field(3, ge=1, description="most effects that are named together")
+    max_group: int = Field(3, ge=1, description="effects named together, beyond which nothing is named: the data cannot tell")
 
 
 class CritiqueRun(Section):
@@ -44,8 +44,7 @@ class CritiqueRun(Section):
         {}, description="dataset -> effects to switch on instead of the automatic choice"
     )
     max_trials: Annotated[int, Field(ge=10)] | None = Field(
-        300,
-        description="trials used a dataset, the first ones; null: all. Own choice: 300 drops show what matters",
+        None, description="trials used a dataset, the first ones; null: all, as on the command line"
     )
     proof: tuple[str, ...] = Field(
         (
