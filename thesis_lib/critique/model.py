@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import roots_gegenbauer
 
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
@@ -32,6 +33,8 @@ ARC_POINTS = 33  # of a flight, at which its path is compared with a parabola
 # a line through τ³/6 on [−W, 0] has the slope 0.15 W², as if the acceleration were that at −0.3 W; the line's own slope
 # is the velocity at −0.5 W
 ARC_MEAN = 0.6
+_PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
+_PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
 _H = 1e-3  # s, for the derivative of a linear map
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
 
@@ -247,7 +250,18 @@ def impact_residuals(
 
 def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
     """Acceleration measured minus predicted, (m, 3)."""
-    predicted = model.acceleration(flights.state, values, rig)
+    state = flights.state
+    predicted = model.acceleration(state, values, rig)
+    if model.has_varying_flight:
+        # a parabola through x(τ) has the mean of x'' with the weight (1 − (2τ/T)²)²
+        first, total = predicted, 0.0
+        for node, weight in zip(*_PARABOLA):
+            tau = 0.5 * node * flights.span[:, None]
+            v = np.stack([state.vx, state.vy, state.omega], axis=1) + tau * first
+            total = total + weight * model.acceleration(
+                state.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2]), values, rig
+            )
+        predicted = total
     tau = flights.span[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
     beyond = model.arc(tau, flights.state, values, rig)
     if beyond is not None:
