@@ -46,6 +46,22 @@ def test_what_deviates_is_counted_as_said(statuses):
     assert re.search(rf"Of the {len(deviating)}, {defined} are the laws .*and {beyond} are", README, re.S)
 
 
+def test_shares_of_the_proof_are_those_of_the_stored_results():
+    from thesis_lib.critique.proof_summary import summary
+
+    table = summary().query("n > 0")
+    said = re.findall(
+        r"^\| .+? \| (law|mechanism|drake) \| ([\d.]+) % \| ([\d.]+) to ([\d.]+) % \| (\d+) \|", README, re.M
+    )
+    found = {
+        (r.source, int(r.n), *(round(100 * x, 1) for x in (r.measured, r.low, r.high)))
+        for r in table.itertuples()
+    }
+    assert len(said) >= 6
+    for source, share, low, high, n in said:
+        assert (source, int(n), float(share), float(low), float(high)) in found
+
+
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"(?:`|^    )make ([a-z]+)", README, re.M))))
 def test_make_targets_exist(target):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

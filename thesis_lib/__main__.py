@@ -1,4 +1,4 @@
-"""`python -m thesis_lib`: criticise contact models against measured drops, predict with the result, list effects."""
+"""`python -m thesis_lib`: criticise contact models against measured drops, predict and simulate with the result."""
 
 import argparse
 import json
@@ -17,6 +17,7 @@ examples:
   python -m thesis_lib critique data/before data/after             two datasets, side by side
   python -m thesis_lib effects                                     the physical effects that are looked for
   python -m thesis_lib predict out/model.json states.csv -o predicted.csv
+  python -m thesis_lib simulate out/model.json -o data/simulated               drops as that model makes them
 
 A dataset is a folder with dataset.yaml and trajectories.csv or impacts.csv; python -m thesis_lib.datasets makes one
 from a rig's logs and checks it.
@@ -47,6 +48,19 @@ STATES.csv holds one impact a row, just before it touches, as measured:
 
 and comes back with vx_post, vy_post, omega_post and status (ok, not_approaching, no_solution).
 """
+SIMULATE = """\
+Drop the body of a model.json on its surface: law and effects act as they do in the critique, in our own simulator or in
+Drake. What comes out is a dataset (dataset.yaml, trajectories.csv) like a measured one, with noise.
+
+Releases are those of the proof (both ways, 0.8 to 3.3 m/s, 0.3 mm and 3 mrad of noise at 250 Hz), or with --like those
+of a dataset, with its noise, rate and duration. Scatter that the model could not explain is not simulated.
+"""
+SIMULATE_EXAMPLES = """\
+examples:
+  python -m thesis_lib simulate out/model.json -o data/simulated
+  python -m thesis_lib simulate out/model.json -o data/again --like data/my_drops --engine drake      the same throws
+  python -m thesis_lib critique data/simulated                                           does it find the model again?
+"""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -57,7 +71,9 @@ def build_parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=raw,
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="{critique,predict,effects}")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="{critique,predict,simulate,effects}"
+    )
 
     critique = commands.add_parser(
         "critique",
@@ -99,6 +115,21 @@ def build_parser() -> argparse.ArgumentParser:
     predict.add_argument("states", metavar="STATES.csv")
     predict.add_argument("-o", "--out", metavar="OUT.csv", help="default: print to stdout")
 
+    simulate = commands.add_parser(
+        "simulate",
+        help="drops as a model makes them, in our simulator or in Drake",
+        description=SIMULATE,
+        epilog=SIMULATE_EXAMPLES,
+        formatter_class=raw,
+    )
+    simulate.add_argument("model", metavar="MODEL.json")
+    simulate.add_argument("-o", "--out", metavar="DIR", required=True, help="folder of the new dataset")
+    simulate.add_argument("--drops", type=int, metavar="N", help="default: 50, or all releases of --like")
+    simulate.add_argument("--seed", type=int, default=0, help="of releases and noise; default: %(default)s")
+    simulate.add_argument("--engine", choices=("own", "drake"), default="own", help="default: %(default)s")
+    simulate.add_argument("--like", metavar="DATASET", help="releases, noise and rate as in this dataset")
+    simulate.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
+
     effects = commands.add_parser(
         "effects",
         help="list the physical effects that are looked for",
@@ -110,8 +141,9 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
+    commands = {"critique": _critique, "predict": _predict, "simulate": _simulate, "effects": _effects}
     try:
-        return {"critique": _critique, "predict": _predict, "effects": _effects}[args.command](args)
+        return commands[args.command](args)
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -242,6 +274,34 @@ def _predict(args: argparse.Namespace) -> int:
         print(f"{len(table)} predictions written to {args.out}", file=sys.stderr)
     else:
         table.to_csv(sys.stdout, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+    return 0
+
+
+def _simulate(args: argparse.Namespace) -> int:
+    from thesis_lib.critique.saved_model import load_model
+    from thesis_lib.critique.simulate_model import simulate_model
+    from thesis_lib.datasets.read import read_dataset
+    from thesis_lib.datasets.write import write_dataset
+    from thesis_lib.randomness import generator
+
+    def say(text: str) -> None:
+        if not args.quiet:
+            print(f"{args.model}: {text}", file=sys.stderr, flush=True)
+
+    if args.seed < 0:
+        raise UserError(f"--seed must be 0 or more, got {args.seed}.")
+    folder = Path(args.out)
+    taken = [name for name in ("dataset.yaml", "trajectories.csv", "impacts.csv") if (folder / name).exists()]
+    if taken:
+        raise UserError(
+            f"{folder} already holds {taken[0]}, which may be measured: choose another folder for -o."
+        )
+    model = load_model(args.model)
+    like = read_dataset(args.like) if args.like else None
+    rng = generator(args.seed, "simulate")
+    made = simulate_model(model, args.drops, engine=args.engine, like=like, rng=rng, say=say)
+    write_dataset(made, folder)
+    say(f"{len(made.trials)} drops, {len(made.trajectories)} samples written to {folder}")
     return 0
 
 

@@ -87,6 +87,7 @@ _FEATURES: dict[str, Meaning] = {
     "r_x": ("m", "contact point ahead of the centre of mass"),
     "theta": ("rad", "body angle, within half a turn"),
 }
+_HELD_OUT: Meaning = ("1", "1: no choice has seen the trial, 0: for training")
 _INTERVALS: dict[str, Meaning] = {
     "error": ("m/s", "mean error of the velocity after impact, held-out impacts"),
     "error_low": ("m/s", "lower end of its 95 % interval, bootstrap over trials"),
@@ -123,7 +124,42 @@ _COVERED: dict[str, Meaning] = {
     "coverage_high": ("1", "upper end of its 95 % Wilson interval"),
 }
 
+_NOISE_STUDY: dict[str, Meaning] = {  # table 2.1
+    "shape": ("", "body that is dropped"),
+    "snr": ("dB", "signal-to-noise ratio of every channel of q and v"),
+    "method": (
+        "",
+        "plain: eq. 2.23 on the samples; least_squares: Δω against lever at the true impact steps; arcs: maximum "
+        "likelihood with free impulses; arcs_gap: with the gap at the impacts too; arcs_law: with the contact law too",
+    ),
+}
+
 TABLES: dict[str, dict[str, Meaning]] = {
+    "table_2_1": {
+        **_NOISE_STUDY,
+        "n": ("1", "drops that went into the row"),
+        "n_failed": ("1", "drops whose estimate was rejected by its own tests"),
+        "mean_error": ("%", "mean error of m/I"),
+        "mean_error_std": ("%", "standard error of the mean"),
+        "median_error": ("%", "median error of m/I"),
+        "std": ("%", "standard deviation of the error over drops"),
+        "bound": ("%", "Cramér-Rao bound with free impulses, root mean square over drops"),
+        "law_bound": ("%", "Cramér-Rao bound with the contact law, root mean square over drops"),
+        "std_over_bound": ("1", "std over bound"),
+        "median_over_bound": ("1", "median of |error| / bound of the drop, over 0.6745: 1 if efficient"),
+        "std_stated": ("%", "standard deviation that the estimator states, root mean square over drops"),
+        "thesis": ("%", "mean error in the thesis"),
+    },
+    "table_2_1_drops": {
+        **_NOISE_STUDY,
+        "drop": ("1", "number of the drop"),
+        "ratio": ("1/m²", "estimate of m/I"),
+        "error": ("%", "its error"),
+        "std": ("%", "standard deviation that the estimator states"),
+        "bound": ("%", "Cramér-Rao bound of the drop with free impulses"),
+        "law_bound": ("%", "Cramér-Rao bound of the drop with the contact law"),
+        "status": ("", "ok, or why the drop is not to be used"),
+    },
     "rerun": {
         **_HIDDEN,
         "verdict": ("", "of the critique, run again"),
@@ -243,7 +279,7 @@ TABLES: dict[str, dict[str, Meaning]] = {
     "errors": {
         **_FEATURES,
         "model": ("", "base: law without effects; augmented: law with the effects found"),
-        "held_out": ("1", "1: no choice has seen the trial, 0: for training"),
+        "held_out": _HELD_OUT,
         "error_normal": (
             "m/s",
             "error of the contact point's velocity after impact, normal, measured − predicted",
@@ -251,6 +287,23 @@ TABLES: dict[str, dict[str, Meaning]] = {
         "error_tangential": ("m/s", "the same, tangential"),
         "error_couple": ("m/s", "couple about the contact point that the error needs, over mass and k"),
         "x": ("m", "position along the surface at impact"),
+    },
+    "flights": {
+        "t": ("s", "middle of the flight, since the trial's first sample"),
+        "span": ("s", "duration of the flight, first to last sample"),
+        "model": ("", "base: law without effects; augmented: law with the effects found"),
+        "held_out": _HELD_OUT,
+        "residual_x": ("1", "acceleration along the surface, measured − predicted, over its noise"),
+        "residual_y": ("1", "acceleration away from the surface, likewise"),
+        "residual_theta": ("1", "angular acceleration, likewise"),
+        "misfit": ("1", "root mean square of the three residuals; noise alone gives 1"),
+        "v_x": ("m/s", "velocity along the surface, of the centre of mass at mid-flight"),
+        "v_y": ("m/s", "velocity away from the surface, of the centre of mass at mid-flight"),
+        "omega": ("rad/s", "angular velocity at mid-flight"),
+        "theta": ("rad", "body angle at mid-flight, within half a turn"),
+        "r_x": ("m", "lowest point of the body ahead of the centre of mass at mid-flight"),
+        "x": ("m", "position along the surface at mid-flight"),
+        "y": ("m", "height at mid-flight"),
     },
     "ladder": {
         **_JUDGED,
@@ -263,7 +316,7 @@ TABLES: dict[str, dict[str, Meaning]] = {
     },
     "impacts": {
         "used": ("1", "1: used, 0: left out"),
-        "held_out": ("1", "1: no choice has seen the trial, 0: for training"),
+        "held_out": _HELD_OUT,
         "reason": ("", "why the impact was left out, empty if it was used"),
         "detail": ("", "the same with numbers"),
         "flags": ("", "quality tests that failed; flagged impacts are kept"),
@@ -290,6 +343,7 @@ TABLES: dict[str, dict[str, Meaning]] = {
         **_FEATURES,
         "x": ("m", "position along the surface"),
         "t": ("s", "time since the first sample"),
+        "held_out": _HELD_OUT,
         "disc_across": ("1", "measured impulse in the unit disc of the energy ellipse, against the slip"),
         "disc_along": ("1", "the same, upwards: −1 no impulse, 0 dead stop, 1 complete reversal"),
         "error_before": ("m/s", "error of the velocity after impact, law without effects"),
@@ -303,7 +357,7 @@ TABLES: dict[str, dict[str, Meaning]] = {
         "x": ("see feature", "mean of the feature in the bin; m/s, rad/s, m, rad, s or 1"),
         "mean": ("m/s", "mean residual in the bin"),
         "std": ("m/s", "standard error of the mean"),
-        "n": ("1", "impacts in the bin"),
+        "n": ("1", "impacts in the bin, training and held out"),
     },
     "parameters": {
         "label": ("", "effect added at this step"),
@@ -318,7 +372,11 @@ TABLES: dict[str, dict[str, Meaning]] = {
     "compare": {
         "quantity": ("", "verdict, error (m/s) or parameter"),
         "a": ("see unit", "of the first dataset or run"),
+        "a_low": ("see unit", "lower end of its 95 % interval"),
+        "a_high": ("see unit", "upper end of its 95 % interval"),
         "b": ("see unit", "of the second dataset or run"),
+        "b_low": ("see unit", "lower end of its 95 % interval"),
+        "b_high": ("see unit", "upper end of its 95 % interval"),
         "difference": ("see unit", "second minus first"),
         "sigmas": ("1", "difference in its standard errors"),
     },

@@ -8,13 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 from hidden_effects import RIG_NOISE, injected_impacts
-from plain_drops import drops
+from plain_drops import TRUTH, drops
 
 from thesis_lib.__main__ import main
 from thesis_lib.critique.criticise import criticise
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.write import write_dataset
 from thesis_lib.errors import UserError
+from thesis_lib.simulate.drops import ELLIPSE_BODY, simulate_drops
+from thesis_lib.simulate.mechanisms import PROOF_RELEASE
 
 RATE = 250.0
 
@@ -81,8 +83,51 @@ def stuck_channel(column: str) -> Callable[[], Dataset]:
     return make
 
 
+def constant_angle() -> Dataset:
+    made = injected_impacts("bad", 40, 0, "tangential_restitution", {"tangential_restitution.e_t": 0.0})
+    return replace(made, impacts=made.impacts.assign(theta=0.3, vx_pre=0.5))
+
+
+def out_of_plane() -> Dataset:
+    """A throw that turns away from the camera: x is foreshortened."""
+    table = drops().trajectories
+    return from_trajectories(table.assign(x=table["x"] * np.cos(8.0 * table["t"])))
+
+
+def second_body(**changes: float) -> Dataset:
+    """Every other trial is of another body."""
+    head = drops().header
+    a, b = head.body.shape.semi_axes
+    size = 1.0 + changes.get("size", 0.0)
+    shape = head.body.shape.model_copy(update={"semi_axes": (size * a, size * b)})
+    k_g = head.body.radius_of_gyration * np.sqrt(1.0 + changes.get("inertia", 0.0)) * size
+    other = ELLIPSE_BODY.model_copy(update={"shape": shape, "radius_of_gyration": k_g})
+    rng = np.random.default_rng(3)
+    made = simulate_drops(other, PROOF_RELEASE, 20, **TRUTH, noise=RIG_NOISE, rng=rng)
+    first = drops().trajectories.query("trial < 20")
+    both = pd.concat(
+        [
+            first.assign(trial=2 * first["trial"]),
+            made.trajectories.assign(trial=2 * made.trajectories["trial"] + 1),
+        ]
+    )
+    return from_trajectories(both.sort_values(["trial", "t"]))
+
+
+def two_sizes() -> Dataset:
+    return second_body(size=0.3)
+
+
+def two_inertias() -> Dataset:
+    return second_body(inertia=0.4)
+
+
 REFUSED = [
-    (no_impacts, "0 usable impacts"),
+    (constant_angle, "Columns theta, vx_pre of impacts.csv"),
+    (out_of_plane, "is no planar free motion"),
+    (two_sizes, "20 trials (trial 1, 3, 5, "),
+    (two_inertias, "k² "),
+    (no_impacts, "because not one was detected. What was noticed: No impact was found"),
     (one_trial, "1 trial"),
     (never_moves, "usable impacts"),
     (never_moves_without_noise, "x, y, theta of trajectories.csv"),

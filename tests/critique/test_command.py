@@ -100,7 +100,8 @@ def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(
     assert "wrong_inertia.d_I" in shown.out and "report.html" in shown.out
     assert "finding impacts" in shown.err and "finding impacts" not in shown.out
     content = json.loads((out / "diagnosis.json").read_text())
-    assert [effect["name"] for effect in content["effects"]] == ["wrong_inertia"]
+    assert [(effect["name"], effect["clears"]) for effect in content["effects"]] == [("wrong_inertia", False)]
+    assert "Switched on by you: wrong inertia; these data do not ask for it" in shown.out
 
 
 def test_predict_uses_the_model_of_the_run(run_folder, tmp_path, capsys):
@@ -178,16 +179,55 @@ def test_too_few_drops_are_refused_with_the_number_needed(impacts_dataset, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-def test_an_interrupted_run_leaves_no_verdict(hidden_impacts, no_pictures, tmp_path, monkeypatch):
-    (tmp_path / "diagnosis.json").write_text("{}")
+def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
+    hidden_impacts, no_pictures, tmp_path, monkeypatch
+):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in FILES:
+        (folder / name).write_text("earlier")
 
     def fail(*args):
         raise OSError("disk full")
 
     monkeypatch.setattr("thesis_lib.critique.output.save_model", fail)
     with pytest.raises(OSError, match="disk full"):
-        write_critique(hidden_impacts, tmp_path, np.random.default_rng(0))
-    assert not (tmp_path / "diagnosis.json").exists()
+        write_critique(hidden_impacts, folder, np.random.default_rng(0))
+    assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(FILES, "earlier")
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
+    hidden_impacts, no_pictures, tmp_path, monkeypatch, capsys
+):
+    folder = tmp_path / "run"
+    write_critique(hidden_impacts, folder, np.random.default_rng(0))
+    move = Path.replace
+
+    def killed(self, target):
+        if Path(target) == folder / "model.json":
+            raise KeyboardInterrupt
+        return move(self, target)
+
+    monkeypatch.setattr(Path, "replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        write_critique(hidden_impacts, folder, np.random.default_rng(0))
+    left = {path.name for path in folder.iterdir()}
+    assert left and not left & {"diagnosis.json", "model.json", "report.html"}
+    assert main(["critique", str(folder), str(folder)]) == 2
+    assert "unfinished run" in capsys.readouterr().err
+    assert main(["predict", str(folder / "model.json"), "states.csv"]) == 2
+
+
+def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(
+    hidden_impacts, no_pictures, tmp_path
+):
+    for name in ("residuals.png", "flights.csv", "notes.txt", "my_plot.png"):
+        (tmp_path / name).write_text("old")
+    write_critique(hidden_impacts, tmp_path, np.random.default_rng(0))
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"notes.txt", "my_plot.png", "diagnosis.json"} <= names and "residuals.png" not in names
+    assert not (tmp_path / "flights.csv").exists() or (tmp_path / "flights.csv").read_text() != "old"
 
 
 def test_the_public_face_is_the_function_whatever_was_imported_before():

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.compare import ALONE, OLD_RUN, compare, comparison_text
+from thesis_lib.critique.compare import ALONE, OLD_RUN, compare, comparison_text, is_run, read_run
+from thesis_lib.errors import UserError
 
 
 def parameter(value: float, std: float = 0.01, unit: str = "1") -> dict:
@@ -70,7 +71,7 @@ def test_effects_that_come_or_go_are_said_and_the_law_is_compared_without_them()
     assert f"mirtich{ALONE}, epsilon" in table.index and f"whittaker{ALONE}, epsilon" not in table.index
     text = comparison_text(compare(a, b), "before", "after")
     assert "The effects differ: before has surface_tilt, after has none." in text
-    assert "No parameter that both have differs by more than 3 standard errors." in text
+    assert "No error and no parameter that both have differs by more than 3 standard errors." in text
 
 
 def test_an_effect_means_the_same_under_any_law():
@@ -88,5 +89,43 @@ def test_runs_of_an_older_version_are_compared_as_far_as_they_go():
     old = copy.deepcopy(run("mirtich", 0.1))
     del old["laws"]
     text = comparison_text(compare(old, run("whittaker", 0.1)), "before", "after")
-    assert OLD_RUN in text and "differs by more than" not in text.replace("No parameter", "")
-    assert "No parameter can be compared." in text
+    assert OLD_RUN in text and "differs by more than" not in text.replace("No error and no parameter", "")
+    assert "No error and no parameter can be compared." in text
+
+
+def with_intervals(content: dict, half: float) -> dict:
+    for key in ("base", "augmented"):
+        content["error"][f"{key}_interval"] = [content["error"][key] - half, content["error"][key] + half]
+    return content
+
+
+def test_errors_are_compared_in_standard_errors_of_their_intervals():
+    a, b = with_intervals(run("mirtich", 0.1), 0.002), with_intervals(run("mirtich", 0.1), 0.002)
+    b["error"] |= {"base": 0.05, "base_interval": [0.046, 0.054]}
+    table = rows(a, b)
+    row = table.loc["error, base"]
+    assert (row["a_low"], row["a_high"], row["b_low"]) == pytest.approx((0.028, 0.032, 0.046))
+    assert row["sigmas"] == pytest.approx(0.02 / (np.hypot(0.002, 0.004) / 1.959964))
+    assert pd.isna(table.loc["error, noise floor", "sigmas"])
+    text = comparison_text(compare(a, b), "before", "after")
+    assert "0.03 [0.028, 0.032]" in text and "standard errors: error, base." in text
+
+
+def test_friction_under_different_final_laws_is_not_compared():
+    a, b = run("mirtich", 0.1, ("surface_tilt",)), run("mirtich", 0.2, ("surface_tilt",))
+    b["augmented_model"] = {**b["augmented_model"], "name": "whittaker"}
+    table = rows(a, b)
+    assert pd.isna(table.loc["mu", "sigmas"]) and pd.isna(table.loc["mu", "difference"])
+    assert not pd.isna(table.loc[f"mirtich{ALONE}, mu", "sigmas"])
+    text = comparison_text(compare(a, b), "before", "after")
+    assert "With the effects the laws differ: before has mirtich, after has whittaker." in text
+
+
+def test_an_unfinished_run_is_recognised(tmp_path):
+    for name in ("where.json", "comparison.csv", "ladder.csv"):
+        (tmp_path / name).write_text("{}")
+    assert is_run(tmp_path)
+    with pytest.raises(UserError, match="unfinished run"):
+        read_run(tmp_path)
+    (tmp_path / "dataset.yaml").write_text("")
+    assert not is_run(tmp_path)

@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.critique import diagnosis as module
+from thesis_lib.contact import LAWS
 from thesis_lib.critique.detectable import detectable
 from thesis_lib.critique.diagnosis import diagnosis
 from thesis_lib.critique.fit import fit
-from thesis_lib.critique.judge import judge
+from thesis_lib.critique.judge import cross_validate, is_material, judge, paired_gain
+from thesis_lib.critique.model import Model
 from thesis_lib.critique.next_experiment import next_experiment
 from thesis_lib.critique.score_test import scan
+from thesis_lib.critique.summary import summary
 from thesis_lib.critique.synthetic import synthesise
+from thesis_lib.critique.tables import ladder as ladder_table
 from thesis_lib.effects import EFFECTS
 
 LEAST_RISE = 0.25  # of the noise floor: the setting material_floor
@@ -33,7 +36,7 @@ def told_nothing(nothing_hidden) -> dict:
     return diagnosis(nothing_hidden, np.random.default_rng(0))
 
 
-def test_the_format_has_every_key_of_the_design(told):
+def test_the_format_has_every_key_of_the_design(told, told_nothing):
     assert {
         *("schema", "dataset", "n_impacts", "n_trials", "base_model", "verdict", "effects", "error"),
         *("remaining", "not_testable", "left_out", "detectable", "next_experiment"),
@@ -45,7 +48,7 @@ def test_the_format_has_every_key_of_the_design(told):
         *("unit", "base", "augmented", "irb_bound", "noise_floor", "explained_share", "flight")
     }
     assert set(told["effects"][0]["gain"]) == {"held_out_log_score_per_impact", "interval", "p_value"}
-    assert set(told["next_experiment"]["states"][0]) == {"vx", "vy", "omega", "theta"}
+    assert set(told_nothing["next_experiment"]["states"][0]) == {"vx", "vy", "omega", "theta"}
 
 
 def test_the_hidden_effect_is_named_with_its_size(told):
@@ -101,7 +104,7 @@ def test_unknown_noise_and_a_base_below_the_floor_give_null(hidden_impacts):
 def test_the_smallest_detectable_size_is_found_in_most_repetitions(nothing_hidden, factor, passes):
     """Data made by the base law with the effect on, at that size: how often does the score test pass its null?"""
     name = "orientation_dependent_restitution"
-    smallest = {e["name"]: e["smallest"] for e in detectable(nothing_hidden)}[name]["a_c"]
+    smallest = {e["name"]: e["significant"] for e in detectable(nothing_hidden)}[name]["a_c"]
     base = nothing_hidden.ladder[0][1]
     hidden = base.model.with_effect(EFFECTS[name])
     values = {**base.values, f"{name}.a_c": factor * smallest, f"{name}.a_s": 0.0}
@@ -121,7 +124,7 @@ def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden):
     """Data made with the effect at that size, and fitted without it: the error rises by a quarter of the floor."""
     name, p = "anisotropic_friction", "a_t"
     entry = {e["name"]: e for e in detectable(nothing_hidden)}[name]
-    size = entry["smallest_material"][p]
+    size = entry["material"][p]
     base, training = nothing_hidden.ladder[0][1], nothing_hidden.training
     floor = nothing_hidden.ladder[0][2].floor
     rng = np.random.default_rng(8)
@@ -135,7 +138,8 @@ def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden):
 
     rise = (error(size) - error(0.0)) / floor
     assert 0.5 * LEAST_RISE < rise < 2.0 * LEAST_RISE
-    assert size > entry["smallest"][p] > 0.0
+    # what matters sets the size that is told, and no number of drops would let half of it be found
+    assert entry["smallest"][p] == size > entry["significant"][p] > 0.0 and entry["drops_for_half"] is None
 
 
 def test_the_next_experiment_tells_named_candidates_apart(hidden_impacts):
@@ -166,7 +170,7 @@ def test_a_fault_of_the_measurement_is_said_first(told):
         "effects": [*told["effects"], fault],
         "left_out": {"share": 0.3, "reasons": {"second_hit": 90, "not_ballistic": 20, "lost_frames": 1}},
     }
-    sentences = module._summary(content)
+    sentences = summary(content)
     assert "faulty" in sentences[0] and "mirrored rotation" in sentences[0]
     assert "30 %" in sentences[1]
     assert (
@@ -174,7 +178,7 @@ def test_a_fault_of_the_measurement_is_said_first(told):
         "other reasons)" in sentences[1]
     )
     assert "tangential restitution" in sentences[2] and "mirrored" not in sentences[2]
-    alone = module._summary({**told, "effects": [fault]})
+    alone = summary({**told, "effects": [fault]})
     assert "put right" in alone[1]
 
 
@@ -192,3 +196,183 @@ def test_structure_that_nothing_explains_is_told_with_what_it_depends_on(hidden_
     assert (
         "(theta) and the normal velocity of the contact point before impact (v_n):" in content["summary"][-1]
     )
+
+
+def test_half_of_what_evidence_alone_sets_needs_four_times_the_drops(hidden_impacts, monkeypatch):
+    """The size falls with the root of the number of drops; where half of it would not matter there is no number."""
+    n_trials = len(np.unique(hidden_impacts.observations.trial))
+    sizes = {name: {p.name: 0.1 for p in effect.parameters} for name, effect in EFFECTS.items()}
+    for factor, drops in ((0.4, 4 * n_trials), (0.6, None), (2.0, None)):
+        material = {name: {p: factor * size for p, size in one.items()} for name, one in sizes.items()}
+        monkeypatch.setattr("thesis_lib.critique.detectable.significant_sizes", lambda critique: sizes)
+        monkeypatch.setattr("thesis_lib.critique.detectable.material_sizes", lambda critique, m=material: m)
+        rows = {row["name"]: row for row in detectable(hidden_impacts)}
+        assert rows["tangential_restitution"]["drops_for_half"] == drops
+        assert rows["tangential_restitution"]["smallest"]["e_t"] == 0.1 * max(factor, 1.0)
+        assert rows["mirrored_rotation"]["drops_for_half"] is None  # on or off has no half
+
+
+@pytest.mark.slow
+def test_the_smallest_size_passes_all_three_tests_with_the_chance_that_is_told(nothing_hidden):
+    name, p = "anisotropic_friction", "a_t"
+    effect, settings, training = EFFECTS[name], nothing_hidden.settings, nothing_hidden.training
+    size = {e["name"]: e["smallest"] for e in detectable(nothing_hidden)}[name][p]
+    base = nothing_hidden.ladder[0][1]
+    hidden = base.model.with_effect(effect)
+    limit = np.quantile(nothing_hidden.discovery.last_scan.null, 1.0 - settings.alpha)
+    folds = np.arange(len(np.unique(training.trial))) % settings.folds
+    rng, found = np.random.default_rng(2), 0
+    for _ in range(DRAWS):
+        data = synthesise(hidden, {**base.values, f"{name}.{p}": size}, training, rng)
+        without = fit(base.model, data, base.values, rounds=1)
+        with_it = fit(hidden, data, {**base.values, f"{name}.{p}": size}, rounds=1)
+        judged = [cross_validate(one, data, folds) for one in (with_it, without)]
+        found += (
+            with_it.score - without.score > limit
+            and paired_gain(*judged, rng)[1] > 0.0
+            and is_material(*judged, effect.channels, settings.material_share, settings.material_floor)
+        )
+    assert found / DRAWS >= LEAST_POWER
+
+
+def test_an_effect_that_the_data_do_not_ask_for_is_no_finding(told):
+    effects = [
+        {**told["effects"][0], "name": name, "family": EFFECTS[name].family, "clears": False}
+        for name in ("surface_tilt", "length_scale")
+    ]
+    text = " ".join(summary({**told, "verdict": "adequate", "effects": effects}))
+    assert "Switched on by you: tilted surface and wrong length scale; these data do not ask for them" in text
+    assert "leaves out" not in text and "faulty" not in text and "no effect in the library" not in text
+    assert "were not tried" in text
+    both = summary({**told, "effects": [told["effects"][0], effects[0]]})
+    assert "leaves out: tangential restitution;" in both[0] and "ask for it." in both[1]
+    assert told["effects"][0]["clears"] is True
+
+
+def test_the_law_that_fits_with_the_effects_is_named(hidden_impacts):
+    label, last, judged = hidden_impacts.ladder[-1]
+    other = fit(Model(LAWS["mirtich"], last.model.effects), hidden_impacts.training, last.values, rounds=1)
+    ladder = (hidden_impacts.ladder[0], (label, other, judged))
+    content = diagnosis(replace(hidden_impacts, ladder=ladder), np.random.default_rng(0))
+    assert content["base_model"]["name"] == hidden_impacts.discovery.base != "mirtich"
+    assert content["augmented_model"]["name"] == "mirtich"
+    assert "with it, and Mirtich as the law, the held-out error falls" in content["summary"][0]
+    fault = {**content["effects"][0], "name": "mirrored_rotation", "family": "measurement"}
+    assert "With this put right, Mirtich is enough" in " ".join(summary({**content, "effects": [fault]}))
+
+
+def test_single_impacts_that_spoil_the_mean_are_listed(nothing_hidden):
+    label, fitted, judged = nothing_hidden.ladder[-1]
+    error = judged.error.copy()
+    error[[3, 5]] = 100.0 * judged.floor, 80.0 * judged.floor
+    spoilt = replace(nothing_hidden, ladder=((label, fitted, replace(judged, error=error)),))
+    content = diagnosis(spoilt, np.random.default_rng(0))
+    assert content["verdict"] == "adequate"
+    worst = content["error"]["worst"]
+    o = nothing_hidden.held_out
+    assert [row["trial"] for row in worst[:2]] == [o.trial[3], o.trial[5]]
+    assert worst[0]["t"] == pytest.approx(o.t[3], rel=1e-5)
+    text = " ".join(content["summary"])
+    assert "is adequate for most impacts" in text and f"trial {o.trial[3]} at" in text
+    assert (
+        f"{content['error']['augmented'] / content['error']['noise_floor']:.2g} times the noise floor" in text
+    )
+    assert diagnosis(nothing_hidden, np.random.default_rng(0))["error"]["worst"] == []
+
+
+def test_errors_have_the_intervals_of_the_ladder(hidden_impacts):
+    rungs = ladder_table(hidden_impacts, np.random.default_rng(4))
+    error = diagnosis(hidden_impacts, np.random.default_rng(0), rungs)["error"]
+    for which, row in (("base", rungs.iloc[0]), ("augmented", rungs.iloc[-1])):
+        low, high = error[f"{which}_interval"]
+        assert low < error[which] < high
+        assert low == pytest.approx(row["error_low"], rel=1e-5) and high == pytest.approx(
+            row["error_high"], rel=1e-5
+        )
+
+
+def test_the_channel_in_which_an_effect_matters_is_told(told):
+    effect = {**told["effects"][0], "name": "surface_height", "family": "surface", "material_in": ["touch"]}
+    gap = {"unit": "sigma", "base": 9.0, "augmented": 1.1, "noise_floor": 1.0}
+    error = {**told["error"], "augmented": told["error"]["base"], "touch": gap}
+    first = summary({**told, "effects": [effect], "error": error})[0]
+    assert (
+        "with it the misfit of the gap at impact falls from 9 to 1.1 standard deviations of noise, while"
+        in first
+    )
+    assert told["effects"][0]["material_in"] == ["impact"]
+
+
+def test_what_may_be_a_fault_of_the_measurement_is_said_first(told):
+    effect = {
+        **told["effects"][0],
+        **{"name": "moving_surface", "family": "surface", "indistinguishable_from": ["sensor_drift"]},
+    }
+    sentences = summary({**told, "effects": [effect]})
+    assert sentences[0].startswith("The measurements may be faulty: these data cannot tell “moving surface”")
+    assert "leaves out: moving surface (or drifting camera" in sentences[1]
+    drift = {**effect, "name": "sensor_drift", "family": "measurement"}
+    drift["indistinguishable_from"] = ["moving_surface"]
+    assert "may be faulty: drifting camera (or moving surface" in summary({**told, "effects": [drift]})[0]
+
+
+def test_of_many_alternatives_it_is_said_how_many(told):
+    others = ["contact_torque", "adhesion", "wear", "surface_tilt"]
+    effect = {**told["effects"][0], "indistinguishable_from": others}
+    first = summary({**told, "effects": [effect]})[0]
+    assert "these data cannot tell what: tangential restitution (or " in first
+    assert "or 2 more, which these data cannot tell apart)" in first and EFFECTS["wear"].title not in first
+
+
+def test_no_release_is_proposed_where_none_would_tell(hidden_impacts):
+    """The laws are the same in the frame of a surface that moves and in that of a camera that drifts."""
+    (step,) = hidden_impacts.discovery.steps
+    moving, drift = EFFECTS["moving_surface"], EFFECTS["sensor_drift"]
+    base = hidden_impacts.ladder[0]
+    fitted = fit(base[1].model.with_effect(moving), hidden_impacts.training, base[1].values)
+    step = replace(step, effect=moving, alternatives=(drift.name,), fitted=fitted)
+    same = replace(
+        hidden_impacts,
+        discovery=replace(hidden_impacts.discovery, steps=(step,)),
+        ladder=(base, (moving.name, fitted, hidden_impacts.ladder[-1][2])),
+        without={moving.name: base[2]},
+    )
+    found = next_experiment(same, np.random.default_rng(0))
+    assert found["states"] == [] and found["shows"] is None
+    assert "No release within reach" in found["why"] and "Film a mark that is fixed beside" in found["why"]
+
+
+def test_effects_that_are_on_or_off_are_no_rivals(nothing_hidden):
+    scan_ = nothing_hidden.discovery.last_scan
+    loud = replace(scan_, gain={**scan_.gain, "mirrored_rotation": 1e9})
+    found = next_experiment(
+        replace(nothing_hidden, discovery=replace(nothing_hidden.discovery, last_scan=loud)),
+        np.random.default_rng(0),
+    )
+    assert "mirrored" not in found["why"] and found["shows"] == "difference"
+
+
+def test_what_is_unexplained_is_followed_to_where_it_is_largest(hidden_impacts):
+    """Without the effect the misfit grows with the tangential velocity, and the states proposed are fast ones."""
+    base = hidden_impacts.ladder[0]
+    left = replace(
+        hidden_impacts.remaining, p_value=0.005, error_before=0.4, error_after=0.05, depends_on=("trial",)
+    )
+    bare = replace(
+        hidden_impacts,
+        remaining=left,
+        ladder=(base,),
+        discovery=replace(hidden_impacts.discovery, steps=()),
+    )
+    assert bare.verdict == "unexplained"
+    found = next_experiment(bare, np.random.default_rng(0))
+    assert found["shows"] == "misfit" and 3 <= len(found["states"]) <= 5
+    assert found["sigmas"][0] > 3.0 and "from the first trial to the last" in found["why"]
+    assert not any(effect.title in found["why"] for effect in EFFECTS.values())
+    shape = hidden_impacts.observations.rig.shape
+    slip = [
+        abs(s["vx"] - shape.contact_point(np.array([s["theta"]]))[0, 1] * s["omega"]) for s in found["states"]
+    ]
+    o = hidden_impacts.observations
+    measured = np.abs(o.slope[:, 0, 0] - shape.contact_point(o.value[:, 0, 2])[:, 1] * o.slope[:, 0, 2])
+    assert np.median(slip) > np.median(measured)

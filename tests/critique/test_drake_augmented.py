@@ -20,7 +20,7 @@ NONE = Noise(position=None, angle=None)
 SAME_FLIGHT, OWN_FLIGHT = 1e-8, 5e-4
 
 
-def saved(*names):
+def saved(*names, height=0.0):
     model = Model(LAWS["wang_mason"], tuple(EFFECTS[name] for name in names))
     values = {"mu": 0.3, "epsilon": 0.55}
     for name in names:
@@ -28,7 +28,7 @@ def saved(*names):
             values[f"{name}.{p.name}"] = p.discrete if p.discrete is not None else p.null + 3.0 * p.scale
     parameters = {key: {"value": values[key], "unit": p.unit} for key, p in model.parameters.items()}
     rig = {"shape": ELLIPSE_BODY.shape.model_dump(), "radius_of_gyration": ELLIPSE_BODY.radius_of_gyration}
-    rig |= {"gravity": 9.81, "height": 0.0}
+    rig |= {"gravity": 9.81, "height": height}
     content = {"schema": 1, "law": "wang_mason", "effects": names, "parameters": parameters, "rig": rig}
     return SavedModel.model_validate(content)
 
@@ -73,3 +73,15 @@ def test_noise_is_added_and_seeded():
 def test_refuses_what_cannot_be():
     with pytest.raises(UserError, match="duration"):
         simulate_augmented_in_drake(saved(), PROOF_RELEASE, 2, duration=-1.0, rng=np.random.default_rng(0))
+
+
+def test_the_surface_is_where_the_model_has_it():
+    one, two = (
+        simulate_augmented_in_drake(
+            saved(height=height), PROOF_RELEASE, 2, duration=0.4, rng=np.random.default_rng(3)
+        )
+        for height in (0.0, 0.5)
+    )
+    assert two.height == 0.5
+    np.testing.assert_allclose(two.trajectories["y"], one.trajectories["y"] + 0.5, atol=SAME_FLIGHT)
+    np.testing.assert_allclose(two.trajectories["x"], one.trajectories["x"], atol=SAME_FLIGHT)

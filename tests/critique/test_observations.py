@@ -121,6 +121,25 @@ def test_windows_and_flights_hold_samples_of_one_trial_only():
     assert len(alone.flights) == len(same.flights)
 
 
+def test_samples_that_detection_masks_are_used_nowhere():
+    one, rng = drops(), np.random.default_rng(1)
+    table = one.trajectories.copy()
+    wild = np.sort(rng.choice(len(table), 15, replace=False))
+    table.loc[wild[:12], "x"] += rng.normal(0.0, 0.2, 12)
+    table.loc[wild[12:], "y"] = 1e6
+    o = observe(Dataset("glitches", one.header, table))
+    assert o.found.masked.sum() >= 14
+    assert np.abs(o.slope).max() < 100.0 and np.isfinite(o.value).all()
+    # a line from which one glitch of 0.2 m were not left out would miss by metres a second
+    at = {(a, round(b, 2)): i for i, (a, b) in enumerate(zip(observed().trial, observed().t))}
+    pairs = [(i, at[key]) for i, key in enumerate(zip(o.trial, np.round(o.t, 2))) if key in at]
+    i, j = np.array(pairs).T
+    assert len(i) > 0.8 * len(observed())
+    z = (o.slope[i] - observed().slope[j]) / np.sqrt(observed().cov[j, ..., 1, 1])
+    assert np.mean(np.abs(z) > 6.0) < 0.02
+    assert abs(len(o.flights) - len(observed().flights)) < 10
+
+
 def test_flights_have_enough_samples():
     flights = observed().flights
     assert flights.span.min() > (MIN_FLIGHT - 2) / 250.0

@@ -9,12 +9,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib.contact import LAWS
+from thesis_lib.critique import report_effects, report_text
 from thesis_lib.critique.elements import amount, estimate, interval, paragraph, percent, plus_minus
 from thesis_lib.critique.elements import table as html_table
 from thesis_lib.critique.report import report_html
 from thesis_lib.critique.tables import tables as all_tables
 from thesis_lib.critique.where import where as all_regions
 from thesis_lib.critique.words import feature_text, plain_rule, reasons_listed
+from thesis_lib.effects import EFFECTS
+from thesis_lib.figures.critique_numbers import ladder_table, rung_title
 from thesis_lib.figures.critique_pictures import NAMES, pictures
 
 VOID = {"meta", "br", "hr", "img", "link", "wbr"}
@@ -33,6 +37,13 @@ DIAGNOSIS = {
             "epsilon": {"value": 0.6, "std": 0.004, "unit": "1"},
         },
     },
+    "augmented_model": {
+        "name": "anitescu_potra_newton",
+        "parameters": {
+            "mu": {"value": 0.15, "std": 0.004, "unit": "1"},
+            "epsilon": {"value": 0.6, "std": 0.004, "unit": "1"},
+        },
+    },
     "effects": [
         {
             "name": "tangential_restitution",
@@ -40,18 +51,32 @@ DIAGNOSIS = {
             "parameters": {"e_t": {"value": 0.41, "std": 0.02, "unit": "1"}},
             "gain": {"held_out_log_score_per_impact": 1.83, "interval": [1.6, 2.1], "p_value": 0.001},
             "indistinguishable_from": ["tangential_compliance"],
+            "clears": True,
+            "material_in": ["impact"],
         }
     ],
     "error": {
         **{"unit": "m/s", "base": 0.31, "augmented": 0.052, "irb_bound": 0.04, "noise_floor": 0.048},
         "irb_bound_augmented": 0.04,
         "explained_share": 0.985,
+        "worst": [],
         "flight": {"unit": "sigma", "base": 3.1, "augmented": 1.02, "noise_floor": 1.0},
     },
     "remaining": {"structured": False, "channels": [], "p_value": 0.4, "depends_on": []},
     "not_testable": [{"name": "linear_drag", "why": "no trajectories"}],
     "left_out": {"share": 0.25, "reasons": {"second_hit": 100, "not_ballistic": 37}},
-    "detectable": [{"name": "tangential_restitution", "smallest": {"e_t": 0.03}, "drops_for_half": 1200}],
+    "detectable": [
+        {
+            "name": "tangential_restitution",
+            **{"smallest": {"e_t": 0.03}, "significant": {"e_t": 0.03}, "material": {"e_t": 0.01}},
+            "drops_for_half": 1200,
+        },
+        {
+            "name": "adhesion",
+            **{"smallest": {"v_s": 0.02}, "significant": {"v_s": 0.002}, "material": {"v_s": 0.02}},
+            "drops_for_half": None,
+        },
+    ],
     "next_experiment": {
         "why": "These two differ most when the body spins fast.",
         "states": [{"vx": 0.4, "vy": -1.2, "omega": 8.0, "theta": 0.3}],
@@ -63,6 +88,8 @@ FAULT = {
     "parameters": {"mirrored": {"value": 1.0, "std": 0.0, "unit": "1"}},
     "gain": {"held_out_log_score_per_impact": 4.2, "interval": [4.0, 4.5], "p_value": 0.001},
     "indistinguishable_from": [],
+    "clears": True,
+    "material_in": ["impact"],
 }
 
 
@@ -168,7 +195,8 @@ def test_every_picture_has_a_text_and_every_table_scopes(page):
         "These two differ most when the body spins fast.",
         "from 3.10 to 1.02 standard deviations",
         "e_t = 0.030",
-        "four times the drops, about 1200",
+        "e_t = 0.030evidence1200",
+        "v_s = 0.020 m/sweight–",
         "doi:10.1023/A:1008292328909",
         "98 % of the way to the noise floor",
     ],
@@ -309,3 +337,123 @@ def test_a_number_and_its_unit_stay_on_one_line():
         paragraph("an error of 0.03 m/s, 3.2 % more") == "<p>an error of 0.03\u00a0m/s, 3.2\u00a0% more</p>"
     )
     assert paragraph("in 5 minutes") == "<p>in 5 minutes</p>"
+
+
+def test_what_the_user_switched_on_is_no_finding_and_no_fault(made, diagnosis):
+    for name, family in (("tangential_restitution", "contact_law"), ("length_scale", "measurement")):
+        effect = {**diagnosis["effects"][0], "name": name, "family": family, "clears": False}
+        effect["parameters"] = {}
+        text = Page(page_of(made, diagnosis | {"effects": [effect]})).text
+        title = EFFECTS[name].title
+        assert f"{title[:1].upper()}{title[1:]} was switched on by you; these data do not ask for it." in text
+        assert f"{EFFECTS[name].title} (switched on by you)" in text
+        assert "the measurements themselves" not in text and "fault of" not in text
+        assert "better than any other in the library" not in text
+
+
+def test_what_may_be_a_fault_is_said_before_the_data(made, diagnosis):
+    diagnosis["effects"][0]["indistinguishable_from"] = ["sensor_drift"]
+    html = page_of(made, diagnosis)
+    text = Page(html).text
+    assert text.index(
+        "may be a fault of the measurement: these data cannot tell it from “drifting camera”"
+    ) < (text.index("412 impacts of 300 trials are used"))
+    assert 'class="verdict fault"' in html
+
+
+def test_large_groups_say_how_many_more(made, diagnosis):
+    others = ["tangential_compliance", "adhesion", "wear", "contact_torque", "surface_tilt"]
+    diagnosis["effects"][0]["indistinguishable_from"] = others
+    text = Page(page_of(made, diagnosis)).text
+    named = " or ".join([", ".join(EFFECTS[n].title for n in others[:2]), "3 more"])
+    assert f"These data cannot tell which it is: {named} would explain as much." in text
+    assert (
+        EFFECTS["contact_torque"].title not in text.split("What could not be told")[0].split("3. Which")[-1]
+    )
+
+
+def test_the_channel_that_shows_an_effect_is_named(made, diagnosis):
+    assert "What shows it" not in Page(page_of(made, diagnosis)).text
+    diagnosis["effects"][0]["material_in"] = ["touch", "flight"]
+    assert "misfit of the gap at impact and the flights between impacts, not the error" in (
+        Page(page_of(made, diagnosis)).text
+    )
+
+
+def test_single_bad_impacts_stand_in_a_table(made, diagnosis):
+    diagnosis["error"] |= {
+        "augmented": 0.096,
+        "worst": [{"trial": 17, "t": 0.3125, "error": 1.5, "unit": "m/s"}],
+    }
+    text = Page(page_of(made, diagnosis)).text
+    assert "the mean held-out error is 2.0 times the noise floor" in text
+    assert "170.31251.50" in text
+
+
+def test_states_of_what_is_unexplained_are_called_so(made, diagnosis):
+    diagnosis["next_experiment"] |= {"shows": "misfit", "sigmas": [4.0]}
+    text = Page(page_of(made, diagnosis)).text
+    assert "around which the misfit is largest" in text and "the two predictions differ most" not in text
+
+
+@pytest.mark.parametrize(
+    ("stated", "position", "angle"),
+    [
+        ((np.nan, np.nan, 3e-3), "estimated from the arcs", "as dataset.yaml states"),
+        ((3e-4, 3e-4, np.nan), "as dataset.yaml states", "estimated from the arcs"),
+    ],
+)
+def test_the_source_of_the_noise_is_told_for_each_channel(hidden_drops, stated, position, angle):
+    o = hidden_drops.observations
+    noise = replace(o.found.noise, stated=np.array(stated), source="arcs")
+    seen = replace(hidden_drops, observations=replace(o, found=replace(o.found, noise=noise)))
+    text = Page(report_text.data(seen, DIAGNOSIS)).text
+    assert re.search(rf"mm in position \({position}\) and \S+ mrad in angle \({angle}\)", text)
+
+
+def test_section_2_says_that_it_uses_all_impacts(page):
+    assert "Section 2 alone looks at all impacts" in page.text
+    assert "rules of this section use all impacts" in page.text
+
+
+def with_last(critique, **changes):
+    """The critique with another fit at the end of its ladder."""
+    label, fitted, judged = critique.ladder[-1]
+    return replace(critique, ladder=(critique.ladder[0], (label, replace(fitted, **changes), judged)))
+
+
+def test_parameters_that_move_little_but_surely_do_not_hardly_move(hidden_drops):
+    first = hidden_drops.ladder[0][1]
+    last = hidden_drops.ladder[-1][1]
+    std = {**last.std, "mu": 1e-4 * first.values["mu"], "epsilon": 1e-4 * first.values["epsilon"]}
+    sure = replace(first, std={**first.std, **std})
+    critique = replace(
+        hidden_drops,
+        ladder=((hidden_drops.ladder[0][0], sure, hidden_drops.ladder[0][2]), hidden_drops.ladder[-1]),
+    )
+
+    def said(mu: float, epsilon: float) -> str:
+        values = {**last.values, "mu": mu * first.values["mu"], "epsilon": epsilon * first.values["epsilon"]}
+        return Page(report_effects.moved(with_last(critique, values=values, std=std))).text
+
+    assert "stay within 3 standard errors" in said(1.0, 1.0001)
+    assert "Surely, but by less than 2.0 %, which hardly matters, moves ε from" in said(1.0, 1.01)
+    both = said(1.2, 1.01)
+    assert "had compensated for what was missing move: μ from" in both and "hardly matters, moves ε" in both
+
+
+def test_a_change_of_law_is_told_on_the_ladder_and_with_the_parameters(hidden_drops, diagnosis):
+    last = hidden_drops.ladder[-1][1]
+    other = "whittaker" if hidden_drops.discovery.base != "whittaker" else "mirtich"
+    model = replace(last.model, law=LAWS[other])
+    changed = with_last(hidden_drops, model=model)
+    assert rung_title(changed, 1).endswith(f", law now {LAWS[other].title}")
+    assert "law now" not in rung_title(
+        with_last(hidden_drops, model=replace(model, law=LAWS[changed.discovery.base])), 1
+    )
+    text = Page(report_effects.moved(changed)).text
+    assert f"With the effects {LAWS[other].title} fits better than" in text and "not compared" in text
+    rungs = ladder_table(changed)
+    assert (
+        f"(law now {LAWS[other].title})" in Page(report_effects.ladder_text(changed, diagnosis, rungs)).text
+    )

@@ -70,6 +70,20 @@ def test_the_error_vector_in_the_contact_frame_holds_the_whole_error(made, hidde
     assert held_out.mean() == pytest.approx(hidden_drops.ladder[0][2].error.mean(), rel=1e-9)
 
 
+def test_flights_are_there_with_residuals_in_units_of_noise(made, hidden_drops, hidden_impacts):
+    o, table = hidden_drops.observations, made["flights"]
+    assert list(table["model"].unique()) == ["base", "augmented"]
+    assert len(table) == 2 * len(o.flights) > 100
+    base = table[table["model"] == "base"]
+    # the base law has nothing but gravity
+    a_y = base["residual_y"] * np.sqrt(o.flights.variance[:, 1]) - o.rig.gravity
+    assert a_y.to_numpy() == pytest.approx(o.flights.acceleration[:, 1])
+    assert set(base.loc[base["held_out"] == 1, "trial"]) <= set(hidden_drops.held_out.trial)
+    sigma = base["misfit"].median()
+    assert 0.6 < sigma < 1.3  # friction is hidden, and nothing in flight
+    assert "flights" not in tables(hidden_impacts, np.random.default_rng(0))
+
+
 def test_the_ladder_falls_and_brackets_its_errors(made, hidden_drops):
     table = made["ladder"]
     assert table["label"].tolist() == ["no effect", "anisotropic_friction"]

@@ -66,11 +66,18 @@ def test_noise_is_estimated_from_the_arcs(found: FoundImpacts):
 
 
 def test_header_noise_is_compared_with_the_arcs(flights: Flights):
-    for position, warns in ((3e-4, False), (1e-3, True), (1e-4, True)):
+    for position, warns, used in (
+        (3e-4, False, 3e-4),
+        (5e-4, True, 5e-4),
+        (1e-2, True, 3e-4),
+        (3e-6, True, 3e-4),
+    ):
         header = ellipse_header(noise={"position": position, "angle": 3e-3})
         found = find_in_arrays(flights.trial, flights.t, flights.q, header)
         assert any("dataset.yaml states" in text for text in found.warnings) is warns
-        assert found.noise.used[0] == position
+        assert any("the value of the arcs is used" in text for text in found.warnings) is (used != position)
+        assert found.noise.used[0] == pytest.approx(used, rel=NOISE)
+        assert found.noise.used[2] == found.noise.stated[2] == 3e-3
         assert found.noise.position == pytest.approx(3e-4, rel=NOISE)
         assert matched(flights, found.impacts.trial, found.impacts.t)[1].mean() > 0.999
 
@@ -110,6 +117,36 @@ def test_single_sample_glitch_is_masked_and_reported(flights: Flights, found: Fo
     injected = set(zip(flights.trial[index], np.round(flights.t[index] / 0.004)))
     assert len(injected & reported) >= 0.95 * len(injected)
     assert any("glitches" in text for text in other.warnings)
+
+
+def test_a_gross_contradiction_is_refused_with_its_factor_and_cause(flights: Flights):
+    poses = pd.DataFrame(np.c_[flights.t, flights.q], columns=["t", "x", "y", "theta"])
+    poses.insert(0, "trial", flights.trial)
+
+    def refusal(a: float = 0.035, b: float = 0.025, height: float = 0.012) -> str:
+        shape = {"kind": "ellipse", "semi_axes": [a, b]}
+        head = ellipse_header(body={"shape": shape, "radius_of_gyration": 0.0192}, surface={"height": height})
+        dataset = SimpleNamespace(name="drops", header=head, trajectories=poses, impacts=None)
+        try:
+            find_impacts(dataset)
+        except UserError as error:
+            return str(error)
+        return ""
+
+    assert "times too large (diameters" in refusal(0.07, 0.05)
+    assert "surface.height 0.012" in refusal(height=0.062)
+    assert refusal() == refusal(0.037, 0.027) == refusal(height=0.006) == ""
+
+
+def test_rows_that_are_no_measurement_are_left_out_of_given_impacts():
+    values = [[i, 0, 0.0, 0.037, 0.1, 0.5, -2.0, 3.0, 0.4, 1.0, -5.0] for i in range(20)]
+    values[7][9] = 1e6
+    table = pd.DataFrame(values, columns=list(IMPACT_COLUMNS))
+    found = find_impacts(
+        SimpleNamespace(name="given", header=ellipse_header(), trajectories=None, impacts=table)
+    )
+    assert list(found.left_out["trial"]) == [7] and list(found.left_out["reason"]) == ["energy_gain"]
+    assert len(found.impacts) == 19 and 7 not in found.impacts.trial
 
 
 def test_rest_after_the_bounces_gives_no_impacts(flights: Flights):

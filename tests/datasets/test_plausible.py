@@ -105,11 +105,62 @@ def test_impacts_in_degrees_without_contact_points(ellipse, tmp_path):
 
 def test_wrong_signs_are_warnings(tmp_path):
     frame = impacts()
-    flipped = frame.assign(vy_pre=frame["vy_post"], vy_post=frame["vy_pre"])
-    texts = "\n".join(map(str, read_dataset(write(tmp_path / "a", impacts=flipped)).warnings))
+    rising = frame.assign(vy_pre=-frame["vy_pre"])
+    texts = "\n".join(map(str, read_dataset(write(tmp_path / "a", impacts=rising)).warnings))
     assert "the contact point does not approach the surface before the impact" in texts
-    assert "100% of the impacts gain energy" in texts
     assert read_dataset(write(tmp_path / "b", impacts=frame)).warnings == ()
+
+
+def test_exchanged_pre_and_post_are_named(ellipse, tmp_path):
+    names = ("vx", "vy", "omega")
+    swap = {f"{n}_{a}": f"{n}_{b}" for n in names for a, b in (("pre", "post"), ("post", "pre"))}
+    swapped = ellipse.impacts.rename(columns=swap)[list(ellipse.impacts.columns)]
+    assert "_pre and _post are exchanged" in errors(rewritten(ellipse, tmp_path, impacts=swapped))
+
+
+def test_impacts_that_contradict_the_shape_are_told_by_the_shape(ellipse, tmp_path):
+    body = {"kind": "ellipse", "semi_axes": [0.35, 0.25]}
+    head = ellipse.header.model_dump(by_alias=True) | {"schema": 1}
+    head["body"] = head["body"] | {"shape": body, "radius_of_gyration": 0.192}
+    text = errors(write(tmp_path, head, impacts=ellipse.impacts))
+    assert "1 problem" in text and "times too large" in text and "degrees" not in text
+
+
+@pytest.mark.parametrize("change", ["moon", "slow", "small"])
+def test_bodies_that_do_not_fall_with_the_gravity_stated_are_refused(tmp_path, change):
+    frame, head = bouncing_disk(), header(body=DISK, noise=None)
+    if change == "moon":
+        head["gravity"] = 1.62
+        says = "give 9.81"
+    elif change == "slow":  # a camera of 120 Hz believed to have 57.6
+        frame, head["rate"] = frame.assign(t=2.083 * frame["t"]), 250.0 / 2.083
+        says = "times are 2.0"
+    else:
+        head["gravity"] = 9.16  # the size of an effect
+        assert read_dataset(write(tmp_path, head, trajectories=frame)).warnings == ()
+        return
+    text = errors(write(tmp_path, head, trajectories=frame))
+    assert "1 problem" in text and "bodies fall with" in text and says in text
+
+
+def test_wild_samples_are_no_degrees(tmp_path):
+    frame, rng = bouncing_disk(12), np.random.default_rng(0)
+    wild = rng.choice(len(frame), len(frame) // 100, replace=False)
+    frame.loc[wild, "theta"] += 50.0 * rng.normal(size=len(wild))
+    read_dataset(disk(tmp_path, frame))
+
+
+def test_columns_of_a_motion_in_space_are_refused_as_such(tmp_path):
+    frame = trajectories().assign(z=0.0, roll=0.1, note=1.0)
+    text = errors(write(tmp_path, trajectories=frame))
+    assert "columns z, roll" in text and "planar only" in text and "remove it" in text  # the last of `note`
+
+
+def test_copies_of_trials_are_named(tmp_path):
+    frame = bouncing_disk(4)
+    both = pd.concat([frame, frame.assign(trial=frame["trial"] + 4)])
+    text = errors(disk(tmp_path / "a", both))
+    assert "trials 0 and 4, 1 and 5, 2 and 6, 3 and 7 hold the same measurements" in text
 
 
 def test_mass_in_grams_noise_in_degrees_and_a_sunken_body_are_warnings(tmp_path):

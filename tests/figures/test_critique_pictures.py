@@ -13,10 +13,12 @@ from thesis_lib.contact.space import contact_space, measured_impulse, velocity_c
 from thesis_lib.critique.model import states_at_impact
 from thesis_lib.critique.where import where
 from thesis_lib.figures import critique_numbers as numbers
+from thesis_lib.figures import critique_residuals as residuals
 from thesis_lib.figures.critique_data import trials_to_show
 from thesis_lib.figures.critique_errors import draw_budget, laws_sentence
 from thesis_lib.figures.critique_pictures import NAMES, pictures
-from thesis_lib.figures.critique_where import boxes_of, dependences, inside, map_axes, region_text
+from thesis_lib.figures.critique_residuals import dependences, draw_flights, features_to_show
+from thesis_lib.figures.critique_where import boxes_of, inside, map_axes, region_text
 from thesis_lib.figures.style import house_style
 
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
@@ -26,6 +28,7 @@ BUDGET = pd.DataFrame(
 FAST = {"feature": "v_n", "absolute": True, "low": 1.5, "high": None}
 AHEAD = {"feature": "r_x", "absolute": False, "low": 0.0, "high": None}
 REGION = {"rule": "|v_n| > 1.5 m/s", "conditions": [FAST], "support": 0.4, "ratio": 2.5, "p_value": 0.002}
+REGION["on"] = "held_out"
 ROUNDING = 1e-9  # relative: the same sums in another order
 COVERED = 0.95
 
@@ -77,7 +80,7 @@ def test_equal_critiques_give_equal_bytes(critique):
 
 def test_impacts_alone_without_effects_or_regions_are_drawn(without_effects):
     found = pictures(without_effects, {}, where(without_effects))
-    assert set(NAMES) - set(found) == {"budget"}
+    assert set(NAMES) - set(found) == {"budget", "flights"}
     assert "error_after" not in found["where"][1]
     assert np.isnan(without_effects.ladder[0][2].floor)
     assert "noise_floor" not in set(found["ladder"][1]["label"])
@@ -186,7 +189,8 @@ def test_regions_of_other_features_change_the_map_or_are_not_outlined():
 
 
 def test_a_region_whose_error_is_only_larger_than_its_noise_is_not_said_to_err_more():
-    assert "2.5 times" in region_text(REGION)
+    assert "2.5 times" in region_text(REGION) and "held-out impacts" in region_text(REGION)
+    assert "all impacts" in region_text({**REGION, "on": "all"})
     assert "times" not in region_text({**REGION, "ratio": 0.8})
 
 
@@ -195,10 +199,48 @@ def test_dependence_finds_the_feature_and_nothing_in_noise():
     table = pd.DataFrame({"v_t": rng.standard_normal(800), "omega": rng.standard_normal(800)})
     noise = rng.standard_normal((800, 3))
     shares = dependences(
-        np.stack([noise[:, 0], noise[:, 1] + 2.0 * table["v_t"], noise[:, 2]], axis=1), table
+        np.stack([noise[:, 0], noise[:, 1] + 2.0 * table["v_t"], noise[:, 2]], axis=1),
+        table,
+        ("tangential", "normal", "couple"),
     )
     assert shares.loc["normal", "v_t"] > 0.6
     assert shares.drop(columns="v_t").to_numpy().max() < 0.03 and shares.loc["couple", "v_t"] < 0.03
+
+
+def test_each_component_shows_the_feature_on_which_it_depends():
+    # two features tell nearly the same of the first component; the second depends on another one
+    shares = pd.DataFrame({"v_y": [0.97, 0.0], "y": [0.96, 0.0], "span": [0.9, 0.0], "v_x": [0.0, 0.5]})
+    assert features_to_show(shares) == ["v_y", "v_x", "y"]
+
+
+def test_flights_are_drawn_one_by_one_with_their_misfit(critique, drawn):
+    figure, table = drawn["flights"]
+    assert len(table) == 2 * len(critique.observations.flights)
+    assert "times the noise" in figure.get_suptitle()
+    blown = critique.observations.flights
+    a = blown.acceleration.copy()
+    a[:, 0] -= 20.0 * blown.state.vx * np.sqrt(blown.variance[:, 0])
+    windy = replace(
+        critique, observations=replace(critique.observations, flights=replace(blown, acceleration=a))
+    )
+    title = draw_flights(windy)[0].get_suptitle().replace("\n", " ")
+    assert "horizontal residual depends most on the velocity along the surface v_x" in title
+
+
+def test_means_of_bins_are_not_cut_by_the_spread_of_others():
+    x = np.linspace(0.0, 1.0, 800)
+    y = np.where(x > 0.875, 100.0, 0.0) + np.random.default_rng(0).standard_normal(800)
+    y[0] = 1e6
+    means = residuals._binned(x, y)["mean"].to_numpy()
+    assert means[-1] == pytest.approx(100.0, abs=1.0) and np.abs(means[:-1]).max() < 1.0
+
+
+def test_maps_mark_held_out_impacts_and_title_their_mean(critique, drawn):
+    figure, table = drawn["where"]
+    held_out = table["held_out"] == 1
+    assert held_out.sum() == len(critique.held_out)
+    mean = table.loc[held_out, "error_before"].mean()
+    assert f"held-out mean {numbers.number(mean)} m/s" in " ".join(texts(figure))
 
 
 def test_parameters_that_move_are_called_out(critique):

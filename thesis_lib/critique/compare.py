@@ -1,39 +1,47 @@
 """Two critiques side by side: verdicts, errors, and parameters with their difference in standard errors.
 
 Each is shown with the law and the effects that it chose; where these differ, also both with the same law and none.
+Errors have 95 % intervals; their difference is told in standard errors as of two sets of trials that share none.
 
 Read from diagnosis.json, so that a run of last year can be compared with today's, before and after a repair of the rig.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from thesis_lib.critique.output import VERDICT_FILE
+from thesis_lib.critique.output import VERDICT_FILE, is_unfinished
 from thesis_lib.errors import UserError
 from thesis_lib.files import read_json
 
+Z95 = 1.959964  # standard deviations of a normal distribution's 95 % interval
 FAR = 3.0  # standard errors beyond which a difference is pointed out
 ALONE = " alone"  # marks rows of one law without effects, in both runs
 OLD_RUN = (
     "one of the runs was written by an older version; run python -m thesis_lib critique on its dataset again."
 )
-COLUMNS = ("quantity", "a", "b", "difference", "sigmas", "unit")
+COLUMNS = ("quantity", "a", "a_low", "a_high", "b", "b_low", "b_high", "difference", "sigmas", "unit")
 
 
 def is_run(path: str | Path) -> bool:
-    """Whether a folder is what a critique wrote, rather than a dataset."""
-    return (Path(path) / VERDICT_FILE).is_file() and not (Path(path) / "dataset.yaml").exists()
+    """Whether a folder is what a critique wrote, whole or not, rather than a dataset."""
+    if (Path(path) / "dataset.yaml").exists():
+        return False
+    return (Path(path) / VERDICT_FILE).is_file() or is_unfinished(path)
 
 
 def read_run(path: str | Path) -> dict:
     """The diagnosis in a folder that a critique wrote.
 
     Raises:
-        UserError: it is no diagnosis of this format.
+        UserError: the run was interrupted, or it is no diagnosis of this format.
     """
+    if is_unfinished(path):
+        raise UserError(
+            f"{path} holds an unfinished run (it has no {VERDICT_FILE}); run python -m thesis_lib critique again."
+        )
     content = read_json(Path(path) / VERDICT_FILE)
     needed = {"verdict", "base_model", "effects", "error"}
     if content.get("schema") != 1 or not needed <= set(content):
@@ -51,23 +59,35 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
     their difference is told in standard errors only within one law.
 
     Returns:
-        Columns quantity, a, b, difference (b − a), sigmas (difference over its standard error), unit.
+        Columns quantity, a, b with the ends of their 95 % intervals, difference (b − a), sigmas (difference over its
+        standard error), unit.
     """
-    same_law = _law(a) == _law(b)
+    same_law = _law(a, "augmented_model") == _law(b, "augmented_model")
+    same_models = same_law and _law(a) == _law(b) and _effects(a) == _effects(b)
     rows = [
         _text("verdict", a["verdict"], b["verdict"]),
         _text("base law", _law(a), _law(b)),
+        _text("law with the effects", _law(a, "augmented_model"), _law(b, "augmented_model")),
         _text("effects", _effects(a) or "none", _effects(b) or "none"),
     ]
     for key in ("base", "augmented", "noise_floor", "irb_bound", "irb_bound_augmented"):
+        one, two = a["error"], b["error"]
+        ends = f"{key}_interval"
         rows.append(
-            _number(f"error, {key.replace('_', ' ')}", a["error"].get(key), b["error"].get(key), "m/s")
+            _measured(
+                f"error, {key.replace('_', ' ')}",
+                one.get(key),
+                two.get(key),
+                "m/s",
+                one.get(ends),
+                two.get(ends),
+            )
         )
     one, two = _own(a), _own(b)
     for name in dict.fromkeys([*one, *two]):
         comparable = same_law or name not in a["base_model"]["parameters"]
         rows.append(_parameter(name, one.get(name), two.get(name), comparable))
-    if not same_law or _effects(a) != _effects(b):
+    if not same_models:
         for law in dict.fromkeys([_law(a), _law(b)]):
             rows += _alone(law, a, b)
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -81,8 +101,8 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
         cells.append(
             [
                 row["quantity"] + unit,
-                _cell(row["a"]),
-                _cell(row["b"]),
+                _with_ends(row, "a"),
+                _with_ends(row, "b"),
                 _cell(row["difference"]),
                 _cell(row["sigmas"], 2),
             ]
@@ -90,12 +110,19 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
     said = table.set_index("quantity")
-    law, effects = (tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "effects"))
+    law, then, effects = (
+        tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "law with the effects", "effects")
+    )
     lines.append("")
     if law[0] != law[1]:
         lines.append(
             f"The base laws differ: {a} has {law[0]}, {b} has {law[1]}. μ and ε of different laws mean different "
             f"things; like is compared with like in the rows “{law[0]}{ALONE}” and “{law[1]}{ALONE}”."
+        )
+    elif then[0] != then[1]:
+        lines.append(
+            f"With the effects the laws differ: {a} has {then[0]}, {b} has {then[1]}. μ and ε of different laws mean "
+            f"different things; like is compared with like in the rows “{law[0]}{ALONE}”."
         )
     if effects[0] != effects[1]:
         lines.append(
@@ -103,16 +130,18 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
             f"came or went; the rows “…{ALONE}” hold the same law without effects in both."
         )
     alone = table["quantity"].str.contains(ALONE, regex=False)
-    if (law[0] != law[1] or effects[0] != effects[1]) and not alone.any():
+    if any(one[0] != one[1] for one in (law, then, effects)) and not alone.any():
         lines.append(f"Those rows are missing: {OLD_RUN}")
     sigmas = pd.to_numeric(table["sigmas"]).abs()
     far = table.loc[sigmas > FAR, "quantity"].tolist()
     if far:
         lines.append(f"Different by more than {FAR:g} standard errors: {'; '.join(far)}.")
     elif sigmas.notna().any():
-        lines.append(f"No parameter that both have differs by more than {FAR:g} standard errors.")
+        lines.append(
+            f"No error and no parameter that both have differs by more than {FAR:g} standard errors."
+        )
     else:
-        lines.append("No parameter can be compared.")
+        lines.append("No error and no parameter can be compared.")
     return "\n".join(lines)
 
 
@@ -121,14 +150,15 @@ def _alone(law: str, a: Mapping, b: Mapping) -> list[dict]:
     one, two = (content.get("laws", {}).get(law) for content in (a, b))
     if one is None or two is None:
         return []
-    rows = [_number(f"{law}{ALONE}, error", one["error"], two["error"], "m/s")]
+    ends = one.get("interval"), two.get("interval")
+    rows = [_measured(f"{law}{ALONE}, error", one["error"], two["error"], "m/s", *ends)]
     for name, p in one["parameters"].items():
         rows.append(_parameter(f"{law}{ALONE}, {name}", p, two["parameters"].get(name)))
     return rows
 
 
-def _law(content: Mapping) -> str:
-    return content["base_model"]["name"]
+def _law(content: Mapping, key: str = "base_model") -> str:
+    return (content.get(key) or content["base_model"])["name"]
 
 
 def _effects(content: Mapping) -> str:
@@ -145,20 +175,42 @@ def _own(content: Mapping) -> dict[str, Mapping]:
 
 
 def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: bool = True) -> dict:
-    row = _number(quantity, p and p["value"], q and q["value"], (p or q)["unit"])
-    if p and q and comparable:
-        std = math.hypot(p["std"] or 0.0, q["std"] or 0.0)
-        row["sigmas"] = row["difference"] / std if std > 0 else None
-    return row if comparable else row | {"difference": None}
+    ends = [one and one["std"] and [one["value"] + s * Z95 * one["std"] for s in (-1, 1)] for one in (p, q)]
+    row = _measured(quantity, p and p["value"], q and q["value"], (p or q)["unit"], *ends)
+    return row if comparable else row | {"difference": None, "sigmas": None}
 
 
 def _text(quantity: str, a: str, b: str) -> dict:
-    return {"quantity": quantity, "a": a, "b": b, "difference": None, "sigmas": None, "unit": ""}
+    return dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": ""}
 
 
-def _number(quantity: str, a: float | None, b: float | None, unit: str) -> dict:
-    difference = None if a is None or b is None else b - a
-    return {"quantity": quantity, "a": a, "b": b, "difference": difference, "sigmas": None, "unit": unit}
+def _measured(
+    quantity: str,
+    a: float | None,
+    b: float | None,
+    unit: str,
+    a_ends: Sequence[float] | None = None,
+    b_ends: Sequence[float] | None = None,
+) -> dict:
+    """A row of two numbers, with their 95 % intervals where there are any."""
+    row = dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": unit}
+    if a_ends and None not in a_ends:
+        row |= {"a_low": a_ends[0], "a_high": a_ends[1]}
+    if b_ends and None not in b_ends:
+        row |= {"b_low": b_ends[0], "b_high": b_ends[1]}
+    if a is None or b is None:
+        return row
+    row["difference"] = b - a
+    # a value without an interval (an effect that is on or off) is taken as exact
+    widths = [row[f"{one}_high"] - row[f"{one}_low"] for one in "ab" if row[f"{one}_low"] is not None]
+    std = math.hypot(*widths) / (2.0 * Z95)
+    row["sigmas"] = row["difference"] / std if std > 0 else None
+    return row
+
+
+def _with_ends(row: Mapping, one: str) -> str:
+    low, high = _cell(row[f"{one}_low"]), _cell(row[f"{one}_high"])
+    return _cell(row[one]) + (f" [{low}, {high}]" if "-" not in (low, high) else "")
 
 
 def _cell(value: object, digits: int = 4) -> str:

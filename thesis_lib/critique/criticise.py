@@ -16,9 +16,11 @@ from thesis_lib.critique.fit import Fit, fit
 from thesis_lib.critique.judge import Judgement, judge, paired_gain
 from thesis_lib.critique.model import states_at_impact
 from thesis_lib.critique.observations import Observations, observe
+from thesis_lib.critique.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.remaining import Remaining, remaining
 from thesis_lib.critique.settings import CritiqueSettings
 from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.impacts import V_POST, V_PRE
 from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.effects import EFFECTS
 from thesis_lib.errors import UserError
@@ -193,7 +195,10 @@ def _refuse_constant(dataset: Dataset) -> None:
     table = dataset.impacts if given else dataset.trajectories
     if table is None or len(table) < 2:
         return
-    columns = ("vx_post", "vy_post", "omega_post") if given else ("x", "y", "theta")
+    columns = (*V_PRE, *V_POST) if given else ("x", "y", "theta")
+    lowest = dataset.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
+    if given and np.ptp(lowest) > 1e-9 * dataset.shape.extent:
+        columns = ("theta", *columns)  # where the angle decides the contact point
     stuck = [name for name in columns if table[name].nunique() == 1]
     if stuck:
         many = len(stuck) > 1
@@ -207,13 +212,18 @@ def _refuse_constant(dataset: Dataset) -> None:
 def _split(
     dataset: Dataset, observations: Observations, settings: CritiqueSettings, rng: np.random.Generator
 ) -> tuple[Observations, Observations]:
+    refuse_what_is_not_one_body(dataset.name, observations)
     trials = np.unique(observations.trial)
     if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
         reasons = observations.found.left_out["reason"].value_counts().to_dict()
-        why = "; ".join(f"{count} {name}" for name, count in reasons.items()) or "none was left out"
+        why = "; ".join(f"{count} {name}" for name, count in reasons.items()) or "none"
+        if not reasons and not len(observations):
+            why = "none, because not one was detected"
+        said = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
+        said = f"What was noticed: {said} " if said else ""
         raise UserError(
             f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
-            f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. "
+            f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {said}"
             "Measure more drops, or look at what detection says (python -m thesis_lib.datasets check)."
         )
     chosen = rng.permutation(trials)

@@ -1,15 +1,18 @@
 """How small an effect this dataset could have shown, for every candidate.
 
-Two sizes stand for each parameter, because an effect must pass two thresholds to be named:
+An effect must pass three thresholds to be named, each of which one size passes with a chance of 80 %, which is 0.84
+standard deviations beyond the threshold:
 
-    smallest           (√(2 c) + 0.84) / √I,  c: quantile of the largest gain of all candidates under the null, nats;
-                       I: Fisher information of the parameter after all others are fitted; 0.84 standard deviations
-                       beyond the threshold is a chance of 80 % to pass it
-    smallest_material  size that, left out of the model with all other parameters refitted, raises an error of one of
-                       the effect's channels by the least amount that the verdict counts
+    significant  max(√(2 c) + 0.84, 2 (1.96 + 0.84)) / √I
+                 c: quantile of the largest gain of all candidates under the null, nats; I: Fisher information of the
+                 parameter after all others are fitted.  A size x/√I gains x²/2 ± x nats on unseen trials, so that the
+                 second term puts the 95 % interval of that gain above zero.
+    material     size that, left out of the model with all other parameters refitted, raises an error of one of the
+                 effect's channels by the least amount that the verdict counts, and 0.84 standard errors of the rise
+    smallest     the larger of the two
 
-The first falls with the number of drops, the second does not.  Either is None where no size within the parameter's
-bounds would do.
+The first falls with the root of the number of drops, the second hardly.  Each is None where no size within the
+parameter's bounds would do.
 """
 
 from collections.abc import Mapping
@@ -24,6 +27,10 @@ from thesis_lib.critique.model import Model, flight_residuals, impact_residuals,
 from thesis_lib.effects.effect import Parameter
 
 POWER = 0.8416  # standard deviations: the normal quantile of 80 %
+ABOVE_ZERO = 1.96  # standard deviations: a gain whose 95 % interval lies above zero
+MEDIAN_STD = 1.17 / np.sqrt(
+    2.0
+)  # times the root of n: relative standard error of a root mean square from a median
 BISECTIONS = 30
 SMALLEST_SHARE = 1e-6  # of a parameter's range: sizes below it are as good as nothing
 
@@ -31,30 +38,46 @@ Parts = Mapping[str, np.ndarray]
 
 
 def detectable(critique: Critique) -> list[dict]:
-    """Rows name, smallest, smallest_material (each by parameter) and drops_for_half (of `smallest`)."""
+    """Rows name, smallest, significant, material (each by parameter) and drops_for_half.
+
+    drops_for_half: number of drops with which half of `smallest` would be found, for the parameter that needs most;
+    None where no number would do, because half the size does not matter.
+    """
     testable, _ = testable_effects(critique.training)
-    found = smallest_sizes(critique)
-    material = material_sizes(critique)
-    # the information grows with the number of trials, the size falls with its root
-    drops = 4 * len(np.unique(critique.observations.trial))
-    return [
-        {
-            "name": name,
-            "smallest": found[name],
-            "smallest_material": material[name],
-            "drops_for_half": drops,
-        }
-        for name in testable
-        if name in found
-    ]
+    significant, material = significant_sizes(critique), material_sizes(critique)
+    trials = len(np.unique(critique.observations.trial))
+    rows = []
+    for name in testable:
+        if name not in significant:
+            continue
+        one, two = significant[name], material[name]
+        smallest = {p: None if None in (one[p], two[p]) else max(one[p], two[p]) for p in one}
+        discrete = any(p.discrete is not None for p in testable[name].parameters)
+        known = [p for p, size in smallest.items() if size is not None and not discrete]
+        halves = {p: 0.5 * smallest[p] for p in known}
+        # the information grows with the number of drops, so that the significant size falls with its root
+        drops = None
+        if known and all(halves[p] >= two[p] for p in known):
+            drops = max(int(np.ceil(trials * (one[p] / halves[p]) ** 2)) for p in known)
+        rows.append(
+            {
+                "name": name,
+                "smallest": smallest,
+                "significant": one,
+                "material": two,
+                "drops_for_half": drops,
+            }
+        )
+    return rows
 
 
-def smallest_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
-    """By effect and parameter, the size that the score test would have seen with a chance of 80 %."""
+def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
+    """By effect and parameter, the size that both tests of the log score would have seen with a chance of 80 %."""
     found, final = critique.discovery, critique.ladder[-1][1]
     testable, _ = testable_effects(critique.training)
     scan = found.last_scan
-    limit = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
+    null = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
+    limit = max(float(null), 2.0 * (ABOVE_ZERO + POWER))
     sizes: dict[str, dict[str, float | None]] = {}
     for step in found.steps:  # the fit itself says how well what is in the model is known
         name = step.effect.name
@@ -152,11 +175,11 @@ def _material(
                 continue
             without = _error(here[channel], channel)
             # the effect may have either sign
-            rises = [_error(here[channel] + sign * size * shift[channel], channel) for sign in (1.0, -1.0)]
-            left_out = float(np.mean(rises))
-            if left_out - without >= max(
-                s.material_share * left_out, s.material_floor * floors.get(channel, 1.0)
-            ):
+            moved = [here[channel] + sign * size * shift[channel] for sign in (1.0, -1.0)]
+            left_out = float(np.mean([_error(one, channel) for one in moved]))
+            unsure = float(np.mean([_rise_std(here[channel], one, channel) for one in moved]))
+            least = max(s.material_share * left_out, s.material_floor * floors.get(channel, 1.0))
+            if left_out - without >= least + POWER * unsure:
                 return True
         return False
 
@@ -177,6 +200,15 @@ def _error(residual: np.ndarray, channel: str) -> float:
     if channel == "impact":
         return float(np.linalg.norm(residual, axis=1).mean())
     return float(np.median(np.abs(residual)) / MAD)
+
+
+def _rise_std(before: np.ndarray, after: np.ndarray, channel: str) -> float:
+    """Standard error of the rise of `_error`; impacts are paired, medians taken as if they were not."""
+    n = len(before)
+    if channel == "impact":
+        rise = np.linalg.norm(after, axis=1) - np.linalg.norm(before, axis=1)
+        return float(rise.std() / np.sqrt(n))
+    return float(_error(after, channel) * MEDIAN_STD / np.sqrt(n))
 
 
 def _within(size: float, p: Parameter) -> float | None:

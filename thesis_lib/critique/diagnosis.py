@@ -1,30 +1,47 @@
 """diagnosis.json: the verdict, what is missing, what could not be told, and what to measure next (design 3.2).
 
-Beside the keys of the design it holds `summary` (sentences for a reader), `augmented_model` (μ and ε with the effects
-on, to be compared with `base_model`), `laws` (each law without effects: parameters and held-out error), in `error` the
-`irb_bound_augmented` (with geometry, inertia and camera as the effects have them), in `remaining` the `channels` whose
-misfit stays far above noise, `smallest_material` beside each smallest size (see detectable.py) and, with each proposed
-state, by how many standard deviations of the noise the two models differ there.
+Beside the keys of the design it holds
+
+| where           | key                 | meaning                                                                     |
+|-----------------|---------------------|-----------------------------------------------------------------------------|
+|                 | summary             | sentences for a reader (see summary.py)                                     |
+|                 | augmented_model     | law and (μ, ε) with the effects on: another law may fit better then         |
+|                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
+| effects         | clears              | whether it passes the thresholds: one that the user switched on may not     |
+|                 | material_in         | channels whose held-out misfit it lowers by an amount that counts           |
+| error           | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
+|                 | irb_bound_augmented | with geometry, inertia and camera as the effects have them                  |
+|                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
+|                 | worst               | largest errors, where they and not the median lift the mean above the floor |
+| remaining       | channels            | those whose misfit stays far above noise                                    |
+| detectable      | significant, material | the two sizes of which `smallest` is the larger (see detectable.py)       |
+| next_experiment | shows, sigmas       | see next_experiment.py                                                      |
 """
 
 import numpy as np
+import pandas as pd
 
-from thesis_lib.contact import LAWS
 from thesis_lib.critique.criticise import Critique, gain_of
 from thesis_lib.critique.detectable import detectable
 from thesis_lib.critique.fit import Fit
+from thesis_lib.critique.judge import CHANNELS, is_material
 from thesis_lib.critique.next_experiment import next_experiment
 from thesis_lib.critique.rounding import six_digits
-from thesis_lib.critique.tables import left_out_impacts
-from thesis_lib.critique.words import CHANNEL_TEXT, feature_text, listed, reasons_listed
-from thesis_lib.effects import EFFECTS
+from thesis_lib.critique.summary import summary
+from thesis_lib.critique.tables import ladder, left_out_impacts
+from thesis_lib.figures.critique_numbers import mean_interval
 
-FLIGHT_SAID = 0.1  # sigma; smaller falls of the misfit in flight are not worth words
-MUCH_LEFT_OUT = 0.2  # share of the impacts above which the verdict says so
+WORST = 5  # impacts that are listed where single ones spoil the mean
 
 
-def diagnosis(critique: Critique, rng: np.random.Generator) -> dict:
-    """The content of diagnosis.json, with numbers of six digits; `rng` draws intervals and trial states."""
+def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame | None = None) -> dict:
+    """The content of diagnosis.json, with numbers of six digits.
+
+    Args:
+        critique: what was found.
+        rng: draws intervals and trial states.
+        rungs: table of the ladder, whose intervals are told here, too; None: made here.
+    """
     found = critique.discovery
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     content = {
@@ -34,7 +51,10 @@ def diagnosis(critique: Critique, rng: np.random.Generator) -> dict:
         "n_trials": len(np.unique(critique.observations.trial)),
         "verdict": critique.verdict,
         "base_model": {"name": found.base, "parameters": _parameters(base, ("mu", "epsilon"))},
-        "augmented_model": {"name": found.base, "parameters": _parameters(final, ("mu", "epsilon"))},
+        "augmented_model": {
+            "name": final.model.law.name,
+            "parameters": _parameters(final, ("mu", "epsilon")),
+        },
         "effects": [_effect(critique, i, rng) for i in range(len(found.steps))],
         "laws": {name: _law(critique, name) for name in critique.laws},
         "error": _error(critique),
@@ -51,7 +71,10 @@ def diagnosis(critique: Critique, rng: np.random.Generator) -> dict:
         "detectable": detectable(critique),
         "next_experiment": next_experiment(critique, rng),
     }
-    content["summary"] = _summary(content)
+    rungs = ladder(critique, rng) if rungs is None else rungs
+    for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
+        content["error"][key] = [float(row["error_low"]), float(row["error_high"])]
+    content["summary"] = summary(content)
     return six_digits(content)
 
 
@@ -66,8 +89,13 @@ def _parameters(fitted: Fit, names: tuple[str, ...]) -> dict:
 def _law(critique: Critique, name: str) -> dict:
     """One law without effects: what two runs that chose different laws can be compared by."""
     fitted, _ = critique.discovery.laws[name]
-    error = float(critique.laws[name].error.mean())
-    return {"parameters": _parameters(fitted, ("mu", "epsilon")), "error": error, "unit": "m/s"}
+    error, low, high = mean_interval(critique.laws[name].error, critique.laws[name].trial)
+    return {
+        "parameters": _parameters(fitted, ("mu", "epsilon")),
+        "error": error,
+        "interval": [low, high],
+        "unit": "m/s",
+    }
 
 
 def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
@@ -80,22 +108,33 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
         "name": name,
         "family": step.effect.family,
         "parameters": {key.removeprefix(prefix): value for key, value in parameters.items()},
+        "clears": step.clears,
+        "material_in": _material_in(critique, name),
         "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
         "indistinguishable_from": list(step.alternatives),
     }
 
 
+def _material_in(critique: Critique, effect: str) -> list[str]:
+    """Channels whose held-out misfit the effect lowers by an amount that counts."""
+    last, without, s = critique.ladder[-1][2], critique.without[effect], critique.settings
+    return [c for c in CHANNELS if is_material(last, without, (c,), s.material_share, s.material_floor)]
+
+
 def _error(critique: Critique) -> dict:
     (_, _, before), (_, _, after) = critique.ladder[0], critique.ladder[-1]
     base, augmented, floor = float(before.error.mean()), float(after.error.mean()), after.floor
-    flight = None
-    if np.isfinite(before.sigmas["flight"]):
-        flight = {
+    misfits = {
+        name: {
             "unit": "sigma",
-            "base": np.sqrt(before.sigmas["flight"]),
-            "augmented": np.sqrt(after.sigmas["flight"]),
+            "base": np.sqrt(before.sigmas[name]),
+            "augmented": np.sqrt(after.sigmas[name]),
             "noise_floor": 1.0,
         }
+        if np.isfinite(before.sigmas[name])
+        else None
+        for name in CHANNELS[1:]
+    }
     return {
         "unit": "m/s",
         "base": base,
@@ -105,8 +144,24 @@ def _error(critique: Critique) -> dict:
         "no_impact": critique.no_impact,
         "noise_floor": floor,
         "explained_share": (base - augmented) / (base - floor) if base > floor else None,
-        "flight": flight,
+        **misfits,
+        "worst": _worst(critique),
     }
+
+
+def _worst(critique: Critique) -> list[dict]:
+    """Held-out impacts of largest error, if they lift the mean far above the floor and the median is not there."""
+    judged, limit = critique.ladder[-1][2], critique.settings.excess_scatter
+    # a comparison with an unknown floor is false
+    if not (judged.error.mean() > limit * judged.floor and judged.excess <= limit):
+        return []
+    o = critique.held_out
+    rows = np.argsort(-judged.error, kind="stable")[:WORST]
+    t = o.t if o.arcs else np.full(len(o), np.nan)
+    return [
+        {"trial": int(o.trial[i]), "t": float(t[i]), "error": float(judged.error[i]), "unit": "m/s"}
+        for i in rows
+    ]
 
 
 def _left_out(critique: Critique) -> dict:
@@ -114,80 +169,3 @@ def _left_out(critique: Critique) -> dict:
     reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
     total = len(table) + len(critique.observations)
     return {"share": len(table) / total if total else 0.0, "reasons": reasons}
-
-
-def _summary(content: dict) -> list[str]:
-    """The verdict and what to do, in words; before them what is wrong with the measurements themselves."""
-    effects, error = content["effects"], content["error"]
-    law = LAWS[content["base_model"]["name"]].title
-    faults = [e for e in effects if e["family"] == "measurement"]
-    sentences = []
-    if faults:
-        names = listed([_named(e) for e in faults])
-        sentences.append(
-            f"The measurements look faulty: {names}; correct the camera or its calibration before reading anything "
-            "else here as physics."
-        )
-    if content["left_out"]["share"] > MUCH_LEFT_OUT:
-        why = reasons_listed(content["left_out"]["reasons"])
-        sentences.append(
-            f"{100 * content['left_out']['share']:.0f} % of the detected impacts were left out ({why}), so the verdict "
-            "holds for the others only."
-        )
-    known = np.isfinite(error["noise_floor"])
-    floor = f" (noise floor {_speed(error['noise_floor'])})" if known else " (noise unknown)"
-    moves = "falls" if error["augmented"] < error["base"] else "goes"
-    fall = f"the held-out error {moves} from {_speed(error['base'])} to {_speed(error['augmented'])}{floor}"
-    flight = error["flight"]
-    if flight and flight["base"] - flight["augmented"] > FLIGHT_SAID:
-        fall += (
-            f", and the misfit in flight falls from {flight['base']:.3g} to {flight['augmented']:.3g} standard "
-            "deviations of noise"
-        )
-    physics = [e for e in effects if e not in faults]
-    names = listed([_named(e) for e in physics])
-    taken = "it" if len(effects) == 1 else "all of it"
-    if content["verdict"] == "adequate":
-        sentences.append(
-            f"{law} is adequate: no effect in the library lowers its held-out error of {_speed(error['base'])}{floor} "
-            "by an amount that matters."
-        )
-        sentences.append(
-            "Nothing needs to be added; the report lists how small an effect these data could have shown."
-        )
-    elif content["verdict"] == "effects":
-        sentences.append(
-            f"{law} leaves out: {names}; with {taken} {fall}."
-            if physics
-            else f"With this put right, {law} is enough: {fall}."
-        )
-        if any(e["indistinguishable_from"] for e in effects):
-            sentences.append(
-                "To tell the named candidates apart, measure at the states listed under the next experiment."
-            )
-        else:
-            sentences.append("Use model.json, which holds all of this, for predictions.")
-    else:
-        beyond = f"; its held-out error is {_speed(error['base'])}{floor}"
-        if effects:
-            beyond = f" beyond {names or 'that fault'}; with {taken} {fall}"
-        on = listed([f"the {feature_text(name)}" for name in content["remaining"]["depends_on"]])
-        sentences.append(f"{law} misses something that no effect in the library explains{beyond}.")
-        where = [CHANNEL_TEXT[name] for name in content["remaining"]["channels"] if name != "impact"]
-        if where:
-            sentences.append(f"Far more than noise is left in {listed(where)}.")
-        sentences.append(
-            (f"What is left depends on {on}: look there" if on else "Look at what is left")
-            + " for a cause that the library does not hold, or learn it as a residual."
-        )
-    return sentences
-
-
-def _named(effect: dict) -> str:
-    title = EFFECTS[effect["name"]].title
-    others = [EFFECTS[name].title for name in effect["indistinguishable_from"]]
-    return title + (f" (or {listed(others, 'or')}, which these data cannot tell apart)" if others else "")
-
-
-def _speed(value: float) -> str:
-    return f"{value:.3g} m/s"

@@ -16,6 +16,8 @@ What is recorded is the model's map of the true state, as a camera with its faul
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (LeafSystem, MultibodyPlant).
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
@@ -24,7 +26,7 @@ from thesis_lib.critique.law_drops import REST
 from thesis_lib.critique.model import Model
 from thesis_lib.critique.saved_model import SavedModel
 from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Body, Header, Noise
+from thesis_lib.datasets.header import Body, Header, Noise, Surface
 from thesis_lib.datasets.impacts import POSE
 from thesis_lib.effects.effect import State
 from thesis_lib.errors import UserError
@@ -35,6 +37,7 @@ from thesis_lib.simulate.release import Release
 
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
+SAY_EVERY = 10  # drops
 MAX_TOUCHES = 50  # of one drop; a body at rest touches no more often, it is slower than REST
 
 
@@ -47,6 +50,7 @@ def simulate_augmented_in_drake(
     rate: float = 250.0,
     noise: Noise | None = None,
     rng: np.random.Generator,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Dataset:
     """Trajectories of n drops that Drake flies and a saved model resolves the touches of.
 
@@ -58,6 +62,7 @@ def simulate_augmented_in_drake(
         rate: Hz.
         noise: one-sigma noise of position and angle; none if None.
         rng: spawns the streams for releases and noise, as `simulate_law_drops` does.
+        say: told how many drops are done, now and then.
 
     Raises:
         UserError: duration, rate or n is not positive.
@@ -65,18 +70,33 @@ def simulate_augmented_in_drake(
     for name, value in {"n": n, "duration": duration, "rate": rate}.items():
         if not 0 < value < np.inf:
             raise UserError(f"Drops in Drake need a positive {name}; got {value}.")
-    # planar motion does not depend on the mass
-    body = Body(shape=model.rig.shape, mass=1.0, radius_of_gyration=model.rig.radius_of_gyration)
+    body = Body(shape=model.rig.shape, radius_of_gyration=model.rig.radius_of_gyration)
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
-    drops = _Drops(model, body)
+    q[:, 1] += model.rig.height
+    # planar motion does not depend on the mass
+    drops = _Drops(model, body.model_copy(update={"mass": 1.0}))
     samples = np.arange(round(duration * rate) + 1) / rate
-    tables = [drops.run(i, q[i], v[i], samples) for i in range(n)]
+    tables = []
+    for i in range(n):
+        tables.append(drops.run(i, q[i], v[i], samples))
+        if (i + 1) % SAY_EVERY == 0:
+            say(f"{i + 1} of {n} drops")
     table = pd.concat(tables, ignore_index=True)
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    table[list(POSE)] += [one or 0.0 for one in sigma] * noise_rng.standard_normal((len(table), 3))
+    # drawn for all samples, so that a body that comes to rest early changes no other's noise
+    noises = noise_rng.standard_normal((n, len(samples), 3))[
+        table["trial"], np.rint(table["t"] * rate).astype(int)
+    ]
+    table[list(POSE)] += [one or 0.0 for one in sigma] * noises
     header = Header(
-        schema=1, description=f"{n} drops", body=body, gravity=model.rig.gravity, rate=rate, noise=noise
+        schema=1,
+        description=f"{n} drops",
+        body=body,
+        surface=Surface(height=model.rig.height),
+        gravity=model.rig.gravity,
+        rate=rate,
+        noise=noise,
     )
     return Dataset("drops", header, table)
 

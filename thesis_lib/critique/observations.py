@@ -164,6 +164,7 @@ def _from_trajectories(
     trial, t = table["trial"].to_numpy(), table["t"].to_numpy(float)
     q = table[["x", "y", "theta"]].to_numpy(float)
     order = np.lexsort((t, trial))
+    order = order[~found.masked]
     trial, t, q = trial[order], t[order], q[order]
     sigma, colour = found.noise.used, found.noise.colour
     hits = found.arcs.sort_values(["trial", "t"])

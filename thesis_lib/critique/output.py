@@ -5,15 +5,18 @@
     <picture>.png .pdf .csv                                           with the numbers drawn
     report.html                                                       one page, readable offline
 
-diagnosis.json is written last and taken away first, so that a folder that has one is whole.
+All is written into a folder beside it first, `.<name>.part`, so that a run that dies leaves an earlier one as it was.
+Then the old diagnosis.json, model.json and report.html are taken away, with what this run does not make, the new files
+are moved in, and diagnosis.json last: a folder that has one is whole.
 """
 
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.columns import explain, write_result
+from thesis_lib.columns import write_result
 from thesis_lib.critique.criticise import Critique, criticise
 from thesis_lib.critique.diagnosis import diagnosis
 from thesis_lib.critique.saved_model import save_model, saved
@@ -26,6 +29,17 @@ from thesis_lib.files import write_json, write_text
 from thesis_lib.randomness import generator
 
 VERDICT_FILE = "diagnosis.json"
+LAST = ("model.json", "report.html", VERDICT_FILE)  # moved in last, in this order
+# all that any critique writes: what an earlier one made and this one does not is taken away
+TABLES = ("comparison", "errors", "ladder", "impacts", "budget", "flights")
+
+
+def is_unfinished(folder: str | Path) -> bool:
+    """Whether a folder holds files of a critique but not the one that is written last."""
+    folder = Path(folder)
+    return not (folder / VERDICT_FILE).exists() and all(
+        (folder / name).is_file() for name in ("where.json", "comparison.csv", "ladder.csv")
+    )
 
 
 def critique_folder(
@@ -61,30 +75,44 @@ def write_critique(critique: Critique, folder: str | Path, rng: np.random.Genera
     """Write all files of a critique into `folder` and return the content of diagnosis.json."""
     # pictures and page are drawn from what is found here: nothing of the critique needs them
     from thesis_lib.critique.report import report_html
-    from thesis_lib.figures.critique_pictures import pictures
+    from thesis_lib.figures.critique_pictures import NAMES, pictures
     from thesis_lib.figures.style import save_figure
 
     folder = Path(folder)
-    # all that can fail is computed before anything of an earlier critique is touched
     regions = where(critique, rng)
     made = tables(critique, rng)
-    content = diagnosis(critique, rng)
+    content = diagnosis(critique, rng, made["ladder"])
     drawn = pictures(critique, made, regions)
     page = report_html(critique, content, regions, made, drawn)
-    for name, (_, numbers) in drawn.items():
-        explain(name, numbers.columns)
 
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / VERDICT_FILE).unlink(missing_ok=True)
-    for name, (figure, numbers) in drawn.items():
-        # a picture of a table has that table beside it
-        save_figure(figure, made.get(name, numbers), folder / name)
-    for name, table in made.items():
-        write_result(table, folder / f"{name}.csv")
-    write_json(regions, folder / "where.json")
-    save_model(
-        saved(critique.ladder[-1][1], critique.observations.rig, critique.dataset), folder / "model.json"
-    )
-    write_text(page, folder / "report.html")
-    write_json(content, folder / VERDICT_FILE)
+    part = folder.resolve().with_name(f".{folder.resolve().name}.part")
+    shutil.rmtree(part, ignore_errors=True)  # of a run that was killed
+    try:
+        part.mkdir(parents=True)
+        for name, (figure, numbers) in drawn.items():
+            # a picture of a table has that table beside it
+            save_figure(figure, made.get(name, numbers), part / name)
+        for name, table in made.items():
+            write_result(table, part / f"{name}.csv")
+        write_json(regions, part / "where.json")
+        final = critique.ladder[-1][1]
+        save_model(saved(final, critique.observations.rig, critique.dataset), part / "model.json")
+        write_text(page, part / "report.html")
+        write_json(content, part / VERDICT_FILE)
+        _replace(folder, part, {*NAMES, *TABLES})
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
     return content
+
+
+def _replace(folder: Path, part: Path, stems: set[str]) -> None:
+    """Move the files of `part` into `folder`, and take away those of an earlier critique that it does not make."""
+    new = {path.name for path in part.iterdir()}
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in reversed(LAST):
+        (folder / name).unlink(missing_ok=True)
+    for path in folder.iterdir():
+        if path.name not in new and path.stem in stems and path.suffix in (".csv", ".png", ".pdf"):
+            path.unlink()
+    for name in (*sorted(new - set(LAST)), *LAST):
+        (part / name).replace(folder / name)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from thesis_lib.critique import report_text
+from thesis_lib.critique import report_effects, report_text
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.elements import amount, bullets, interval, paragraph, percent, picture, section
 from thesis_lib.critique.report_tables import (
@@ -25,6 +25,7 @@ from thesis_lib.critique.report_tables import (
     regions_table,
     tests_table,
 )
+from thesis_lib.critique.summary import possible_faults
 from thesis_lib.figures.critique_numbers import ladder_table
 from thesis_lib.figures.style import Drawn
 
@@ -34,6 +35,7 @@ WORDS = {
     "effects": "+ effects found: named effects explain what was missing",
     "unexplained": "? unexplained: structure remains that no named effect explains",
 }
+BY_HAND = "✓ adequate: the effects that you switched on are not needed"
 
 
 def report_html(
@@ -60,7 +62,7 @@ def report_html(
     d = diagnosis
     ladder = ladder_table(critique, tables)
     parts = [
-        ("faults", "First: the measurements themselves", [report_text.faults(d)]),
+        ("faults", "First: the measurements themselves", [report_effects.faults(d)]),
         (
             "compare",
             "1. How far the laws are from the measurements",
@@ -82,21 +84,22 @@ def report_html(
                 regions_table(where),
                 report_text.residuals(critique),
                 draw("residuals"),
+                draw("flights"),
                 tests_table(where),
             ],
         ),
         (
             "which",
             "3. Which effect is missing",
-            [report_text.effects(d), effects_table(d), report_text.remaining(critique, d)],
+            [report_effects.effects(d), effects_table(d), report_effects.remaining(critique, d)],
         ),
         (
             "added",
             "4. What adding it does" if d["effects"] else "4. Nothing was added",
             [
-                report_text.ladder_text(d, ladder),
+                report_effects.ladder_text(critique, d, ladder),
                 draw("ladder"),
-                report_text.moved(critique),
+                report_effects.moved(critique),
                 draw("parameters"),
                 parameters_table(critique),
             ],
@@ -104,7 +107,7 @@ def report_html(
         (
             "untold",
             "What could not be told, and what would tell",
-            [report_text.untold(d), report_text.following(d)],
+            [report_effects.untold(d), report_text.following(d)],
         ),
         ("power", "What these data could have shown", [report_text.power(d), detectable_table(d)]),
         ("tables", "Tables", [comparison_table(tables), left_out_table(d)]),
@@ -133,10 +136,11 @@ def report_html(
 
 def _verdict(d: Mapping) -> str:
     verdict = str(d["verdict"])
-    fault = any(effect["family"] == "measurement" for effect in d["effects"])
+    fault = any(e["clears"] and (e["family"] == "measurement" or possible_faults(e)) for e in d["effects"])
     kind = f"verdict {'fault' if fault else verdict}"
     sentences = "".join(f"<p>{escape(str(s))}</p>" for s in d.get("summary", []))
-    word = escape(WORDS.get(verdict, verdict))
+    by_hand = any(not e["clears"] for e in d["effects"])
+    word = escape(BY_HAND if by_hand and verdict == "adequate" else WORDS.get(verdict, verdict))
     return f'<div class="{escape(kind)}" role="note" aria-label="Verdict"><p class="word">{word}</p>{sentences}</div>'
 
 
@@ -164,7 +168,7 @@ def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> str:
         ends = f"held-out, {interval(last['error_low'], last['error_high'])}"
         cells.append(("error with the effects", amount(error["augmented"], unit), ends))
     cells.append(("noise floor", amount(error["noise_floor"], unit), "what a perfect model would show"))
-    if error["explained_share"] is not None and d["effects"]:
+    if error["explained_share"] is not None and any(e["clears"] for e in d["effects"]):
         cells.append(
             (
                 "explained",

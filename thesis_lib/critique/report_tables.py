@@ -6,7 +6,7 @@ import pandas as pd
 
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.elements import amount, estimate, interval, percent, plus_minus, table
-from thesis_lib.critique.words import listed, plain_rule, reason_text
+from thesis_lib.critique.words import alternatives_listed, listed, plain_rule, reason_text
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique_numbers import effect_title, law_title, number, parameter_table, symbol
 
@@ -22,7 +22,7 @@ BOUND_WORDS = {
     "best_post_hoc": "Best Post Hoc",
     "irb_bound": "IRB bound",
     "no_impact": "if nothing happened",
-    "augmented": "base law with the effects",
+    "augmented": "with the effects",
 }
 TESTS = {
     "rigid_point": "A rigid point impulse can explain each impact",
@@ -65,6 +65,10 @@ def captions(critique: Critique) -> dict[str, str]:
         "residuals": "Rows: parts of the error; columns: the states on which it depends most. Grey: single impacts of "
         "the base law; lines: means in eight bins with 95 % intervals. The number in each panel is the share of the "
         "base law's variance that the state explains.",
+        "flights": "Acceleration in flight, measured minus predicted, in units of noise (1 is noise alone), of all "
+        "flights, training and held out. Rows: its parts; columns: the states at mid-flight on which it depends most; "
+        "velocities are those of the centre of mass. Grey: single flights of the base law; lines: means in eight bins "
+        "with 95 % intervals. Long flights show what the noise of short ones hides.",
         "ladder": "Mean held-out error with its 95 % interval after each added effect, on a logarithmic axis, with "
         "noise floor and bounds as lines."
         + (
@@ -94,11 +98,11 @@ def effects_table(d: Mapping) -> str:
     for e in d["effects"]:
         low, high = e["gain"]["interval"]
         gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(low, high)}"
-        others = listed([effect_title(name) for name in e["indistinguishable_from"]], "or") or "–"
+        others = alternatives_listed([effect_title(name) for name in e["indistinguishable_from"]]) or "–"
         family = FAMILY_WORDS.get(e["family"], e["family"])
         rows.append(
             (
-                effect_title(e["name"]),
+                effect_title(e["name"]) + ("" if e["clears"] else " (switched on by you)"),
                 family,
                 "; ".join(sizes(e)),
                 gain,
@@ -118,9 +122,9 @@ def regions_table(where: Mapping) -> str:
         for r in regions:
             inside, outside = number(r["error_inside"]), number(r["error_outside"])
             over = [number(r[key], 2) for key in ("sigmas_inside", "sigmas_outside")]
-            rows.append(
-                (plain_rule(r), model, percent(r["support"]), inside, outside, *over, number(r["p_value"], 2))
-            )
+            errors_of = "held-out" if r["on"] == "held_out" else "all impacts"
+            shown = (percent(r["support"]), inside, outside, *over, number(r["p_value"], 2), errors_of)
+            rows.append((plain_rule(r), model, *shown))
     columns = (
         "region",
         "model",
@@ -130,6 +134,7 @@ def regions_table(where: Mapping) -> str:
         "inside over expected",
         "outside over expected",
         "p",
+        "errors of",
     )
     caption = (
         "Regions in which the error is larger than elsewhere. Expected is what noise and the mean scatter of the model "
@@ -232,8 +237,19 @@ def detectable_table(d: Mapping) -> str:
             else:
                 parts.append(f"{symbol(name)} = {amount(size, p.unit if p else '', 2)}")
         family = EFFECTS[e["name"]].family if e["name"] in EFFECTS else ""
-        rows.append((effect_title(e["name"]), FAMILY_WORDS.get(family, family), "; ".join(parts)))
-    return table("Smallest effects that would have been found", ("effect", "family", "smallest size"), rows)
+        rows.append(
+            (effect_title(e["name"]), FAMILY_WORDS.get(family, family), "; ".join(parts), *_set_by(e))
+        )
+    columns = ("effect", "family", "smallest size", "set by", "drops for half of it")
+    return table("Smallest effects that would have been found", columns, rows, numeric=(4,))
+
+
+def _set_by(entry: Mapping) -> tuple[str, str]:
+    """What sets the smallest size, and how many drops would show half of it."""
+    known = [name for name, size in entry["smallest"].items() if size is not None]
+    by = ["evidence" if entry["significant"][n] > entry["material"][n] else "weight" for n in known]
+    drops = entry["drops_for_half"]
+    return "; ".join(dict.fromkeys(by)) or "–", "–" if drops is None else str(drops)
 
 
 def states_table(following: Mapping) -> str:
@@ -243,11 +259,13 @@ def states_table(following: Mapping) -> str:
     for i, state in enumerate(following.get("states", [])):
         row = [str(i + 1), *(number(state[name]) for name in ("vx", "vy", "omega", "theta"))]
         rows.append([*row, number(sigmas[i], 2)] if sigmas else row)
-    columns = ["state", "v_x (m/s)", "v_y (m/s)", "ω (rad/s)", "θ (rad)"] + ["difference (sigma)"] * bool(
-        sigmas
-    )
+    misfit = following.get("shows") == "misfit"
+    columns = ["state", "v_x (m/s)", "v_y (m/s)", "ω (rad/s)", "θ (rad)"]
+    columns += ["misfit (sigma)" if misfit else "difference (sigma)"] * bool(sigmas)
     return table(
-        "States just before impact at which the two predictions differ most",
+        "States just before impact around which the misfit is largest"
+        if misfit
+        else "States just before impact at which the two predictions differ most",
         columns,
         rows,
         numeric=range(1, 6),

@@ -1,6 +1,7 @@
-"""Tables of the critique: comparison, errors, ladder, impacts used and left out, error budget.
+"""Tables of the critique: comparison, errors, ladder, impacts used and left out, flights, error budget.
 
-All errors of comparison, ladder and budget are those of held-out impacts; `errors` holds every impact with a mark.
+All errors of comparison, ladder and budget are those of held-out impacts; `errors` and `flights` hold every impact and
+every flight, with a mark (`held_out`).
 The columns are explained in thesis_lib/columns.py.  The budget splits the mean square error of the base law in (m/s)²:
 
 | part                | definition                                                                                    |
@@ -25,6 +26,7 @@ from thesis_lib.critique.class_tests import velocities
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.features import features
 from thesis_lib.critique.fit import Fit
+from thesis_lib.critique.flights import flight_table
 from thesis_lib.critique.judge import Judgement, paired_gain
 from thesis_lib.critique.model import impact_residuals, residual_covariance
 from thesis_lib.critique.observations import Observations
@@ -55,6 +57,8 @@ def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFra
         "impacts": impacts(critique),
         "budget": budget(critique, rng),
     }
+    if len(critique.observations.flights):
+        made["flights"] = flight_table(critique)
     for name, table in made.items():
         explain(name, table.columns)
     return made

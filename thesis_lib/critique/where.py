@@ -4,7 +4,11 @@
 
 is the error of impact i over what noise and mean scatter predict there, so that a region of large noise is no region of
 failure.  A rule (one interval of one feature, or two of them) is scored by the rank sum of z inside against outside.
-Its p-value counts all rules: it is the share of permutations of z in which *any* rule scores as high.
+Its p-value counts all rules: it is the share of permutations of z in which *any* rule scores as high.  Flights have
+rules of their own, over the state at mid-flight, with z from `flights`; their p-values count the rules for flights.
+
+Rules are found on all impacts, for they are few.  The errors told of a region are those of held-out impacts where at
+least `FEWEST_HELD_OUT` lie inside and as many outside (`on`: "held_out"), else of all ("all").
 """
 
 import itertools
@@ -19,6 +23,7 @@ from thesis_lib.critique.class_tests import class_tests
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.features import FEATURES, features
 from thesis_lib.critique.fit import Fit
+from thesis_lib.critique.flights import FLIGHT_UNITS, flight_features, misfit, relative_residuals
 from thesis_lib.critique.model import impact_residuals, residual_covariance
 from thesis_lib.critique.observations import Observations
 from thesis_lib.critique.rounding import six_digits
@@ -27,13 +32,16 @@ PERMUTATIONS = 499
 LEVEL = 0.05  # of the corrected p-value: a rule above it is not told
 SMALLEST, LARGEST = 0.05, 0.6  # share of the impacts inside a rule
 MOST_REGIONS = 3
+FEWEST_HELD_OUT = 30  # inside and outside a region for its mean errors to be those of held-out impacts
 OVERLAP = 0.1  # share of a region that may lie in those before it
 SIMPLER = 0.9  # a rule of one feature is told instead of one of two if it scores this much of it
 MOST_IMPACTS = 3000  # looked at; a random part of larger sets
 TAILS = (0.1, 0.2, 1 / 3, 0.5, 2 / 3, 0.8, 0.9)  # quantiles at which one-feature rules are cut
 MIDDLES = ((0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.25, 0.75))
 COARSE = (0.2, 1 / 3, 0.5, 2 / 3, 0.8)  # the same for rules of two features
-_SIGNED = ("v_t", "omega", "r_x", "theta")  # for these the sign and the magnitude may matter separately
+# for these the sign and the magnitude may matter separately
+_SIGNED = ("v_t", "omega", "r_x", "theta", "v_x", "v_y")
+_UNITS = {**FLIGHT_UNITS, **{name: unit for name, (unit, _) in FEATURES.items()}}
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,7 @@ class Condition:
     @property
     def text(self) -> str:
         name = f"|{self.feature}|" if self.absolute else self.feature
-        unit = FEATURES[self.feature][0]
+        unit = _UNITS[self.feature]
 
         def amount(x: float) -> str:
             return f"{x:g}" if unit == "1" or x == 0 else f"{x:g} {unit}"
@@ -77,22 +85,40 @@ Rule = tuple[Condition, ...]
 def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
     """The content of where.json: regions before and after the effects, and tests of whole classes of models."""
     rng = rng or np.random.default_rng(0)
-    o = critique.observations
+    # a stream of their own: what is drawn after them does not depend on whether there are flights
+    flight_rng = rng.spawn(1)[0]
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     after = None
     if critique.discovery.steps:
         names = [step.effect.name for step in critique.discovery.steps]
-        after = {"effects": names, "regions": regions(final, o, rng)}
+        after = {"effects": names, "regions": impact_regions(critique, final, rng)}
+        after["flight_regions"] = flight_regions(critique, final, flight_rng)
     return six_digits(
         {
             "schema": 1,
             "dataset": critique.dataset,
             "model": critique.discovery.base,
-            "regions": regions(base, o, rng),
+            "regions": impact_regions(critique, base, rng),
+            "flight_regions": flight_regions(critique, base, flight_rng),
             "after": after,
-            "class_tests": class_tests(base, o),
+            "class_tests": class_tests(base, critique.observations),
         }
     )
+
+
+def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
+    """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
+    o = critique.observations
+    error, z = relative_error(fitted, o)
+    return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)
+
+
+def flight_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
+    """The same for flights; errors in units of noise."""
+    flights, rig = critique.observations.flights, critique.observations.rig
+    z = misfit(relative_residuals(fitted, flights, rig))
+    held_out = np.isin(flights.state.trial, critique.held_out.trial)
+    return regions(flight_features(fitted, flights, rig), z, z, held_out, rng, unit="1")
 
 
 def relative_error(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
@@ -105,14 +131,26 @@ def relative_error(fitted: Fit, observations: Observations) -> tuple[np.ndarray,
     return error, error / np.sqrt(expected)
 
 
-def regions(fitted: Fit, observations: Observations, rng: np.random.Generator) -> list[dict]:
-    """Up to `MOST_REGIONS` regions in which `fitted` fails more than elsewhere, worst first."""
-    error, z = relative_error(fitted, observations)
-    table = features(fitted, observations)
+def regions(
+    table: pd.DataFrame,
+    error: np.ndarray,
+    z: np.ndarray,
+    held_out: np.ndarray,
+    rng: np.random.Generator,
+    unit: str = "m/s",
+) -> list[dict]:
+    """Up to `MOST_REGIONS` regions in which errors are larger than elsewhere, worst first.
+
+    Args:
+        table: features of n impacts or flights.
+        error: (n,) in `unit`; z: (n,) the same over what is expected.
+        held_out: (n,) whether no choice has seen it.
+        rng: of the permutations.
+    """
     known = np.flatnonzero(np.isfinite(z))
     if len(known) > MOST_IMPACTS:
         known = np.sort(rng.choice(known, MOST_IMPACTS, replace=False))
-    error, z, table = error[known], z[known], table.iloc[known].reset_index(drop=True)
+    error, z, held_out, table = error[known], z[known], held_out[known], table.iloc[known]
     rules, masks = _rules(table)
     if not rules:
         return []
@@ -125,7 +163,11 @@ def regions(fitted: Fit, observations: Observations, rng: np.random.Generator) -
         p_value = float((1 + np.sum(null >= plain)) / (1 + len(null)))
         if p_value > LEVEL or len(found) == MOST_REGIONS:
             break
-        mean_in, mean_out = float(error[inside].mean()), float(error[~inside].mean())
+        enough = min(np.sum(held_out & inside), np.sum(held_out & ~inside)) >= FEWEST_HELD_OUT
+        told = held_out if enough else np.ones(len(z), bool)
+        (mean_in, sigmas_in), (mean_out, sigmas_out) = (
+            (float(error[part & told].mean()), float(z[part & told].mean())) for part in (inside, ~inside)
+        )
         # small errors beyond a smaller noise are no place where a user loses anything
         if np.mean(taken[inside]) > OVERLAP or mean_in <= mean_out:
             continue
@@ -136,12 +178,13 @@ def regions(fitted: Fit, observations: Observations, rng: np.random.Generator) -
                 "conditions": [vars(condition) for condition in rules[i]],
                 "support": float(inside.mean()),
                 "n": int(inside.sum()),
+                "on": "held_out" if enough else "all",
                 "error_inside": mean_in,
                 "error_outside": mean_out,
                 "ratio": mean_in / mean_out if mean_out > 0 else None,
-                "sigmas_inside": float(z[inside].mean()),
-                "sigmas_outside": float(z[~inside].mean()),
-                "unit": "m/s",
+                "sigmas_inside": sigmas_in,
+                "sigmas_outside": sigmas_out,
+                "unit": unit,
                 "p_value": p_value,
             }
         )
@@ -164,6 +207,8 @@ def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple
 
 def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
     """All rules with enough support, and their members (rules, n)."""
+    if table.empty:
+        return [], np.zeros((0, 0), bool)
     fine, coarse = {}, {}
     for feature in table.columns:
         x = table[feature].to_numpy(float)

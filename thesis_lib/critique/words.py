@@ -17,6 +17,7 @@ CHANNEL_TEXT = {
     "meet": "the poses at impact, where the arcs before and after should meet",
     "touch": "the gap at impact",
 }
+NAMED = 2  # alternatives of an effect that are named; of more it is said how many
 FEW = 0.1  # share of what was left out below which reasons are summed up
 
 
@@ -42,6 +43,12 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     """a, b and c."""
     names = list(names)
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
+
+
+def alternatives_listed(names: Sequence[str], last: str = "or") -> str:
+    """a or b; of more than `NAMED` the first ones and how many more."""
+    names, more = list(names[:NAMED]), len(names) - NAMED
+    return listed([*names, f"{more} more"] if more > 0 else names, last)
 
 
 def reasons_listed(reasons: Mapping[str, int]) -> str:

@@ -5,7 +5,7 @@ two arcs around each hit (`arcs`), estimate the noise from their residuals (`noi
 (`quality`).  Impacts that cannot be measured are left out with a reason; the others carry a covariance.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,9 +23,11 @@ from thesis_lib.datasets.noise import (
     noise_warnings,
     stated_sigma,
 )
+from thesis_lib.datasets.plausible import contradictions
 from thesis_lib.datasets.quality import assess_arcs, flag_physics, has_flag_text
 from thesis_lib.datasets.samples import ArcSettings, Samples, make_samples
 from thesis_lib.datasets.spikes import add_weak_hits, detect, find_glitches
+from thesis_lib.datasets.validate import DatasetError
 from thesis_lib.errors import UserError
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ ARC_COLUMNS = (
 )
 _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
 _MOST = 0.5  # share of the impacts used; one wrong surface gives 1, measured sets stay below 0.1
+_FASTEST = 5.0  # speed after an impact over that before it, or that of the median impact; no impact gains a factor of 2
 _MIN_CUT = 8  # samples: fewer could not tell free fall from rest
 
 
@@ -48,10 +51,13 @@ class FoundImpacts:
 
     Attributes:
         impacts: the usable ones, with t, cov and flags.
-        left_out: columns trial, impact, t, reason, detail; reasons are listed in `quality`.
+        left_out: columns trial, impact, t, reason, detail; reasons are listed in `quality`, and `energy_gain` is that
+            of rows of impacts.csv which are no measurement.
         arcs: a row per detected impact, used or not, with `ARC_COLUMNS` (s, m, rad; chi2_* per degree of freedom).
         noise: see `NoiseEstimate`.
         glitches: columns trial, t: samples masked as tracking glitches.
+        masked: (N,) which of the samples, sorted by trial and time, detection took no notice of: the glitches, and
+            ends of records that stand out; none where impacts.csv was given.
         warnings: sentences for the user.
     """
 
@@ -60,6 +66,7 @@ class FoundImpacts:
     arcs: pd.DataFrame
     noise: NoiseEstimate
     glitches: pd.DataFrame
+    masked: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     warnings: tuple[str, ...] = ()
 
     def summary(self) -> dict:
@@ -89,7 +96,7 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
         settings: `ArcSettings()` if None.
 
     Raises:
-        UserError: the dataset has neither impacts nor trajectories.
+        UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
     """
     settings = settings or ArcSettings()
     given = dataset.impacts
@@ -99,14 +106,17 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
         raise UserError(
             f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them."
         )
-    table = dataset.trajectories
-    return find_in_arrays(
+    table, header = dataset.trajectories, dataset.header
+    found = find_in_arrays(
         table["trial"].to_numpy(),
         table["t"].to_numpy(float),
         table[["x", "y", "theta"]].to_numpy(float),
-        dataset.header,
+        header,
         settings,
     )
+    if wrong := contradictions(header.body.shape, header.surface.height, found.impacts.q):
+        raise DatasetError(dataset.name, wrong)
+    return found
 
 
 def find_in_arrays(
@@ -117,19 +127,23 @@ def find_in_arrays(
     samples = make_samples(trial, t, q, header, settings)
     everything = samples
     rough = noise_from_differences(samples)
-    stated = stated_sigma(header)
+    stated = believed = stated_sigma(header)
     for _ in range(2):
         # the larger of the two keeps an optimistic header from turning noise into impacts
-        sigma = np.fmax(np.fmax(stated, rough), SIGMA_FLOOR)
+        sigma = np.fmax(np.fmax(believed, rough), SIGMA_FLOOR)
         glitch = find_glitches(everything, header.gravity, sigma, settings)
         samples = everything.select(~glitch)
         at = detect(samples, header, sigma, settings)
         at = add_weak_hits(samples, at, header, sigma, settings)
         fits = fit_arcs(samples, at, sigma, header, settings)
         noise = noise_from_arcs(fits, rough, stated)
-        if (noise.sigma < _NOISIER * sigma).all() or not np.isfinite(noise.sigma).all():
+        unchanged = np.array_equal(noise.stated, believed, equal_nan=True)
+        quiet = (noise.sigma < _NOISIER * sigma).all() or not np.isfinite(noise.sigma).all()
+        if quiet and unchanged:
             break
-        rough = noise.sigma  # a long rest, or noise that is not white, hid part of it: detect again
+        believed = noise.stated
+        if not quiet:
+            rough = noise.sigma  # a long rest, or noise that is not white, hid part of it: detect again
     glitches = _reported_glitches(everything, glitch)
 
     if not settings.stray_acceleration:
@@ -166,6 +180,7 @@ def find_in_arrays(
         arcs=_arc_table(fits, trial_of, ordinal, used),
         noise=noise,
         glitches=glitches,
+        masked=glitch,
         warnings=(
             *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
             *noise_warnings(noise, stated, glitches, settings),
@@ -260,6 +275,15 @@ def _arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.n
     return pd.DataFrame(dict(zip(ARC_COLUMNS, columns)), columns=ARC_COLUMNS)
 
 
+def _impossible(given: Impacts) -> np.ndarray:
+    """Mask (n,) of impacts that gain energy beyond any noise, law or moving surface: rows that are no measurement."""
+    before, after = (
+        np.sqrt(((v * [1.0, 1.0, given.k_g]) ** 2).sum(axis=1)) for v in (given.v_pre, given.v_post)
+    )
+    typical = float(np.median(before)) if len(before) else 0.0
+    return after > _FASTEST * np.maximum(before, typical)
+
+
 def _from_given(given: "Impacts | pd.DataFrame", header: Header, settings: ArcSettings) -> FoundImpacts:
     body, noise = header.body, header.noise
     if isinstance(given, pd.DataFrame):
@@ -270,9 +294,14 @@ def _from_given(given: "Impacts | pd.DataFrame", header: Header, settings: ArcSe
         velocity = [speeds[0], speeds[0], speeds[1]]
         diagonal = np.diag(np.array([*sigma, *velocity, *velocity], float) ** 2)
         given = replace(given, cov=np.tile(diagonal, (len(given), 1, 1)))
+    wild = _impossible(given)
+    reasons = np.full(int(wild.sum()), "energy_gain", object)
+    details = np.full(len(reasons), f"leaves more than {_FASTEST:g} times as fast as it came", object)
+    left_out = (given.trial[wild], given.impact[wild], given.t[wild], reasons, details)
+    given = given.select(~wild)
     return FoundImpacts(
         impacts=flag_physics(given, settings.mu_max),
-        left_out=pd.DataFrame(columns=LEFT_OUT_COLUMNS),
+        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, left_out)), columns=LEFT_OUT_COLUMNS),
         arcs=pd.DataFrame(columns=ARC_COLUMNS),
         noise=NoiseEstimate(float(sigma[0]), float(sigma[2]), sigma, sigma, "header"),
         glitches=pd.DataFrame(columns=["trial", "t"]),

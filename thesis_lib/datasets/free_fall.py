@@ -56,17 +56,25 @@ def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.r_[0, np.cumsum(~usable | (np.abs(step / usual - 1.0) > 0.5))]
 
 
-def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> FlightWindows:
-    """Count the windows of `samples` that accelerate by about `gravity` (m/s²), given the noise of y (m)."""
+@dataclass(frozen=True)
+class Accelerations:
+    """ÿ in m/s², (m,), of the windows of n samples that are a parabola."""
+
+    values: np.ndarray
+    n: int
+
+
+def free_accelerations(samples: Samples, sigma_y: float, precision: float) -> Accelerations:
+    """Accelerations of y in windows as short as `precision` (m/s², one sigma) allows; `sigma_y` in m."""
     inside = samples.run[1:] == samples.run[:-1]
-    none = FlightWindows(0, 0, 1)
+    none = Accelerations(np.zeros(0), 1)
     if not inside.any():
         return none
     step = float(np.median(np.diff(samples.t)[inside]))
     sigma = max(float(np.nan_to_num(sigma_y)), NOISE_FLOOR)
     sizes = np.arange(SMALLEST_WINDOW, LARGEST_WINDOW + 1, dtype=float)
     error = 2.0 * sigma / step**2 * np.sqrt(180.0 / (sizes * (sizes**2 - 1.0) * (sizes**2 - 4.0)))
-    precise = error < PRECISION * gravity
+    precise = error < precision
     if not precise.any() or len(samples) < sizes[precise][0]:
         return none
     n = int(sizes[precise][0])
@@ -75,7 +83,13 @@ def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> FlightWi
     c = [np.correlate(y, basis[:, k], "valid") for k in range(3)]
     rest = np.correlate(y * y, np.ones(n), "valid") - c[0] ** 2 - c[1] ** 2 - c[2] ** 2
     flight = (samples.run[n - 1 :] == samples.run[: len(y) - n + 1]) & (rest < PARABOLA * sigma**2 * (n - 3))
-    ratio = 2.0 * c[2] / scale[2, 2] / step**2 / gravity
+    return Accelerations((2.0 * c[2] / scale[2, 2] / step**2)[flight], n)
+
+
+def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> FlightWindows:
+    """Count the windows of `samples` that accelerate by about `gravity` (m/s²), given the noise of y (m)."""
+    found = free_accelerations(samples, sigma_y, PRECISION * gravity)
+    ratio = found.values / gravity
     low, high = ABOUT_G
-    up, down = (flight & (low < sign * ratio) & (sign * ratio < high) for sign in (1.0, -1.0))
-    return FlightWindows(int(up.sum()), int(down.sum()), n)
+    up, down = (int(np.sum((low < sign * ratio) & (sign * ratio < high))) for sign in (1.0, -1.0))
+    return FlightWindows(up, down, found.n)

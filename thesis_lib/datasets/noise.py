@@ -29,6 +29,9 @@ _MIN_ARC_SAMPLES = 8
 _LONG_ARC_SAMPLES = 16  # used alone if there are enough: short ones are rattle, and hide correlation
 _MAX_LAG1 = 0.8  # beyond, an arc of 25 samples holds too little to tell noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
+CONTRADICTED = (
+    2.0  # ratio of stated noise to that of the arcs, which is known to 10 %, beyond which it is not believed
+)
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
 
@@ -39,7 +42,8 @@ class NoiseEstimate:
     Attributes:
         position, angle: m, rad; as estimated (x and y pooled). NaN where there is nothing to estimate from.
         sigma: (3,) of x, y, θ in m, m, rad, as estimated.
-        used: (3,) the same, as used for the covariances: the header's where it states them, else `sigma`.
+        used: (3,) the same, as used for the covariances: `stated` where that is a number, else `sigma`.
+        stated: (3,) the header's where it is believed: NaN where it states none, or one that the arcs contradict.
         source: "arcs", "differences" or "header".
         contact_spread: s, see `thesis_lib.datasets.arcs`.
         lag1: (3,) correlation ρ of residuals of neighbouring samples of x, y, θ; near 0 for white noise.
@@ -56,6 +60,7 @@ class NoiseEstimate:
     lag1: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
     colour: np.ndarray = field(default_factory=lambda: np.ones(3))
     stray: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
 
 
 def noise_from_differences(samples: Samples) -> np.ndarray:
@@ -106,10 +111,21 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
             sigma = sigma * np.sqrt((m - 3.0) / np.maximum(m - 3.0 * colour, 0.5 * m))
             break
         source = "arcs"
+    if source == "arcs":
+        stated = np.where(_contradicted(sigma, stated, colour), np.nan, stated)
     used = np.fmax(np.where(np.isnan(stated), sigma, stated), SIGMA_FLOOR)
     position = float(np.sqrt(np.mean(sigma[:2] ** 2)))
     stray = _stray_acceleration(fits, sigma, colour)
-    return NoiseEstimate(position, float(sigma[2]), sigma, used, source, 0.0, lag1, colour, stray)
+    return NoiseEstimate(position, float(sigma[2]), sigma, used, source, 0.0, lag1, colour, stray, stated)
+
+
+def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Mask (3,) of stated noise that is far from the scatter about the arcs.
+
+    Scatter that is larger and not white may be a motion that no arc describes, which must not pass for noise.
+    """
+    sigma = np.fmax(sigma, SIGMA_FLOOR)
+    return (sigma * CONTRADICTED < stated) | ((sigma > CONTRADICTED * stated) & (colour == 1.0))
 
 
 def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) -> np.ndarray:
@@ -148,12 +164,15 @@ def noise_warnings(
 ) -> tuple[str, ...]:
     """Sentences for the user about noise and glitches (columns trial, t)."""
     found = []
-    for name, unit, have, say in zip(("x", "y", "theta"), ("m", "m", "rad"), noise.sigma, stated):
+    for name, unit, have, say, used in zip(
+        ("x", "y", "theta"), ("m", "m", "rad"), noise.sigma, stated, noise.stated
+    ):
         ratio = have / say
         if np.isfinite(ratio) and not 1.0 / settings.noise_ratio <= ratio <= settings.noise_ratio:
             found.append(
                 f"dataset.yaml states noise of {say:.3g} {unit} for {name}, but its samples scatter by {have:.3g} "
-                f"{unit} about the arcs; the stated value is used. Correct it, or delete it to use the estimate."
+                f"{unit} about the arcs; the {'value of the arcs' if np.isnan(used) else 'stated value'} is used. "
+                "Correct it, or delete it to use the estimate."
             )
     if (noise.colour > 1.0).any():
         found.append(

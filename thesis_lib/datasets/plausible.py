@@ -17,6 +17,9 @@ at the rim is far above position noise, is then a warning.  Angles are judged by
 all where lengths, or the shape, are in doubt.
 
 y points down if bodies clearly fall towards larger y (free_fall.py), wherever the surface is said to be.
+Gravity is measured where bodies fall freely (windows of samples that are a parabola), and shape and surface where
+impacts were found (`contradictions`): a factor that no effect of a rig has is an error, with the likely cause.
+A single sample that jumps out and back is a glitch of the tracker, and says nothing of units.
 Lengths are judged by ratios to the body (positions that never come within 300 body extents of the surface) and by
 speeds (above 100 m/s).
 """
@@ -26,11 +29,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.free_fall import flight_windows, runs_of
+from thesis_lib.datasets.free_fall import flight_windows, free_accelerations, runs_of
 from thesis_lib.datasets.header import Header
 from thesis_lib.datasets.noise import noise_from_differences
 from thesis_lib.datasets.samples import Samples
-from thesis_lib.datasets.validate import MIN_SAMPLES, Report, Table
+from thesis_lib.datasets.validate import MIN_SAMPLES, Problem, Report, Table
+
+FILE = "dataset.yaml"
 
 LARGEST_BODY = 10.0  # m; what is dropped on a rig fits on a table
 LARGEST_HEIGHT = 300.0  # in extents, lowest tenth: bodies come down to 1 extent, in millimetres to 1000
@@ -38,6 +43,7 @@ LARGEST_SPEED = 100.0  # m/s, 90th percentile; a fall from 500 m
 LARGEST_GRAVITY = 100.0  # m/s²; 9810 mm/s² and 981 cm/s² lie beyond, planets do not
 DENSEST = 22_600.0  # kg/m³, osmium
 BLIND_STEP = 3.0 * np.pi  # rad between samples: a true step below π plus a wrap of one turn
+BLIND_MEDIAN = 5  # samples on either side of a step, of which two may be glitches
 MIN_BLIND_STEPS = 3  # one or two glitches of a tracker are no unit
 SPIN_SURE = 10.0  # k|ω| over speed; dice throws have 0.25 (2.7 at most), a spun coin about 5
 SPIN_FAST = 1.0  # m/s of k|ω|; below it both medians may be tracker noise of a body at rest
@@ -47,7 +53,24 @@ RIM_NOISE = 5.0  # k σ_θ over σ of positions; markers at the rim give 1, so t
 BURIED = 0.5  # smallest half-widths; a centre that never rises above that is inside the surface at any angle
 DEEP = 0.1  # penetration in extents that no tracker error explains ...
 DEEP_SHARE = 0.05  # ... if it happens this often
+FALL_PRECISION = 0.2  # m/s², one sigma of the acceleration in a window
+FALL_CLEAR = 5.0  # sigmas by which a window must fall to be a flight, and not a body at rest
+GROSS_FALL = 1.5  # ratio of gravity found to that stated; drag and guides stay below 1.2, time in a wrong unit does not
+GROSS_SIZE = (
+    1.4  # ratio of heights at impact to those of the shape; beyond any error of a ruler or of a frame
+)
+FEW_FALLS = 0.05  # share of the flights that may fall as stated where all others contradict it
+FEW_HITS = 10  # impacts below which shape and surface are not judged
 TO_RAD = np.pi / 180.0
+FACTORS = {
+    2.0: "diameters given as semi-axes or radius?",
+    10.0: "centimetres for millimetres?",
+    0.1: "millimetres for centimetres?",
+    25.4: "inches?",
+    100.0: "centimetres?",
+    1000.0: "millimetres?",
+}  # a shape that is so many times too large, and why
+NEAR = 0.15  # relative distance to such a factor
 
 RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
@@ -148,8 +171,10 @@ def check_trajectories(table: Table, body: Body, report: Report) -> None:
     fall = _first_acceleration(trial, y, float(np.median(dt[usable]))) / -body.gravity
     doubtful = _check_direction(table, samples, noise, body, report)
     doubtful |= _check_lengths(table, x, y, speeds, body, fall, report)
+    if not doubtful and body.gravity <= LARGEST_GRAVITY:
+        doubtful = _check_gravity(table, samples, noise, body, report)
     if not doubtful and not body.oversized:  # angles are judged by positions and by the shape
-        _check_degrees(table, y, theta, np.diff(theta)[usable], speeds, noise, body, report)
+        _check_degrees(table, y, theta, _blind_steps(samples.run, theta), speeds, noise, body, report)
 
 
 def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
@@ -209,17 +234,101 @@ def _check_lengths(
     return bool(suspicious)
 
 
+def _check_gravity(table: Table, samples: Samples, noise: np.ndarray, body: Body, report: Report) -> bool:
+    found = free_accelerations(samples, noise[1], FALL_PRECISION)
+    falls = -found.values[found.values < -FALL_CLEAR * FALL_PRECISION] / body.gravity
+    if len(falls) < 5 * found.n:
+        return False
+    ratio = float(np.median(falls))
+    as_stated = np.mean((falls > 1.0 / GROSS_FALL) & (falls < GROSS_FALL))
+    if 1.0 / GROSS_FALL < ratio < GROSS_FALL or as_stated > FEW_FALLS:
+        return False
+    found_g = ratio * body.gravity
+    if abs(found_g / 9.81 - 1.0) < NEAR:
+        report.error(
+            FILE,
+            "gravity",
+            f"bodies fall with {found_g:.3g} m/s², {ratio:.3g} times the {body.gravity:g} m/s² stated",
+            "give 9.81 (or leave gravity out)",
+        )
+        return True
+    clock, size = np.sqrt(ratio), ratio
+    report.error(
+        table.file,
+        "columns t and y",
+        f"bodies fall with {found_g:.3g} m/s², {ratio:.3g} times the {body.gravity:g} m/s² of {FILE}: times are "
+        f"{max(clock, 1 / clock):.3g} times too {'long' if clock < 1 else 'short'} (another frame rate than that "
+        f"of the camera?), or lengths are {max(size, 1 / size):.3g} times too {'small' if size < 1 else 'large'}",
+        "correct t (and rate), or the scale of x and y, or gravity if the rig is tilted or not on Earth",
+    )
+    return True
+
+
+def _blind_steps(run: np.ndarray, theta: np.ndarray) -> int:
+    """How many steps of θ a camera could not see, without those to and from samples that jump out and back."""
+    n = BLIND_MEDIAN
+    if len(theta) < 2 * n:
+        return 0
+    level = np.median(np.lib.stride_tricks.sliding_window_view(theta, n), axis=1)
+    same = run[2 * n - 1 :] == run[: len(run) - 2 * n + 1]
+    lasting = (
+        np.abs(level[n:] - level[:-n]) > BLIND_STEP
+    )  # between the n samples before and the n after a step
+    steps = np.abs(np.diff(theta))[n - 1 : len(theta) - n] > BLIND_STEP
+    return int(np.sum(steps & lasting & same))
+
+
+def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
+    """What poses q (n, 3) at impact say against the shape and the height (m) of the surface in dataset.yaml.
+
+    At impact the lowest point touches, y − height = reach(θ): a ratio of the two that is far from 1 in most impacts
+    is the factor by which the shape is wrong, if that makes them agree, and an offset of the surface otherwise.
+    """
+    if len(q) < FEW_HITS:
+        return []
+    reach, centre = -shape.contact_point(q[:, 2])[:, 1], q[:, 1] - height
+    ratio = float(np.median(centre / reach))
+    if 1.0 / GROSS_SIZE < ratio < GROSS_SIZE:
+        return []
+    offset = float(np.median(centre - reach))
+
+    def scatter(rest: np.ndarray) -> float:
+        return float(np.median(np.abs(rest - np.median(rest))))
+
+    what = f"at {len(q)} impacts the centre is {ratio:.3g} times as high above the surface as the shape says"
+    closes = f"surface.height {height + offset:.4g} m instead of {height:g} m would close the gap of {offset:+.3g} m"
+    as_size, as_offset = scatter(centre - ratio * reach), scatter(centre - reach)
+    round_body = np.ptp(reach) < BLIND_SHAPE * shape.extent
+    if ratio > 0.0 and (round_body or as_size < as_offset):
+        times = 1.0 / ratio
+        why = next((f" ({text})" for factor, text in FACTORS.items() if abs(times / factor - 1.0) < NEAR), "")
+        size = f"the shape is {max(times, ratio):.3g} times too {'large' if times > 1 else 'small'}{why}"
+        other = f"; or {closes}" if round_body else ""
+        return [
+            Problem(
+                FILE, "body.shape", f"{what}: {size}{other}", SHAPE_METRES + ", semi-axes and not diameters"
+            )
+        ]
+    return [
+        Problem(
+            FILE,
+            "surface.height",
+            f"{what}: {closes}",
+            "correct surface.height, or the shape, or y, which must be that of the body's centre of mass",
+        )
+    ]
+
+
 def _check_degrees(
     table: Table,
     y: np.ndarray,
     theta: np.ndarray,
-    steps: np.ndarray,
+    blind: int,
     speeds: dict,
     noise: np.ndarray,
     body: Body,
     report: Report,
 ) -> None:
-    blind = int(np.sum(np.abs(steps) > BLIND_STEP))
     why = None
     # sunk at any angle: the shape or the height of the surface is wrong, which is told below
     buried = body.shape is not None and np.quantile(y - body.height, 0.9) < BURIED * body.reach()[0]

@@ -24,10 +24,12 @@ from thesis_lib.datasets.plausible import (
     TO_RAD,
     UPWARDS,
     Body,
+    contradictions,
 )
 from thesis_lib.datasets.validate import Report, Table
 
 FITS_BETTER = 5.0  # degrees explain contact points this many times better than radians
+EXCHANGED = 0.9  # share of impacts that go backwards in time; the rest is noise of weak ones
 MISFIT = 0.05  # extents; misfits of contact points below it are tracker errors
 
 
@@ -64,8 +66,27 @@ def check_impacts(table: Table, body: Body, report: Report) -> None:
             f"looks like millimetres (y {q[:, 1].min():.4g} to {q[:, 1].max():.4g}: {high:.0f} times the body's size)",
             METRES,
         )
+    if body.shape is not None and _check_size(table, q, body, report):
+        return  # angles and inertia are judged by the shape
     if not fast and high <= LARGEST_HEIGHT:
         _check_impact_angles(table, q, v_pre, v_post, body, report)
+
+
+def _check_size(table: Table, q: np.ndarray, body: Body, report: Report) -> bool:
+    """Whether shape or height of the surface is contradicted by the contact points, or by the poses without them."""
+    if "r_x" in table.data and "r_y" in table.data:
+        r_y = table.data["r_y"].to_numpy(float)
+        if np.median(np.abs(r_y)) > LARGEST_HEIGHT * body.extent:
+            return False  # millimetres, which is told below
+        q = np.column_stack([q[:, 0], body.height - r_y, q[:, 2]])
+    elif np.quantile(np.abs(q[:, 1] - body.height), 0.1) > LARGEST_HEIGHT * body.extent:
+        return False
+    wrong = contradictions(body.shape, body.height, q)
+    # poses that fit as degrees tell of the angle, not of the shape
+    if wrong and contradictions(body.shape, body.height, q * [1.0, 1.0, TO_RAD]):
+        report.errors.extend(wrong)
+        return True
+    return False
 
 
 def _check_impact_angles(
@@ -93,6 +114,11 @@ def _check_impact_angles(
             RADIANS,
         )
 
+    r = body.shape.contact_point(q[:, 2]) if stated is None else stated
+
+    def v_n(v: np.ndarray) -> np.ndarray:  # < 0: the contact point approaches the surface
+        return v[:, 1] + r[:, 0] * v[:, 2]
+
     # E = ½(v_x² + v_y² + k²ω²) drops in an impact
     def gains(factor: float) -> float:
         scale = np.array([1.0, 1.0, factor * body.k_g])
@@ -106,6 +132,19 @@ def _check_impact_angles(
             f"read as degrees {gains(TO_RAD):.0%})",
             "give omega in rad/s: multiply by pi/180",
         )
+    elif (
+        gains(1.0) > EXCHANGED
+        and (leaving := v_n(v_pre) > 0.0).mean() > EXCHANGED
+        and ((v_n(v_post) < 0.0).mean() > EXCHANGED)
+    ):
+        report.error(
+            table.file,
+            f"columns *_pre and *_post, {table.rows(leaving)}",
+            f"_pre and _post are exchanged: {gains(1.0):.0%} of the impacts gain energy, and the contact point moves "
+            "away from the surface before them and towards it after",
+            "exchange the columns vx, vy, omega of _pre and _post",
+        )
+        return
     elif gains(1.0) > 0.5:
         report.warn(
             table.file,
@@ -114,9 +153,7 @@ def _check_impact_angles(
             "check units, and that _pre and _post are not exchanged",
         )
 
-    # v_n = v_y + r_x ω < 0: the contact point approaches the surface
-    r = body.shape.contact_point(q[:, 2]) if stated is None else stated
-    leaving = v_pre[:, 1] + r[:, 0] * v_pre[:, 2] >= 0.0
+    leaving = v_n(v_pre) >= 0.0
     if np.mean(leaving) > 0.5:
         report.warn(
             table.file,

@@ -24,6 +24,21 @@ LARGEST = {"t": 1e12, None: 1e9}  # epoch times in microseconds pass; no SI valu
 INTEGERS = ("trial", "impact")
 LARGEST_INTEGER = 2**53  # beyond it CSV readers that go through floats mix numbers up
 TEXT = ("flags",)
+SPATIAL = (
+    "z",
+    "vz",
+    "roll",
+    "pitch",
+    "yaw",
+    "qx",
+    "qy",
+    "qz",
+    "qw",
+    "omega_x",
+    "omega_y",
+    "wx",
+    "wy",
+)  # names of what a motion in space has and a planar one has not
 MAY_BE_EMPTY = ("t",)  # impacts.csv: the instant may be unknown
 
 
@@ -196,7 +211,15 @@ def _check_columns(
 ) -> bool:
     missing = [name for name in required if name not in names]
     unknown = [name for name in names if name not in required and name not in optional]
-    for name in unknown:
+    if spatial := [name for name in unknown if name.lower() in SPATIAL]:
+        report.error(
+            file,
+            f"column{'s' if len(spatial) > 1 else ''} {', '.join(spatial)}",
+            "the motion is one in space; this program takes planar only: x, y and one angle theta",
+            "if the body moves in a plane, project it (x along the surface, y up, theta about the normal of the "
+            "plane: README, 'Your own data'); a body that leaves its plane cannot be analysed",
+        )
+    for name in (name for name in unknown if name not in spatial):
         candidates = missing + [other for other in optional if other not in names]
         close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
         lower = next((other for other in candidates if other == name.lower()), None)

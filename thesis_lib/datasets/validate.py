@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.impacts import COVARIANCE_COLUMNS, STATE
+from thesis_lib.datasets.impacts import COVARIANCE_COLUMNS, STATE, V_POST, V_PRE
 from thesis_lib.errors import UserError
 
 MIN_SAMPLES = 10  # two arcs of the fewest samples that carry a parabola and its covariance (5 each)
@@ -123,6 +123,7 @@ def check_trajectories(table: Table, rate: float | None, report: Report) -> None
                 f"fewer than {MIN_SAMPLES} samples in a trial (the shortest has {count.min()})",
                 "remove these trials, or log them at a higher rate: a fit on either side of an impact needs 5 samples",
             )
+    _check_copies(table, ["x", "y", "theta"], report)
     if np.any(forward := same & (step > 0.0)):
         _check_step(table, float(np.median(step[forward])), rate, report)
         gaps = same & (step > 1.5 * np.median(step[forward]))
@@ -133,6 +134,31 @@ def check_trajectories(table: Table, rate: float | None, report: Report) -> None
                 "samples are missing before these rows (the time step is more than 1.5 times the usual one)",
                 "nothing, if frames were lost; impacts that fall into a gap are left out",
             )
+
+
+def _check_copies(table: Table, columns: list[str], report: Report) -> None:
+    """Trials whose measured values are those of another, to the last digit: one release cannot be measured twice."""
+    values = table.data[columns].to_numpy(float)
+    if len(values) < 2 or (np.ptp(values, axis=0) == 0.0).any():
+        return  # a channel that never changes is no copy: it was not measured, which is told elsewhere
+    trial = table.data["trial"].to_numpy()
+    first: dict[bytes, int] = {}
+    pairs = []
+    for rows in np.split(np.arange(len(trial)), np.flatnonzero(np.diff(trial)) + 1):
+        number = int(trial[rows[0]])
+        original = first.setdefault(values[rows].tobytes(), number)
+        if original != number:
+            pairs.append((original, number))
+    if not pairs:
+        return
+    shown = ", ".join(f"{a} and {b}" for a, b in pairs[:SHOWN])
+    more = f" and {len(pairs) - SHOWN} more pairs" if len(pairs) > SHOWN else ""
+    report.error(
+        table.file,
+        "column trial",
+        f"trials {shown}{more} hold the same measurements to the last digit",
+        "keep one of each: copies would be in the training and in the held-out part, and count twice",
+    )
 
 
 def _check_step(table: Table, step: float, rate: float | None, report: Report) -> None:
@@ -182,6 +208,7 @@ def check_impacts(table: Table, report: Report) -> None:
                 "within a trial, impact must count up from 0 (0, 1, 2, …) in order",
                 "renumber it; with one impact a trial, trial counts up and impact is 0 throughout",
             )
+    _check_copies(table, [*V_PRE, *V_POST], report)
     _check_optional(table, report)
 
 

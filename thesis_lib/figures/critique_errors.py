@@ -27,12 +27,14 @@ from thesis_lib.figures.critique_numbers import (
     mean_interval,
     number,
     parameter_table,
+    rung_title,
 )
 from thesis_lib.figures.law_style import LAW_STYLE
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito; the second is darker in grey
 TITLE_WIDTH = 76  # characters a line of a figure's title
+LABEL_WIDTH = 34  # characters a line of a rung's label
 SAME_BOUND = 0.02  # share by which two bounds may differ and be drawn as one line
 ALIKE = 0.1  # share by which errors of laws may differ for their choice not to matter
 FAR = 8.0  # misfit in units of noise above which its axis is logarithmic
@@ -55,8 +57,7 @@ def set_title(figure: Figure, text: str, width: int = TITLE_WIDTH) -> None:
 
 def step_label(critique: Critique, i: int) -> str:
     """Label of the i-th rung of the ladder."""
-    label = critique.ladder[i][0]
-    return law_title(critique.discovery.base) if i == 0 else f"+ {effect_title(label)}"
+    return textwrap.fill(rung_title(critique, i), LABEL_WIDTH)
 
 
 BUDGET_WORDS = {  # completing "so much of the error ..."
@@ -283,6 +284,10 @@ def parameters_sentence(critique: Critique) -> str:
     names = {"mu": "friction μ", "epsilon": "restitution ε"}
     if len(critique.ladder) == 1:
         return "Parameters of the base law with 95 % intervals"
+    first, last = (critique.ladder[i][1].model.law.name for i in (0, -1))
+    if first != last:
+        better = f"{law_title(last)} fits better than {law_title(first)}"
+        return f"With the effects {better}, whose μ and ε mean other things"
     moved = compensated(critique)
     if moved.empty:
         return "No parameter of the base law had compensated for what was missing: none moves by much"

@@ -92,6 +92,20 @@ def effect_title(name: str) -> str:
     return EFFECTS[name].title if name in EFFECTS else name.replace("_", " ")
 
 
+def new_law(critique: Critique, i: int) -> str:
+    """Title of the law at the i-th rung of the ladder if it is another one than at the rung before, else ''."""
+    before, here = (critique.ladder[j][1].model.law.name for j in (max(i - 1, 0), i))
+    return law_title(here) if here != before else ""
+
+
+def rung_title(critique: Critique, i: int) -> str:
+    """Label of the i-th rung of the ladder: the base law, or what was added and whether the law changed with it."""
+    if i == 0:
+        return law_title(critique.discovery.base)
+    law = new_law(critique, i)
+    return f"+ {effect_title(critique.ladder[i][0])}" + (f", law now {law}" if law else "")
+
+
 def unit_of(feature: str) -> str:
     """Unit of a feature as axes show it, '' for pure numbers."""
     unit = FEATURES[feature][0] if feature in FEATURES else "1"
@@ -238,10 +252,13 @@ def bin_of(feature: np.ndarray, bins: int) -> np.ndarray:
 def compensations(critique: Critique) -> pd.DataFrame:
     """By how much each base parameter moved from the first rung to the last: columns parameter, before, after, sigmas.
 
-    `sigmas` is in standard errors of the two values together.
+    `sigmas` is in standard errors of the two values together.  No rows where the law changed: μ and ε of different laws
+    mean different things.
     """
     first, last = critique.ladder[0][1], critique.ladder[-1][1]
     rows = []
+    if first.model.law.name != last.model.law.name:
+        return pd.DataFrame(rows, columns=["parameter", "before", "after", "sigmas"])
     for name in first.values:
         if name in last.values:
             std = float(np.hypot(first.std[name], last.std[name]))
@@ -253,5 +270,14 @@ def compensations(critique: Critique) -> pd.DataFrame:
 def compensated(critique: Critique) -> pd.DataFrame:
     """The rows of `compensations` in which a parameter moved surely and by an amount that matters."""
     table = compensations(critique)
-    share = (table["after"] - table["before"]).abs() / table["before"].abs()
-    return table[(table["sigmas"].abs() > MOVED) & (share > MATERIAL)]
+    return table[(table["sigmas"].abs() > MOVED) & (_share_moved(table) > MATERIAL)]
+
+
+def moved_little(critique: Critique) -> pd.DataFrame:
+    """The rows of `compensations` in which a parameter moved surely, but by no amount that matters."""
+    table = compensations(critique)
+    return table[(table["sigmas"].abs() > MOVED) & (_share_moved(table) <= MATERIAL)]
+
+
+def _share_moved(table: pd.DataFrame) -> pd.Series:
+    return (table["after"] - table["before"]).abs() / table["before"].abs()

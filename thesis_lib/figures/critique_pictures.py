@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.figures.critique_data import draw_data
 from thesis_lib.figures.critique_errors import draw_budget, draw_ladder, draw_laws, draw_parameters
-from thesis_lib.figures.critique_where import draw_residuals, draw_where
+from thesis_lib.figures.critique_residuals import BINS, draw_flights, draw_residuals
+from thesis_lib.figures.critique_where import draw_where
 from thesis_lib.figures.style import Drawn, house_style
 
-NAMES = ("data", "laws", "budget", "where", "residuals", "ladder", "parameters")
+NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "ladder", "parameters")
 
 
 @house_style
@@ -23,6 +24,7 @@ def pictures(
     Args:
         critique: what was found.
         tables: `ladder`, `comparison` (IRB bound) and `budget` are used; without a budget there is no such picture.
+            There is none of flights either where there are hardly any.
         where: content of where.json.
     """
     tables = tables or {}
@@ -31,6 +33,8 @@ def pictures(
         drawn["budget"] = draw_budget(tables)
     drawn["where"] = draw_where(critique, where)
     drawn["residuals"] = draw_residuals(critique)
+    if len(critique.observations.flights) > BINS:
+        drawn["flights"] = draw_flights(critique)
     drawn["ladder"] = draw_ladder(critique, tables)
     drawn["parameters"] = draw_parameters(critique)
     for figure, _ in drawn.values():

@@ -1,7 +1,8 @@
-"""Where a model fails: maps of the error before and after adding effects, and residuals against the state.
+"""Where a model fails: maps of the error before and after adding effects.
 
 Maps are over the two features of the worst region of where.json (without one, over the contact point's velocity before
-impact) and over the energy disc (`critique_numbers`), with all impacts, training and held out.
+impact) and over the energy disc (`critique_numbers`), with all impacts, training and held out; means in titles are
+those of held-out impacts.
 """
 
 import textwrap
@@ -15,25 +16,17 @@ from matplotlib.patches import Rectangle
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.features import features
 from thesis_lib.critique.words import plain_rule
-from thesis_lib.figures.critique_errors import AFTER, BEFORE, set_title
+from thesis_lib.figures.critique_errors import set_title
 from thesis_lib.figures.critique_numbers import (
     FEATURE_LABEL,
-    Z95,
-    bin_of,
-    contact_residuals,
-    dependence,
     energy_disc,
     impact_errors,
     number,
     unit_of,
 )
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import INK, Drawn, house_style, new_figure
 
 Box = tuple[float, float, float, float]
-COMPONENTS = ("tangential", "normal", "couple")
-SHOWN_FEATURES = 3
-BINS = 8
-WILD = 5.0  # robust standard deviations
 DARK = (
     0.95  # quantile of the errors at which the colour scale ends, so that a few bad impacts do not bleach it
 )
@@ -115,13 +108,14 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
         figure = new_figure(height=2.9 + 0.15 * len(lines))
         axes = figure.subplots(1, 2).reshape(2, 1)
     names = {"before": "base law", "after": "with the effects"}
+    means = dict(zip(names, (critique.ladder[i][2].error.mean() for i in (0, -1))))
     shown = None
     for column, (kind, error) in enumerate(errors.items()):
         ax = axes[0, column]
         shown = _tiles(ax, x, y, error, top)
         _outline(ax, regions, over)
         ax.set_xlabel(axis_label(over[0]))
-        ax.set_title(f"{names[kind]}: mean {number(error.mean())} m/s")
+        ax.set_title(f"{names[kind]}: held-out mean {number(means[kind])} m/s")
         ax = axes[1, column]
         _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
         turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -154,12 +148,13 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
     axes[0, 0].set_ylabel(axis_label(over[1]))
     axes[1, 0].set_ylabel("energy disc:  impulse  → more")
     bar = figure.colorbar(shown, ax=axes, shrink=0.7, aspect=30, pad=0.02, extend="max")
-    bar.set_label("mean error of an impact (m/s)")
+    bar.set_label("mean error of an impact, training and held out (m/s)")
     bar.outline.set_linewidth(0.5)
     if lines:
         figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7)
-    set_title(figure, where_sentence(critique, errors, regions))
-    data = table.assign(disc_across=disc[:, 0], disc_along=disc[:, 1], error_before=errors["before"])
+    set_title(figure, where_sentence(critique, regions))
+    data = table.assign(held_out=np.isin(o.trial, critique.held_out.trial).astype(int))
+    data = data.assign(disc_across=disc[:, 0], disc_along=disc[:, 1], error_before=errors["before"])
     if "after" in errors:
         data["error_after"] = errors["after"]
     for i, region in enumerate(regions):
@@ -173,13 +168,14 @@ def region_text(region: Mapping) -> str:
     """A region in words and numbers."""
     text = plain_rule(region)
     if region["ratio"] is not None and region["ratio"] > 1.0:
-        text += f": {number(region['ratio'], 2)} times the error elsewhere"
+        on = "held-out" if region["on"] == "held_out" else "all"
+        text += f": {number(region['ratio'], 2)} times the error elsewhere (of {on} impacts)"
     else:
         text += ": larger over what the noise allows there than elsewhere"
     return f"{text}, {100 * region['support']:.0f} % of impacts (p = {number(region['p_value'], 2)})"
 
 
-def where_sentence(critique: Critique, errors: Mapping[str, np.ndarray], regions: Sequence[Mapping]) -> str:
+def where_sentence(critique: Critique, regions: Sequence[Mapping]) -> str:
     """Where the base law fails, and whether that is still so with the effects."""
     if not regions:
         text = "The error of the base law is spread over all states: no rule marks a region in which it is larger"
@@ -188,10 +184,10 @@ def where_sentence(critique: Critique, errors: Mapping[str, np.ndarray], regions
     ratio = regions[0]["ratio"]
     if ratio is not None and ratio > 1.0:
         text += f" ({number(ratio, 2)} times the error elsewhere)"
-    if "after" in errors:
-        before, after = errors["before"].mean(), errors["after"].mean()
+    if len(critique.ladder) > 1:
+        before, after = (critique.ladder[i][2].error.mean() for i in (0, -1))
         fall = 1.0 - after / before
-        text += f"; the effects take {100 * fall:.0f} % of the mean error away" if fall > 0.02 else ""
+        text += f"; the effects take {100 * fall:.0f} % of the held-out error away" if fall > 0.02 else ""
     return text
 
 
@@ -247,104 +243,3 @@ def axis_label(feature: str) -> str:
     """Name, symbol and unit of a feature."""
     unit = unit_of(feature)
     return f"{FEATURE_LABEL[feature]} ({unit})" if unit else FEATURE_LABEL[feature]
-
-
-@house_style
-def draw_residuals(critique: Critique) -> Drawn:
-    """Residuals in the contact frame against the features on which they depend most, before and after the effects."""
-    o = critique.observations
-    table = features(critique.ladder[0][1], o)
-    fits = {"before": critique.ladder[0][1]}
-    if len(critique.ladder) > 1:
-        fits["after"] = critique.ladder[-1][1]
-    residuals = {kind: contact_residuals(fitted, o) for kind, fitted in fits.items()}
-    shares = dependences(residuals["before"], table)
-    names = list(shares.max(axis=0).sort_values(ascending=False, kind="stable").index[:SHOWN_FEATURES])
-    figure = new_figure(height=4.6)
-    axes = figure.subplots(len(COMPONENTS), len(names), sharex="col", sharey="row", squeeze=False)
-    looks = {"before": (BEFORE, "o", "base law"), "after": (AFTER, "s", "with the effects")}
-    rows = []
-    for i, component in enumerate(COMPONENTS):
-        spread = np.quantile(np.abs(residuals["before"][:, i]), 0.97)
-        for j, name in enumerate(names):
-            ax = axes[i, j]
-            ax.axhline(0.0, color=GREY, linewidth=0.7, zorder=0)
-            x = table[name].to_numpy(float)
-            ax.plot(
-                x, residuals["before"][:, i], ".", color="0.75", markersize=1.6, zorder=1, rasterized=True
-            )
-            for kind, residual in residuals.items():
-                color, marker, label = looks[kind]
-                binned = _binned(x, residual[:, i])
-                ax.errorbar(
-                    *(binned["x"], binned["mean"]),
-                    yerr=Z95 * binned["std"],
-                    fmt=marker,
-                    linestyle="-",
-                    linewidth=1.0,
-                    color=color,
-                    markersize=3,
-                    capsize=1.5,
-                    label=label,
-                    zorder=3,
-                )
-                rows.append(binned.assign(component=component, feature=name, series=kind))
-            ax.set_ylim(-1.25 * spread, 1.25 * spread)
-            ax.set_xlim(*np.quantile(x, [0.005, 0.995]))
-            share = shares.loc[component, name]
-            ax.annotate(
-                f"explains {100 * share:.0f} %",
-                (0.98, 0.97),
-                xycoords="axes fraction",
-                ha="right",
-                va="top",
-                fontsize=6.5,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
-            )
-            ax.locator_params(nbins=5)
-            if i == len(COMPONENTS) - 1:
-                ax.set_xlabel(axis_label(name))
-        symbol = {"tangential": r"$\delta v_t$", "normal": r"$\delta v_n$", "couple": r"$\delta\tau/k$"}[
-            component
-        ]
-        axes[i, 0].set_ylabel(f"{component} {symbol}\n(m/s)")
-    figure.align_ylabels(axes[:, 0])
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    set_title(figure, residuals_sentence(critique, shares, residuals, table))
-    columns = ["component", "feature", "series", "x", "mean", "std", "n"]
-    return figure, pd.concat(rows, ignore_index=True)[columns]
-
-
-def dependences(residual: np.ndarray, table: pd.DataFrame) -> pd.DataFrame:
-    """Share of the variance of each residual component (rows) that each feature's bins explain (columns)."""
-    return pd.DataFrame(
-        {name: [dependence(residual[:, i], table[name].to_numpy(float)) for i in range(3)] for name in table},
-        index=list(COMPONENTS),
-    )
-
-
-def residuals_sentence(
-    critique: Critique, shares: pd.DataFrame, residuals: Mapping[str, np.ndarray], table: pd.DataFrame
-) -> str:
-    """The strongest dependence, before and after."""
-    component, name = shares.stack().idxmax()
-    share = float(shares.loc[component, name])
-    words = FEATURE_LABEL[name].replace("$", "").replace(r"\omega", "ω").replace(r"\theta", "θ")
-    if share < 0.05:
-        return "The residuals of the base law depend on no single feature of the state"
-    text = f"The {component} residual depends most on the {words}: {100 * share:.0f} % of its variance"
-    if "after" in residuals:
-        left = dependence(residuals["after"][:, COMPONENTS.index(component)], table[name].to_numpy(float))
-        text += f" before the effects are added, {100 * left:.0f} % after"
-    return text
-
-
-def _binned(x: np.ndarray, y: np.ndarray) -> pd.DataFrame:
-    """Mean of `y` with its standard error in quantile bins of `x`; wild values are clipped."""
-    centre = np.median(y)
-    limit = WILD * 1.4826 * np.median(np.abs(y - centre))
-    y = np.clip(y, centre - limit, centre + limit)
-    label = bin_of(x, BINS)
-    groups = pd.DataFrame({"x": x, "y": y}).groupby(label)
-    found = groups.agg(x=("x", "mean"), mean=("y", "mean"), std=("y", "sem"), n=("y", "size"))
-    return found.reset_index(drop=True)
