@@ -1,0 +1,91 @@
+"""Success and CPU time of the identification programs on noise-free windows, from random starts.
+
+    python -m benchmarks.programs [--mechanisms block ellipse] [--lengths 10 30 100 300] [--programs 2.14 ...]
+                                  [--windows 10] [--starts 5] [--seed 0] [-o FILE.json]
+
+Prints a row per program, mechanism and window length: how many starts end with m/I (base parameters) and forces
+within 1e-6 of the truth, what the solvers claim without it, median errors, CPU seconds; and the exponent of CPU time
+over window length.  See thesis_lib/identify/program_study.py.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+# before numpy is imported: one core, whatever the number of threads it would take
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import numpy as np  # noqa: E402
+
+from thesis_lib.files import write_json  # noqa: E402
+from thesis_lib.identify.program_study import Study, cases, study  # noqa: E402
+
+STUDIES = {
+    "qp": Study("2.12", "mode_qp"),
+    "2.14": Study("2.14", "snopt"),
+    "2.14 ipopt": Study("2.14", "ipopt"),
+    "2.14 soft": Study("2.14 soft", "snopt"),
+    "2.13": Study("2.13", "snopt"),
+    "2.12": Study("2.12", "snopt"),
+    "2.12 strict": Study("2.12", "snopt", "strict"),
+}
+HEADER = (
+    f"{'mechanism':10s}{'steps':>6s} {'program':12s}{'success':>9s}{'false':>6s}"
+    f"{'Θ median':>10s}{'Θ worst':>10s}{'c median':>10s}{'c worst':>10s}{'CPU s':>9s}{'worst':>9s}"
+)
+
+
+def exponent(lengths: list[int], seconds: list[float]) -> float:
+    """Slope of log CPU seconds over log window length."""
+    return float(np.polyfit(np.log(lengths), np.log(seconds), 1)[0])
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.programs",
+        description="Success and CPU time of the identification programs.",
+    )
+    parser.add_argument("--mechanisms", nargs="+", default=["block", "ellipse"])
+    parser.add_argument("--lengths", nargs="+", type=int, default=[10, 30, 100, 300])
+    parser.add_argument("--programs", nargs="+", default=["qp", "2.14"], choices=list(STUDIES))
+    parser.add_argument("--windows", type=int, default=10)
+    parser.add_argument("--starts", type=int, default=5)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
+    options = parser.parse_args(arguments)
+
+    rows = []
+    # Drake takes a tenth of a second to load its solvers, which is not the first program's time
+    study(
+        STUDIES["2.14"], "block", cases("block", 10, 1, np.random.default_rng(0)), 1, np.random.default_rng(0)
+    )
+    print(HEADER)
+    for kind in options.mechanisms:
+        for length in options.lengths:
+            windows = cases(kind, length, options.windows, np.random.default_rng([options.seed, length]))
+            for name in options.programs:
+                begin = time.process_time()
+                row = study(STUDIES[name], kind, windows, options.starts, np.random.default_rng(options.seed))
+                row["name"], row["cpu_s_total"] = name, time.process_time() - begin
+                rows.append(row)
+                print(
+                    f"{kind:10s}{length:6d} {name:12s}{row['n_success']:5d}/{row['n_starts']:<3d}"
+                    f"{row['n_false_claims']:6d}{row['theta_error_median']:10.1e}{row['theta_error_max']:10.1e}"
+                    f"{row['force_error_median']:10.1e}{row['force_error_max']:10.1e}"
+                    f"{row['cpu_s_median']:9.4f}{row['cpu_s_max']:9.4f}",
+                    flush=True,
+                )
+    for kind in options.mechanisms:
+        for name in options.programs:
+            mine = [row for row in rows if row["mechanism"] == kind and row["name"] == name]
+            if len(mine) > 1:
+                slope = exponent([row["n_steps"] for row in mine], [row["cpu_s_median"] for row in mine])
+                print(f"{kind}, {name}: CPU time grows as the window length to the power {slope:.2f}")
+    if options.output:
+        write_json(options.output, rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""Motions for the tests of chapter 2's simulation; each is checked in every step."""
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
+from thesis_lib.simulate.lcp import LcpStatus
+from thesis_lib.simulate.mechanism import Mechanism, PlanarFreeBody, Rod
+from thesis_lib.simulate.stepping import Record, simulate
+
+RESIDUAL_TOL = 1e-9  # promised complementarity of every step, dimensionless; rounding leaves about 1e-15
+BALANCE_TOL = 1e-9  # N s; momentum balance of every step, of impulses up to 10 N s
+CLOSING_TOL = 1e-12  # m; rounding of gaps of some metres
+MU, EPSILON, G, H = 0.7, 0.6, 9.81, 5e-3
+
+SQUARE = Polygon(vertices=((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)))
+BODIES = {
+    "block": PlanarFreeBody(SQUARE, 1.0, 1.0 / 6.0),
+    "ellipse": PlanarFreeBody(Ellipse(semi_axes=(2.0, 1.0)), 1.0, 1.25),
+    "disk": PlanarFreeBody(Disk(radius=0.5), 1.0, 0.125),
+    "rod": PlanarFreeBody(Rod(1.0), 1.0, 1.0 / 12.0),
+}
+
+
+def balance(mechanism: Mechanism, record: Record) -> np.ndarray:
+    """M (v⁺ - v) - h (g + f_ext - C v + J' c) of each step, (m, nv) in N s."""
+    M = np.array([mechanism.mass_matrix(q) for q in record.q[:-1]])
+    force = np.array(
+        [mechanism.gravity(q) - mechanism.bias(q, v) for q, v in zip(record.q[:-1], record.v[:-1])]
+    )
+    force += record.f_ext + contact_force(record)
+    return np.einsum("kij,kj->ki", M, np.diff(record.v, axis=0)) - record.h * force
+
+
+def contact_force(record: Record) -> np.ndarray:
+    """J_n' c_n + J_t' c_t, (m, nv) in N, N m."""
+    return np.einsum("kpi,kp->ki", record.J_n, record.c_n) + np.einsum("kpi,kp->ki", record.J_t, record.c_t)
+
+
+def checked(mechanism, q, v, steps, mu=MU, epsilon=EPSILON, h=H, torque=None, **options) -> Record:
+    """Simulate, and hold every step to complementarity, the cone and the balance of momentum."""
+    record = simulate(
+        mechanism, np.array(q, float), np.array(v, float), torque, h, steps, mu, epsilon, **options
+    )
+    assert (record.status == LcpStatus.SOLVED).all()
+    assert record.residual.max() <= RESIDUAL_TOL
+    assert np.abs(balance(mechanism, record)).max() <= BALANCE_TOL
+    assert (record.c_n >= 0.0).all()
+    assert (np.abs(record.c_t) <= np.broadcast_to(mu, record.c_n.shape) * record.c_n + BALANCE_TOL).all()
+    # forces act only where the gap would close within the step: φ + h J_n v_free <= 0
+    M = np.array([mechanism.mass_matrix(q) for q in record.q[:-1]])
+    v_free = record.v[1:] - h * np.linalg.solve(M, contact_force(record)[:, :, None])[:, :, 0]
+    closing = record.phi + h * np.einsum("kpi,ki->kp", record.J_n, v_free)
+    assert closing[record.c_n > 0.0].max(initial=0.0) <= CLOSING_TOL
+    return record
+
+
+def drops(name, n, seed=0):
+    """Initial states (q, v), each (n, 3), of a body well above the surface."""
+    rng = np.random.default_rng(seed)
+    body = BODIES[name]
+    q = np.stack([np.zeros(n), rng.uniform(0.2, 1.0, n), rng.uniform(-np.pi, np.pi, n)], axis=1)
+    q[:, 1] -= body.contacts_of(q * [1, 0, 1]).phi.min(axis=1)
+    return q, rng.uniform([-2, -1, -4], [2, 0, 4], (n, 3))
+
+
+def contact_velocity(record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """J_n v⁺ and J_t v⁺, each (m, p) in m/s, with J at the start of the step."""
+    return tuple(np.einsum("kpi,ki->kp", J, record.v[1:]) for J in (record.J_n, record.J_t))
