@@ -9,6 +9,8 @@ from plain_drops import LAW, TRUTH, injected, observed
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.critique.fit import NU, cramer_rao, fit, log_scores
 from thesis_lib.critique.model import Model, impact_residuals, residual_covariance, states_at_impact
+from thesis_lib.critique.observations import observe
+from thesis_lib.critique.proof import Case, make
 from thesis_lib.critique.synthetic import synthesise
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
@@ -190,3 +192,12 @@ def test_errors_are_no_smaller_than_the_cramer_rao_bound_and_hardly_larger():
     # noise that is larger than stated shows in the errors
     loud = synthesise(model, values, replace(o, cov=9.0 * o.cov), np.random.default_rng(9))
     assert fit(model, replace(loud, cov=o.cov), values).std["mu"] > 1.5 * fitted.std["mu"]
+
+
+@pytest.mark.parametrize("seed", [16, 44])
+def test_a_fit_does_not_stay_where_everything_sticks(seed):
+    # development seeds of the proof, on which a fit that starts with much friction ends at μ = 0.8 and 1.3
+    dataset, true = make(Case("law", "nothing", seed))
+    o = observe(dataset)
+    fitted = fit(Model(LAWS["wang_mason"]), o.select(np.unique(o.trial)[:105]))
+    assert abs(fitted.values["mu"] - true["mu"]) < SIGMAS * fitted.std["mu"]

@@ -114,6 +114,10 @@ def fit(
                     (p.null + p.scale, p.null - p.scale) if p.low < p.null < p.high else (p.null + p.scale,)
                 )
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options[:2]]
+    if "mu" not in tries[0]:
+        tries = [{**t, **one} for t in tries for one in _basins(model, observations, t)]
+        best = max((_fit_from(model, observations, one, 1) for one in tries), key=lambda one: one.score)
+        return _fit_from(model, observations, best.values, rounds)
     fits = [_fit_from(model, observations, one, rounds) for one in tries[:4]]
     return max(fits, key=lambda one: one.score)
 
@@ -125,8 +129,6 @@ def _fit_from(model: Model, observations: Observations, start: dict[str, float],
     low = np.array([declared[name].low for name in free])
     high = np.array([declared[name].high for name in free])
     step = np.array([1e-3 * declared[name].scale for name in free])
-    if "mu" not in start:
-        values |= _rough_start(model, observations, values)
     sigma_m = 0.02
     x = np.clip([values[name] for name in free], low, high)
     for _ in range(rounds):
@@ -274,6 +276,13 @@ def _best_sigma(
         loss, bounds=(np.log(SIGMA_LOW), np.log(SIGMA_HIGH)), method="bounded", options={"xatol": 0.05}
     )
     return float(np.exp(found.x))
+
+
+def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
+    """Starts (μ, ε): the rough one, and with less friction, where more impacts slide and so tell what μ is."""
+    values = {name: p.null for name, p in model.parameters.items()} | dict(start)
+    rough = _rough_start(model, observations, values)
+    return [{**rough, "mu": factor * rough["mu"]} for factor in (1.0, 0.5, 0.2)]
 
 
 def _rough_start(model: Model, observations: Observations, values: dict[str, float]) -> dict[str, float]:
