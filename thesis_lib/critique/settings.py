@@ -30,7 +30,6 @@ class CritiqueSettings(Section):
     tell_apart: float = Field(
         3.0, gt=0, description="nats in total below which two effects cannot be told apart"
     )
-    max_group: int = Field(3, ge=1, description="most effects named together that count as an answer")
 
 
 class CritiqueRun(Section):
