@@ -1,0 +1,42 @@
+"""The pipeline and the command write the same critique, byte for byte (every file, pictures and page included)."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pipeline_copy import ROOT
+
+NAME = "my_drops"
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def command(folder: Path, *arguments: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_command_and_pipeline_write_the_same_bytes(checkout, snakemake):
+    command(checkout, "thesis_lib.datasets", "example", "-o", f"data/measured/{NAME}", "--drops", "40")
+    (checkout / "overlay.yaml").write_text(f"critique: {{datasets: [{NAME}]}}\n")
+    done = snakemake(
+        checkout, "--cores", "1", "--configfile", "overlay.yaml", "--", f"results/critique/{NAME}/report.html"
+    )
+    assert done.returncode == 0, done.stdout
+    command(checkout, "thesis_lib", "critique", f"data/measured/{NAME}", "-o", "by_command", "-q")
+    piped, commanded = files(checkout / "results/critique" / NAME), files(checkout / "by_command")
+    assert set(piped) == set(commanded)
+    assert {"report.html", "diagnosis.json", "comparison.csv", "ladder.png", "model.json"} <= set(piped)
+    assert [name for name in piped if piped[name] != commanded[name]] == []
