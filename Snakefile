@@ -12,6 +12,7 @@ report: "workflow/report/workflow.rst"
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/datasets.smk"
+include: "workflow/rules/chapter2.smk"
 include: "workflow/rules/chapter3.smk"
 include: "workflow/rules/critique.smk"
 include: "workflow/rules/claims.smk"
@@ -19,6 +20,7 @@ include: "workflow/rules/claims.smk"
 
 localrules:
     all,
+    chapter2,
     chapter3,
     critique,
 
@@ -26,6 +28,7 @@ localrules:
 rule all:
     default_target: True
     input:
+        rules.chapter2.input,
         rules.chapter3.input,
         rules.critique.input,
         rules.critique_proof.output,

@@ -20,17 +20,8 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 
 from thesis_lib.files import write_json  # noqa: E402
-from thesis_lib.identify.program_study import Study, cases, study  # noqa: E402
+from thesis_lib.identify.program_study import STUDIES, cases, study  # noqa: E402
 
-STUDIES = {
-    "qp": Study("2.12", "mode_qp"),
-    "2.14": Study("2.14", "snopt"),
-    "2.14 ipopt": Study("2.14", "ipopt"),
-    "2.14 soft": Study("2.14 soft", "snopt"),
-    "2.13": Study("2.13", "snopt"),
-    "2.12": Study("2.12", "snopt"),
-    "2.12 strict": Study("2.12", "snopt", "strict"),
-}
 HEADER = (
     f"{'mechanism':10s}{'steps':>6s} {'program':12s}{'success':>9s}{'false':>6s}"
     f"{'Θ median':>10s}{'Θ worst':>10s}{'c median':>10s}{'c worst':>10s}{'CPU s':>9s}{'worst':>9s}"

@@ -16,6 +16,7 @@ from pydantic import Field, ValidationError
 from thesis_lib.critique.settings import CritiqueRun
 from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.errors import UserError
+from thesis_lib.identify.chapter2_settings import Chapter2
 from thesis_lib.identify.settings import Chapter3
 from thesis_lib.settings import Section
 from thesis_lib.simulate.settings import SimulatedDrops
@@ -36,6 +37,7 @@ class Config(Section):
     )
     drops: SimulatedDrops = SimulatedDrops()
     arcs: ArcSettings = Field(ArcSettings(), description="detection of impacts and arc fits")
+    chapter2: Chapter2 = Chapter2()
     chapter3: Chapter3 = Chapter3()
     critique: CritiqueRun = CritiqueRun()
 

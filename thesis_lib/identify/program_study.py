@@ -25,6 +25,7 @@ import numpy as np
 
 from thesis_lib.errors import UserError
 from thesis_lib.identify.base_parameters import base_parameters
+from thesis_lib.identify.chapter2_settings import Programs
 from thesis_lib.identify.contact_window import ContactWindow, free_body_window, window_of
 from thesis_lib.identify.identifiability import require_identifiable
 from thesis_lib.identify.mode_qp import REACH, Program, solve_mode_qp
@@ -187,6 +188,18 @@ class Study:
     reach: float = REACH
 
 
+STUDIES = {
+    "qp": Study("2.12", "mode_qp"),
+    "2.14": Study("2.14", "snopt"),
+    "2.14 ipopt": Study("2.14", "ipopt"),
+    "2.14 soft": Study("2.14 soft", "snopt"),
+    "2.13": Study("2.13", "snopt"),
+    "2.12": Study("2.12", "snopt"),
+    "2.12 strict": Study("2.12", "snopt", "strict"),
+}
+MAIN = ("qp", "2.14", "2.14 ipopt")
+
+
 def study(
     what: Study, kind: str, windows: Sequence[Case], starts: int, rng: np.random.Generator
 ) -> dict[str, float | str]:
@@ -195,7 +208,7 @@ def study(
     n_solved = n_success = n_claims = n_false = 0
     for case in windows:
         for found in _answers(what, case.window, starts, rng):
-            theta, force = case.errors(found)
+            theta, force = np.nan_to_num(case.errors(found), nan=np.inf)  # no answer: infinitely wrong
             success = found.solved and theta <= SUCCESS and force <= SUCCESS
             theta_error.append(theta)
             force_error.append(force)
@@ -237,25 +250,26 @@ def _answers(
         yield nlp.answer(nlp.random_point(rng), what.solver)
 
 
-def study_table(
-    studies: Sequence[Study],
-    kinds: Sequence[str],
-    lengths: Sequence[int],
-    rng: np.random.Generator,
-    *,
-    n_windows: int,
-    n_starts: int,
-    settings: Chapter2Bodies = DEFAULT,
+def programs_table(
+    settings: Programs, rng: np.random.Generator, bodies: Chapter2Bodies = DEFAULT
 ) -> "pd.DataFrame":
-    """Rows of `study` for every program, mechanism and window length, each on the same windows.
+    """A row of `study` for every program, mechanism and window length, on the same windows within a length.
 
-    CPU seconds differ from run to run; leave `cpu_s_median` and `cpu_s_max` out of tables that must not.
+    CPU seconds differ from run to run and are left to `python -m benchmarks.programs`.
     """
     import pandas as pd
 
+    others = [name for name in STUDIES if name not in MAIN]
     rows = []
-    for kind in kinds:
-        for length in lengths:
-            windows = cases(kind, length, n_windows, rng, settings)
-            rows += [study(what, kind, windows, n_starts, rng) for what in studies]
-    return pd.DataFrame(rows)
+    for kind in settings.mechanisms:
+        for names, lengths, n_windows, n_starts in (
+            (MAIN, settings.lengths, settings.windows, settings.starts),
+            (others, settings.others_lengths, settings.others_windows, settings.others_starts),
+        ):
+            for length in lengths:
+                windows = cases(kind, length, n_windows, rng, bodies)
+                for name in names:
+                    rows.append({"name": name, **study(STUDIES[name], kind, windows, n_starts, rng)})
+                    done = rows[-1]
+                    print(f"{kind}, {length} steps, {name}: {done['n_success']} of {done['n_starts']}")
+    return pd.DataFrame(rows).drop(columns=["cpu_s_median", "cpu_s_max"])

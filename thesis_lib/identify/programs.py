@@ -234,6 +234,11 @@ class ContactProgram:
             self._add_cones(prog, *groups)
             self._add_products(prog, np.stack(groups, axis=1), bound)
         prog.AddBoundingBoxConstraint(self.window.theta_min / self.T, np.full(len(theta), np.inf), theta)
+        n_equations = sum(c.evaluator().num_constraints() for c in prog.linear_equality_constraints())
+        if solver == "ipopt" and n_equations >= prog.num_vars():
+            # IPOPT needs more unknowns than equations; asked all the same it may end the whole process
+            nothing = [np.full(len(group), np.nan) for group in (theta, *groups)]
+            return False, np.nan, Point(*nothing)
         engine = SnoptSolver() if solver == "snopt" else IpoptSolver()
         for scale in SCALINGS[self.program == "2.14"] if solver == "snopt" else (0,):
             result = engine.Solve(prog, point.stacked, solver_options(solver, scale))

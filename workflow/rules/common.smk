@@ -18,6 +18,8 @@ except UserError as error:
 
 wildcard_constraints:
     dataset="[a-z][a-z0-9_]*",
+    mechanism="block|ellipse|wheel|arm_disk",
+    shape="block|ellipse",
 
 
 def code_of(script):
@@ -47,14 +49,17 @@ def dataset_files(wildcards):
     return DATASETS[wildcards.dataset].files
 
 
-def figure_files(folder, number, shows, subcategory="{dataset}"):
+def figure_files(folder, number, shows, subcategory="{dataset}", name="figure"):
     """Picture, PDF and numbers of the thesis's figure `number` ("3-7"); the picture goes into the report."""
-    name = f"figure_{number.replace('-', '_')}"
+    name = f"{name}_{number.replace('-', '_')}"
     picture = report(
         f"{folder}/{name}.png",
         caption=f"../report/{name}.rst",
         category=f"Chapter {number[0]}",
         subcategory=subcategory,
-        labels={"item": f"Figure {number}", "shows": shows},
+        labels={
+            "item": f"{name.rsplit('_', 2)[0].replace('_', ' ').capitalize()} {number}",
+            "shows": shows,
+        },
     )
     return [picture, f"{folder}/{name}.pdf", f"{folder}/{name}.csv"]

@@ -1,0 +1,111 @@
+# Chapter 2: contact-implicit identification, simulated, identified and bounded.
+CH2 = "results/chapter2"
+CH2_SHAPES = ("block", "ellipse")
+
+
+rule ch2_identifiability:
+    output:
+        f"{CH2}/identifiability.csv",
+    log:
+        "results/logs/ch2_identifiability.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        bodies=settings(CONFIG.chapter2.bodies),
+        lib=code_of("ch2_identifiability"),
+    message:
+        "Chapter 2: what contact identifies"
+    script:
+        "../scripts/ch2_identifiability.py"
+
+
+rule ch2_programs:
+    output:
+        f"{CH2}/{{mechanism}}/programs.csv",
+    log:
+        "results/logs/ch2_programs/{mechanism}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter2.programs),
+        bodies=settings(CONFIG.chapter2.bodies),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_programs"),
+    message:
+        "Chapter 2: equations 2.12 to 2.14 from random starts, {wildcards.mechanism}"
+    script:
+        "../scripts/ch2_programs.py"
+
+
+rule ch2_gather:
+    input:
+        expand(f"{CH2}/{{mechanism}}/programs.csv", mechanism=CONFIG.chapter2.programs.mechanisms),
+    output:
+        report(
+            f"{CH2}/programs.csv",
+            caption="../report/programs.rst",
+            category="Chapter 2",
+            subcategory="programs",
+            labels={"item": "Programs", "shows": "success of equations 2.12 to 2.14"},
+        ),
+    log:
+        "results/logs/ch2_gather.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        lib=code_of("ch2_gather"),
+    message:
+        "Chapter 2: gathering the programs' success"
+    script:
+        "../scripts/ch2_gather.py"
+
+
+rule ch2_noise:
+    output:
+        drops=f"{CH2}/{{shape}}/table_2_1_drops.csv",
+        left_out=f"{CH2}/{{shape}}/left_out_drops.csv",
+        table=f"{CH2}/{{shape}}/table_2_1.csv",
+    log:
+        "results/logs/ch2_noise/{shape}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter2.table_2_1),
+        bodies=settings(CONFIG.chapter2.bodies),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_noise"),
+    message:
+        "Chapter 2: identifying m/I from noisy drops of the {wildcards.shape}"
+    script:
+        "../scripts/ch2_noise.py"
+
+
+rule ch2_table_2_1:
+    input:
+        expand(f"{CH2}/{{shape}}/table_2_1.csv", shape=CH2_SHAPES),
+    output:
+        figure_files(CH2, "2-1", "m/I against noise", "noise", name="figure_table"),
+        table=report(
+            f"{CH2}/table_2_1.csv",
+            caption="../report/table_2_1.rst",
+            category="Chapter 2",
+            subcategory="noise",
+            labels={"item": "Table 2.1", "shows": "m/I against noise, with bounds"},
+        ),
+    log:
+        "results/logs/ch2_table_2_1.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        lib=code_of("ch2_table_2_1"),
+    message:
+        "Chapter 2: Table 2.1"
+    script:
+        "../scripts/ch2_table_2_1.py"
+
+
+rule chapter2:
+    input:
+        rules.ch2_identifiability.output,
+        rules.ch2_gather.output,
+        rules.ch2_table_2_1.output,

@@ -1,0 +1,21 @@
+"""m/I from noisy drops of one shape, every method on every drop (Table 2.1)."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from thesis_lib.columns import write_result
+from thesis_lib.identify.chapter2_settings import Table21
+from thesis_lib.identify.table_2_1 import left_out_table, make_drops, study, table_2_1
+from thesis_lib.randomness import generator
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+
+params, shape, out = snakemake.params, snakemake.wildcards.shape, snakemake.output
+settings = Table21.model_validate(params.settings)
+bodies = Chapter2Bodies.model_validate(params.bodies)
+drops = make_drops(shape, settings.drops, generator(params.seed, "ch2_drops", shape), settings, bodies)
+print(f"{settings.drops} drops; left out: {drops.left_out}")
+rows = study(shape, drops, generator(params.seed, "ch2_noise", shape), settings, bodies)
+write_result(rows, out.drops)
+write_result(left_out_table(shape, drops), out.left_out)
+write_result(table_2_1(rows), out.table)

@@ -1,0 +1,18 @@
+"""Success of the thesis's programs on noise-free windows from random starts."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from thesis_lib.columns import write_result
+from thesis_lib.identify.chapter2_settings import Programs
+from thesis_lib.identify.program_study import programs_table
+from thesis_lib.randomness import generator
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+
+params = snakemake.params
+kind = snakemake.wildcards.mechanism
+settings = Programs.model_validate({**params.settings, "mechanisms": [kind]})
+bodies = Chapter2Bodies.model_validate(params.bodies)
+table = programs_table(settings, generator(params.seed, "ch2_programs", kind), bodies)
+write_result(table, snakemake.output[0])
