@@ -1,0 +1,28 @@
+"""The command that prints a chapter's tables."""
+
+import pandas as pd
+import pytest
+
+from thesis_lib.columns import explain
+from thesis_lib.files import write_table
+from thesis_lib.tables import CHAPTERS, main
+
+
+def test_values_and_meanings_are_printed(tmp_path, capsys):
+    for shown in CHAPTERS["chapter2"]:
+        row = {column: [f"{column} of {shown.file}"] for column in shown.columns}
+        write_table(pd.DataFrame(row), tmp_path / shown.file)
+    assert main(["chapter2", "--results", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    for shown in CHAPTERS["chapter2"]:
+        assert shown.title in said
+        for column in shown.columns:
+            assert f"{column} of {shown.file}"[:50] in said
+        for meaning in explain(shown.file.split("/")[-1].removesuffix(".csv"), shown.columns)["meaning"]:
+            assert meaning in said
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS)
+def test_missing_results_are_said_with_the_command_that_makes_them(chapter, tmp_path, capsys):
+    assert main([chapter, "--results", str(tmp_path)]) == 2
+    assert f"snakemake --cores 2 {chapter}" in capsys.readouterr().err

@@ -1,0 +1,106 @@
+"""Print a chapter's tables as the thesis lays them out, from the results of the last run.
+
+python -m thesis_lib.tables chapter2 [--results results]
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.columns import explain
+from thesis_lib.errors import UserError
+from thesis_lib.files import read_table
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A table to print: file below the results, title, and the columns that are shown."""
+
+    file: str
+    title: str
+    columns: tuple[str, ...]
+
+
+CHAPTERS: dict[str, tuple[Shown, ...]] = {
+    "chapter2": (
+        Shown(
+            "chapter2/identifiability.csv",
+            "What contact identifies of a body's m and I (section 2.3.3)",
+            ("case", "sigma_1", "sigma_2", "rank", "not_identified"),
+        ),
+        Shown(
+            "chapter2/programs.csv",
+            "Success of the programs from random starts, no noise (sections 2.3.2 and 2.4)",
+            (
+                "mechanism",
+                "n_steps",
+                "name",
+                "n_starts",
+                "n_success",
+                "n_false_claims",
+                "theta_error_max",
+                "force_error_max",
+            ),
+        ),
+        Shown(
+            "chapter2/table_2_1.csv",
+            "m/I from noisy drops (table 2.1)",
+            (
+                "shape",
+                "snr",
+                "method",
+                "n",
+                "n_failed",
+                "mean_error",
+                "mean_error_std",
+                "std",
+                "bound",
+                "error_over_bound",
+                "error_over_law_bound",
+                "thesis",
+            ),
+        ),
+    ),
+}
+
+
+def as_text(shown: Shown, results: Path) -> str:
+    """Title, table and the meaning of its columns.
+
+    Raises:
+        UserError: the table is not there yet.
+    """
+    path = results / shown.file
+    if not path.is_file():
+        chapter = shown.file.split("/")[0]
+        raise UserError(f"{path} does not exist yet; make it with: snakemake --cores 2 {chapter}")
+    table = read_table(path, shown.columns)[list(shown.columns)]
+    meanings = explain(path.stem, shown.columns)
+    with pd.option_context("display.width", 250, "display.max_colwidth", 60):
+        body = table.to_string(index=False, na_rep="-", float_format=lambda value: f"{value:.4g}")
+    lines = [
+        f"  {row.column}{f' ({row.unit})' if row.unit not in ('', '1') else ''}: {row.meaning}"
+        for row in meanings.itertuples()
+    ]
+    return "\n".join([shown.title, "=" * len(shown.title), "", body, "", *lines, ""])
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m thesis_lib.tables", description=__doc__.splitlines()[0])
+    parser.add_argument("chapter", choices=tuple(CHAPTERS), help="whose tables")
+    parser.add_argument("--results", type=Path, default=Path("results"), help="default: %(default)s")
+    args = parser.parse_args(argv)
+    try:
+        print("\n".join(as_text(shown, args.results) for shown in CHAPTERS[args.chapter]), end="")
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
