@@ -35,7 +35,7 @@ def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
 
 
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
-    """Features of each flight, columns as in `FLIGHT_UNITS`; see thesis_lib/columns.py."""
+    """Features of each flight, columns as in `FLIGHT_UNITS`; see thesis_lib/columns.yaml."""
     true = fitted.model.to_true(flights.state, fitted.model.own(fitted.values), rig)
     return pd.DataFrame(
         {

@@ -1,6 +1,6 @@
 """The folder that a critique writes (design 3.2): the same bytes from the command line and from the pipeline.
 
-    impacts.csv  comparison.csv  errors.csv  ladder.csv  budget.csv   tables, explained in thesis_lib/columns.py
+    impacts.csv  comparison.csv  errors.csv  ladder.csv  budget.csv   tables, explained in thesis_lib/columns.yaml
     where.json  diagnosis.json  model.json                            schema 1 each; model.json predicts
     <picture>.png .pdf .csv                                           with the numbers drawn
     report.html                                                       one page, readable offline

@@ -113,7 +113,7 @@ TARGETS = (
 
 
 def summary(store: Path = STORE) -> pd.DataFrame:
-    """The proof against its targets: columns `SUMMARY`, explained in thesis_lib/columns.py.
+    """The proof against its targets: columns `SUMMARY`, explained in thesis_lib/columns.yaml.
 
     `met` is aim, at least, missed, or not run (nothing stored).
 

@@ -34,7 +34,7 @@ def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
 def confusion(store: Path = STORE) -> pd.DataFrame:
     """A row per source, truth, ratio, drops and noise: how often the verdict was right, and how well.
 
-    Shares have Wilson intervals; misfits, |z| and widths are medians; columns are explained in thesis_lib/columns.py,
+    Shares have Wilson intervals; misfits, |z| and widths are medians; columns are explained in thesis_lib/columns.yaml,
     what is right and the misfit over its floor in `proof_results`.
 
     Raises:

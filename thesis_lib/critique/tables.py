@@ -2,7 +2,7 @@
 
 All errors of comparison, ladder and budget are those of held-out impacts; `errors` and `flights` hold every impact and
 every flight, with a mark (`held_out`).
-The columns are explained in thesis_lib/columns.py.  The budget splits the mean square error of the base law in (m/s)²:
+The columns are explained in thesis_lib/columns.yaml.  The budget splits the mean square error of the base law in (m/s)²:
 
 | part                | definition                                                                                    |
 |---------------------|-----------------------------------------------------------------------------------------------|
@@ -45,7 +45,7 @@ PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
 def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    """All tables by file stem, with every column explained in columns.py.
+    """All tables by file stem, with every column explained in columns.yaml.
 
     Raises:
         KeyError: a column is not explained.

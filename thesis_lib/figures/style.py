@@ -78,7 +78,7 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path) -> None:
     """Write `path`.png, `path`.pdf and the plotted numbers as `path`.csv; equal content gives equal bytes.
 
     Raises:
-        KeyError: a column of the table is not explained in thesis_lib/columns.py.
+        KeyError: a column of the table is not explained in thesis_lib/columns.yaml.
     """
     path = Path(path)
     explain(path.name, table.columns)

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from thesis_lib.settings import Section
 from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.simulate.chapter2_scenes import SceneSettings
 
 Mechanism = Literal["block", "ellipse", "wheel", "arm_disk"]
 Length = Annotated[int, Field(ge=2)]
@@ -48,5 +49,6 @@ class Chapter2(Section):
     """Contact-implicit identification, chapter 2."""
 
     bodies: Chapter2Bodies = Chapter2Bodies()
+    scenes: SceneSettings = SceneSettings()
     programs: Programs = Programs()
     table_2_1: Table21 = Table21()

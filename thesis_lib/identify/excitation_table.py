@@ -87,6 +87,12 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Reco
     }
 
 
+def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
+    """The square of figure 2-5 without external force: landing "flat" and "tilted"."""
+    cases = excitation_cases(settings)
+    return {name: cases[f"square lands {name}, no force"] for name in ("flat", "tilted")}
+
+
 def excitation_table(settings: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
     """One row per case; columns as in the module's table."""
     import pandas as pd

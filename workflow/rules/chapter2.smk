@@ -3,6 +3,51 @@ CH2 = "results/chapter2"
 CH2_SHAPES = ("block", "ellipse")
 
 
+rule ch2_schematics:
+    output:
+        figure_files(CH2, "2-1", "manipulator, disk and ground", "mechanisms"),
+        figure_files(CH2, "2-3", "distance to contact", "mechanisms"),
+        figure_files(CH2, "2-6", "block", "mechanisms"),
+        figure_files(CH2, "2-7", "ellipse", "mechanisms"),
+        figure_files(CH2, "2-8", "rimless wheel", "mechanisms"),
+    log:
+        "results/logs/ch2_schematics.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        bodies=settings(CONFIG.chapter2.bodies),
+        lib=code_of("ch2_schematics"),
+    message:
+        "Chapter 2: drawing the mechanisms"
+    script:
+        "../scripts/ch2_schematics.py"
+
+
+rule ch2_motions:
+    input:
+        DATASETS["drops"].files,
+    output:
+        figure_files(CH2, "2-2", "falling rod", "motions"),
+        figure_files(CH2, "2-4", "disk from flight to rolling", "motions"),
+        figure_files(CH2, "2-5", "projection and excitation", "motions"),
+        figure_files(CH2, "2-9", "block, ellipse and wheel", "motions"),
+        figure_files(CH2, "2-14", "falling ellipse", "motions"),
+    log:
+        "results/logs/ch2_motions.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        drops=DATASETS["drops"].folder,
+        bodies=settings(CONFIG.chapter2.bodies),
+        scenes=settings(CONFIG.chapter2.scenes),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_motions"),
+    message:
+        "Chapter 2: drawing simulated motions"
+    script:
+        "../scripts/ch2_motions.py"
+
+
 rule ch2_identifiability:
     output:
         f"{CH2}/identifiability.csv",
@@ -106,6 +151,8 @@ rule ch2_table_2_1:
 
 rule chapter2:
     input:
+        rules.ch2_schematics.output,
+        rules.ch2_motions.output,
         rules.ch2_identifiability.output,
         rules.ch2_gather.output,
         rules.ch2_table_2_1.output,

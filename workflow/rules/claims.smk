@@ -39,7 +39,9 @@ rule claims:
 
 rule provenance:
     input:
+        rules.chapter2.input,
         rules.chapter3.input,
+        dictionary="thesis_lib/columns.yaml",
     output:
         made="results/provenance.json",
         columns="results/columns.csv",

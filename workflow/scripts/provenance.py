@@ -20,4 +20,4 @@ write_json(
     },
     snakemake.output.made,
 )
-write_table(column_dictionary(Path("results/chapter3").glob("*/*.csv")), snakemake.output.columns)
+write_table(column_dictionary(Path("results").glob("chapter*/**/*.csv")), snakemake.output.columns)

@@ -1,0 +1,121 @@
+"""Sketches of planar mechanisms to scale, whose every line ends up in the figure's table.
+
+A `Sketch` draws on one panel and keeps what it draws: the numbers beside a schematic are the geometry of the picture.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from thesis_lib.figures.style import GREY, INK
+from thesis_lib.simulate.mechanism import PlanarFreeBody
+from thesis_lib.simulate.rimless_wheel import RimlessWheel
+
+SHADE = "#DCE6F0"
+COLORS = {"blue": "#0072B2", "red": "#D55E00", "green": "#009E73", "violet": "#CC79A7"}
+FONT = 9
+
+
+def turned(points: np.ndarray, theta: float) -> np.ndarray:
+    """Points (n, 2) turned counter-clockwise by theta about the origin."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]])
+
+
+def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
+    """Outline (n, 2) in m of a body at pose q (3,) in the axes of the surface; of a wheel hub and tips in turn."""
+    if isinstance(body, RimlessWheel):
+        points = np.stack([np.zeros_like(body.corners), body.corners], axis=1).reshape(-1, 2)
+    else:
+        points = body.shape.outline()
+    return q[:2] + turned(points, q[2])
+
+
+class Sketch:
+    """One panel without axes, true to scale, that keeps the points of what it draws.
+
+    Args:
+        ax: the panel.
+        panel: its name in the table.
+        tilt: rad; everything drawn is turned by it about the origin.
+    """
+
+    def __init__(self, ax: Axes, panel: str = "", tilt: float = 0.0) -> None:
+        ax.set_axis_off()
+        ax.set_aspect("equal")
+        self.ax, self.panel, self.tilt = ax, panel, tilt
+        self._parts: list[pd.DataFrame] = []
+
+    def keep(self, series: str, points: np.ndarray, **columns: object) -> np.ndarray:
+        """Add points (n, 2), in the panel's axes after the tilt, to the table; returns them."""
+        points = turned(np.atleast_2d(points), self.tilt)
+        part = pd.DataFrame(points, columns=["x", "y"]).assign(panel=self.panel, series=series, **columns)
+        self._parts.append(part)
+        return points
+
+    def table(self) -> pd.DataFrame:
+        """Everything drawn so far: panel, series, x, y in m and what else was kept."""
+        table = pd.concat(self._parts, ignore_index=True)
+        first = ["panel", "series", "x", "y"]
+        return table[first + [name for name in table.columns if name not in first]]
+
+    def line(
+        self, series: str, points: np.ndarray, *, t: np.ndarray | float | None = None, **look: object
+    ) -> None:
+        """Polyline through points (n, 2); `t`, one time or n in s, goes to the table."""
+        points = self.keep(series, points, **({} if t is None else {"t": t}))
+        self.ax.plot(*points.T, **({"color": INK, "linewidth": 1.1} | look))
+
+    def fill(self, series: str, points: np.ndarray, **look: object) -> None:
+        """Closed shape."""
+        defaults = {"facecolor": SHADE, "edgecolor": INK, "linewidth": 1.1}
+        self.ax.fill(*self.keep(series, points).T, **(defaults | look))
+
+    def point(self, series: str, at: np.ndarray, **look: object) -> None:
+        """Dot at `at` (2,)."""
+        self.ax.plot(*self.keep(series, at).T, **({"marker": "o", "color": INK, "markersize": 3.5} | look))
+
+    def arrow(self, series: str, start: np.ndarray, vector: np.ndarray, color: str = INK) -> None:
+        """Arrow from `start` along `vector`, both (2,)."""
+        tail, tip = self.keep(series, np.stack([start, np.add(start, vector)]))
+        self._arrow(tail, tip, "-|>", color, 1.3)
+
+    def dimension(self, series: str, a: np.ndarray, b: np.ndarray, color: str = INK) -> None:
+        """Line with an arrow head at both ends a and b, (2,)."""
+        a, b = self.keep(series, np.stack([a, b]))
+        self._arrow(a, b, "<|-|>", color, 0.8)
+
+    def arc(
+        self, series: str, centre: np.ndarray, radius: float, start: float, end: float, color: str = INK
+    ) -> None:
+        """Arc with an arrow head at its end, from angle `start` to `end` in rad."""
+        angle = np.linspace(start, end, 40)
+        points = np.asarray(centre) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        points = self.keep(series, points)
+        self.ax.plot(*points[:-1].T, color=color, linewidth=0.9)
+        self._arrow(points[-3], points[-1], "-|>", color, 0.9)
+
+    def label(self, at: np.ndarray, text: str, color: str = INK, **look: object) -> None:
+        """Text centred at `at` (2,)."""
+        place = turned(np.atleast_2d(at), self.tilt)[0]
+        self.ax.text(*place, text, color=color, **({"ha": "center", "va": "center", "fontsize": FONT} | look))
+
+    def ground(self, left: float, right: float, depth: float) -> None:
+        """The surface y = 0 from `left` to `right`, hatched down to `depth` below it."""
+        corners = np.array([[left, 0.0], [right, 0.0], [right, -depth], [left, -depth]])
+        corners = turned(corners, self.tilt)
+        self.ax.fill(*corners.T, fill=False, linewidth=0, hatch="/////", edgecolor=GREY)
+        self.line("ground", np.array([[left, 0.0], [right, 0.0]]))
+
+    def axes_cross(self, at: np.ndarray, length: float) -> None:
+        """Directions x and y of the fixed frame with its origin O at `at` (2,)."""
+        for name, vector in (("x", (length, 0.0)), ("y", (0.0, length))):
+            self.arrow(f"axis {name}", at, np.array(vector))
+            # beside the head of the arrow: ahead of it may be the surface
+            self.label(np.add(at, vector) + 0.3 * length * np.array(vector[::-1]) / length, f"${name}$")
+
+    def _arrow(self, start: np.ndarray, end: np.ndarray, style: str, color: str, width: float) -> None:
+        look = {"arrowstyle": style, "color": color, "linewidth": width, "shrinkA": 0, "shrinkB": 0}
+        self.ax.annotate("", end, start, arrowprops=look | {"mutation_scale": 8})
+        # an annotation does not widen the panel's limits
+        self.ax.update_datalim(np.stack([start, end]))

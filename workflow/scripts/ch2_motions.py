@@ -1,0 +1,36 @@
+"""Figures 2-2, 2-4, 2-5, 2-9 and 2-14: motions from flight to contact, and what they show."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.figures import chapter2_motions as figures
+from thesis_lib.figures.chapter2_uncertainty import figure_2_5
+from thesis_lib.figures.style import save_figure
+from thesis_lib.identify.excitation_table import landings
+from thesis_lib.randomness import generator
+from thesis_lib.simulate import chapter2_scenes as scenes
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+
+bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
+chosen = scenes.SceneSettings.model_validate(snakemake.params.scenes)
+
+
+def stream(step):
+    return generator(snakemake.params.seed, "ch2_motions", step)
+
+
+disk = scenes.landing_disk(stream("disk"), bodies, chosen)
+block = scenes.tipping_block(stream("block"), bodies, chosen)
+drawn = {
+    "figure_2_2": figures.figure_2_2(scenes.falling_rod(bodies, chosen)),
+    "figure_2_4": figures.figure_2_4(disk),
+    "figure_2_5": figure_2_5(block, landings(bodies)),
+    "figure_2_9": figures.figure_2_9(scenes.traces(stream("traces"), bodies, chosen)),
+    "figure_2_14": figures.figure_2_14(read_dataset(snakemake.params.drops)),
+}
+for name, (figure, table) in drawn.items():
+    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))

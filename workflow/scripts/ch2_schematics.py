@@ -1,0 +1,23 @@
+"""Figures 2-1, 2-3 and 2-6 to 2-8: the mechanisms, drawn from their own geometry."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.figures import chapter2_schematics as figures
+from thesis_lib.figures.style import save_figure
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.simulate.chapter2_scenes import schematic_poses
+
+poses = schematic_poses(Chapter2Bodies.model_validate(snakemake.params.bodies))
+drawn = {
+    "figure_2_1": figures.figure_2_1(*poses["arm"]),
+    "figure_2_3": figures.figure_2_3(*poses["polygon"]),
+    "figure_2_6": figures.figure_2_6(*poses["block"]),
+    "figure_2_7": figures.figure_2_7(*poses["ellipse"]),
+    "figure_2_8": figures.figure_2_8(*poses["wheel"]),
+}
+for name, (figure, table) in drawn.items():
+    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
