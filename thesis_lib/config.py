@@ -13,15 +13,30 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import Field, ValidationError
 
+from thesis_lib.critique.impact_settings import ImpactForces, MeasuredRatio
 from thesis_lib.critique.settings import CritiqueRun
 from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.errors import UserError
-from thesis_lib.identify.chapter2_settings import Chapter2
+from thesis_lib.identify.chapter2_settings import Programs, Table21, WheelStudy
 from thesis_lib.identify.settings import Chapter3
 from thesis_lib.settings import Section
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.simulate.chapter2_scenes import SceneSettings
 from thesis_lib.simulate.settings import SimulatedDrops
 
 SCHEMA = Path("config/schema.json")
+
+
+class Chapter2(Section):
+    """Contact-implicit identification."""
+
+    bodies: Chapter2Bodies = Chapter2Bodies()
+    scenes: SceneSettings = SceneSettings()
+    programs: Programs = Programs()
+    table_2_1: Table21 = Table21()
+    wheel: WheelStudy = WheelStudy()
+    impact_forces: ImpactForces = ImpactForces()
+    measured_ratio: MeasuredRatio = MeasuredRatio()
 
 
 class Config(Section):

@@ -64,6 +64,43 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
                 "thesis",
             ),
         ),
+        Shown(
+            "chapter2/wheel_forces.csv",
+            "Forces of the rimless wheel's first three spokes (figure 2-11)",
+            (
+                "method",
+                "order",
+                "n",
+                "n_failed",
+                "error_n_median",
+                "error_n_90",
+                "error_t_median",
+                "impulse_error_n_median",
+            ),
+        ),
+        Shown(
+            "chapter2/impact_force_summary.csv",
+            "Impulse and peak force at impact (section 2.5, figure 2-15)",
+            (
+                "method",
+                "quantity",
+                "reference",
+                "unit",
+                "n",
+                "mean",
+                "mean_error",
+                "std",
+                "std_stated",
+                "coverage_95",
+                "thesis_mean_error",
+                "thesis_std",
+            ),
+        ),
+        Shown(
+            "chapter2/measured_ratio.csv",
+            "m/I from measured impacts (section 2.5)",
+            ("dataset", "variant", "ratio", "std", "low", "high", "published", "n", "status"),
+        ),
     ),
 }
 

@@ -1,12 +1,10 @@
-"""Settings of chapter 2: mechanisms, the programs' success, Table 2.1; those of one module stay in that module."""
+"""Settings of chapter 2's programs and of Table 2.1."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from thesis_lib.settings import Section
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
-from thesis_lib.simulate.chapter2_scenes import SceneSettings
 
 Mechanism = Literal["block", "ellipse", "wheel", "arm_disk"]
 Length = Annotated[int, Field(ge=2)]
@@ -45,10 +43,17 @@ class Table21(Section):
     min_after: int = Field(6, ge=2, description="samples after the last impact; own choice: 30 ms")
 
 
-class Chapter2(Section):
-    """Contact-implicit identification, chapter 2."""
+class WheelStudy(Section):
+    """Settings of the wheel's figures."""
 
-    bodies: Chapter2Bodies = Chapter2Bodies()
-    scenes: SceneSettings = SceneSettings()
-    programs: Programs = Programs()
-    table_2_1: Table21 = Table21()
+    n: int = Field(20, ge=1, description="records; own choice, the thesis shows one")
+    snr: float = Field(40.0, description="dB, the thesis's lowest noise")
+    steps: int = Field(300, ge=20, description="1.5 s; own choice: the first three spokes have left")
+    masses: tuple[float, ...] = Field(
+        (0.1, 0.5, 2.0, 10.0),
+        description="kg, of figure 2-10; own choice: below and above what the hub alone gives",
+    )
+    mass_seconds: float = Field(
+        4.0, gt=0, description="s, of figure 2-10; own choice: rolling becomes steady"
+    )
+    mass_omega: float = Field(-1.2, lt=0, description="rad/s at the start of figure 2-10; own choice")

@@ -1,6 +1,11 @@
 # Chapter 2: contact-implicit identification, simulated, identified and bounded.
 CH2 = "results/chapter2"
 CH2_SHAPES = ("block", "ellipse")
+CH2_MEASURED = [name for name in SOURCES if DATASETS[name].present]
+CH2_CLAIMED = [
+    f"{CH2}/{table}.csv"
+    for table in ("identifiability", "table_2_1", "impact_force_summary", "measured_ratio", "wheel_forces")
+]  # what the ledger reads
 
 
 rule ch2_schematics:
@@ -149,8 +154,115 @@ rule ch2_table_2_1:
         "../scripts/ch2_table_2_1.py"
 
 
+rule ch2_wheel:
+    output:
+        figure_files(CH2, "2-10", "motion against mass", "forces"),
+        figure_files(CH2, "2-11", "normal forces of the spokes", "forces"),
+        rows=f"{CH2}/wheel_forces_rows.csv",
+        table=report(
+            f"{CH2}/wheel_forces.csv",
+            caption="../report/wheel_forces.rst",
+            category="Chapter 2",
+            subcategory="forces",
+            labels={"item": "Wheel", "shows": "errors of the spokes' forces"},
+        ),
+    log:
+        "results/logs/ch2_wheel.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter2.wheel),
+        bodies=settings(CONFIG.chapter2.bodies),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_wheel"),
+    message:
+        "Chapter 2: forces of the rimless wheel's spokes"
+    script:
+        "../scripts/ch2_wheel.py"
+
+
+rule ch2_impact_forces:
+    output:
+        figure_files(CH2, "2-15", "force at impact", "forces"),
+        impacts=f"{CH2}/impact_forces.csv",
+        summary=report(
+            f"{CH2}/impact_force_summary.csv",
+            caption="../report/impact_force_summary.rst",
+            category="Chapter 2",
+            subcategory="forces",
+            labels={"item": "Impulses", "shows": "impulse and peak force against the sensor"},
+        ),
+    log:
+        "results/logs/ch2_impact_forces.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter2.impact_forces),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_impact_forces"),
+    message:
+        "Chapter 2: forces at impact against those of Drake's compliant contact"
+    script:
+        "../scripts/ch2_impact_forces.py"
+
+
+rule ch2_measured_ratio:
+    input:
+        dataset_files,
+    output:
+        f"{CH2}/{{dataset}}/measured_ratio.csv",
+    log:
+        "results/logs/ch2_measured_ratio/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
+        settings=settings(CONFIG.chapter2.measured_ratio),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_measured_ratio"),
+    message:
+        "Chapter 2: identifying m/I from {wildcards.dataset}"
+    script:
+        "../scripts/ch2_measured_ratio.py"
+
+
+rule ch2_measured_ratios:
+    input:
+        expand(f"{CH2}/{{dataset}}/measured_ratio.csv", dataset=CH2_MEASURED),
+    output:
+        table=report(
+            f"{CH2}/measured_ratio.csv",
+            caption="../report/measured_ratio.rst",
+            category="Chapter 2",
+            subcategory="measured data",
+            labels={"item": "m/I", "shows": "from the measured impacts"},
+        ),
+        picture=report(
+            f"{CH2}/figure_measured_ratio.png",
+            caption="../report/measured_ratio.rst",
+            category="Chapter 2",
+            subcategory="measured data",
+            labels={"item": "m/I", "shows": "intervals against the authors' value"},
+        ),
+        rest=[f"{CH2}/figure_measured_ratio.{kind}" for kind in ("pdf", "csv")],
+    log:
+        "results/logs/ch2_measured_ratios.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        absent=[name for name in SOURCES if name not in CH2_MEASURED],
+        lib=code_of("ch2_measured_ratios"),
+    message:
+        "Chapter 2: m/I from measured data against the authors' value"
+    script:
+        "../scripts/ch2_measured_ratios.py"
+
+
 rule chapter2:
     input:
+        rules.ch2_wheel.output,
+        rules.ch2_impact_forces.output,
+        rules.ch2_measured_ratios.output,
         rules.ch2_schematics.output,
         rules.ch2_motions.output,
         rules.ch2_identifiability.output,

@@ -1,0 +1,33 @@
+"""Contact forces of the rimless wheel's spokes, and its motion against its mass (figures 2-10 and 2-11)."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.figures.chapter2_wheel import figure_2_10, figure_2_11
+from thesis_lib.figures.style import save_figure
+from thesis_lib.identify import wheel_study as study
+from thesis_lib.identify.chapter2_settings import WheelStudy
+from thesis_lib.randomness import generator
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+
+settings = WheelStudy.model_validate(snakemake.params.settings)
+bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
+
+
+def stream(step):
+    return generator(snakemake.params.seed, "ch2_wheel", step)
+
+
+rows = study.wheel_force_study(settings.n, stream("study"), settings, bodies)
+write_result(rows, snakemake.output.rows)
+write_result(study.wheel_force_table(rows), snakemake.output.table)
+drawn = {
+    "figure_2_10": figure_2_10(study.motion_by_mass(settings, bodies)),
+    "figure_2_11": figure_2_11(study.example_forces(stream("figure"), settings, bodies)),
+}
+for name, (figure, table) in drawn.items():
+    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
