@@ -12,6 +12,7 @@ Each dataset's result is its own small JSON file, so that a long run goes on whe
 
     python -m thesis_lib.critique.proof run --seeds 10 [--source law mechanism drake] [--truths NAME ...] [--drops 150]
     python -m thesis_lib.critique.proof table
+    python -m thesis_lib.critique.proof size com_offset         # that of an effect, found again
 """
 
 import json
@@ -27,6 +28,7 @@ from thesis_lib.critique.criticise import Critique, criticise
 from thesis_lib.critique.fit import cramer_rao
 from thesis_lib.critique.law_drops import simulate_law_drops
 from thesis_lib.critique.model import Model
+from thesis_lib.critique.proof_sizes import EPSILON, LAW, MU, find_size, law_size, stored_factor
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.header import Body, Noise
 from thesis_lib.effects import EFFECTS
@@ -40,13 +42,9 @@ NOTHING = "nothing"
 SOURCES = ("law", "mechanism", "drake")
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 STORE = CONFIG / "proof"
-SIZES = CONFIG / "proof_sizes.json"
 RATIO = 3.0  # base law's misfit over the noise floor, at the stored sizes
 DEVELOPMENT = range(0, 1000)  # seeds for tuning; never in the table
 SEEDS = 1000  # first seed of the table
-# of source (a); with less friction hardly any contact sticks, and some effects do not show
-MU, EPSILON = 0.3, 0.55
-LAW = "wang_mason"  # of source (a): an exact path-wise law
 
 
 # two causes at once, from different families; a pair of the source "law" has the effects that describe them
@@ -129,7 +127,7 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
     if case.source == "law":
         true = {"mu": MU, "epsilon": EPSILON}
         for name in case.hidden:
-            true |= {f"{name}.{k}": v for k, v in law_size(name, factor * _law_factor(name)).items()}
+            true |= {f"{name}.{k}": v for k, v in law_size(name, factor * stored_factor(name)).items()}
         model = Model(LAWS[LAW], tuple(EFFECTS[name] for name in case.hidden))
         drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=noise, rng=rng)
         return drops, true
@@ -142,20 +140,6 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
         case.body, PROOF_RELEASE, case.drops, mechanisms=Mechanisms(**hidden), noise=noise, rng=rng
     )
     return Dataset("proof", drops.header, drops.trajectories), {}
-
-
-def _law_factor(name: str) -> float:
-    return json.loads(SIZES.read_text(encoding="utf-8"))["law"][name]
-
-
-def law_size(name: str, factor: float) -> dict[str, float]:
-    """Parameters of an effect: its scales times a factor."""
-    return {
-        p.name: p.discrete
-        if p.discrete is not None
-        else float(np.clip(p.null + factor * p.scale, p.low, p.high))
-        for p in EFFECTS[name].parameters
-    }
 
 
 def run(case: Case, store: Path = STORE) -> dict:
@@ -229,37 +213,6 @@ def _root(value: float) -> float | None:
     return float(np.sqrt(value)) if np.isfinite(value) else None
 
 
-def find_size(name: str, ratio: float, seed: int) -> float:
-    """Factor on the scales of an effect at which the base law's misfit is `ratio` times the noise floor (bisection)."""
-    from thesis_lib.critique.fit import fit
-    from thesis_lib.critique.judge import judge
-    from thesis_lib.critique.observations import observe
-
-    effect = EFFECTS[name]
-    body = SQUARE if name == "rounded_corners" else ELLIPSE_BODY
-
-    def misfit(factor: float) -> float:
-        values = {"mu": MU, "epsilon": EPSILON}
-        values |= {f"{name}.{k}": v for k, v in law_size(name, factor).items()}
-        rng = generator(seed, "proof sizes", name)
-        model = Model(LAWS[LAW], (effect,))
-        o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG_NOISE, rng=rng))
-        judged = judge(fit(Model(LAWS[LAW]), o), o)
-        # from the misfit without anything hidden, which is not exactly 1 in the gap
-        impact = float(judged.error.mean()) / judged.floor
-        flight = np.sqrt(judged.sigmas["flight"])
-        touch = np.sqrt(judged.sigmas["touch"]) / 0.85 if effect.channels == ("touch",) else 0.0
-        return float(
-            max(flight, 0.0) if effect.family == "flight" or name == "surface_tilt" else max(impact, touch)
-        )
-
-    low, high = 0.01, 30.0
-    for _ in range(9):
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if misfit(middle) < ratio else (low, middle)
-    return float(f"{np.sqrt(low * high):.3g}")
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Command line: run cases, or print the table."""
     import argparse
@@ -287,7 +240,17 @@ def main(arguments: list[str] | None = None) -> int:
     table.add_argument(
         "--csv", type=Path, metavar="DIR", help="write summary.csv, misses.csv and confusion.csv there too"
     )
+    size = commands.add_parser(
+        "size",
+        help="find the size of an effect at which the misfit is 3 times the floor again (half a minute)",
+    )
+    size.add_argument("effect", choices=tuple(EFFECTS))
+    size.add_argument("--seed", type=int, default=7, help="development seed (7)")
     options = parser.parse_args(arguments)
+    if options.command == "size":
+        found = find_size(options.effect, RATIO, options.seed)
+        print(f"{options.effect}: {found:g}, stored {stored_factor(options.effect):g} (factor on its scales)")
+        return 0
     if options.command == "table":
         from thesis_lib.critique.proof_summary import report
 
