@@ -2,14 +2,29 @@
 
 import pandas as pd
 import pytest
+import yaml
 
-from thesis_lib.columns import column_dictionary, explain, meanings, write_result
+from thesis_lib.columns import MEANINGS, column_dictionary, explain, meanings, write_result
 
 
 def test_every_column_says_what_it_is():
     columns, tables = meanings()
     everything = [*columns.values(), *(m for own in tables.values() for m in own.values())]
     assert all(isinstance(unit, str) and len(meaning) > 5 for unit, meaning in everything)
+
+
+def test_no_table_or_column_is_explained_twice():
+    """YAML keeps the last of two equal keys without a word."""
+
+    def keys(node):
+        if not isinstance(node, yaml.MappingNode):
+            return
+        names = [key.value for key, _ in node.value if key.value != "<<"]
+        assert len(names) == len(set(names)), sorted(n for n in names if names.count(n) > 1)
+        for _, value in node.value:
+            keys(value)
+
+    keys(yaml.compose(MEANINGS.read_text(encoding="utf-8"), Loader=yaml.SafeLoader))
 
 
 def test_a_table_may_give_a_column_its_own_meaning():

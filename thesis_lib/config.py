@@ -14,9 +14,11 @@ import yaml
 from pydantic import Field, ValidationError
 
 from thesis_lib.critique.impact_settings import ImpactForces, MeasuredRatio
+from thesis_lib.critique.mechanism_settings import HiddenStudy
 from thesis_lib.critique.settings import CritiqueRun
 from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.errors import UserError
+from thesis_lib.identify.arm_settings import ArmStudy
 from thesis_lib.identify.chapter2_settings import Programs, Table21, WheelStudy
 from thesis_lib.identify.settings import Chapter3
 from thesis_lib.settings import Section
@@ -35,8 +37,10 @@ class Chapter2(Section):
     programs: Programs = Programs()
     table_2_1: Table21 = Table21()
     wheel: WheelStudy = WheelStudy()
+    arm: ArmStudy = ArmStudy()
     impact_forces: ImpactForces = ImpactForces()
     measured_ratio: MeasuredRatio = MeasuredRatio()
+    hidden: HiddenStudy = HiddenStudy()
 
 
 class Config(Section):

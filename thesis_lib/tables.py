@@ -79,6 +79,20 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
             ),
         ),
         Shown(
+            "chapter2/arm_summary.csv",
+            "Forces and base parameters of arm and disk (figure 2-12)",
+            (
+                "quantity",
+                "method",
+                "n_trajectories",
+                "n_failed",
+                "error_median",
+                "error_90",
+                "share_1_percent",
+                "share_5_percent",
+            ),
+        ),
+        Shown(
             "chapter2/impact_force_summary.csv",
             "Impulse and peak force at impact (section 2.5, figure 2-15)",
             (
@@ -100,6 +114,23 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
             "chapter2/measured_ratio.csv",
             "m/I from measured impacts (section 2.5)",
             ("dataset", "variant", "ratio", "std", "low", "high", "published", "n", "status"),
+        ),
+        Shown(
+            "chapter2/hidden_summary.csv",
+            "Forces that the models of arm and wheel lack: hidden, found, added",
+            (
+                "mechanism",
+                "truth",
+                "snr_db",
+                "datasets",
+                "right",
+                "misfit_before",
+                "misfit_after",
+                "force_error_before",
+                "force_error_after",
+                "theta_error_before",
+                "theta_error_after",
+            ),
         ),
     ),
 }

@@ -19,10 +19,21 @@ UNDRAWN = {
     "provenance",
 }
 # the critique's package imports `criticise` on first use, so that whatever is in it depends on all of it
-CRITIQUE = {"critique", "critique_proof", "ch2_impact_forces", "ch2_measured_ratio", "ch2_measured_ratios"}
+CRITIQUE = {
+    "critique",
+    "critique_proof",
+    "ch2_hidden",
+    "ch2_impact_forces",
+    "ch2_measured_ratio",
+    "ch2_measured_ratios",
+}
 # edited file, scripts that must run again, scripts that must not (None: all others)
 EDITS = [
-    ("simulate/drops.py", {"simulate_drops", "critique_proof"}, None),
+    (
+        "simulate/drops.py",
+        {"simulate_drops", "critique_proof"},
+        {"find_impacts", "ch3_identify", "ch2_noise"},
+    ),
     (
         "simulate/lcp.py",
         {"simulate_drops", "critique_proof", "ch2_noise", "ch2_programs"},
@@ -49,7 +60,7 @@ EDITS = [
             "datasets_present",
         },
     ),
-    ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique", "critique_proof"}, None),
+    ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique", "critique_proof"}, UNDRAWN),
     ("effects/adhesion.py", CRITIQUE, None),
     ("critique/fit.py", CRITIQUE, None),
     ("critique/report.py", {"critique"}, None),

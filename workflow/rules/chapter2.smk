@@ -1,10 +1,19 @@
 # Chapter 2: contact-implicit identification, simulated, identified and bounded.
 CH2 = "results/chapter2"
 CH2_SHAPES = ("block", "ellipse")
+CH2_HIDDEN_TABLES = ("effects", "parameters", "summary", "forces")
 CH2_MEASURED = [name for name in SOURCES if DATASETS[name].present]
 CH2_CLAIMED = [
     f"{CH2}/{table}.csv"
-    for table in ("identifiability", "table_2_1", "impact_force_summary", "measured_ratio", "wheel_forces")
+    for table in (
+        "identifiability",
+        "table_2_1",
+        "impact_force_summary",
+        "measured_ratio",
+        "wheel_forces",
+        "arm_summary",
+        "arm_forces",
+    )
 ]  # what the ledger reads
 
 
@@ -181,6 +190,33 @@ rule ch2_wheel:
         "../scripts/ch2_wheel.py"
 
 
+rule ch2_arm:
+    output:
+        figure_files(CH2, "2-12", "forces of arm, disk and ground", "forces"),
+        forces=f"{CH2}/arm_forces.csv",
+        parameters=f"{CH2}/arm_parameters.csv",
+        summary=report(
+            f"{CH2}/arm_summary.csv",
+            caption="../report/arm_summary.rst",
+            category="Chapter 2",
+            subcategory="forces",
+            labels={"item": "Arm and disk", "shows": "errors of forces and parameters"},
+        ),
+    log:
+        "results/logs/ch2_arm.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter2.arm),
+        bodies=settings(CONFIG.chapter2.bodies),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_arm"),
+    message:
+        "Chapter 2: forces and base parameters of arm and disk"
+    script:
+        "../scripts/ch2_arm.py"
+
+
 rule ch2_impact_forces:
     output:
         figure_files(CH2, "2-15", "force at impact", "forces"),
@@ -258,9 +294,38 @@ rule ch2_measured_ratios:
         "../scripts/ch2_measured_ratios.py"
 
 
+rule ch2_hidden:
+    output:
+        report(
+            f"{CH2}/figure_hidden.png",
+            caption="../report/hidden_effects.rst",
+            category="Chapter 2",
+            subcategory="hidden effects",
+            labels={"item": "Hidden effects", "shows": "truth against what was found"},
+        ),
+        [f"{CH2}/figure_hidden.{kind}" for kind in ("pdf", "csv")],
+        tables=[f"{CH2}/hidden_{name}.csv" for name in CH2_HIDDEN_TABLES],
+        pages=directory(f"{CH2}/hidden"),
+    log:
+        "results/logs/ch2_hidden.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter2.hidden),
+        bodies=settings(CONFIG.chapter2.bodies),
+        seed=CONFIG.seed,
+        lib=code_of("ch2_hidden"),
+    message:
+        "Chapter 2: finding what the models of arm and wheel lack"
+    script:
+        "../scripts/ch2_hidden.py"
+
+
 rule chapter2:
     input:
+        rules.ch2_hidden.output,
         rules.ch2_wheel.output,
+        rules.ch2_arm.output,
         rules.ch2_impact_forces.output,
         rules.ch2_measured_ratios.output,
         rules.ch2_schematics.output,

@@ -1,0 +1,25 @@
+"""Contact forces and base parameters of arm and disk together, without and with noise (figure 2-12)."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.figures.chapter2_arm import figure_2_12
+from thesis_lib.figures.style import save_figure
+from thesis_lib.identify.arm_forces import arm_force_study, arm_force_summary
+from thesis_lib.identify.arm_settings import ArmStudy
+from thesis_lib.randomness import generator
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+
+params, out = snakemake.params, snakemake.output
+settings = ArmStudy.model_validate(params.settings)
+bodies = Chapter2Bodies.model_validate(params.bodies)
+found = arm_force_study(settings.trajectories, generator(params.seed, "ch2_arm"), settings, bodies, say=print)
+print(f"trajectories left out: {found.left_out}")
+write_result(found.forces, out.forces)
+write_result(found.parameters, out.parameters)
+write_result(arm_force_summary(found.forces, found.parameters), out.summary)
+save_figure(*figure_2_12(found.trajectories[0]), Path(out[0]).with_suffix(""))

@@ -1,0 +1,27 @@
+"""Forces that the models of arm and wheel lack: hidden, found, added; a page for each."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.critique.mechanism_report import write_mechanism_critique
+from thesis_lib.critique.mechanism_settings import HiddenStudy
+from thesis_lib.critique.mechanism_study import hidden_effect_study
+from thesis_lib.figures.chapter2_hidden import figure_hidden
+from thesis_lib.figures.style import save_figure
+from thesis_lib.randomness import generator
+from thesis_lib.simulate.chapter2 import Chapter2Bodies
+
+params, out = snakemake.params, snakemake.output
+settings = HiddenStudy.model_validate(params.settings)
+bodies = Chapter2Bodies.model_validate(params.bodies)
+tables, shown = hidden_effect_study(settings, generator(params.seed, "ch2_hidden"), bodies, say=print)
+for path in out.tables:
+    write_result(tables[Path(path).stem.removeprefix("hidden_")], path)
+save_figure(*figure_hidden(tables["effects"], tables["forces"]), Path(out[0]).with_suffix(""))
+for name, found in shown.items():
+    name = name.replace("/", "_")
+    write_mechanism_critique(found, name, f"{out.pages}/{name}", params.seed)
