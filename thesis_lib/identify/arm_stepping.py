@@ -27,6 +27,7 @@ from itertools import product
 import numpy as np
 
 from thesis_lib.simulate.arm_disk import MIN_DISTANCE, ArmDisk
+from thesis_lib.simulate.contact_modes import TOUCH
 from thesis_lib.simulate.stepping import V_REBOUND, V_RECOVER
 
 # extra(q (n, 5), v (n, 5), c_n (n, 2) of the step before) -> generalised force (n, 5) beside gravity and f_ext
@@ -95,16 +96,19 @@ def simulate_copies(
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         for k in range(m):
             f = f_ext[:, k] if extra is None else f_ext[:, k] + extra(q, v, c_n)
-            v_free, M_inv, contact = _free_step(arm, theta, q, v, f, h)
-            phi, J = contact
-            ahead = phi + h * np.matmul(J[:, 2:], v_free[:, :, None])[:, :, 0]
-            active = ahead <= 0.0
-            any_active = active.any(axis=1)
+            v_free, M_inv, J, phi = _free_step(arm, theta, q, v, f, h)
+            phi_free = _gaps(arm, q + h * v_free)
+            any_active = (phi_free <= 0.0).any(axis=1)
+            active = (phi_free <= 0.0) | (phi <= TOUCH)
             if any_active.any():
                 at = np.flatnonzero(any_active)
                 v_n = np.matmul(J[at, 2:], v[at, :, None])[:, :, 0]
                 rebound = -epsilon * v_n
-                b = np.where(rebound > V_REBOUND, rebound, np.minimum(-phi[at] / h, V_RECOVER))
+                v_n_free = np.matmul(J[at, 2:], v_free[at, :, None])[:, :, 0]
+                closing = v_n_free - phi_free[at] / h
+                b = np.where(
+                    (rebound > V_REBOUND) & (phi_free[at] <= 0.0), rebound, np.minimum(closing, V_RECOVER)
+                )
                 MJ = np.matmul(M_inv[at], J[at].transpose(0, 2, 1))
                 K = np.matmul(J[at], MJ)
                 v_c = np.matmul(J[at], v_free[at, :, None])[:, :, 0]
@@ -127,8 +131,8 @@ def simulate_copies(
 
 def _free_step(
     arm: ArmDisk, theta: np.ndarray, q: np.ndarray, v: np.ndarray, f: np.ndarray, h: float
-) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """v_free (n, 5), M⁻¹ (n, 5, 5), and gaps (n, 2) with contact rows (n, 4, 5): J_t of both pairs, then J_n."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """v_free (n, 5), M⁻¹ (n, 5, 5), contact rows (n, 4, 5), J_t of both pairs, then J_n, and gaps (n, 2)."""
     n, (l1, l2), (bx, by), R, g = len(q), arm.link_lengths, arm.base, arm.disk_radius, arm.g
     q1, q12, x, y = q[:, 0], q[:, 0] + q[:, 1], q[:, 2], q[:, 3]
     c1, s1, ux, uy = np.cos(q1), np.sin(q1), np.cos(q12), np.sin(q12)
@@ -171,9 +175,17 @@ def _free_step(
     J[:, 1, 2], J[:, 1, 4] = 1.0, R
     J[:, 2, 0], J[:, 2, 1], J[:, 2, 2], J[:, 2, 3] = nx * py - ny * px, nx * oy - ny * ox, nx, ny
     J[:, 3, 3] = 1.0
-    phi = np.empty((n, 2))
-    phi[:, 0], phi[:, 1] = distance - R, y - R
-    return v_free, M_inv, (phi, J)
+    return v_free, M_inv, J, np.stack([distance, y], axis=1) - R
+
+
+def _gaps(arm: ArmDisk, q: np.ndarray) -> np.ndarray:
+    """Gaps (n, 2) at configurations (n, 5)."""
+    (l1, l2), (bx, by) = arm.link_lengths, arm.base
+    q1, q12 = q[:, 0], q[:, 0] + q[:, 1]
+    ux, uy = np.cos(q12), np.sin(q12)
+    ox, oy = q[:, 2] - bx - l1 * np.cos(q1), q[:, 3] - by - l1 * np.sin(q1)
+    reach = np.clip(ox * ux + oy * uy, 0.0, l2)
+    return np.stack([np.hypot(ox - reach * ux, oy - reach * uy), q[:, 3]], axis=1) - arm.disk_radius
 
 
 def _impulses(

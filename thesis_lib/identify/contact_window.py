@@ -34,6 +34,7 @@ import numpy as np
 
 from thesis_lib.errors import UserError
 from thesis_lib.identify.regressor import FREE_BODY_PARAMETERS, free_body_regressor
+from thesis_lib.simulate.contact_modes import TOUCH
 
 V_TOLERANCE = 1e-9  # m/s: far above the rounding of a time step (1e-15), far below any sliding that matters
 GAP_TOLERANCE = 1e-9  # m: the same for gaps
@@ -152,10 +153,11 @@ def expected_gap(
 ) -> np.ndarray:
     """φ̃ (m, p) in m of gaps phi (m, p), Jacobians J_n (m, p, nv), velocities v and accelerations a_free (m, nv).
 
-    Gaps up to `tolerance` in m count as closed: with noisy data it must be a few standard deviations of the gap.
+    Pairs that touch at the start of the step, phi <= `TOUCH`, count as closed, too: another pair's impulse may keep
+    them so.  Gaps up to `tolerance` in m count as closed: with noisy data it must be a few standard deviations of the gap.
     """
     gap = phi + h * np.einsum("kpv,kv->kp", J_n, v + h * a_free)
-    return np.where(gap <= tolerance, 0.0, gap)
+    return np.where((gap <= tolerance) | (phi <= TOUCH), 0.0, gap)
 
 
 def window_of(

@@ -31,6 +31,8 @@ from thesis_lib.simulate.lcp import MAX_UNKNOWNS, LcpStatus, solve_lcp_enumerati
 from thesis_lib.simulate.mechanism import Contacts
 
 MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
+# m: a pair this near may be closed by the impulse of another in the same step, though free motion would open it
+TOUCH = 1e-4
 POLISHED = 1e-13  # residual of a basis that is solved to rounding
 ACCEPTED = 1e-9  # largest residual with which a solution counts, on dimensionless data
 
@@ -57,6 +59,7 @@ class StepSolution:
 
 def solve_contacts(
     contacts: Contacts,
+    phi_free: np.ndarray,
     M_inv: np.ndarray,
     v: np.ndarray,
     v_free: np.ndarray,
@@ -69,7 +72,8 @@ def solve_contacts(
     """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
 
     Args:
-        contacts: of one configuration.
+        contacts: of one configuration q.
+        phi_free: (p,) gaps at q + h v_free.
         M_inv: (nv, nv).
         v, v_free: (nv,) velocity before the step and after it without contact.
         h: s.
@@ -78,8 +82,8 @@ def solve_contacts(
     """
     phi, J_n, J_t = contacts.phi, contacts.J_n, contacts.J_t
     c_n, c_t = np.zeros((2, len(phi)))
-    active = np.flatnonzero(phi + h * (J_n @ v_free) <= 0.0)
-    if not len(active):
+    active = np.flatnonzero((phi_free <= 0.0) | (phi <= TOUCH))
+    if not (phi_free <= 0.0).any():
         if np.isfinite(v_free).all():
             return StepSolution(v_free, c_n, c_t, 0.0, LcpStatus.SOLVED, False)
         return _failed(v_free, len(phi), LcpStatus.INVALID_INPUT)
@@ -87,15 +91,15 @@ def solve_contacts(
     if len(active) == 1:
         i = int(active[0])
         M_inv_t, M_inv_n = M_inv @ J_t[i], M_inv @ J_n[i]
-        v_n_pre, gap = float(J_n[i] @ v), float(phi[i])
+        v_n_pre, v_n = float(J_n[i] @ v), float(J_n[i] @ v_free)
         rebound = -float(epsilon[i]) * v_n_pre
-        b = rebound if rebound > v_rebound else min(-gap / h, v_recover)
+        b = rebound if rebound > v_rebound else min(v_n - float(phi_free[i]) / h, v_recover)
         c_t[i], c_n[i], residual = solve_one(
             float(J_t[i] @ M_inv_t),
             float(J_t[i] @ M_inv_n),
             float(J_n[i] @ M_inv_n),
             float(J_t[i] @ v_free),
-            float(J_n[i] @ v_free),
+            v_n,
             b,
             float(mu[i]),
         )
@@ -104,7 +108,9 @@ def solve_contacts(
         k, J = len(active), np.concatenate([J_t[active], J_n[active]])
         v_n_pre = J_n[active] @ v
         rebound = -epsilon[active] * v_n_pre
-        b = np.where(rebound > v_rebound, rebound, np.minimum(-phi[active] / h, v_recover))
+        closing = np.minimum(J_n[active] @ v_free - phi_free[active] / h, v_recover)
+        hit = (rebound > v_rebound) & (phi_free[active] <= 0.0)
+        b = np.where(hit, rebound, closing)
         M_inv_Jt = M_inv @ J.T
         c, residual = solve_several(J @ M_inv_Jt, J @ v_free, b, mu[active])
         c_t[active], c_n[active] = c[:k], c[k:]

@@ -3,15 +3,18 @@
     v_free = v_k + h M⁻¹ (g + f_ext - C v_k),     M, C, g, J at (q_k, v_k)
     M (v_{k+1} - v_k) = h (g + f_ext - C v_k + J_n' c_n + J_t' c_t),      q_{k+1} = q_k + h v_{k+1}
 
-A pair is active in step k if φ_k + h J_n v_free <= 0.  Active pairs obey, with the friction cone and maximal
-dissipation as in `lcp`,
+A step has contact if φ_free = φ(q_k + h v_free) <= 0 for a pair.  Active are such pairs and those that touch already,
+φ_k <= `TOUCH`: free motion may open what another pair's impulse keeps closed.  They obey, with the friction cone and
+maximal dissipation as in `lcp`,
 
-    0 <= J_n v_{k+1} - b  ⟂  c_n >= 0,     b = -ε J_n v_k            where that is above v_reb  (Newton's restitution),
-                                           b = min(-φ_k / h, v_rec)  otherwise                  (the gap closes).
+    0 <= J_n v_{k+1} - b  ⟂  c_n >= 0,     b = -ε J_n v_k                        where that is above v_reb
+                                           b = min(J_n v_free - φ_free / h, v_rec)  otherwise.
 
-The second line is what a support and a dead impact obey: no rebound, and φ returns to zero instead of drifting by the
-curvature of the path in each step.  A dead impact takes two steps, one that closes the gap and one that stops.  v_rec
-bounds the speed with which a penetration is undone, and so the energy that this can add.
+The first line is Newton's restitution.  The second, the gap closes, is what a support and a dead impact obey: φ,
+linearised at the end of the free step, is zero after it.  (Linearised at its start, with φ_k and J_n v_free instead of
+φ_free, a curved path leaves the surface in one step and is caught in the next, and the contact chatters.)  A dead
+impact takes two steps, one that closes the gap and one that stops.  v_rec bounds the speed with which a penetration is
+undone, and so the energy that this can add.
 
 One active pair is solved by going through its modes (stick, slip right, slip left); several by Drake's
 `MobyLcpSolver`, whose basis is then solved again without its tolerance, and by enumeration of the bases where it fails.
@@ -134,7 +137,18 @@ def step_lcp(
     M_inv = np.linalg.inv(mechanism.mass_matrix(q))
     v_free = v + h * (M_inv @ (mechanism.gravity(q) + f_ext - mechanism.bias(q, v)))
     mu, epsilon = np.broadcast_to(mu, p), np.broadcast_to(epsilon, p)
-    out = solve_contacts(mechanism.contacts(q), M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)
+    out = solve_contacts(
+        mechanism.contacts(q),
+        mechanism.contacts(q + h * v_free).phi,
+        M_inv,
+        v,
+        v_free,
+        h,
+        mu,
+        epsilon,
+        v_rebound,
+        V_RECOVER,
+    )
     return q + h * out.v, out.v, out
 
 
@@ -224,7 +238,18 @@ def _run(
                 total = total - mechanism.bias(q, v)
                 M_inv = np.linalg.inv(mechanism.mass_matrix(q))
             v_free = v + h * (M_inv @ total)
-        step = solve_contacts(mechanism.contacts(q), M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)
+        step = solve_contacts(
+            mechanism.contacts(q),
+            mechanism.contacts(q + h * v_free).phi,
+            M_inv,
+            v,
+            v_free,
+            h,
+            mu,
+            epsilon,
+            v_rebound,
+            V_RECOVER,
+        )
         q, v = q + h * step.v, step.v
         out.q[k + 1], out.v[k + 1] = q, v
         k += 1
@@ -252,9 +277,7 @@ def _fly(mechanism: Mechanism, out: Record, acceleration: np.ndarray, k: int, ah
     h = out.h
     v = out.v[k] + h * np.cumsum(acceleration[k : k + ahead], axis=0)
     q = out.q[k] + h * np.cumsum(v, axis=0)
-    contacts = mechanism.contacts_of(np.concatenate([out.q[k : k + 1], q[:-1]]))
-    # φ_k + h J_n v_free <= 0
-    touching = (contacts.phi + h * (contacts.J_n @ v[:, :, None])[:, :, 0] <= 0.0).any(axis=1)
+    touching = (mechanism.contacts_of(q).phi <= 0.0).any(axis=1)  # φ_free, as nothing else acts
     n = int(np.argmax(touching)) if touching.any() else len(v)
     out.q[k + 1 : k + 1 + n], out.v[k + 1 : k + 1 + n] = q[:n], v[:n]
     return n
