@@ -15,6 +15,7 @@ include: "workflow/rules/datasets.smk"
 include: "workflow/rules/chapter2.smk"
 include: "workflow/rules/chapter3.smk"
 include: "workflow/rules/critique.smk"
+include: "workflow/rules/chapter4.smk"
 include: "workflow/rules/claims.smk"
 
 
@@ -22,6 +23,7 @@ localrules:
     all,
     chapter2,
     chapter3,
+    chapter4,
     critique,
 
 
@@ -30,6 +32,7 @@ rule all:
     input:
         rules.chapter2.input,
         rules.chapter3.input,
+        rules.chapter4.input,
         rules.critique.input,
         rules.critique_proof.output,
         rules.claims.output,

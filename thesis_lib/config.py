@@ -15,12 +15,13 @@ from pydantic import Field, ValidationError
 
 from thesis_lib.critique.impact_settings import ImpactForces, MeasuredRatio
 from thesis_lib.critique.mechanism_settings import HiddenStudy
-from thesis_lib.critique.settings import CritiqueRun
+from thesis_lib.critique.settings import CritiqueRun, Name
 from thesis_lib.datasets.samples import ArcSettings
 from thesis_lib.errors import UserError
 from thesis_lib.identify.arm_settings import ArmStudy
 from thesis_lib.identify.chapter2_settings import Programs, Table21, WheelStudy
 from thesis_lib.identify.settings import Chapter3
+from thesis_lib.residual.settings import LearningStudySettings
 from thesis_lib.settings import Section
 from thesis_lib.simulate.chapter2 import Chapter2Bodies
 from thesis_lib.simulate.chapter2_scenes import SceneSettings
@@ -43,6 +44,16 @@ class Chapter2(Section):
     hidden: HiddenStudy = HiddenStudy()
 
 
+class Chapter4(Section):
+    """Learned contact models."""
+
+    datasets: tuple[Name, ...] = Field(
+        ("planar_impact", "planar_dice", "drops"),
+        description="datasets to learn from; measured ones that are not present are left out, and said so",
+    )
+    learning: LearningStudySettings = LearningStudySettings()
+
+
 class Config(Section):
     """The whole configuration; `config/config.yaml` spells out the defaults, overlays change some of them."""
 
@@ -58,6 +69,7 @@ class Config(Section):
     arcs: ArcSettings = Field(ArcSettings(), description="detection of impacts and arc fits")
     chapter2: Chapter2 = Chapter2()
     chapter3: Chapter3 = Chapter3()
+    chapter4: Chapter4 = Chapter4()
     critique: CritiqueRun = CritiqueRun()
 
 

@@ -224,14 +224,7 @@ def test_force_errors_count_an_impact_that_comes_a_step_late_as_an_impact():
     assert errors["force_error"] == 0.0 and errors["impact_error"] > 1.0
     assert (errors["n_contact"], errors["n_impact"]) == (60, 1)
     errors = force_errors((true, nothing), (1.1 * true, nothing))
-    assert all(errors[f"{kind}_error"] == pytest.approx(0.1) for kind in ("force", "impact", "averaged"))
-
-
-def test_chatter_of_another_phase_is_right_on_average():
-    phase = np.arange(80) % 5 == 0
-    nothing = np.zeros(80)
-    errors = force_errors((10.0 * phase, nothing), (10.0 * np.roll(phase, 1), nothing))
-    assert errors["force_error"] > 1.0 and errors["averaged_error"] < 1e-12
+    assert all(errors[f"{kind}_error"] == pytest.approx(0.1) for kind in ("force", "impact"))
 
 
 def test_bad_data_are_refused(records):

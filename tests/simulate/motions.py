@@ -3,8 +3,8 @@
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
-from thesis_lib.simulate.lcp import LcpStatus
 from thesis_lib.simulate.contact_modes import TOUCH
+from thesis_lib.simulate.lcp import LcpStatus
 from thesis_lib.simulate.mechanism import Mechanism, PlanarFreeBody, Rod
 from thesis_lib.simulate.stepping import Record, simulate
 

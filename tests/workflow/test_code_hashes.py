@@ -20,6 +20,8 @@ UNDRAWN = {
 }
 # the critique's package imports `criticise` on first use, so that whatever is in it depends on all of it
 CRITIQUE = {
+    "ch4_learn",
+    "ch4_named_physics",
     "critique",
     "critique_proof",
     "ch2_hidden",
@@ -61,7 +63,7 @@ EDITS = [
         },
     ),
     ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique", "critique_proof"}, UNDRAWN),
-    ("effects/adhesion.py", CRITIQUE, None),
+    ("effects/adhesion.py", CRITIQUE | {"ch4_named_figure"}, None),
     ("critique/fit.py", CRITIQUE, None),
     ("critique/report.py", {"critique"}, None),
     (

@@ -2,7 +2,7 @@
 
 All errors of comparison, ladder and budget are those of held-out impacts; `errors` and `flights` hold every impact and
 every flight, with a mark (`held_out`).
-The columns are explained in thesis_lib/columns.yaml.  The budget splits the mean square error of the base law in (m/s)²:
+thesis_lib/columns.yaml explains the columns.  The budget splits the mean square error of the base law in (m/s)²:
 
 | part                | definition                                                                                    |
 |---------------------|-----------------------------------------------------------------------------------------------|

@@ -13,12 +13,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
-from thesis_lib.identify.arm_forces import IMPACT, ArmForces
+from thesis_lib.identify.arm_forces import ArmForces
 
 PAIRS = (("arm", "arm on disk"), ("ground", "ground on disk"))
 COMPONENTS = (("normal", "$c_n$ (N)"), ("tangential", "$c_t$ (N)"))
 BLUE = "#0072B2"
 BAND = 2.0  # standard errors on either side
+LASTING = 3.0  # times the median force over contact; what is above is cut and labelled
 HEADROOM = 1.3  # of the axis beyond the largest force that is no impact
 
 
@@ -37,7 +38,7 @@ def figure_2_12(one: ArmForces) -> Drawn:
             true = (one.record.c_n, one.record.c_t)[i][:, j]
             found, std = (one.fit.c_n, one.fit.c_t)[i][:, j], (one.fit.c_n_std, one.fit.c_t_std)[i][:, j]
             plain = one.c["plain"][i][:, j]
-            lasting = np.hypot(true_n, one.record.c_t[:, j]) <= IMPACT * typical
+            lasting = np.hypot(true_n, one.record.c_t[:, j]) <= LASTING * typical
             top = HEADROOM * np.abs(true[lasting]).max(initial=1e-3)
             _panel(axes[i, j], t, true, found, std, plain, (-0.05 * top if i == 0 else -top, top))
             axes[i, j].set_ylabel(label)

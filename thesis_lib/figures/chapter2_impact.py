@@ -15,9 +15,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.critique.impact_forces import ForceHistory, ImpactForces, peak_force
 from thesis_lib.errors import UserError
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
-from thesis_lib.critique.impact_forces import ForceHistory, ImpactForces, peak_force
 
 BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 APPROACH = 7  # samples drawn before the hit

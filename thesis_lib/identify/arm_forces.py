@@ -12,13 +12,12 @@ The error of a pair's force c = (c_t, c_n) is relative, over its contact steps w
 
 where a step has contact if the true or the estimated c_n is above zero, and an impact is a step with |c| above ten
 times its median over contact, together with its two neighbours: a dead impact takes two steps, and one that is found a
-step late must not spoil the other sum.  Where a contact is about to open it chatters, with a force in every other step
-or so; the force averaged over a few steps is compared besides, which does not depend on the phase of that.
+step late must not spoil the other sum.
 
 | on paper | in code            | unit | shape     |                                                          |
 |----------|--------------------|------|-----------|----------------------------------------------------------|
 | c        | `c_n`, `c_t`       | N    | (m, 2)    | contact forces, pairs ("arm", "ground")                  |
-| e        | `force_error`      | 1    |           | without impacts; also `impact_error`, `averaged_error`   |
+| e        | `force_error`      | 1    |           | without impacts; also `impact_error`                     |
 
 Source: thesis section 2.4, figure 2-12.
 """
@@ -49,9 +48,6 @@ IMPACT = 10.0  # times the median force over contact, above which a step is an i
 # m/s², what a contact may accelerate within a step before it counts as closed, where free acceleration is unknown:
 # three times gravity; a gap of h² times this is 0.7 mm
 ALLOWANCE = 30.0
-# steps, 25 ms: a contact that chatters carries its force in every other step; in which ones changes χ² by a few per
-# cent only, and the search does not always find the right ones
-AVERAGED = 5
 METHODS = ("exact", "plain", "ours")
 
 
@@ -188,8 +184,7 @@ def force_errors(
     """Relative rms errors of one pair's force (c_n, c_t), each (m,), with the number of steps of each kind.
 
     Returns:
-        n_contact and n_impact, force_error without impacts, impact_error, and averaged_error, the error of the force
-        averaged over `AVERAGED` steps none of which belongs to an impact; NaN where there is no such step.
+        n_contact and n_impact, force_error without impacts, and impact_error; NaN where there is no such step.
     """
     c, d = np.stack(true, axis=1), np.stack(found, axis=1)
     size = np.hypot(*c.T)
@@ -199,15 +194,11 @@ def force_errors(
     impact[1:] |= peak[:-1]
     impact[:-1] |= peak[1:]
     steady = (contact | (found[0] > 0.0)) & ~impact
-    window = np.ones(AVERAGED)
-    mean_c, mean_d = (np.stack([np.convolve(x, window, "valid") for x in a.T], axis=1) for a in (c, d))
-    clean = np.convolve(impact, window, "valid") == 0.0
     return {
         "n_contact": int(contact.sum()),
         "n_impact": int(peak.sum()),
         "force_error": _relative(c[steady], d[steady]),
         "impact_error": _relative(c[impact], d[impact]),
-        "averaged_error": _relative(mean_c[clean], mean_d[clean]),
     }
 
 
@@ -283,7 +274,7 @@ def arm_force_summary(forces: "pd.DataFrame", parameters: "pd.DataFrame") -> "pd
     theta = worst.agg(error=("error", "max"), accepted=("accepted", "first")).reset_index()
     parts = [("theta", theta)]
     for pair, rows in forces.groupby("pair"):
-        for kind in ("force", "impact", "averaged"):
+        for kind in ("force", "impact"):
             parts += [(f"{pair}_{kind}", rows.assign(error=rows[f"{kind}_error"]))]
     out = []
     for quantity, rows in parts:

@@ -154,7 +154,7 @@ def expected_gap(
     """φ̃ (m, p) in m of gaps phi (m, p), Jacobians J_n (m, p, nv), velocities v and accelerations a_free (m, nv).
 
     Pairs that touch at the start of the step, phi <= `TOUCH`, count as closed, too: another pair's impulse may keep
-    them so.  Gaps up to `tolerance` in m count as closed: with noisy data it must be a few standard deviations of the gap.
+    them so.  Gaps up to `tolerance` in m count as closed: with noisy data a few standard deviations of the gap.
     """
     gap = phi + h * np.einsum("kpv,kv->kp", J_n, v + h * a_free)
     return np.where((gap <= tolerance) | (phi <= TOUCH), 0.0, gap)

@@ -37,7 +37,13 @@ try:
     DATASETS = {
         name: locate(name, CONFIG.measured)
         for name in dict.fromkeys(
-            (*CONFIG.chapter3.datasets, *CONFIG.critique.datasets, *SOURCES, *SIMULATED)
+            (
+                *CONFIG.chapter3.datasets,
+                *CONFIG.chapter4.datasets,
+                *CONFIG.critique.datasets,
+                *SOURCES,
+                *SIMULATED,
+            )
         )
     }
 except UserError as error:

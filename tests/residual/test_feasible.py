@@ -1,0 +1,120 @@
+"""Feasible velocities: projection against a generic optimiser, coordinates, the range of training."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from impacts_for_tests import K_G, MASS, made_impacts
+
+from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.residual.feasible import feasible, from_latent, latent_slopes, project, to_latent
+from thesis_lib.residual.features import impulse_of, velocity_after
+from thesis_lib.residual.in_range import TrainingRange
+
+SAME = 1e-9
+
+
+@pytest.fixture(scope="module")
+def wild():
+    """Impacts whose outcomes are mostly not feasible."""
+    return made_impacts(200, seed=1, noise=1.5)
+
+
+def _reached(impacts, wrench):
+    """Outcomes that a wrench (all) or a point impulse reaches."""
+    return velocity_after(impulse_of(impacts.dv, impacts, wrench=wrench), impacts)
+
+
+@pytest.mark.parametrize("wrench", [False, True])
+def test_projections_are_feasible_idempotent_and_leave_the_feasible_alone(wild, wrench):
+    v = _reached(wild, wrench)
+    before = feasible(wild.v_pre, v, wild.r, K_G)
+    assert 0.1 < before.mean() < 0.9
+    near = project(wild.v_pre, v, wild.r, K_G, wrench=wrench)
+    assert feasible(wild.v_pre, near, wild.r, K_G).all()
+    np.testing.assert_array_equal(near[before], v[before])
+    np.testing.assert_allclose(project(wild.v_pre, near, wild.r, K_G, wrench=wrench), near, atol=SAME)
+    assert (velocity_error(near - v, K_G)[~before] > 0.0).all()
+    if not wrench:  # still reached by an impulse through the contact point
+        np.testing.assert_allclose(_reached(replace(wild, v_post=near), False), near, atol=1e-8)
+
+
+@pytest.mark.parametrize("wrench", [False, True])
+def test_projections_are_nearest(wild, wrench):
+    from scipy.optimize import minimize
+
+    v = _reached(wild, wrench)
+    near = project(wild.v_pre, v, wild.r, K_G, wrench=wrench)
+    ours = velocity_error(near - v, K_G)
+    for i in np.flatnonzero(~feasible(wild.v_pre, v, wild.r, K_G))[:25]:
+        one = wild.select([i])
+        scale = MASS * np.array([1.0, 1.0, K_G])[: 3 if wrench else 2]
+
+        def after(c, one=one, scale=scale):
+            return velocity_after(scale * c[None], one)[0]
+
+        limits = [
+            {"type": "ineq", "fun": lambda c, after=after, r=one.r[0]: after(c)[1] + r[0] * after(c)[2]},
+            {
+                "type": "ineq",
+                "fun": lambda c, after=after, one=one: (
+                    velocity_error(one.v_pre[0], K_G) ** 2 - velocity_error(after(c), K_G) ** 2
+                ),
+            },
+        ]
+        start = impulse_of(near[i : i + 1] - one.v_pre, one, wrench=wrench)[0] / scale
+        found = minimize(
+            lambda c, after=after, i=i: velocity_error(after(c) - v[i], K_G) ** 2,
+            0.9 * start,
+            constraints=limits,
+            method="SLSQP",
+            options={"ftol": 1e-12, "maxiter": 300},
+        )
+        assert ours[i] == pytest.approx(np.sqrt(found.fun), abs=1e-4)
+
+
+def test_the_projection_is_near_the_irb_bound(wild):
+    """The bound also asks for c_n ≥ 0, so it can only be worse; where that does not bind they agree."""
+    bound = irb_bound(wild.v_pre, wild.v_post, wild.r, mass=MASS, k_g=K_G)
+    near = project(wild.v_pre, _reached(wild, False), wild.r, K_G, wrench=False)
+    ours = velocity_error(near - wild.v_post, K_G)
+    assert (ours <= bound.error + SAME).all()
+    pushes = bound.impulse[:, 1] > 1e-9
+    np.testing.assert_allclose(ours[pushes], bound.error[pushes], atol=1e-8)
+    assert pushes.mean() > 0.9
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_every_latent_is_feasible(wild, axes):
+    s = 4.0 * np.random.default_rng(0).normal(size=(len(wild), axes))
+    assert feasible(wild.v_pre, from_latent(wild.v_pre, s, wild.r, K_G), wild.r, K_G).all()
+
+
+@pytest.mark.parametrize("wrench", [False, True])
+def test_coordinates_of_the_feasible_set_go_there_and_back(wild, wrench):
+    s = np.random.default_rng(0).uniform(-3.0, 3.0, (len(wild), 3 if wrench else 2))  # beyond lies the margin
+    v = from_latent(wild.v_pre, s, wild.r, K_G)
+    np.testing.assert_allclose(to_latent(wild.v_pre, v, wild.r, K_G, wrench=wrench), s, atol=1e-7)
+    slopes = latent_slopes(wild.v_pre, s, wild.r, K_G)
+    step = 1e-3 * np.ones(s.shape[1])
+    moved = from_latent(wild.v_pre, s + step, wild.r, K_G) - v
+    np.testing.assert_allclose(np.einsum("nij,j->ni", slopes, step), moved, atol=2e-5 * np.abs(v).max())
+
+
+def test_ordinary_impacts_are_in_range_and_strange_ones_are_not():
+    train = TrainingRange.of(made_impacts(300, seed=0))
+    assert 0.94 < train.contains(made_impacts(400, seed=1)).mean() <= 1.0
+    assert not train.contains(made_impacts(50, seed=2, speed=3.0)).any()
+    spun = made_impacts(50, seed=3)
+    spun = replace(spun, v_pre=spun.v_pre + [0.0, 0.0, 60.0])
+    assert not train.contains(spun).any()
+
+
+def test_a_gap_in_the_middle_of_the_range_is_seen():
+    impacts = made_impacts(600, seed=0)
+    angle = np.mod(impacts.q[:, 2], np.pi)
+    hidden = np.abs(angle - 0.5 * np.pi) < 0.5
+    train = TrainingRange.of(impacts.select(~hidden))
+    inside = train.contains(impacts.select(hidden)).mean()
+    assert inside < 0.75 < train.contains(impacts.select(~hidden)).mean()

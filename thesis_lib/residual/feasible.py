@@ -1,0 +1,141 @@
+"""What an impact may do to a velocity: not penetrate and not gain energy; projection, and coordinates that keep to it.
+
+With z = (v_x, v_y, k ω) the kinetic energy is m |z|²/2, so that the feasible set is a half ball in the kinetic metric:
+
+    |z⁺| ≤ |z| = R        the energy ellipse (or, with a couple, the ellipsoid) of equations 4.4 and 4.5
+    n̂ · z⁺ ≥ 0            no penetration, v_n⁺ = J_n v⁺ ≥ 0,  n̂ ∝ (0, 1, r_x/k)
+
+In the orthonormal frame (n̂, t̂, b̂), t̂ ∝ (1, 0, −r_y/k) less its part along n̂, b̂ = n̂ × t̂, an impulse through the
+contact point leaves z_b alone: the rigid set is the half disc z_n² + z_t² ≤ R² − z_b², the wrench's the half ball.
+The plane passes through the centre, so the nearest feasible point takes two steps: onto the plane, then into the ball.
+
+Feasible by construction: with Φ the normal distribution, every (s_n, s_t, s_b) ∈ ℝ³ is a feasible velocity,
+
+    z_n = R Φ(s_n),   z_t = √(R² − z_n²) (2 Φ(s_t) − 1),   z_b = √(R² − z_n² − z_t²) (2 Φ(s_b) − 1)
+
+| on paper   | in code      | unit | shape       |                                                        |
+|------------|--------------|------|-------------|--------------------------------------------------------|
+| z_n,z_t,z_b| `coordinates`| m/s  | (n, 3)      | velocity in the frame of the contact                   |
+| s          | `latent`     | 1    | (n, 2 or 3) | unbounded coordinates of the feasible set              |
+
+Source of the energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929; ellipsoid: thesis, figure 4-2.
+The coordinates s are an own choice.
+"""
+
+import numpy as np
+
+TOLERANCE = 1e-9  # of the speed before impact: rounding
+# share of the half ball's radius that targets keep from its boundary, where s is infinite
+MARGIN = 1e-3
+
+
+def penetrates(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
+    """Mask (n,): the contact point still moves into the surface after impact."""
+    return v_post[:, 1] + r[:, 0] * v_post[:, 2] < -TOLERANCE * _speed(v_pre, k_g)
+
+
+def gains_energy(v_pre: np.ndarray, v_post: np.ndarray, k_g: float) -> np.ndarray:
+    """Mask (n,): the kinetic energy after impact is above that before it."""
+    return _speed(v_post, k_g) > (1.0 + TOLERANCE) * _speed(v_pre, k_g)
+
+
+def feasible(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
+    """Mask (n,) of the velocities after impact, (n, 3), that neither penetrate nor gain energy; NaN is not feasible."""
+    wrong = penetrates(v_pre, v_post, r, k_g) | gains_energy(v_pre, v_post, k_g)
+    return ~wrong & np.isfinite(v_post).all(axis=1)
+
+
+def project(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool) -> np.ndarray:
+    """Nearest feasible velocity after impact in the kinetic metric, (n, 3); feasible ones stay as they are.
+
+    Args:
+        v_pre, v_post: (n, 3) m/s and rad/s.
+        r: (n, 2) contact point, m.
+        k_g: radius of gyration, m.
+        wrench: whether a couple may act; otherwise only what an impulse through the contact point reaches is looked
+            at, and `v_post` must be reached by one.
+    """
+    frame = _frame(r, k_g)
+    before, z = coordinates(v_pre, frame, k_g), coordinates(v_post, frame, k_g)
+    axes = 3 if wrench else 2
+    radius = np.linalg.norm(before[:, :axes], axis=1)
+    near = z.copy()
+    near[:, 0] = np.maximum(near[:, 0], 0.0)
+    length = np.linalg.norm(near[:, :axes], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near[:, :axes] *= np.where(length > radius, radius / length, 1.0)[:, None]
+    inside = feasible(v_pre, v_post, r, k_g)
+    return np.where(inside[:, None], v_post, _velocity(near, frame, k_g))
+
+
+def to_latent(
+    v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool
+) -> np.ndarray:
+    """Coordinates s (n, 2 or 3) of a velocity after impact; what is not feasible is brought to the boundary first."""
+    from scipy.special import ndtri
+
+    frame = _frame(r, k_g)
+    left = _radius_squared(v_pre, frame, k_g, wrench)
+    z = coordinates(project(v_pre, v_post, r, k_g, wrench=wrench), frame, k_g)
+    s = np.empty((len(z), 3 if wrench else 2))
+    for i in range(s.shape[1]):
+        share = z[:, i] / np.sqrt(np.maximum(left, 1e-300))
+        share = share if i == 0 else 0.5 * (1.0 + share)
+        share = np.clip(share, MARGIN, 1.0 - MARGIN)
+        s[:, i] = ndtri(share)
+        left = left - z[:, i] ** 2
+    return s
+
+
+def from_latent(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
+    """Velocity after impact (n, 3) at coordinates s (n, 2 or 3): always feasible."""
+    from scipy.special import ndtr
+
+    frame = _frame(r, k_g)
+    wrench = latent.shape[1] == 3
+    left = _radius_squared(v_pre, frame, k_g, wrench)
+    z = coordinates(v_pre, frame, k_g)
+    for i in range(latent.shape[1]):
+        share = ndtr(latent[:, i])
+        z[:, i] = np.sqrt(np.maximum(left, 0.0)) * (share if i == 0 else 2.0 * share - 1.0)
+        left = left - z[:, i] ** 2
+    return _velocity(z, frame, k_g)
+
+
+def latent_slopes(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
+    """∂v⁺/∂s, (n, 3, 2 or 3), by central differences: how uncertain coordinates make the velocity uncertain."""
+    step = 1e-4
+    columns = []
+    for i in range(latent.shape[1]):
+        shift = np.zeros(latent.shape[1])
+        shift[i] = step
+        ends = [from_latent(v_pre, latent + sign * shift, r, k_g) for sign in (1.0, -1.0)]
+        columns.append((ends[0] - ends[1]) / (2.0 * step))
+    return np.stack(columns, axis=2)
+
+
+def coordinates(v: np.ndarray, frame: np.ndarray, k_g: float) -> np.ndarray:
+    """(z_n, z_t, z_b) of velocities (n, 3), m/s; `frame` (n, 3, 3) has n̂, t̂, b̂ as rows."""
+    return np.einsum("nij,nj->ni", frame, v * [1.0, 1.0, k_g])
+
+
+def _velocity(z: np.ndarray, frame: np.ndarray, k_g: float) -> np.ndarray:
+    return np.einsum("nij,ni->nj", frame, z) / [1.0, 1.0, k_g]
+
+
+def _frame(r: np.ndarray, k_g: float) -> np.ndarray:
+    one, zero = np.ones(len(r)), np.zeros(len(r))
+    n = np.stack([zero, one, r[:, 0] / k_g], axis=1)
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    t = np.stack([one, zero, -r[:, 1] / k_g], axis=1)
+    t -= np.sum(t * n, axis=1, keepdims=True) * n
+    t /= np.linalg.norm(t, axis=1, keepdims=True)
+    return np.stack([n, t, np.cross(n, t)], axis=1)
+
+
+def _radius_squared(v_pre: np.ndarray, frame: np.ndarray, k_g: float, wrench: bool) -> np.ndarray:
+    return np.sum(coordinates(v_pre, frame, k_g)[:, : 3 if wrench else 2] ** 2, axis=1)
+
+
+def _speed(v: np.ndarray, k_g: float) -> np.ndarray:
+    return np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2 + (k_g * v[:, 2]) ** 2)

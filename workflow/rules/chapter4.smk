@@ -1,0 +1,121 @@
+# Chapter 4: learned contact models, for every dataset that is present.
+CH4 = "results/chapter4/{dataset}"
+CH4_DATASETS = [name for name in CONFIG.chapter4.datasets if DATASETS[name].present]
+CH4_CRITICISED = [name for name in CH4_DATASETS if name in CRITIQUE_DATASETS]
+CH4_LEARNED = ("curves", "errors", "summary", "convergence", "ratios")
+
+
+rule ch4_schematics:
+    output:
+        figure_files("results/chapter4/common", "4-1", "body and energy ellipse", "contact space"),
+        figure_files("results/chapter4/common", "4-2", "ellipsoid of wrenches", "contact space"),
+    log:
+        "results/logs/ch4_schematics.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        body=settings(CONFIG.drops, "body")["body"],
+        lib=code_of("ch4_schematics"),
+    message:
+        "Chapter 4: drawing the space of wrenches"
+    script:
+        "../scripts/ch4_schematics.py"
+
+
+rule ch4_learn:
+    input:
+        header="results/impacts/{dataset}/dataset.yaml",
+        impacts="results/impacts/{dataset}/impacts.csv",
+    output:
+        **{name: f"{CH4}/learning_{name}.csv" for name in CH4_LEARNED},
+    log:
+        "results/logs/ch4_learn/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter4.learning),
+        filter=CONFIG.chapter3.filter,
+        seed=CONFIG.seed,
+        lib=code_of("ch4_learn"),
+    message:
+        "Chapter 4: learning contact models from {wildcards.dataset}"
+    script:
+        "../scripts/ch4_learn.py"
+
+
+rule ch4_named_physics:
+    input:
+        header="results/impacts/{dataset}/dataset.yaml",
+        impacts="results/impacts/{dataset}/impacts.csv",
+        diagnosis="results/critique/{dataset}/diagnosis.json",
+    output:
+        curves=f"{CH4}/named_curves.csv",
+        summary=f"{CH4}/named_summary.csv",
+        rungs=f"{CH4}/named_rungs.csv",
+    log:
+        "results/logs/ch4_named_physics/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        critique=lambda wildcards: f"results/critique/{wildcards.dataset}",
+        settings=settings(CONFIG.chapter4.learning),
+        filter=CONFIG.chapter3.filter,
+        seed=CONFIG.seed,
+        lib=code_of("ch4_named_physics"),
+    message:
+        "Chapter 4: what is left to learn of {wildcards.dataset} once the missing effects are in"
+    script:
+        "../scripts/ch4_named_physics.py"
+
+
+rule ch4_figures:
+    input:
+        errors=f"{CH4}/learning_errors.csv",
+        summary=f"{CH4}/learning_summary.csv",
+    output:
+        figure_files(CH4, "4-5", "error densities of learned models"),
+        figure_files(CH4, "4-6", "error against training impacts"),
+    log:
+        "results/logs/ch4_figures/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        law=CONFIG.chapter4.learning.base_law,
+        lib=code_of("ch4_figures"),
+    message:
+        "Chapter 4: drawing errors of learned models on {wildcards.dataset}"
+    script:
+        "../scripts/ch4_figures.py"
+
+
+rule ch4_named_figure:
+    input:
+        rungs=f"{CH4}/named_rungs.csv",
+        summary=f"{CH4}/named_summary.csv",
+        diagnosis="results/critique/{dataset}/diagnosis.json",
+    output:
+        report(
+            f"{CH4}/figure_named_physics.png",
+            caption="../report/named_physics.rst",
+            category="Chapter 4",
+            subcategory="{dataset}",
+            labels={"item": "Named physics", "shows": "then what is left to learn"},
+        ),
+        [f"{CH4}/figure_named_physics.{kind}" for kind in ("pdf", "csv")],
+    log:
+        "results/logs/ch4_named_figure/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        lib=code_of("ch4_named_figure"),
+    message:
+        "Chapter 4: drawing named physics, then residual, on {wildcards.dataset}"
+    script:
+        "../scripts/ch4_named_figure.py"
+
+
+rule chapter4:
+    input:
+        rules.ch4_schematics.output,
+        expand(f"{CH4}/figure_4_{{number}}.png", dataset=CH4_DATASETS, number=(5, 6)),
+        expand(f"{CH4}/figure_named_physics.png", dataset=CH4_CRITICISED),

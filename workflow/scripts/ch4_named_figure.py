@@ -1,0 +1,19 @@
+"""Named physics, then residual, in one figure."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.effects import EFFECTS
+from thesis_lib.figures.chapter4_errors import figure_named_physics
+from thesis_lib.figures.style import save_figure
+from thesis_lib.files import read_json, read_table
+
+columns = ["model", "n", "mean", "low", "high"]
+rungs, summary = (read_table(snakemake.input[name], columns) for name in ("rungs", "summary"))
+found = read_json(snakemake.input.diagnosis)
+titles = [EFFECTS[effect["name"]].title for effect in found["effects"]]
+drawn = figure_named_physics(rungs, summary, titles, found["error"]["noise_floor"])
+save_figure(*drawn, Path(snakemake.output[0]).with_suffix(""))

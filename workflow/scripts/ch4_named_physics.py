@@ -1,0 +1,35 @@
+"""What is left to learn once the effects that the critique named are in."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.critique.saved_model import load_model
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.files import read_json, read_table
+from thesis_lib.identify.impact_study import select_impacts
+from thesis_lib.randomness import generator
+from thesis_lib.residual import learning_study as study
+from thesis_lib.residual.settings import LearningStudySettings
+
+params, out, dataset = snakemake.params, snakemake.output, snakemake.wildcards.dataset
+settings = LearningStudySettings.model_validate(params.settings)
+critique = Path(params.critique)
+
+
+def stream(step):
+    return generator(params.seed, "ch4_named_physics", dataset, step)
+
+
+impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
+impacts = select_impacts(impacts, params.filter, settings.max_impacts, stream("select"))
+held_out = study.held_out_by(read_table(critique / "impacts.csv", ["trial", "held_out"]), impacts)
+law = read_json(snakemake.input.diagnosis)["base_model"]["name"]
+model = load_model(critique / "model.json")
+curves, rungs = study.named_physics(impacts, held_out, law, model, settings, stream("draws"), say=print)
+write_result(curves, out.curves)
+write_result(study.curve_summary(curves), out.summary)
+write_result(rungs, out.rungs)

@@ -1,0 +1,15 @@
+"""Figures 4-1 and 4-2: a body on the surface with its energy ellipse, and the ellipsoid of wrenches."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.datasets.header import Body
+from thesis_lib.figures.chapter4_ellipsoid import figure_4_1, figure_4_2
+from thesis_lib.figures.style import save_figure
+
+body = Body.model_validate(snakemake.params.body)
+for name, (figure, table) in {"figure_4_1": figure_4_1(body), "figure_4_2": figure_4_2(body)}.items():
+    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
