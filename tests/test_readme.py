@@ -43,7 +43,9 @@ def test_what_deviates_is_counted_as_said(statuses):
     deviating = [name for name, status in statuses.items() if status == "deviates"]
     defined = sum(name.endswith("as_defined") for name in deviating)
     beyond = sum("no_back_spin" in name or "up_to_sticking" in name for name in deviating)
-    assert re.search(rf"Of the {len(deviating)}, {defined} are the laws .*and {beyond} are", README, re.S)
+    noise = sum(name.startswith("table_2_1") for name in deviating)
+    counts = rf"Of the {len(deviating)}, {defined} are the laws .* {noise} belong to Table 2.1 .*and {beyond} are"
+    assert re.search(counts, README, re.S)
 
 
 def test_shares_of_the_proof_are_those_of_the_stored_results():
@@ -60,6 +62,22 @@ def test_shares_of_the_proof_are_those_of_the_stored_results():
     assert len(said) >= 6
     for source, share, low, high, n in said:
         assert (source, int(n), float(share), float(low), float(high)) in found
+
+
+def test_noise_table_is_that_of_the_stored_figure():
+    """Table 2.1, ours: the copy that the figure check holds the pipeline to."""
+    stored = pd.read_csv(ROOT / "config/figures/default/common/figure_table_2_1.csv")
+    said = re.findall(
+        r"^\| (block|ellipse) \| (\d+) \| \S+ % \| (\S+) ± (\S+) % \| (\S+) \| (\S+) ± (\S+) % \| (\S+) \|$",
+        README,
+        re.M,
+    )
+    assert len(said) == 8
+    for shape, snr, *numbers in said:
+        rows = stored[(stored["shape"] == shape) & (stored["snr"] == float(snr))].set_index("method")
+        columns = ["mean_error", "mean_error_std", "error_over_bound"]
+        found = [*rows.loc["arcs", columns], *rows.loc["arcs_law", columns]]
+        assert [float(x) for x in numbers] == pytest.approx(found, abs=0.0051)
 
 
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"(?:`|^    )make ([a-z]+)", README, re.M))))
