@@ -44,7 +44,9 @@ def test_what_deviates_is_counted_as_said(statuses):
     defined = sum(name.endswith("as_defined") for name in deviating)
     beyond = sum("no_back_spin" in name or "up_to_sticking" in name for name in deviating)
     noise = sum(name.startswith("table_2_1") for name in deviating)
-    counts = rf"Of the {len(deviating)}, {defined} are the laws .* {noise} belong to Table 2.1 .*and {beyond} are"
+    counts = (
+        rf"Of the {len(deviating)}, {defined} are the laws .* {noise} belong to Table 2.1 .*and {beyond} are"
+    )
     assert re.search(counts, README, re.S)
 
 

@@ -51,7 +51,7 @@ rule ch2_motions:
     conda:
         "../envs/thesis.yaml"
     params:
-        drops=DATASETS["drops"].folder,
+        drops=lambda wildcards: DATASETS["drops"].folder,
         bodies=settings(CONFIG.chapter2.bodies),
         scenes=settings(CONFIG.chapter2.scenes),
         seed=CONFIG.seed,
