@@ -32,6 +32,11 @@ RIG = Rig(SHAPE, 0.019, 9.81, 0.0)
 QUICK = MeasuredRatio(bootstrap=30)
 
 
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(12)
+
+
 def true_impacts(n, rng):
     """States (n, 9) before and after rigid impacts of a body of m/I `RATIO`; impulses obey no law."""
     theta = rng.uniform(-np.pi, np.pi, n)
