@@ -82,6 +82,16 @@ def test_noise_table_is_that_of_the_stored_figure():
         assert [float(x) for x in numbers] == pytest.approx(found, abs=0.0051)
 
 
+def test_named_physics_table_is_that_of_the_stored_figure():
+    stored = pd.read_csv(ROOT / "config/figures/default/planar_impact/figure_named_physics.csv")
+    mean = stored.query("panel == 'a'").set_index("model")["mean"]
+    said = re.findall(r"^\| [a-z ]+ \| (\S+) m/s \| (\S+) m/s \| (\S+) m/s \|$", README, re.M)
+    assert len(said) == 2
+    for base, row in zip(("law", "effects"), said):
+        found = mean[[base, f"{base}_rigid", f"{base}_wrench"]]
+        assert [float(x) for x in row] == pytest.approx(list(found), abs=0.0006)
+
+
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"(?:`|^    )make ([a-z]+)", README, re.M))))
 def test_make_targets_exist(target):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
