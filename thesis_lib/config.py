@@ -21,6 +21,7 @@ from thesis_lib.errors import UserError
 from thesis_lib.identify.arm_settings import ArmStudy
 from thesis_lib.identify.chapter2_settings import Programs, Table21, WheelStudy
 from thesis_lib.identify.settings import Chapter3
+from thesis_lib.residual.dice_settings import DiceStudySettings
 from thesis_lib.residual.settings import LearningStudySettings
 from thesis_lib.settings import Section
 from thesis_lib.simulate.chapter2 import Chapter2Bodies
@@ -51,7 +52,13 @@ class Chapter4(Section):
         ("planar_impact", "planar_dice", "drops"),
         description="datasets to learn from; measured ones that are not present are left out, and said so",
     )
+    dice_datasets: tuple[Name, ...] = Field(
+        ("planar_dice",),
+        description="throws of a square to follow to rest; those that are not also in `datasets` and criticised are "
+        "left out",
+    )
     learning: LearningStudySettings = LearningStudySettings()
+    dice: DiceStudySettings = DiceStudySettings()
 
 
 class Config(Section):

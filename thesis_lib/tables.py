@@ -133,6 +133,46 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
             ),
         ),
     ),
+    "chapter4": (
+        Shown(
+            "chapter4/planar_impact/learning_ratios.csv",
+            "Learned contact models against the IRB Bound and the laws, 450 training impacts (figure 4-5)",
+            ("statement", "n", "value", "std"),
+        ),
+        Shown(
+            "chapter4/planar_impact/learning_convergence.csv",
+            "Training impacts until learned models have converged (figure 4-6)",
+            (
+                "model",
+                "n_converged",
+                "n_converged_low",
+                "n_converged_high",
+                "n_learned",
+                "n_learned_low",
+                "n_learned_high",
+            ),
+        ),
+        Shown(
+            "chapter4/planar_impact/named_rungs.csv",
+            "Named physics, then what is left to learn: ellipse",
+            ("model", "n", "mean", "low", "high", "n_failed"),
+        ),
+        Shown(
+            "chapter4/planar_dice/named_rungs.csv",
+            "Named physics, then what is left to learn: dice",
+            ("model", "n", "mean", "low", "high", "n_failed"),
+        ),
+        Shown(
+            "chapter4/planar_dice/dice.csv",
+            "Thrown dice: where they come to rest (figures 4-8 and section 4.4)",
+            ("model", "quantity", "value", "std", "low", "high", "std_splits", "splits"),
+        ),
+        Shown(
+            "chapter4/planar_dice/dice_calibration.csv",
+            "Calibration of beliefs over resting positions and contacts",
+            ("model", "kind", "level", "coverage", "low", "high", "passes", "n"),
+        ),
+    ),
 }
 
 

@@ -20,6 +20,7 @@ UNDRAWN = {
 }
 # the critique's package imports `criticise` on first use, so that whatever is in it depends on all of it
 CRITIQUE = {
+    "ch4_dice",
     "ch4_learn",
     "ch4_named_physics",
     "critique",

@@ -2,6 +2,24 @@
 CH4 = "results/chapter4/{dataset}"
 CH4_DATASETS = [name for name in CONFIG.chapter4.datasets if DATASETS[name].present]
 CH4_CRITICISED = [name for name in CH4_DATASETS if name in CRITIQUE_DATASETS]
+CH4_DICE = [name for name in CONFIG.chapter4.dice_datasets if name in CH4_CRITICISED]
+CH4_CLAIMED = [  # what the ledger reads
+    *(
+        f"results/chapter4/{name}/learning_{table}.csv"
+        for name in CH4_DATASETS
+        for table in ("ratios", "convergence")
+    ),
+    *(f"results/chapter4/{name}/{table}.csv" for name in CH4_DICE for table in ("dice", "dice_difficulty")),
+]
+CH4_DICE_TABLES = ("throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts")
+CH4_DICE_FIGURES = {
+    "4-3": "belief over the first two contacts",
+    "4-4": "distance after each contact",
+    "4-7": "outlines of a throw",
+    "4-8": "errors at rest",
+    "4-9": "a hard and an easy throw",
+    "4-10": "belief over the resting position",
+}
 CH4_LEARNED = ("curves", "errors", "summary", "convergence", "ratios")
 
 
@@ -114,8 +132,50 @@ rule ch4_named_figure:
         "../scripts/ch4_named_figure.py"
 
 
+rule ch4_dice:
+    input:
+        dataset_files,
+        header="results/impacts/{dataset}/dataset.yaml",
+        impacts="results/impacts/{dataset}/impacts.csv",
+        arcs="results/impacts/{dataset}/arcs.csv",
+        diagnosis="results/critique/{dataset}/diagnosis.json",
+    output:
+        [f"{CH4}/dice_{name}.csv" for name in CH4_DICE_TABLES],
+        [figure_files(CH4, number, shows) for number, shows in CH4_DICE_FIGURES.items()],
+        [f"{CH4}/figure_calibration.{kind}" for kind in ("pdf", "csv")],
+        report(
+            f"{CH4}/figure_calibration.png",
+            caption="../report/dice_calibration.rst",
+            category="Chapter 4",
+            subcategory="{dataset}",
+            labels={"item": "Calibration", "shows": "of beliefs over resting positions"},
+        ),
+        dice=report(
+            f"{CH4}/dice.csv",
+            caption="../report/dice.rst",
+            category="Chapter 4",
+            subcategory="{dataset}",
+            labels={"item": "Dice", "shows": "errors at rest, sides, scores and limits"},
+        ),
+    log:
+        "results/logs/ch4_dice/{dataset}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
+        critique=lambda wildcards: f"results/critique/{wildcards.dataset}",
+        settings=settings(CONFIG.chapter4.dice),
+        seed=CONFIG.seed,
+        lib=code_of("ch4_dice"),
+    message:
+        "Chapter 4: throwing {wildcards.dataset} to rest by each contact model"
+    script:
+        "../scripts/ch4_dice.py"
+
+
 rule chapter4:
     input:
         rules.ch4_schematics.output,
         expand(f"{CH4}/figure_4_{{number}}.png", dataset=CH4_DATASETS, number=(5, 6)),
         expand(f"{CH4}/figure_named_physics.png", dataset=CH4_CRITICISED),
+        expand(f"{CH4}/dice.csv", dataset=CH4_DICE),

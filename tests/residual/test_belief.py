@@ -1,0 +1,85 @@
+"""Gaussian mixtures and beliefs at rest, against moments, integrals and known shapes."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.residual.belief import GaussianMixture, RestBelief, covariance_root, through_dynamics
+
+
+def mixture() -> GaussianMixture:
+    mean = np.array([[0.0, 1.0], [3.0, -1.0], [-2.0, 0.5]])
+    cov = np.array([[[1.0, 0.3], [0.3, 0.5]], [[0.2, 0.0], [0.0, 0.1]], [[0.5, -0.2], [-0.2, 0.4]]])
+    return GaussianMixture(mean, cov, np.array([0.5, 0.3, 0.2]))
+
+
+def test_moments_are_those_of_samples():
+    belief = mixture()
+    samples = belief.sample(200_000, np.random.default_rng(0))
+    mean, cov = belief.moments
+    assert samples.mean(0) == pytest.approx(mean, abs=0.02)
+    assert np.cov(samples.T) == pytest.approx(cov, abs=0.03)
+
+
+def test_the_density_integrates_to_one_and_agrees_with_samples():
+    belief = mixture().marginal([0])
+    x = np.linspace(-12, 12, 4001)
+    density = np.exp(belief.log_density(x[:, None]))
+    assert np.trapezoid(density, x) == pytest.approx(1.0, abs=1e-6)
+    samples = belief.sample(100_000, np.random.default_rng(1))[:, 0]
+    inside = (x > -1) & (x < 1)
+    assert np.trapezoid(density[inside], x[inside]) == pytest.approx(np.mean(np.abs(samples) < 1), abs=0.01)
+
+
+def test_as_many_samples_as_components_use_each_component_once():
+    n = 64
+    belief = GaussianMixture(np.arange(n)[:, None] * 10.0, np.full((n, 1, 1), 0.01), np.full(n, 1 / n))
+    samples = belief.sample(n, np.random.default_rng(2))[:, 0]
+    assert np.sort(np.rint(samples / 10)) == pytest.approx(np.arange(n))
+
+
+def test_a_singular_covariance_has_a_root():
+    cov = np.zeros((1, 6, 6))
+    cov[0, 3:, 3:] = np.array([[2.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    root = covariance_root(cov)
+    assert root @ np.swapaxes(root, 1, 2) == pytest.approx(cov)
+
+
+def test_impulse_covariance_goes_through_the_dynamics_as_samples_do():
+    rng = np.random.default_rng(3)
+    A, S = rng.normal(size=(1, 3, 2)), np.array([[[0.5, 0.2], [0.2, 0.3]]])
+    c = rng.multivariate_normal([0, 0], S[0], 200_000)
+    assert np.cov((c @ A[0].T).T) == pytest.approx(through_dynamics(A, S)[0], rel=0.05, abs=0.02)
+
+
+def rest(n=400):
+    rng = np.random.default_rng(4)
+    face = rng.choice(4, n, p=[0.7, 0.2, 0.1, 0.0])
+    return RestBelief(rng.normal(face * 1.0, 0.2), face, 4)
+
+
+def test_the_belief_at_rest_is_a_distribution_over_sides_and_positions():
+    belief = rest()
+    x = np.linspace(-10, 12, 20_001)
+    total = sum(
+        p * np.trapezoid(belief.density(x, face), x) for face, p in enumerate(belief.face_probability)
+    )
+    assert belief.face_probability.sum() == pytest.approx(1.0)
+    assert total == pytest.approx(1.0, abs=1e-3)
+    assert belief.most_likely_face == 0
+
+
+def test_the_likelihood_is_highest_where_the_particles_are():
+    belief = rest()
+    likely, _ = belief.log_likelihood(0.0, 0)
+    assert likely > belief.log_likelihood(1.0, 0)[0] and likely > belief.log_likelihood(0.0, 1)[0]
+    assert np.isfinite(belief.log_likelihood(30.0, 3)[0])  # nothing is impossible
+
+
+def test_a_right_belief_beats_a_wrong_one_on_average():
+    rng = np.random.default_rng(5)
+    x = rng.normal(size=300)
+    scores = {}
+    for spread in (0.3, 1.0, 3.0):
+        particles = RestBelief(spread * rng.normal(size=400), np.zeros(400, int), 4)
+        scores[spread] = np.mean([particles.log_likelihood(end, 0)[0] for end in x])
+    assert scores[1.0] > max(scores[0.3], scores[3.0])

@@ -1,0 +1,89 @@
+"""Calibration of predictions that are right, too wide and too narrow."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.residual.calibration import (
+    coverage_table,
+    crps,
+    pit_histogram,
+    pit_of_gaussian,
+    pit_of_samples,
+    wilson,
+)
+
+N = 2000
+
+
+def predictions(factor: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    centre = rng.normal(size=N)
+    return centre + rng.normal(size=N), centre[:, None] + factor * rng.normal(size=(N, 200))
+
+
+def test_right_samples_are_calibrated_and_wrong_ones_are_not():
+    rng = np.random.default_rng(0)
+    shares = {}
+    for factor in (1.0, 0.5, 2.0):
+        table = coverage_table(pit_of_samples(*predictions(factor, rng), rng), central=True)
+        shares[factor] = table.set_index("level")["coverage"]
+        assert bool(table["passes"].all()) == (factor == 1.0)
+    assert (shares[0.5] < shares[1.0]).all() and (shares[1.0] < shares[2.0]).all()
+
+
+def test_right_gaussians_are_calibrated_in_three_dimensions():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(N, 3, 3))
+    cov = root @ np.swapaxes(root, 1, 2)
+    outcome = np.einsum("nij,nj->ni", root, rng.normal(size=(N, 3)))
+    table = coverage_table(pit_of_gaussian(outcome, np.zeros((N, 3)), cov), central=False)
+    assert table["passes"].all()
+    narrow = coverage_table(pit_of_gaussian(outcome, np.zeros((N, 3)), 0.5 * cov), central=False)
+    assert not narrow["passes"].any()
+
+
+def test_the_interval_over_groups_is_wider_where_outcomes_hang_together():
+    rng = np.random.default_rng(2)
+    pit = np.repeat(rng.uniform(size=100), 20)
+    groups = np.repeat(np.arange(100), 20)
+    one = coverage_table(pit, central=True)
+    many = coverage_table(pit, central=True, groups=groups, rng=rng)
+    assert ((many["high"] - many["low"]) > 2 * (one["high"] - one["low"])).all()
+    with pytest.raises(ValueError, match="rng"):
+        coverage_table(pit, central=True, groups=groups)
+
+
+def test_crps_of_a_gaussian_is_its_closed_form_and_of_a_point_the_distance():
+    from scipy.stats import norm
+
+    rng = np.random.default_rng(3)
+    samples = rng.normal(size=(1, 200_000))
+    y = 0.7
+    exact = y * (2 * norm.cdf(y) - 1) + 2 * norm.pdf(y) - 1 / np.sqrt(np.pi)
+    assert crps(np.array([y]), samples)[0] == pytest.approx(exact, abs=5e-3)
+    assert crps(np.array([2.0]), np.array([[0.5]]))[0] == pytest.approx(1.5)
+
+
+def test_crps_prefers_the_right_width():
+    rng = np.random.default_rng(4)
+    score = {f: crps(*predictions(f, rng)).mean() for f in (0.3, 1.0, 3.0)}
+    assert score[1.0] < min(score[0.3], score[3.0])
+
+
+def test_wilson_holds_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng(5)
+    held = [low <= 0.8 <= high for low, high in (wilson(k, 60) for k in rng.binomial(60, 0.8, 2000))]
+    assert np.mean(held) == pytest.approx(0.95, abs=0.02)
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+def test_pit_is_uniform_where_samples_equal_the_outcome():
+    rng = np.random.default_rng(6)
+    pit = pit_of_samples(np.zeros(N), np.zeros((N, 50)), rng)
+    table = pit_histogram(pit)
+    assert ((table["share"] >= table["low"]) & (table["share"] <= table["high"])).mean() >= 0.8
+    assert table["share"].sum() == pytest.approx(1.0)
+
+
+def test_predictions_without_a_value_are_counted():
+    table = coverage_table(np.array([0.5, np.nan, 0.2]), central=True)
+    assert (table["n"] == 2).all() and (table["left_out"] == 1).all()

@@ -1,0 +1,302 @@
+"""The study of dice: states from recorded throws, models that can be thrown, limits and tables, on simulated throws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from throws_for_tests import HALF, RIG, SQUARE, throws
+
+from thesis_lib.columns import explain
+from thesis_lib.critique.saved_model import SavedModel, predict
+from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.datasets.header import Body, Header, Noise
+from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.errors import UserError
+from thesis_lib.residual.dice_data import read_throws
+from thesis_lib.residual.dice_fit import DiceModel
+from thesis_lib.residual.dice_models import critique_model, leave_one_out, scattered
+from thesis_lib.residual.dice_results import dice_tables, examples, over_splits
+from thesis_lib.residual.dice_settings import DiceDataSettings, DiceStudySettings, ThrowSettings
+from thesis_lib.residual.dice_study import dice_study, side_of
+from thesis_lib.residual.dice_tables import contact_pits, difficulty, spread
+from thesis_lib.residual.flight import first_touch
+from thesis_lib.residual.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.residual.limit import noise_limit
+from thesis_lib.residual.throw import LawImpact, simulate_throws, state_at
+
+MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.15, 0.45, 9.81, c_v=0.35, c_w=0.35)
+SIGMA = np.array([1e-4, 1e-4, 1e-3])
+N = 40
+
+
+@pytest.fixture(scope="module")
+def recorded() -> tuple[Dataset, pd.DataFrame, np.ndarray, np.ndarray]:
+    """Poses at 250 Hz of simulated throws with white noise, hits, and the true starts."""
+    rng = np.random.default_rng(0)
+    q, v = throws(N)
+    settings = ThrowSettings(snapshots=25, merge=0.0, max_contacts=400)
+    out = simulate_throws(MODEL.body, q, v, MODEL.impact, MODEL.mu, settings, rng)
+    t = np.arange(0.0, 0.8, 0.004)
+    t = np.arange(0.0, 0.8, 0.004)
+    last = np.nanmax(out.snapshot_t, axis=0)
+    parts, v_t = [q], v
+    short = ThrowSettings(max_contacts=30)
+    for _ in t[1:]:
+        q_t, v_t, _ = state_at(MODEL.body, parts[-1], v_t, 0.004, MODEL.impact, short, rng)
+        # chatter at rest has no end
+        v_t = np.where(np.isfinite(v_t), v_t, 0.0)
+        parts.append(np.where(np.isfinite(q_t), q_t, parts[-1]))
+    poses = np.array(parts)  # (time, throw, 3)
+    # after its last contact a body lies: its bounces have become too small to follow
+    poses = np.where((t[:, None] > last)[:, :, None], out.q, poses)
+    poses = poses + SIGMA * rng.standard_normal(poses.shape)
+    table = pd.DataFrame(
+        {
+            "trial": np.repeat(np.arange(N), len(t)),
+            "t": np.tile(t, N),
+            **{name: poses[:, :, i].T.ravel() for i, name in enumerate(("x", "y", "theta"))},
+        }
+    )
+    header = Header(
+        schema=1,
+        description="",
+        body=Body(shape=SQUARE, radius_of_gyration=RIG.k_g),
+        gravity=9.81,
+        rate=250.0,
+        noise=Noise(position=1e-4, angle=1e-3),
+    )
+    step, throw = np.nonzero(np.isfinite(out.snapshot_t))
+    hits = pd.DataFrame({"trial": throw, "t": out.snapshot_t[step, throw]}).sort_values(["trial", "t"])
+    return Dataset("dice", header, table), hits, q, v
+
+
+def test_starts_are_found_within_their_covariance(recorded):
+    dataset, hits, q, v = recorded
+    releases, _, _ = read_throws(dataset, hits, DiceDataSettings())
+    assert releases.sigma == pytest.approx(SIGMA, rel=0.15)
+    first = hits.groupby("trial")["t"].min()
+    z = []
+    for i, trial in enumerate(releases.trial):
+        at = np.floor((first[trial] - 0.002) / 0.004) * 0.004
+        true_q, true_v, _ = state_at(
+            MODEL.body,
+            q[[trial]],
+            v[[trial]],
+            np.array([at]),
+            MODEL.impact,
+            ThrowSettings(),
+            np.random.default_rng(0),
+        )
+        away = np.r_[releases.q[i] - true_q[0], releases.v[i] - true_v[0]]
+        z.append(away / np.sqrt(np.diag(releases.cov[i])))
+    z = np.array(z)
+    # stray accelerations, which these throws do not have, widen the covariance: z is not above 1
+    assert (np.sqrt((z**2).mean(0)) < 1.25).all()
+    assert np.sqrt((z[:, :3] ** 2).mean()) > 0.5
+
+
+def test_contacts_reach_from_flight_to_flight(recorded):
+    dataset, hits, _, _ = recorded
+    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+    _, after, _ = state_at(
+        MODEL.body,
+        MODEL.seen(contacts.q),
+        contacts.v,
+        contacts.span,
+        MODEL.impact,
+        ThrowSettings(),
+        np.random.default_rng(0),
+    )
+    error = np.linalg.norm((after - contacts.v_after) * [1, 1, RIG.k_g], axis=1)
+    assert np.median(error) < 0.03
+    assert contacts.first.sum() <= N
+
+
+def test_throws_that_do_not_come_to_rest_are_left_out_and_counted(recorded):
+    dataset, hits, _, _ = recorded
+    poses = dataset.trajectories.copy()
+    moving = (poses["trial"] == 3) & (poses["t"] > 0.7)
+    poses.loc[moving, "x"] += 0.5 * (poses.loc[moving, "t"] - 0.7)
+    poses = poses[~((poses["trial"] == 5) & (poses["t"] < 0.05))]
+    changed = Dataset("dice", dataset.header, poses)
+    one, _, _ = read_throws(dataset, hits, DiceDataSettings())
+    two, _, _ = read_throws(changed, hits, DiceDataSettings())
+    assert set(one.trial) - set(two.trial) == {3, 5}
+    assert sum(two.left_out.values()) == sum(one.left_out.values()) + 2
+
+
+def test_the_limit_is_zero_without_noise_and_grows_with_it(recorded):
+    dataset, hits, _, _ = recorded
+    releases, _, _ = read_throws(dataset, hits, DiceDataSettings())
+
+    def limit(factor):
+        noisy = type(releases)(
+            releases.trial, releases.q, releases.v, factor * releases.cov, releases.end, {}, releases.sigma
+        )
+        return noise_limit(
+            noisy, MODEL, MODEL.impact, 2 * HALF, 10, ThrowSettings(), np.random.default_rng(0)
+        )
+
+    assert limit(0.0)["spread"].max() < 1e-9 and (limit(0.0)["face_kept"] == 1.0).all()
+    assert 0.0 < limit(1.0)["spread"].median() < limit(400.0)["spread"].median()
+    assert limit(400.0)["face_kept"].mean() < limit(1.0)["face_kept"].mean()
+
+
+def test_the_law_that_made_contacts_is_calibrated_once_its_scatter_is_known(recorded):
+    dataset, hits, _, _ = recorded
+    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+    settings = DiceStudySettings()
+    thrower = scattered("calibrated", MODEL, contacts, settings)
+    # what the camera's noise adds is all that scatters here
+    assert np.sqrt(np.diag(thrower.contact.relative))[:2].max() < 0.05
+    other = replace(thrower, model=replace(MODEL, epsilon=0.7, mu=0.4))
+    good, bad = (contact_pits(t, contacts, settings)["misfit"].median() for t in (thrower, other))
+    assert good < 0.5 * bad
+
+
+def saved(effects: dict[str, float]) -> SavedModel:
+    parameters = {"mu": 0.15, "epsilon": 0.5} | effects
+    return SavedModel.model_validate(
+        {
+            "schema": 1,
+            "law": "mirtich",
+            "effects": list(dict.fromkeys(name.split(".")[0] for name in effects)),
+            "parameters": {k: {"value": v, "std": None, "unit": "1"} for k, v in parameters.items()},
+            "rig": {
+                "shape": SQUARE.model_dump(mode="json"),
+                "radius_of_gyration": RIG.k_g,
+                "gravity": 9.81,
+                "height": 0.0,
+            },
+        }
+    )
+
+
+def test_the_critiques_model_hits_as_its_own_prediction_says():
+    model = saved(
+        {
+            "rounded_corners.rho": 0.003,
+            "angle_offset.d_theta": -0.03,
+            "linear_drag.c_v": 0.5,
+            "linear_drag.c_w": 0.6,
+            "wrong_inertia.d_I": -0.2,
+        }
+    )
+    thrown = critique_model(model, 2 * HALF)
+    q, v = throws(60)
+    true = q - [0.0, 0.0, -0.03]
+    r, _ = thrown.body.lowest(true[:, 2])
+    impact = LawImpact(thrown.impact.law, thrown.mu, thrown.epsilon, thrown.k_g)
+    _, after, _ = impact(true, v, r, np.zeros(60, bool), np.random.default_rng(0))
+    states = pd.DataFrame(np.hstack([q, v]), columns=["x", "y", "theta", "vx", "vy", "omega"])
+    expected = predict(model, states)
+    hit = (expected["status"] == "ok").to_numpy()
+    assert hit.sum() > 50
+    assert after[hit] == pytest.approx(expected.loc[hit, ["vx_post", "vy_post", "omega_post"]].to_numpy())
+
+
+def test_effects_that_throws_do_not_know_are_refused_by_name():
+    with pytest.raises(UserError, match="surface_tilt"):
+        critique_model(saved({"surface_tilt.phi": 0.01}), 2 * HALF)
+
+
+def test_leave_one_out_is_what_leaving_one_out_gives():
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(30, 2))
+    Y = np.sin(X[:, :1]) + 0.1 * rng.normal(size=(30, 1))
+    process = fit_gaussian_process(
+        X, Y, rng, GaussianProcessSettings(restarts=1, device="cpu"), centred=False
+    )
+    z = leave_one_out(process)
+    x = process.x / process.lengthscale[0]
+    K = process.signal[0] * np.exp(-0.5 * ((x[:, None] - x) ** 2).sum(-1))
+    for i in (0, 11, 29):
+        rest = np.arange(30) != i
+        K_y = K[np.ix_(rest, rest)] + process.noise[0] * np.eye(29)
+        k = np.linalg.solve(K_y, K[rest, i])
+        variance = process.signal[0] + process.noise[0] - k @ K[rest, i]
+        assert z[i, 0] == pytest.approx((process.y[i, 0] - k @ process.y[rest, 0]) / np.sqrt(variance))
+
+
+def test_difficulty_sees_a_spread_that_predicts_the_error_and_one_that_does_not():
+    rng = np.random.default_rng(0)
+    spread = rng.uniform(0.1, 2.0, 400)
+    table = pd.DataFrame(
+        {
+            "model": "law",
+            "spread_first": rng.permutation(spread),
+            "spread_rest": spread,
+            "error": spread * rng.normal(size=400),
+        }
+    )
+    found = difficulty(table, 200, rng).set_index("spread")
+    assert found.loc["spread_rest", "low"] > 0.2
+    assert found.loc["spread_first", "low"] < 0.0 < found.loc["spread_first", "high"]
+
+
+def test_tables_over_splits_are_means_and_show_the_spread():
+    table = pd.DataFrame(
+        {
+            "split": [0, 0, 1, 1],
+            "model": ["law", "critique"] * 2,
+            "value": [1.0, 5.0, 3.0, 5.0],
+            "std": [0.1, 0.2, 0.3, 0.2],
+            "low": 0.0,
+            "high": [6.0, 6.0, 8.0, 6.0],
+        }
+    )
+    found = over_splits(table, ["model"], "value").set_index("model")
+    assert found.loc["law", ["value", "std", "high", "splits"]].tolist() == [2.0, pytest.approx(0.2), 7.0, 2]
+    assert found.loc["law", "std_splits"] == pytest.approx(np.sqrt(2.0))
+    assert found.loc["critique", "std_splits"] == 0.0
+
+
+def test_the_bootstraps_standard_error_is_that_of_a_mean():
+    values = np.random.default_rng(0).normal(size=400)
+    std, low, high = spread(values, np.mean, 2000, np.random.default_rng(1))
+    assert std == pytest.approx(values.std() / 20.0, rel=0.06)
+    assert high - low == pytest.approx(2 * 1.96 * std, rel=0.06) and low < values.mean() < high
+    assert np.isnan(spread(values, np.mean, 0, np.random.default_rng(1))).all()
+
+
+@pytest.mark.slow
+def test_the_study_of_simulated_throws(recorded):
+    """Held-out throws are no training throws, all columns are explained, and the shown throws are held out."""
+    dataset, hits, _, _ = recorded
+    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+    _, corner = first_touch(MODEL.body, contacts.q, contacts.v)
+    r = MODEL.body.contact_point(contacts.q[:, 2], corner)
+    number = np.arange(len(contacts))
+    impacts = Impacts(
+        trial=contacts.trial,
+        impact=number,
+        q=contacts.q,
+        v_pre=contacts.v,
+        v_post=contacts.v_after,
+        r=r,
+        k_g=RIG.k_g,
+    )
+    settings = DiceStudySettings(
+        splits=2,
+        particles=10,
+        limit_copies=2,
+        bootstrap=20,
+        slide_grid=(0.15,),
+        fit={"evaluations": 50, "contacts": 60},
+        process={"iterations": 10, "restarts": 1, "robust_rounds": 0},
+    )
+    studies = dice_study(dataset, hits, impacts, None, settings, np.random.default_rng(0))
+    tables = dice_tables(studies, np.random.default_rng(0))
+    assert len(studies) == 2 and set(studies[0].train) != set(studies[1].train)
+    for i, study in enumerate(studies):
+        held = tables["dice_throws"].loc[tables["dice_throws"]["split"] == i, "trial"]
+        assert not set(held) & set(study.train)
+    for name, table in tables.items():
+        explain(name, table.columns)
+    assert set(tables["dice_calibration"]["kind"]) == {"roll", "contact"}
+    shown = examples(studies[0], side_of(dataset), settings, np.random.default_rng(0))
+    assert not {shown.easy, shown.hard} & set(studies[0].train)
+    width = shown.beliefs.groupby("case")["distance"].std()
+    assert width["easy"] < width["hard"]
+    assert set(shown.samples["trial"]) == {shown.hard}

@@ -1,0 +1,132 @@
+"""Figures 4-7, 4-8 and 4-9: thrown dice, as outlines, and how far predicted ends are from the measured ones.
+
+| on paper | in code  | unit | meaning                                                        |
+|----------|----------|------|----------------------------------------------------------------|
+| x, y, θ  | `x`, …   | m, rad | measured poses of a throw                                    |
+|          | `error`  | 1    | (x measured − x expected)/side at rest; positive: undershoot   |
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.figures.densities import reflected_density
+from thesis_lib.figures.style import GREY, INK, WIDTH, Drawn, house_style, new_figure
+
+MODEL_STYLE = {
+    "law": ("#0072B2", (0, (5, 1.5)), "law alone"),
+    "residual": ("#E69F00", (0, (3, 1, 1, 1)), "law + rigid residual"),
+    "residual_wrench": ("#D55E00", (0, (1, 1.2)), "law + wrench residual"),
+    "critique": ("#CC79A7", (0, (4, 1.2, 1, 1.2)), "critique's law"),
+    "calibrated": ("#56B4E9", (0, (2, 1)), "calibrated law"),
+    "calibrated_residual": ("#009E73", "-", "calibrated law + residual"),
+}
+OUTLINES = 26  # of a whole throw in figure 4-7
+SHOWN = 4.0  # sides; errors beyond are drawn at the edge's side of the axis and counted in the table
+
+
+def draw_outline(ax: Axes, shape: Polygon, pose: np.ndarray, **style) -> None:
+    """Outline of the body at a pose (3,)."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    p = shape.outline() @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
+    ax.plot(p[:, 0], p[:, 1], **style)
+
+
+@house_style
+def figure_4_7(poses: pd.DataFrame, shape: Polygon, trial: int) -> Drawn:
+    """Outlines of one measured throw; `poses` has trial, t, x, y, theta."""
+    figure = new_figure(height=2.6)
+    ax = figure.add_subplot()
+    one = poses[poses["trial"] == trial]
+    rows = np.unique(np.linspace(0, len(one) - 1, OUTLINES).astype(int))
+    table = one.iloc[rows][["trial", "t", "x", "y", "theta"]].reset_index(drop=True)
+    for i, pose in enumerate(table[["x", "y", "theta"]].to_numpy()):
+        shade = 0.75 - 0.6 * i / max(1, len(table) - 1)
+        draw_outline(ax, shape, pose, color=str(shade), linewidth=0.8)
+    ax.plot(one["x"], one["y"], color="#D55E00", linewidth=0.8, label="centre")
+    draw_outline(
+        ax, shape, table[["x", "y", "theta"]].to_numpy()[-1], color=INK, linewidth=1.6, label="at rest"
+    )
+    _ground(ax)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    return figure, table
+
+
+@house_style
+def figure_4_8(throws: pd.DataFrame) -> Drawn:
+    """Densities of the error in resting position for each model, with mean and standard deviation.
+
+    `throws`: model, error (1), a row per held-out throw.
+    """
+    figure = new_figure(height=3.0)
+    ax = figure.add_subplot()
+    grid = np.linspace(-SHOWN, SHOWN, 321)
+    rows = []
+    for model, part in throws.groupby("model", sort=False):
+        color, dash, label = MODEL_STYLE[model]
+        error = part["error"].to_numpy()
+        density = reflected_density(error, grid)
+        text = f"{label} ({error.mean():+.2f} ± {error.std():.2f})"
+        ax.plot(grid, density, color=color, linestyle=dash, label=text)
+        beyond = float(np.mean(np.abs(error) > SHOWN))
+        rows += [(model, x, d, error.mean(), error.std(), beyond) for x, d in zip(grid, density)]
+    ax.axvline(0.0, color=GREY, linewidth=0.7, zorder=0)
+    ax.set_xlim(-SHOWN, SHOWN)
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel("measured minus expected resting position (sides)")
+    ax.set_ylabel("density")
+    ax.legend(
+        loc="upper left", title="mean ± standard deviation", fontsize="x-small", title_fontsize="x-small"
+    )
+    return figure, pd.DataFrame(rows, columns=["model", "error", "density", "mean", "std", "beyond"])
+
+
+@house_style
+def figure_4_9(
+    poses: pd.DataFrame, hits: pd.DataFrame, shape: Polygon, easy: int, hard: int, after: float = 0.06
+) -> Drawn:
+    """A hard (left) and an easy throw about their first contact: outlines at all samples until `after` s past it.
+
+    Args:
+        poses: trial, t, x, y, theta.
+        hits: trial, t of detected hits.
+        shape: of the body.
+        easy, hard: trials.
+        after: s.
+    """
+    figure = new_figure(width=0.75 * WIDTH, height=3.0, layout="compressed")
+    axes = figure.subplots(1, 2, sharey=True)
+    tables = []
+    for ax, trial, title in zip(axes, (hard, easy), ("hard to predict", "easy to predict")):
+        first = float(hits.loc[hits["trial"] == trial, "t"].min())
+        one = poses[(poses["trial"] == trial) & (poses["t"] <= first + after)]
+        for pose, t in zip(one[["x", "y", "theta"]].to_numpy(), one["t"]):
+            color = "#0072B2" if t <= first else "#D55E00"
+            draw_outline(ax, shape, pose, color=color, linewidth=0.5, alpha=0.55)
+        ax.plot([], [], color="#0072B2", label="before the first contact")
+        ax.plot([], [], color="#D55E00", label="after")
+        _ground(ax)
+        ax.set_title(title)
+        tables.append(
+            one[["trial", "t", "x", "y", "theta"]].assign(
+                after_first=(one["t"] > first).astype(int), case=title
+            )
+        )
+    # equally wide, so that equal scales leave both panels equally high
+    ends = np.array([ax.get_xlim() for ax in axes])
+    half = 0.5 * np.ptp(ends, axis=1).max()
+    for ax, middle in zip(axes, ends.mean(axis=1)):
+        ax.set_xlim(middle - half, middle + half)
+    axes[1].set_ylabel("")
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.12), ncols=2)
+    return figure, pd.concat(tables, ignore_index=True)
+
+
+def _ground(ax: Axes) -> None:
+    low, high = ax.get_xlim()
+    ax.axhline(0.0, color=INK, linewidth=1.0)
+    ax.set_xlim(low, high)
+    ax.set_aspect("equal")
+    ax.set_xlabel("$x$ (m)")
+    ax.set_ylabel("$y$ (m)")

@@ -1,0 +1,131 @@
+"""Beliefs: Gaussian mixtures over states, and over where and how a thrown body comes to rest.
+
+    p(s) = Σ_i w_i N(s | m_i, S_i)                                              thesis, equation 4.16
+    mean = Σ w_i m_i,   covariance = Σ w_i (S_i + (m_i − mean)(m_i − mean)ᵀ)
+
+At rest the belief is over the side f that is down and the position x.  It is a mixture of kernels on the M particles,
+
+    P(f) = (M_f + 1/K)/(M + 1),    p(x | f) = (1 − γ) Σ_{i: f_i = f} N(x | x_i, b²)/M_f + γ N(x | x̄, (5 s)²),
+    p(x, f) = P(f) p(x | f)
+
+with K sides, b Silverman's width of the M_f particles (of all, where a side has fewer than five), x̄ and s mean and
+spread of all particles.  The added 1/K of a particle and the wide part γ = 0.01 say that a finite sample never makes
+an outcome impossible: without them one surprise has the likelihood zero.  Both are own choices, as the thesis gives
+no kernel.
+
+| on paper | in code      | unit | shape     |                                     |
+|----------|--------------|------|-----------|-------------------------------------|
+| m_i, S_i | `mean`,`cov` | mixed | (m, d), (m, d, d) | of the components           |
+| w_i      | `weight`     | 1    | (m,)      |                                     |
+| x_i, f_i | `x`, `face`  | m, 1 | (M,)      | particles at rest                   |
+
+Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; Silverman, Density Estimation, 1986 (width of
+kernels).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+WIDE = 0.01  # γ
+FEW = 5  # particles on a side from which a width of kernels can be had
+NARROWEST = 1e-4  # m; particles that all agree still get kernels as wide as a camera's error
+
+
+@dataclass(frozen=True)
+class GaussianMixture:
+    """A mixture of m Gaussians in d dimensions; see the module's table."""
+
+    mean: np.ndarray
+    cov: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def single(cls, mean: np.ndarray, cov: np.ndarray) -> "GaussianMixture":
+        """One Gaussian with mean (d,) and covariance (d, d)."""
+        return cls(np.asarray(mean, float)[None], np.asarray(cov, float)[None], np.ones(1))
+
+    @property
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (d,) and covariance (d, d) of the mixture."""
+        mean = self.weight @ self.mean
+        away = self.mean - mean
+        return mean, np.einsum("i,ijk->jk", self.weight, self.cov + away[:, :, None] * away[:, None, :])
+
+    def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """States (count, d).  Components are drawn systematically: with m = count equal weights, each once."""
+        at = (np.arange(count) + rng.uniform()) / count
+        which = np.minimum(np.searchsorted(np.cumsum(self.weight), at), len(self.weight) - 1)
+        factor = covariance_root(self.cov)
+        noise = rng.standard_normal((count, self.mean.shape[1]))
+        return self.mean[which] + np.einsum("nij,nj->ni", factor[which], noise)
+
+    def log_density(self, states: np.ndarray) -> np.ndarray:
+        """log p(s) (n,) at states (n, d); needs covariances of full rank."""
+        from scipy.special import logsumexp
+
+        away = states[:, None, :] - self.mean
+        L = np.linalg.cholesky(self.cov)
+        z = np.linalg.solve(L[None], away[..., None])[..., 0]
+        log_det = 2.0 * np.log(np.einsum("mii->mi", L)).sum(1) + self.mean.shape[1] * np.log(2.0 * np.pi)
+        return logsumexp(-0.5 * ((z**2).sum(-1) + log_det), b=self.weight, axis=1)
+
+    def marginal(self, rows: list[int]) -> "GaussianMixture":
+        """The mixture of some of the dimensions."""
+        return GaussianMixture(self.mean[:, rows], self.cov[:, rows][:, :, rows], self.weight)
+
+
+def covariance_root(cov: np.ndarray) -> np.ndarray:
+    """L (n, d, d) with L Lᵀ = cov, also where cov is singular (a pose that an impact leaves alone)."""
+    value, vector = np.linalg.eigh(cov)
+    return vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
+
+
+def through_dynamics(jacobian: np.ndarray, cov: np.ndarray) -> np.ndarray:
+    """A Σ Aᵀ (n, 3, 3): covariance of the velocity from that of the impulse, A = M⁻¹ Jᵀ (equation 4.14)."""
+    return jacobian @ cov @ np.swapaxes(jacobian, 1, 2)
+
+
+@dataclass(frozen=True)
+class RestBelief:
+    """Belief over position x (m) and side at rest, from M equally weighted particles; `sides` is K."""
+
+    x: np.ndarray
+    face: np.ndarray
+    sides: int
+
+    @cached_property
+    def face_probability(self) -> np.ndarray:
+        """P(f), (K,)."""
+        count = np.bincount(self.face, minlength=self.sides)
+        return (count + 1.0 / self.sides) / (len(self.face) + 1.0)
+
+    @property
+    def most_likely_face(self) -> int:
+        """The side with the highest probability; the lowest index of equals."""
+        return int(np.argmax(self.face_probability))
+
+    def log_likelihood(self, x: float, face: int) -> tuple[float, float]:
+        """log p(x, f) and log P(f) of an outcome, nats (x in m)."""
+        log_face = float(np.log(self.face_probability[face]))
+        return log_face + float(np.log(self.density(np.array([x]), face)[0])), log_face
+
+    def density(self, x: np.ndarray, face: int | None = None) -> np.ndarray:
+        """p(x | face) in 1/m at positions (n,); over all sides if face is None."""
+        own = self.x if face is None else self.x[self.face == face]
+        own = own if len(own) >= FEW else self.x
+        spread = max(float(np.std(self.x)), NARROWEST)
+        width = max(_silverman(own), NARROWEST)
+        kernels = _normal((x[:, None] - own) / width).mean(1) / width
+        return (1.0 - WIDE) * kernels + WIDE * _normal((x - self.x.mean()) / (5.0 * spread)) / (5.0 * spread)
+
+
+def _silverman(x: np.ndarray) -> float:
+    q = np.subtract(*np.percentile(x, [75, 25])) / 1.349
+    std = float(np.std(x))
+    return 0.9 * (min(std, q) if q > 0.0 else std) * len(x) ** -0.2
+
+
+def _normal(z: np.ndarray) -> np.ndarray:
+    return np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)

@@ -1,0 +1,115 @@
+"""Are the uncertainties right?  Coverage, PIT and CRPS of predictions, with binomial intervals.
+
+For a scalar y predicted by samples y_1 … y_M, with F their distribution,
+
+    PIT        u = (#{y_i < y} + U (#{y_i = y} + 1))/(M + 1),  U uniform;  uniform if the prediction is right
+    coverage   share of outcomes with |u − 1/2| ≤ level/2     (central regions)
+    CRPS       mean |y_i − y| − mean |y_i − y_j|/2            (same unit as y; |y − ŷ| for a point prediction)
+
+For a vector with a Gaussian prediction N(m, S) in d dimensions, u = χ²_d(z), z² = (y − m)ᵀ S⁻¹ (y − m), and the region
+of a level is the ellipsoid u ≤ level.  The interval of a coverage is Wilson's at 95 %; held-out outcomes of one trial
+hang together, so where `groups` are given the interval is a bootstrap over them.
+
+A level passes if |coverage − level| is at most 3 points or the level lies within the interval (the issue's criterion).
+
+| on paper | in code | unit      | shape  |                                   |
+|----------|---------|-----------|--------|-----------------------------------|
+| u        | `pit`   | 1         | (n,)   | probability integral transform    |
+| M        |         |           | (n, M) | samples of each prediction        |
+
+Sources: Gneiting and Raftery 2007, doi:10.1198/016214506000001437; Wilson 1927, doi:10.1080/01621459.1927.10502953.
+"""
+
+import numpy as np
+import pandas as pd
+
+LEVELS = (0.5, 0.8, 0.95)
+MARGIN = 0.03
+
+
+def pit_of_samples(outcome: np.ndarray, samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """PIT (n,) of outcomes (n,) under samples (n, M)."""
+    below = (samples < outcome[:, None]).sum(1)
+    equal = (samples == outcome[:, None]).sum(1)
+    return (below + rng.uniform(size=len(outcome)) * (equal + 1)) / (samples.shape[1] + 1)
+
+
+def pit_of_gaussian(outcome: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> np.ndarray:
+    """χ² probability u (n,) of outcomes (n, d) under N(mean, cov): the smallest region that holds the outcome."""
+    from scipy.stats import chi2
+
+    away = outcome - mean
+    z2 = np.einsum("ni,ni->n", away, np.linalg.solve(cov, away[..., None])[..., 0])
+    return chi2.cdf(z2, outcome.shape[1])
+
+
+def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Continuous ranked probability score (n,) of outcomes (n,) under samples (n, M), in their unit; low is good."""
+    ordered = np.sort(samples, axis=1)
+    m = ordered.shape[1]
+    # mean |y_i − y_j|/2 = Σ_i (2 i − m − 1) y_(i)/m²
+    pairs = ordered @ (2.0 * np.arange(1, m + 1) - m - 1) / m**2
+    return np.abs(samples - outcome[:, None]).mean(1) - pairs
+
+
+def wilson(hits: float, n: int) -> tuple[float, float]:
+    """95 % interval of a probability after `hits` of n."""
+    z = 1.959964
+    if n == 0:
+        return 0.0, 1.0
+    p = hits / n
+    centre, half = (p + z * z / (2 * n)), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return float((centre - half) / (1 + z * z / n)), float((centre + half) / (1 + z * z / n))
+
+
+def coverage_table(
+    pit: np.ndarray,
+    *,
+    central: bool,
+    groups: np.ndarray | None = None,
+    rng: np.random.Generator | None = None,
+    bootstrap: int = 1000,
+) -> pd.DataFrame:
+    """Coverage of the regions of `LEVELS`.
+
+    Args:
+        pit: (n,) PIT; those that are NaN are left out and counted.
+        central: True for the PIT of a scalar (regions about the median), False for χ² probabilities.
+        groups: (n,) trial of each, for a bootstrap interval; Wilson's interval without.
+        rng: needed with groups.
+
+    Returns:
+        level, coverage, low, high, passes (1 or 0), n, left_out.
+
+    Raises:
+        ValueError: groups without rng.
+    """
+    kept = np.isfinite(pit)
+    inside = 2.0 * np.abs(pit[kept] - 0.5) if central else pit[kept]
+    if groups is not None and rng is None:
+        raise ValueError("a bootstrap over groups needs rng")
+    rows = []
+    for level in LEVELS:
+        hit = inside <= level
+        n = len(hit)
+        share = float(hit.mean()) if n else np.nan
+        low, high = wilson(hit.sum(), n)
+        if groups is not None and n:
+            _, index = np.unique(groups[kept], return_inverse=True)
+            total, hits = np.bincount(index), np.bincount(index, weights=hit)
+            drawn = rng.integers(len(total), size=(bootstrap, len(total)))
+            low, high = np.percentile(hits[drawn].sum(1) / total[drawn].sum(1), [2.5, 97.5])
+        passes = abs(share - level) <= MARGIN or low <= level <= high
+        rows.append((level, share, low, high, int(passes), n, int((~kept).sum())))
+    return pd.DataFrame(rows, columns=["level", "coverage", "low", "high", "passes", "n", "left_out"])
+
+
+def pit_histogram(pit: np.ndarray, bins: int = 10) -> pd.DataFrame:
+    """Share of PITs in equal bins and the 95 % band that chance allows a right prediction: pit, share, low, high."""
+    from scipy.stats import binom
+
+    u = pit[np.isfinite(pit)]
+    count, edges = np.histogram(u, bins, (0.0, 1.0))
+    n = max(len(u), 1)
+    low, high = binom.ppf([0.025, 0.975], n, 1.0 / bins) / n
+    return pd.DataFrame({"pit": 0.5 * (edges[1:] + edges[:-1]), "share": count / n, "low": low, "high": high})

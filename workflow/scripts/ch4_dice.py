@@ -1,0 +1,52 @@
+"""Thrown dice: where each contact model says that they come to rest (figures 4-3, 4-4 and 4-7 to 4-10)."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.critique.saved_model import load_model
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.figures import chapter4_belief as belief
+from thesis_lib.figures import chapter4_dice as dice
+from thesis_lib.figures.style import save_figure
+from thesis_lib.files import read_table
+from thesis_lib.randomness import generator
+from thesis_lib.residual import dice_results as results
+from thesis_lib.residual.dice_settings import DiceStudySettings
+from thesis_lib.residual.dice_study import dice_study, side_of
+
+params, source, name = snakemake.params, snakemake.input, snakemake.wildcards.dataset
+settings = DiceStudySettings.model_validate(params.settings)
+
+
+def stream(step):
+    return generator(params.seed, "ch4_dice", name, step)
+
+
+dataset = read_dataset(params.folder)
+impacts = read_dataset(Path(source.header).parent).stated_impacts()
+hits = read_table(source.arcs, ["trial", "t"])
+model = load_model(Path(params.critique) / "model.json")
+studies = dice_study(dataset, hits, impacts, model, settings, stream("study"), say=print)
+tables = results.dice_tables(studies, stream("coverage"))
+for stem, table in tables.items():
+    write_result(table, Path(snakemake.output.dice).with_name(f"{stem}.csv"))
+
+side, poses, shape = side_of(dataset), dataset.trajectories, dataset.shape
+shown = results.examples(studies[0], side, settings, stream("examples"))
+drawn = {
+    "figure_4_3": belief.figure_4_3(poses, shown.samples, shape),
+    "figure_4_4": belief.figure_4_4(shown.samples, shown.rest, side),
+    "figure_4_7": dice.figure_4_7(poses, shape, shown.hard),
+    "figure_4_8": dice.figure_4_8(tables["dice_throws"]),
+    "figure_4_9": dice.figure_4_9(poses, hits, shape, shown.easy, shown.hard),
+    "figure_4_10": belief.figure_4_10(shown.beliefs, shown.marks),
+    "figure_calibration": belief.figure_calibration(
+        *results.calibration(tables["dice_throws"], tables["dice_calibration"])
+    ),
+}
+for stem, figure in drawn.items():
+    save_figure(*figure, Path(snakemake.output.dice).with_name(stem))
