@@ -58,7 +58,6 @@ INERTIAS = (
 )  # I / (m l²) of the starts: all that a wheel with its mass inside the tips can have
 FIRST_SAMPLES = 10  # through which the start's parabola goes: a tenth of the time on one spoke
 INERTIA_RANGE = (1e-3, 1e3)  # I / (m l²) beyond which nothing more changes
-EVALUATIONS = 60  # of a fit, each with its derivatives; ten are usual
 KEPT = 2  # starts of the grid that are fitted
 STRETCH = 100  # steps of the first stage, one change of spoke: fits that start far off stay near the data
 MIN_SAMPLES = 20  # fewer leave too few differences to judge the noise by

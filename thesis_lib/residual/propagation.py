@@ -35,7 +35,6 @@ Sources: Bauza and Rodriguez, GP-SUM, arXiv 1709.08120; Fazeli, Ajay, Rodriguez,
 """
 
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -67,18 +66,6 @@ class Tally:
     def rejection_rate(self) -> float:
         """Share of drawn samples that were not feasible."""
         return self.rejected / self.drawn if self.drawn else 0.0
-
-
-class UncertainContact(Protocol):
-    """A contact whose outcome is a Gaussian for each state; see the module's text for the three kinds."""
-
-    law: LawImpact
-    tally: Tally
-
-    def distribution(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean (n, 6) and covariance (n, 6, 6) of the state after contact, and the time (n,) it took."""
 
 
 def draw(

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.simulate.lcp import MAX_UNKNOWNS, LcpStatus, solve_lcp_enumeration
-from thesis_lib.simulate.mechanism import Contacts
+from thesis_lib.simulate.mechanism import Mechanism
 
 MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
 # m: a pair this near may be closed by the impulse of another in the same step, though free motion would open it
@@ -58,8 +58,8 @@ class StepSolution:
 
 
 def solve_contacts(
-    contacts: Contacts,
-    phi_free: np.ndarray,
+    mechanism: Mechanism,
+    q: np.ndarray,
     M_inv: np.ndarray,
     v: np.ndarray,
     v_free: np.ndarray,
@@ -72,14 +72,15 @@ def solve_contacts(
     """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
 
     Args:
-        contacts: of one configuration q.
-        phi_free: (p,) gaps at q + h v_free.
+        mechanism: gives the contacts.
+        q: (nq,) configuration at the start of the step.
         M_inv: (nv, nv).
         v, v_free: (nv,) velocity before the step and after it without contact.
         h: s.
         mu, epsilon: (p,).
         v_rebound, v_recover: m/s.
     """
+    contacts, phi_free = mechanism.contacts(q), mechanism.contacts(q + h * v_free).phi
     phi, J_n, J_t = contacts.phi, contacts.J_n, contacts.J_t
     c_n, c_t = np.zeros((2, len(phi)))
     active = np.flatnonzero((phi_free <= 0.0) | (phi <= TOUCH))

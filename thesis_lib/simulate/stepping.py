@@ -137,18 +137,7 @@ def step_lcp(
     M_inv = np.linalg.inv(mechanism.mass_matrix(q))
     v_free = v + h * (M_inv @ (mechanism.gravity(q) + f_ext - mechanism.bias(q, v)))
     mu, epsilon = np.broadcast_to(mu, p), np.broadcast_to(epsilon, p)
-    out = solve_contacts(
-        mechanism.contacts(q),
-        mechanism.contacts(q + h * v_free).phi,
-        M_inv,
-        v,
-        v_free,
-        h,
-        mu,
-        epsilon,
-        v_rebound,
-        V_RECOVER,
-    )
+    out = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)
     return q + h * out.v, out.v, out
 
 
@@ -238,18 +227,7 @@ def _run(
                 total = total - mechanism.bias(q, v)
                 M_inv = np.linalg.inv(mechanism.mass_matrix(q))
             v_free = v + h * (M_inv @ total)
-        step = solve_contacts(
-            mechanism.contacts(q),
-            mechanism.contacts(q + h * v_free).phi,
-            M_inv,
-            v,
-            v_free,
-            h,
-            mu,
-            epsilon,
-            v_rebound,
-            V_RECOVER,
-        )
+        step = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)
         q, v = q + h * step.v, step.v
         out.q[k + 1], out.v[k + 1] = q, v
         k += 1
