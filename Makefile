@@ -41,12 +41,14 @@ report: reproduce  ## as reproduce, then one page with all of it: results/report
 test: setup  ## run the tests (TESTS='-m "not slow"' for the fast ones)
 	$(BIN)/python -m pytest -n 2 $(TESTS)
 
-bench: setup  ## measure speed: laws, identification, simulators, programs, critique, pipeline
+bench: setup  ## measure speed: laws, identification, simulators, programs, critique, learning, beliefs, pipeline
 	$(BIN)/python -m benchmarks.laws
 	$(BIN)/python -m benchmarks.identification
 	$(BIN)/python -m benchmarks.simulators
 	$(BIN)/python -m benchmarks.programs --mechanisms block ellipse wheel arm_disk --windows 5 --starts 2
 	$(BIN)/python -m benchmarks.critique
+	$(BIN)/python -m benchmarks.gaussian_processes
+	$(BIN)/python -m benchmarks.belief
 	$(BIN)/python -m benchmarks.pipeline
 
 check: setup  ## lint and formatting, as CI does

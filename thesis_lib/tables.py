@@ -168,6 +168,11 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
             ("model", "quantity", "value", "std", "low", "high", "std_splits", "splits"),
         ),
         Shown(
+            "chapter4/planar_dice/dice_first_contact.csv",
+            "Beliefs after the first contact: Gaussian mixture and particles",
+            ("model", "belief", "quantity", "value", "std", "low", "high"),
+        ),
+        Shown(
             "chapter4/planar_dice/dice_calibration.csv",
             "Calibration of beliefs over resting positions and contacts",
             ("model", "kind", "level", "coverage", "low", "high", "passes", "n"),

@@ -6,9 +6,11 @@ import pytest
 from thesis_lib.residual.calibration import (
     coverage_table,
     crps,
+    crps_of_mixture,
     pit_histogram,
     pit_of_gaussian,
     pit_of_samples,
+    pit_of_student,
     wilson,
 )
 
@@ -63,6 +65,21 @@ def test_crps_of_a_gaussian_is_its_closed_form_and_of_a_point_the_distance():
     assert crps(np.array([2.0]), np.array([[0.5]]))[0] == pytest.approx(1.5)
 
 
+def test_crps_of_a_mixture_is_that_of_its_samples_and_of_one_gaussian_the_textbooks():
+    from scipy.stats import norm
+
+    rng = np.random.default_rng(7)
+    mean, std, weight = np.array([-1.0, 0.2, 3.0]), np.array([0.3, 1.0, 0.1]), np.array([0.5, 0.3, 0.2])
+    which = rng.choice(3, 200_000, p=weight)
+    samples = rng.normal(mean[which], std[which])
+    y = np.array([-2.0, 0.0, 3.1, 6.0])
+    found = crps_of_mixture(y, np.tile(mean, (4, 1)), np.tile(std, (4, 1)), weight)
+    assert found == pytest.approx(crps(y, np.tile(samples, (4, 1))), abs=5e-3)
+    z = (y - 1.0) / 2.0
+    exact = 2.0 * (z * (2.0 * norm.cdf(z) - 1.0) + 2.0 * norm.pdf(z) - 1.0 / np.sqrt(np.pi))
+    assert crps_of_mixture(y, np.full((4, 1), 1.0), np.full((4, 1), 2.0), np.ones(1)) == pytest.approx(exact)
+
+
 def test_crps_prefers_the_right_width():
     rng = np.random.default_rng(4)
     score = {f: crps(*predictions(f, rng)).mean() for f in (0.3, 1.0, 3.0)}
@@ -87,3 +104,14 @@ def test_pit_is_uniform_where_samples_equal_the_outcome():
 def test_predictions_without_a_value_are_counted():
     table = coverage_table(np.array([0.5, np.nan, 0.2]), central=True)
     assert (table["n"] == 2).all() and (table["left_out"] == 1).all()
+
+
+@pytest.mark.parametrize("freedom", [4.0, np.inf])
+def test_right_tails_are_calibrated_and_a_gaussians_are_not(freedom):
+    rng = np.random.default_rng(3)
+    z = rng.normal(size=(N, 3))
+    if np.isfinite(freedom):
+        z *= np.sqrt((freedom - 2.0) / rng.chisquare(freedom, N))[:, None]
+    assert coverage_table(pit_of_student(z, freedom), central=False)["passes"].all()
+    other = np.inf if np.isfinite(freedom) else 3.0
+    assert not coverage_table(pit_of_student(z, other), central=False)["passes"].all()

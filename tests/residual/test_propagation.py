@@ -1,4 +1,4 @@
-"""Uncertain contacts and propagated beliefs: feasibility, limits, moments, and recovery of a planted residual."""
+"""Uncertain contacts: feasibility, limits, counts, and recovery of a planted residual."""
 
 from dataclasses import replace
 
@@ -7,19 +7,21 @@ import pytest
 from throws_for_tests import BODY, HALF, RIG, throws
 
 from thesis_lib.contact import LAWS
-from thesis_lib.residual.belief import GaussianMixture
+from thesis_lib.residual.belief import covariance_root
+from thesis_lib.residual.compliant_contact import CompliantContact
 from thesis_lib.residual.dice_data import Contacts, Flights, flight_drag
-from thesis_lib.residual.dice_fit import DiceModel, cma_es, fit_dice
-from thesis_lib.residual.dice_models import contact_map, train_contact_map
+from thesis_lib.residual.dice_fit import DiceModel, cma_es, contact_path, fit_dice
+from thesis_lib.residual.dice_models import contact_map, train_missed
 from thesis_lib.residual.dice_settings import DiceFitSettings, DiceStudySettings, ThrowSettings
 from thesis_lib.residual.flight import first_touch, fly
 from thesis_lib.residual.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.propagation import Sampled, ScatteredLaw, propagate, wrench_map
-from thesis_lib.residual.throw import LawImpact, push, simulate_throws, state_at
+from thesis_lib.residual.propagation import Sampled, ScatteredLaw, draw, wrench_map
+from thesis_lib.residual.throw import LawImpact, push, simulate_throws
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.5, RIG.k_g)
 WIDE = np.diag([0.2, 0.2, 0.005]) ** 2
 TRUTH = DiceModel(0.026, 0.002, 0.001, 0.0215, "mirtich", 0.11, 0.47, 9.81, d_theta=-0.03)
+SOFT = replace(TRUTH, contact=CompliantContact(omega=900.0, damping=0.2, dashpot=0.2, mu=0.18, tau=0.2))
 BELIEVED = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.1, 0.5, 9.81)
 
 
@@ -37,9 +39,7 @@ def made_contacts(model: DiceModel, n: int, twist: float = 0.0) -> Contacts:
     t, _ = first_touch(body, q, v)
     before_q, before_v = fly(body, q, v, t - 0.003)
     span = np.full(n, 0.02)
-    after_q, after_v, _ = state_at(
-        body, before_q, before_v, span, model.impact, ThrowSettings(), np.random.default_rng(0)
-    )
+    after_q, after_v = contact_path(model, before_q, before_v, span, ThrowSettings())
     speed = np.linalg.norm(v * [1, 1, model.k_g], axis=1)
     extra = twist * speed * np.sin(4 * before_q[:, 2])
     after_v = after_v + extra[:, None] * [1.0, 0.0, 1.0 / model.k_g]
@@ -83,64 +83,81 @@ def test_the_wrench_map_is_what_an_impulse_does():
     assert np.einsum("nij,nj->ni", wrench_map(r, 0.02), c) == pytest.approx(expected)
 
 
-def test_a_propagated_belief_has_the_moments_of_particles():
-    q, v = throws(1)
-    q[0, 2], v[0, 2] = 0.6, 1.0  # lands on one corner
-    start = GaussianMixture.single(np.r_[q[0], v[0]], np.diag([1e-4, 1e-4, 1e-3, 3e-3, 3e-3, 3e-2]) ** 2)
-    contact = ScatteredLaw(BODY, LAW, relative=0.01 * WIDE)
-    out = propagate(BODY, start, contact, 1, 2000, np.random.default_rng(0))
-    mean, cov = out.beliefs[1].moments
-    s = start.sample(20_000, np.random.default_rng(1))
-    t, corner = first_touch(BODY, s[:, :3], s[:, 3:])
-    at, u = fly(BODY, s[:, :3], s[:, 3:], t)
-    r = BODY.contact_point(at[:, 2], corner)
-    _, after, _ = contact(at, u, r, np.zeros(len(at), bool), np.random.default_rng(2))
-    assert mean[3:] == pytest.approx(after.mean(0), abs=0.05)
-    assert np.sqrt(np.diag(cov))[3:] == pytest.approx(after.std(0), rel=0.1)
+def test_every_state_counts_once_in_the_rate_of_first_samples():
+    contact = ScatteredLaw(BODY, LAW, relative=WIDE)
+    q, v, r, slow = touching(4000)
+    mean, cov, took, _ = contact.distribution(q, v, r, slow)
+    rng = np.random.default_rng(3)
+    share = np.mean(
+        [
+            ~contact.feasible(
+                q,
+                v,
+                r,
+                mean + np.einsum("nij,nj->ni", covariance_root(cov), rng.standard_normal(mean.shape)),
+                took,
+            )
+            for _ in range(10)
+        ]
+    )
+    contact(q, v, r, slow, np.random.default_rng(0))
+    assert contact.tally.sampled == 4000
+    assert contact.tally.first_rejection_rate == pytest.approx(share, abs=0.02)
+    # states that are often rejected are drawn again and again: they weigh more among all samples
+    assert contact.tally.rejection_rate > contact.tally.first_rejection_rate > 0.05
 
 
-def test_each_contact_widens_the_belief_of_a_throw():
-    q, v = throws(1)
-    start = GaussianMixture.single(np.r_[q[0], v[0]], np.diag([1e-4, 1e-4, 1e-3, 3e-3, 3e-3, 3e-2]) ** 2)
-    contact = ScatteredLaw(BODY, LAW, relative=0.05 * WIDE)
-    beliefs = propagate(BODY, start, contact, 3, 500, np.random.default_rng(0)).beliefs
-    spin = [np.sqrt(b.moments[1][5, 5]) for b in beliefs]
-    assert spin[1] > spin[0] and spin[3] > spin[1]
-
-
-@pytest.mark.slow
-def test_the_fit_finds_a_planted_body_and_law():
-    contacts = made_contacts(TRUTH, 250)
-    settings = DiceFitSettings(evaluations=600)
-    fitted, misfit = fit_dice(BELIEVED, contacts, np.random.default_rng(0), settings)
-    assert misfit < 0.03
-    assert fitted.half == pytest.approx(TRUTH.half, abs=1.0e-3)
-    assert fitted.k_g == pytest.approx(TRUTH.k_g, abs=1.0e-3)
-    assert fitted.mu == pytest.approx(TRUTH.mu, abs=0.02)
-    assert fitted.epsilon == pytest.approx(TRUTH.epsilon, abs=0.03)
-    assert fitted.d_theta == pytest.approx(TRUTH.d_theta, abs=0.015)
+def test_without_a_feasible_sample_the_distribution_is_the_laws():
+    contact = ScatteredLaw(BODY, LAW, relative=np.diag([0.0, 0.0, 100.0]) ** 2, draws=1)
+    q, v, r, slow = touching(500)
+    out = draw(contact, q, v, r, slow, np.random.default_rng(0))
+    certain = ~out.cov.any((1, 2))
+    assert certain.sum() == contact.tally.given_up > 400
+    assert out.mean[certain, 3:] == pytest.approx(LAW(q, v, r, slow, np.random.default_rng(0))[1][certain])
+    assert np.hstack([out.q, out.v])[certain] == pytest.approx(out.mean[certain])
 
 
 @pytest.mark.slow
+def test_the_fit_finds_a_planted_body_and_contact():
+    contacts = made_contacts(SOFT, 250)
+    fitted, misfit = fit_dice(BELIEVED, contacts, np.random.default_rng(0), DiceFitSettings(evaluations=3000))
+    even = replace(SOFT, contact=CompliantContact())
+    _, v = contact_path(even, even.seen(contacts.q), contacts.v, contacts.span, ThrowSettings())
+    without = np.linalg.norm((contacts.v_after - v) * [1.0, 1.0, SOFT.k_g], axis=1).mean()
+    assert misfit < 0.03 and misfit < 0.15 * without
+    assert fitted.k_g == pytest.approx(SOFT.k_g, abs=1.0e-3)
+    assert fitted.contact.omega == pytest.approx(SOFT.contact.omega, rel=0.15)
+    assert fitted.contact.mu == pytest.approx(SOFT.contact.mu, abs=0.03)
+
+
+def test_samples_with_tails_have_the_covariance_that_is_said():
+    contact = ScatteredLaw(BODY, LAW, relative=WIDE, freedom=5.0)
+    noise = contact.noise(200_000, np.random.default_rng(0))
+    assert np.cov(noise.T) == pytest.approx(np.eye(6), abs=0.05)
+    assert (np.abs(noise) > 4.0).mean() > 10 * 6.3e-5  # a Gaussian's
+
+
 def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
     settings = DiceStudySettings(
         training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu")
     )
     contacts = made_contacts(TRUTH, 500, twist=0.1)
     known, new = contacts.select(np.arange(250)), contacts.select(np.arange(250, 500))
-    process, spread, _ = train_contact_map(TRUTH, known, settings, np.random.default_rng(0))
-    contact = contact_map("", TRUTH, process, spread, settings).contact
+    missed = train_missed(TRUTH, known, settings, np.random.default_rng(0))
+    contact = contact_map("", TRUTH, missed, settings).contact
     body = TRUTH.body
     q = TRUTH.seen(new.q)
     t, corner = first_touch(body, q, new.v)
     q, v = fly(body, q, new.v, t)
     r = body.contact_point(q[:, 2], corner)
-    mean, _, took = contact.distribution(q, v, r, np.zeros(len(q), bool))
+    mean, _, took, _ = contact.distribution(q, v, r, np.zeros(len(q), bool))
     _, reached = fly(body, mean[:, :3], mean[:, 3:], new.span - t - took)
     metric = np.array([1.0, 1.0, TRUTH.k_g])
     left = (new.v_after - reached) * metric
-    plain = replace(contact, process=replace(process, y=0.0 * process.y))
-    bare, _, _ = plain.distribution(q, v, r, np.zeros(len(q), bool))
+    plain = contact_map(
+        "", TRUTH, train_missed(TRUTH, known, settings, np.random.default_rng(0), False), settings
+    ).contact
+    bare, _, _, _ = plain.distribution(q, v, r, np.zeros(len(q), bool))
     _, without = fly(body, bare[:, :3], bare[:, 3:], new.span - t - took)
     before = (new.v_after - without) * metric
     assert np.median(np.linalg.norm(left, axis=1)) < 0.2 * np.median(np.linalg.norm(before, axis=1))

@@ -19,8 +19,8 @@ MODEL_STYLE = {
     "residual": ("#E69F00", (0, (3, 1, 1, 1)), "law + rigid residual"),
     "residual_wrench": ("#D55E00", (0, (1, 1.2)), "law + wrench residual"),
     "critique": ("#CC79A7", (0, (4, 1.2, 1, 1.2)), "critique's law"),
-    "calibrated": ("#56B4E9", (0, (2, 1)), "calibrated law"),
-    "calibrated_residual": ("#009E73", "-", "calibrated law + residual"),
+    "compliant": ("#56B4E9", (0, (2, 1)), "compliant contact"),
+    "compliant_residual": ("#009E73", "-", "compliant contact + residual"),
 }
 OUTLINES = 26  # of a whole throw in figure 4-7
 SHOWN = 4.0  # sides; errors beyond are drawn at the edge's side of the axis and counted in the table
@@ -130,3 +130,33 @@ def _ground(ax: Axes) -> None:
     ax.set_aspect("equal")
     ax.set_xlabel("$x$ (m)")
     ax.set_ylabel("$y$ (m)")
+
+
+@house_style
+def figure_restitution(table: pd.DataFrame) -> Drawn:
+    """Measured restitution against the place of the contact, first and later contacts, with what the model says.
+
+    `table`: first (1: a throw's first contact), x (m), measured, model (1); see `residual.restitution`.
+    """
+    figure = new_figure(width=WIDTH, height=2.6)
+    axes = figure.subplots(1, 2, sharey=True)
+    for ax, first, title in zip(axes, (1, 0), ("first contacts", "later contacts")):
+        part = table[table["first"] == first]
+        ax.plot(
+            100.0 * part["x"],
+            part["measured"],
+            "o",
+            color="#0072B2",
+            markersize=2.2,
+            alpha=0.6,
+            label="measured",
+        )
+        ax.plot(
+            100.0 * part["x"], part["model"], "x", color="#D55E00", markersize=2.8, label="compliant contact"
+        )
+        ax.set_title(title)
+        ax.set_xlabel("place of the contact $x$ (cm)")
+    axes[0].set_ylabel("restitution $e_n$")
+    axes[0].set_ylim(0.1, 0.8)
+    axes[0].legend(loc="lower left")
+    return figure, table[["first", "trial", "x", "measured", "model"]]

@@ -65,9 +65,8 @@ class GaussianMixture:
         """log p(s) (n,) at states (n, d); needs covariances of full rank."""
         from scipy.special import logsumexp
 
-        away = states[:, None, :] - self.mean
         L = np.linalg.cholesky(self.cov)
-        z = np.linalg.solve(L[None], away[..., None])[..., 0]
+        z = np.einsum("mij,nmj->nmi", np.linalg.inv(L), states[:, None, :] - self.mean)
         log_det = 2.0 * np.log(np.einsum("mii->mi", L)).sum(1) + self.mean.shape[1] * np.log(2.0 * np.pi)
         return logsumexp(-0.5 * ((z**2).sum(-1) + log_det), b=self.weight, axis=1)
 

@@ -5,6 +5,8 @@ For a scalar y predicted by samples y_1 … y_M, with F their distribution,
     PIT        u = (#{y_i < y} + U (#{y_i = y} + 1))/(M + 1),  U uniform;  uniform if the prediction is right
     coverage   share of outcomes with |u − 1/2| ≤ level/2     (central regions)
     CRPS       mean |y_i − y| − mean |y_i − y_j|/2            (same unit as y; |y − ŷ| for a point prediction)
+               Σ_i w_i a(y − m_i, σ_i) − ½ Σ_ij w_i w_j a(m_i − m_j, √(σ_i² + σ_j²))        of a Gaussian mixture,
+               a(μ, σ) = μ (2 Φ(μ/σ) − 1) + 2 σ φ(μ/σ), the mean of |N(μ, σ²)|
 
 For a vector with a Gaussian prediction N(m, S) in d dimensions, u = χ²_d(z), z² = (y − m)ᵀ S⁻¹ (y − m), and the region
 of a level is the ellipsoid u ≤ level.  The interval of a coverage is Wilson's at 95 %; held-out outcomes of one trial
@@ -17,7 +19,8 @@ A level passes if |coverage − level| is at most 3 points or the level lies wit
 | u        | `pit`   | 1         | (n,)   | probability integral transform    |
 | M        |         |           | (n, M) | samples of each prediction        |
 
-Sources: Gneiting and Raftery 2007, doi:10.1198/016214506000001437; Wilson 1927, doi:10.1080/01621459.1927.10502953.
+Sources: Gneiting and Raftery 2007, doi:10.1198/016214506000001437; Wilson 1927, doi:10.1080/01621459.1927.10502953;
+Grimit, Gneiting, Berrocal and Johnson 2006, doi:10.1256/qj.05.235 (CRPS of mixtures).
 """
 
 import numpy as np
@@ -43,6 +46,17 @@ def pit_of_gaussian(outcome: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> n
     return chi2.cdf(z2, outcome.shape[1])
 
 
+def pit_of_student(away: np.ndarray, freedom: float) -> np.ndarray:
+    """The same of (outcome − mean)/standard deviation (n, d) under Student's t with uncorrelated coordinates."""
+    from scipy.stats import chi2, f
+
+    d = away.shape[1]
+    square = (away**2).sum(1)
+    if np.isinf(freedom):
+        return chi2.cdf(square, d)
+    return f.cdf(square * freedom / (freedom - 2.0) / d, d, freedom)
+
+
 def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Continuous ranked probability score (n,) of outcomes (n,) under samples (n, M), in their unit; low is good."""
     ordered = np.sort(samples, axis=1)
@@ -50,6 +64,26 @@ def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
     # mean |y_i − y_j|/2 = Σ_i (2 i − m − 1) y_(i)/m²
     pairs = ordered @ (2.0 * np.arange(1, m + 1) - m - 1) / m**2
     return np.abs(samples - outcome[:, None]).mean(1) - pairs
+
+
+def crps_of_mixture(outcome: np.ndarray, mean: np.ndarray, std: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The same for mixtures of m Gaussians in closed form; m = 1 is a Gaussian prediction.
+
+    Args:
+        outcome: (n,).
+        mean, std: (n, m) of the components; std > 0.
+        weight: (m,) that sum to one.
+    """
+    from scipy.special import ndtr
+
+    def size(mu: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+        """Mean of |z|, z ~ N(mu, sigma²)."""
+        z = mu / sigma
+        return mu * (2.0 * ndtr(z) - 1.0) + sigma * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * z * z)
+
+    away = size(outcome[:, None] - mean, std) @ weight
+    pairs = size(mean[:, :, None] - mean[:, None, :], np.hypot(std[:, :, None], std[:, None, :]))
+    return away - 0.5 * np.einsum("nij,i,j->n", pairs, weight, weight)
 
 
 def wilson(hits: float, n: int) -> tuple[float, float]:

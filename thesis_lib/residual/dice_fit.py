@@ -1,14 +1,14 @@
-"""Body and law of a thrown square, fitted to the contacts of training throws by simulation error.
+"""Body and contact of a thrown square, fitted to the contacts of training throws by simulation error.
 
 Each training contact is simulated from the measured flight before it to the measured flight after it (all hits between
 them included); with e the kinetic norm of the velocity error,
 
-    minimise over (a, ρ, h, k, d_θ, c_x, c_y, μ, ε)    Σ min(e_i, e_max)
+    minimise over body and contact    Σ min(e_i, e_max)
 
-by CMA-ES from the believed body (and μ = 0.1, ε = 0.5), seeded.  The cap keeps contacts that the camera lost from
-bending everything.  Drag is no part of it: contacts are too short for it, flights tell it directly
-(`dice_data.flight_drag`).  Unlike a fit to isolated impacts this one uses double hits, and it counts geometry by what
-it does.
+by CMA-ES from the believed body and a contact that is the same at every place and angle, seeded.  The cap keeps
+contacts that the camera lost from bending everything.  Drag is no part of it: contacts are too short for it, flights
+tell it directly (`dice_data.flight_drag`).  Unlike a fit to isolated impacts this one uses double hits, and it counts
+geometry by what it does.
 
 | on paper | in code   | unit | meaning                                                                      |
 |----------|-----------|------|------------------------------------------------------------------------------|
@@ -19,7 +19,8 @@ it does.
 | d_θ      | `d_theta` | rad  | measured minus true angle                                                    |
 | c        | `c_x`,`c_y`| m   | tracked point (taken as centre of mass) from the centre of the square        |
 | c_v, c_w | `c_v`,`c_w`| 1/s | drag in flight                                                               |
-|          | `mu_slide`| 1    | friction of slow contacts and of sliding; that of impacts (μ) if None       |
+|          | `contact` |      | `compliant_contact.CompliantContact`; None: the law alone                    |
+|          | `law`, `mu`, `epsilon` | | impact law of contacts if `contact` is None, else of the slowest ones    |
 
 Source of CMA-ES: Hansen, arXiv 1604.00772 (constants as in its table 1); the fit by simulation is an own choice.
 """
@@ -31,14 +32,15 @@ import numpy as np
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import velocity_error
+from thesis_lib.residual.compliant_contact import PARAMETERS, CompliantContact, compliant_path
 from thesis_lib.residual.dice_data import Contacts
 from thesis_lib.residual.dice_settings import DiceFitSettings, ThrowSettings
 from thesis_lib.residual.flight import ThrownBody
 from thesis_lib.residual.throw import LawImpact, state_at
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-# start (None: as believed) and first step of each parameter: a few times what a rig is off by
-STEPS = {
+# first step of each parameter: a few times what a rig is off by, and what changes a contact visibly
+BODY_STEPS = {
     "half": 2e-3,
     "rho": 2e-3,
     "height": 1e-3,
@@ -46,15 +48,27 @@ STEPS = {
     "d_theta": 0.02,
     "c_x": 5e-4,
     "c_y": 5e-4,
+}
+CONTACT_STEPS = {
+    "omega": 200.0,
+    "damping": 0.1,
+    "dashpot": 0.05,
     "mu": 0.03,
-    "epsilon": 0.05,
+    "tau": 0.2,
+    "dashpot_t": 0.05,
+    "place": 0.05,
+    "width": 0.03,
+    "far": 0.5,
+    "far_dashpot": 0.3,
+    "flat": 0.3,
+    "flat_dashpot": 0.3,
 }
 TOUCHES = 1e-5  # m, by which a body that already touches at the last sample of a flight is lifted
 
 
 @dataclass(frozen=True)
 class DiceModel:
-    """A square with rounded corners, its drag and its law; see the module's table."""
+    """A square with rounded corners, its drag and its contact; see the module's table."""
 
     half: float
     rho: float
@@ -69,7 +83,7 @@ class DiceModel:
     c_y: float = 0.0
     c_v: float = 0.0
     c_w: float = 0.0
-    mu_slide: float | None = None
+    contact: CompliantContact | None = None
 
     @property
     def body(self) -> ThrownBody:
@@ -87,8 +101,8 @@ class DiceModel:
 
     @property
     def impact(self) -> LawImpact:
-        """What hits."""
-        return LawImpact(LAWS[self.law], self.mu, self.epsilon, self.k_g, self.mu_slide)
+        """The impact law."""
+        return LawImpact(LAWS[self.law], self.mu, self.epsilon, self.k_g)
 
     def seen(self, q: np.ndarray) -> np.ndarray:
         """True poses (n, 3) of measured ones, lifted where they touch already."""
@@ -102,48 +116,57 @@ class DiceModel:
         return self.body.face(np.asarray(theta) - self.d_theta)
 
 
-def contact_errors(model: DiceModel, contacts: Contacts, settings: ThrowSettings) -> np.ndarray:
-    """Velocity after contact, measured minus simulated (n, 3); NaN where the simulation does not get there."""
-    _, v, _ = state_at(
-        model.body,
-        model.seen(contacts.q),
-        contacts.v,
-        contacts.span,
-        model.impact,
-        settings,
-        np.random.default_rng(0),
-    )
-    return contacts.v_after - v
+def contact_path(
+    model: DiceModel, q: np.ndarray, v: np.ndarray, until: np.ndarray | float, settings: ThrowSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """True pose and velocity (n, 3) at the times `until` in s, all contacts by the model alone.
+
+    A body that chatters for the whole time is left where it was, at rest.
+    """
+    until = np.broadcast_to(until, len(q))
+    if model.contact is not None:
+        end_q, end_v = compliant_path(model.body, model.contact, q, v, until)
+    else:
+        rng = np.random.default_rng(0)  # laws do not use it
+        end_q, end_v, _ = state_at(model.body, q, v, until, model.impact, settings, rng)
+    stuck = ~np.isfinite(end_v).all(1)
+    end_q[stuck], end_v[stuck] = q[stuck], 0.0
+    return end_q, end_v
 
 
 def fit_dice(
-    start: DiceModel,
-    contacts: Contacts,
-    rng: np.random.Generator,
-    settings: DiceFitSettings,
-    names: tuple[str, ...] = tuple(STEPS),
+    start: DiceModel, contacts: Contacts, rng: np.random.Generator, settings: DiceFitSettings
 ) -> tuple[DiceModel, float]:
-    """The model that follows training contacts best, and its mean capped error in m/s; see the module's text."""
-    quick = ThrowSettings(max_contacts=40, snapshots=0)
-    speed = velocity_error(contacts.v, start.k_g)
-    rows = np.flatnonzero(speed > settings.slowest)
+    """The body with a compliant contact that follows training contacts best, and its mean capped error in m/s."""
+    quick = ThrowSettings(snapshots=0)
+    rows = np.flatnonzero(velocity_error(contacts.v, start.k_g) > settings.slowest)
     if len(rows) > settings.contacts:
         rows = np.sort(rng.choice(rows, settings.contacts, replace=False))
     used = contacts.select(rows)
+    even = CompliantContact(
+        place=float(np.median(used.q[:, 0])),
+        width=max(float(np.std(used.q[:, 0])), 2.0 * CONTACT_STEPS["width"]),
+    )
+    names = [*BODY_STEPS, *CONTACT_STEPS]
+
+    def with_values(values: np.ndarray) -> DiceModel:
+        known = dict(zip(names, map(float, values)))
+        contact = CompliantContact(**{name: known.pop(name) for name in PARAMETERS})
+        return replace(start, contact=contact, **known)
 
     def misfit(values: np.ndarray) -> float:
-        model = replace(start, **dict(zip(names, map(float, values))))
-        bad = min(model.half - 0.2 * start.half, model.rho, model.mu, model.epsilon, 1.0 - model.epsilon)
-        bad = min(bad, model.k_g - 0.3 * start.k_g, model.c_v, model.c_w)
+        model = with_values(values)
+        bad = min(model.half / start.half - 0.2, model.rho, model.k_g / start.k_g - 0.3, model.contact.margin)
         if bad < 0.0:
             return settings.cap - bad  # outside: worse the farther
-        error = velocity_error(contact_errors(model, used, quick), start.k_g)
-        return float(np.minimum(np.nan_to_num(error, nan=settings.cap), settings.cap).mean())
+        _, v = contact_path(model, model.seen(used.q), used.v, used.span, quick)
+        error = velocity_error(used.v_after - v, start.k_g)
+        return float(np.minimum(error, settings.cap).mean())
 
-    first = np.array([getattr(start, name) for name in names])
-    steps = np.array([STEPS[name] for name in names])
+    first = np.array([getattr(start, k) for k in BODY_STEPS] + [getattr(even, k) for k in CONTACT_STEPS])
+    steps = np.array([*BODY_STEPS.values(), *CONTACT_STEPS.values()])
     best, value = cma_es(misfit, first, steps, settings.evaluations, rng)
-    return replace(start, **dict(zip(names, map(float, best)))), value
+    return with_values(best), value
 
 
 def cma_es(

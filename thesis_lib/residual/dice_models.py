@@ -1,20 +1,17 @@
 """Contact models that can be thrown: the law, its residuals, the critique's, and those fitted to training contacts.
 
-Each is a geometry with a flight, an uncertain contact, and its side without uncertainty (`Thrower`).  What a model's
-law misses is measured on contacts between two flights, double hits included: it simulates the time T after the first
-touch, the flight after the contact is traced back to that instant, and the difference is
+Each is a geometry with a flight, an uncertain contact, and its side without uncertainty (`Thrower`).  What a model
+misses is measured on contacts between two flights, double hits included: its own path is followed for the time T after
+the first touch, the flight after the contact is traced back to that instant, and the difference is
 
     residual = ((Δx, Δy, k Δθ)/(s T), (Δv_x, Δv_y, k Δω)/s),    s = √(v_x² + v_y² + k² ω²) at the touch
 
-Its size (1.48 median |.|) is the scatter of a law; a Gaussian process of it is the contact map (`propagation`).
+Its size (1.48 median |.|) is the scatter of a law; a Gaussian process of it is the contact map (`contact_map`).
 
 | on paper | in code    | unit | shape  | meaning                                             |
 |----------|------------|------|--------|-----------------------------------------------------|
 | T        | `duration` | s    |        | of the contact map                                  |
 |          | `residual` | 1    | (m, 6) | see above                                           |
-| α, K_y   |            |      |        | of the process, Rasmussen and Williams, eq. 2.25    |
-
-Source of the leave-one-out residuals: Rasmussen and Williams 2006, eq. 5.12; the rest is our own.
 """
 
 from collections.abc import Callable
@@ -31,23 +28,26 @@ from thesis_lib.errors import UserError
 from thesis_lib.identify.cost import target_of
 from thesis_lib.identify.ensemble import fit_ensemble
 from thesis_lib.residual.bases import LawBase
-from thesis_lib.residual.dice_data import Contacts, Releases
-from thesis_lib.residual.dice_fit import DiceModel
-from thesis_lib.residual.dice_settings import DiceStudySettings
-from thesis_lib.residual.flight import first_touch, fly
-from thesis_lib.residual.gaussian_process import GaussianProcess, fit_gaussian_process
-from thesis_lib.residual.learners import ImpulseLearner
-from thesis_lib.residual.propagation import (
+from thesis_lib.residual.contact_map import (
     ContactMap,
-    LearnedImpact,
-    Sampled,
-    ScatteredLaw,
+    Regime,
     contact_features,
-    law_path,
+    leave_one_out,
     residual_unit,
+    split,
+    student,
 )
+from thesis_lib.residual.dice_data import Contacts, Releases
+from thesis_lib.residual.dice_fit import DiceModel, contact_path
+from thesis_lib.residual.dice_settings import DiceStudySettings
+from thesis_lib.residual.double_hits import hit_again
+from thesis_lib.residual.flight import first_touch, fly
+from thesis_lib.residual.gaussian_process import fit_gaussian_process
+from thesis_lib.residual.learners import ImpulseLearner
+from thesis_lib.residual.propagation import LearnedImpact, Sampled, ScatteredLaw
 from thesis_lib.residual.throw import Throws, simulate_throws
 
+FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
 KNOWN_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inertia")
 
 
@@ -98,13 +98,14 @@ def law_models(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> tuple[list[Thrower], pd.DataFrame]:
-    """Law with the least error on isolated training impacts, and its two residuals."""
+    """Law with the least error on isolated training impacts, and its two residuals, learned on single hits."""
     target = target_of(impacts)
     fits = {name: fit_ensemble(LAWS[name], target, "velocity") for name in SIX_LAWS}
     name = min(fits, key=lambda law: fits[law].cost)
     model = replace(believed, law=name, mu=fits[name].mu, epsilon=fits[name].epsilon)
     throwers = [scattered("law", model, contacts, settings)]
-    some = impacts.sample(settings.training_contacts, rng)
+    single = single_hits(model, impacts, settings)
+    some = single.sample(settings.training_contacts, rng)
     for label, wrench in (("residual", False), ("residual_wrench", True)):
         trained = ImpulseLearner("X1", wrench, LawBase(name), True, settings.process).fit(some, rng)
         parts = {"body": model.body, "law": model.impact, "trained": trained, "slowest": settings.slowest}
@@ -117,14 +118,19 @@ def law_models(
     return throwers, errors
 
 
+def single_hits(model: DiceModel, impacts: Impacts, settings: DiceStudySettings) -> Impacts:
+    """The impacts after which no other corner hits before a camera could tell, by the law's account (`double_hits`)."""
+    return impacts.select(~hit_again(model.body, model.impact, impacts, settings.data.longest_contact))
+
+
 def contact_residuals(
     model: DiceModel, contacts: Contacts, settings: DiceStudySettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What a model's law misses of measured contacts, at `duration` after the first touch.
+    """What a model misses of measured contacts, at `duration` after the first touch.
 
     Returns:
         rows (m,) of the contacts used, pose and velocity (m, 3) at the touch, the residual (m, 6) in the units of the
-        contact map, and the law's normal impulse (m,) per unit mass.  Left out are contacts that approach more slowly
+        contact map, and the model's normal impulse (m,) per unit mass.  Left out are contacts that approach more slowly
         than `slowest`, or whose next flight starts later than twice the duration after the touch.
     """
     body = model.body
@@ -139,7 +145,7 @@ def contact_residuals(
         (approach > settings.slowest) & (np.abs(back) < 2.0 * settings.duration) & (t < contacts.span)
     )
     q_0, v_0, back = q_0[rows], v_0[rows], back[rows]
-    path_q, path_v = law_path(body, model.impact, q_0, v_0, settings.duration, settings.throw)
+    path_q, path_v = contact_path(model, q_0, v_0, settings.duration, settings.throw)
     after_q = contacts.q_after[rows] - [0.0, 0.0, model.d_theta]
     reached_q, reached_v = fly(body, after_q, contacts.v_after[rows], -back)
     residual = np.hstack([reached_q - path_q, reached_v - path_v])
@@ -165,52 +171,64 @@ def scattered(name: str, model: DiceModel, contacts: Contacts, settings: DiceStu
     )
 
 
-def train_contact_map(
-    model: DiceModel, contacts: Contacts, settings: DiceStudySettings, rng: np.random.Generator
-) -> tuple[GaussianProcess, np.ndarray, int]:
-    """The process of the contact map, the factor (6,) on its standard deviations, and how many outliers were left out.
+@dataclass(frozen=True)
+class Missed:
+    """What a model misses of training contacts, ready for a contact map; `left_out` counts outliers."""
 
-    The factor makes the central 80 % of the leave-one-out residuals of training what a Gaussian says they are.
-    """
+    regimes: tuple[Regime, ...]
+    freedom: float
+    left_out: int
+
+
+def train_missed(
+    model: DiceModel,
+    contacts: Contacts,
+    settings: DiceStudySettings,
+    rng: np.random.Generator,
+    learned: bool = True,
+) -> Missed:
+    """Processes (not `learned`: only the scatter) of what a model misses, and Student's t of what they leave."""
     _, q_0, v_0, residual, _ = contact_residuals(model, contacts, settings)
-    size = np.linalg.norm(residual[:, 3:], axis=1)
-    good = np.flatnonzero(size < settings.outlier * np.median(size))
-    rows = rng.permutation(good)[: settings.training_contacts]
-    process = fit_gaussian_process(
-        contact_features(q_0[rows], v_0[rows], model.k_g),
-        residual[rows],
-        rng,
-        settings.process,
-        centred=False,
-    )
-    z = leave_one_out(process)
-    return process, np.quantile(np.abs(z), 0.8, axis=0) / 1.28155, len(size) - len(good)
+    speed = velocity_error(v_0, model.k_g)
+    edges = [edge for edge in settings.edges if min((speed <= edge).sum(), (speed > edge).sum()) >= FEWEST]
+    edges.append(np.inf)
+    processes, left, outliers = [], [], 0
+    for rows in split(speed, edges):
+        size = np.linalg.norm(residual[rows, 3:], axis=1)
+        good = rows[size < settings.outlier * np.median(size)]
+        outliers += len(rows) - len(good)
+        if not learned:
+            processes.append(None)
+            left.append(residual[rows])
+            continue
+        some = rng.permutation(good)[: settings.training_contacts]
+        X = contact_features(q_0[some], v_0[some], model.k_g)
+        process = fit_gaussian_process(X, residual[some], rng, settings.process, centred=False)
+        processes.append(process)
+        left.append(leave_one_out(process))
+        # outliers teach no process, but they happen, so that they belong to its tails
+        wild = np.setdiff1d(rows, good)
+        if len(wild):
+            mean, variance = process.predict(contact_features(q_0[wild], v_0[wild], model.k_g), noise=True)
+            left[-1] = np.vstack([left[-1], (residual[wild] - mean) / np.sqrt(variance)])
+    scales, freedom = student(left)
+    return Missed(tuple(map(Regime, edges, processes, scales)), freedom, outliers)
 
 
-def leave_one_out(process: GaussianProcess) -> np.ndarray:
-    """Leave-one-out residuals over their standard deviations (n, p): α_i/√(K_y⁻¹)_ii (R. & W., eq. 5.12)."""
-    z = np.empty_like(process.y)
-    for i in range(z.shape[1]):
-        x = process.x / process.lengthscale[i]
-        square = (x * x).sum(1)
-        K = process.signal[i] * np.exp(-0.5 * np.maximum(square[:, None] + square - 2.0 * x @ x.T, 0.0))
-        inverse = np.linalg.inv(K + process.noise[i] * np.eye(len(x)))
-        z[:, i] = inverse @ process.y[:, i] / np.sqrt(np.diag(inverse))
-    return z
+def contact_map(name: str, model: DiceModel, missed: Missed, settings: DiceStudySettings) -> Thrower:
+    """A thrower with the contact map of what `model` misses."""
 
+    def path(q: np.ndarray, v: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
+        return contact_path(model, q, v, duration, settings.throw)
 
-def contact_map(
-    name: str, model: DiceModel, process: GaussianProcess, spread: np.ndarray, settings: DiceStudySettings
-) -> Thrower:
-    """A thrower with the contact map of `propagation`."""
     parts = {
         "body": model.body,
         "law": model.impact,
-        "process": process,
+        "path": path,
+        "regimes": missed.regimes,
+        "freedom": missed.freedom,
         "duration": settings.duration,
         "slowest": settings.slowest,
-        "settings": settings.throw,
-        "spread": spread,
     }
     return Thrower(name, model, ContactMap(**parts), ContactMap(**parts, draws=1, deterministic=True))
 
@@ -222,10 +240,10 @@ def slide_fitted(
     side: float,
     settings: DiceStudySettings,
 ) -> Thrower:
-    """The thrower with the friction of sliding that gives the least mean |error| of training throws."""
+    """The thrower whose sliding, and slowest contacts, have the friction with the least |error| of training throws."""
     best = None
     for mu in settings.slide_grid:
-        thrower = make(replace(model, mu_slide=mu))
+        thrower = make(replace(model, mu=mu))
         out = throw_starts(
             thrower, thrower.certain, releases.q, releases.v, settings, np.random.default_rng(0)
         )
@@ -244,4 +262,4 @@ def throw_starts(
     rng: np.random.Generator,
 ) -> Throws:
     model = thrower.model
-    return simulate_throws(model.body, model.seen(q), v, contact, model.impact.mu_slide, settings.throw, rng)
+    return simulate_throws(model.body, model.seen(q), v, contact, model.mu, settings.throw, rng)

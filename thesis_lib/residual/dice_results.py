@@ -18,9 +18,11 @@ from thesis_lib.residual.calibration import coverage_table, pit_histogram
 from thesis_lib.residual.dice_settings import DiceStudySettings
 from thesis_lib.residual.dice_study import DiceStudy, first_contacts
 from thesis_lib.residual.dice_tables import easy_and_hard
+from thesis_lib.residual.restitution import restitution
 
-BELIEVED = "calibrated_residual"  # the model whose beliefs are drawn
+BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
 PLAIN = "law"
+COMPLIANT = "compliant"
 SAMPLES = 200  # of a drawn belief
 
 
@@ -69,6 +71,10 @@ def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[
         "dice_parameters": stacked(studies, lambda s: s.parameters),
         "dice_laws": stacked(studies, lambda s: s.laws),
         "dice_calibration": coverage[first + [name for name in coverage.columns if name not in first]],
+        "dice_first_contact": over_splits(
+            stacked(studies, lambda s: s.first_table), ["model", "belief", "quantity"], "value"
+        ),
+        "dice_first_contact_throws": stacked(studies, lambda s: s.first),
         "dice_counts": stacked(
             studies, lambda s: pd.DataFrame({"counted": list(s.counts), "count": list(s.counts.values())})
         ),
@@ -102,6 +108,12 @@ def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFr
         for model, part in one.groupby("model", sort=False)
     ]
     return pd.concat(histograms, ignore_index=True), coverage[coverage["kind"] == "roll"]
+
+
+def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.DataFrame:
+    """Restitution against place of held-out contacts, as measured and by the compliant contact (`restitution`)."""
+    held = study.contacts.select(~np.isin(study.contacts.trial, study.train))
+    return restitution(study.outcomes[COMPLIANT].thrower.model, held, settings.throw)
 
 
 def examples(

@@ -15,11 +15,11 @@ import pandas as pd
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.impacts import Impacts
 from thesis_lib.residual.belief import RestBelief
-from thesis_lib.residual.calibration import crps, pit_of_gaussian, pit_of_samples
+from thesis_lib.residual.calibration import crps, pit_of_gaussian, pit_of_samples, pit_of_student
+from thesis_lib.residual.contact_map import ContactMap
 from thesis_lib.residual.dice_data import Contacts, Releases
 from thesis_lib.residual.dice_models import Thrower, contact_residuals
 from thesis_lib.residual.dice_settings import DiceStudySettings
-from thesis_lib.residual.propagation import ContactMap, contact_features
 from thesis_lib.residual.throw import Throws
 
 FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
@@ -43,9 +43,9 @@ class Outcome:
 def contact_pits(thrower: Thrower, contacts: Contacts, settings: DiceStudySettings) -> pd.DataFrame:
     """Held-out contacts under a law with scatter or a contact map: trial, model, pit, misfit (a row per contact).
 
-    What is compared is the velocity `duration` after the first touch, in the kinetic metric: `pit` is the χ²
-    probability of the measured one in three dimensions (`calibration.pit_of_gaussian`), `misfit` its distance from
-    the mean in m/s.
+    What is compared is the velocity `duration` after the first touch, in the kinetic metric: `pit` is the probability
+    of the measured one in three dimensions, χ² or, for a contact map, of Student's t (`calibration`), `misfit` its
+    distance from the mean in m/s.
     """
     model = thrower.model
     rows, q, v, residual, c_n = contact_residuals(model, contacts, settings)
@@ -53,20 +53,19 @@ def contact_pits(thrower: Thrower, contacts: Contacts, settings: DiceStudySettin
     metric = np.array([1.0, 1.0, model.k_g])
     away = residual[:, 3:] * scale
     if isinstance(thrower.contact, ContactMap):
-        contact = thrower.contact
-        mean, variance = contact.process.predict(contact_features(q, v, model.k_g), noise=True)
+        mean, std, _ = thrower.contact.missed(q, v)
         away = away - mean[:, 3:] * scale
-        cov = (variance[:, 3:] * (contact.spread[3:] * scale) ** 2)[:, :, None] * np.eye(3)
+        pit = pit_of_student(away / (std[:, 3:] * scale), thrower.contact.freedom)
     else:
         # the scatter was measured as a share of c_n at the centre, in this metric
         share = np.sqrt(np.diag(thrower.contact.relative)) / metric
         cov = ((share * np.maximum(c_n, settings.slowest)[:, None]) ** 2)[:, :, None] * np.eye(3)
-    zero = np.zeros_like(away)
+        pit = pit_of_gaussian(away, np.zeros_like(away), cov + FINEST * np.eye(3))
     return pd.DataFrame(
         {
             "trial": contacts.trial[rows],
             "model": thrower.name,
-            "pit": pit_of_gaussian(away, zero, cov + FINEST * np.eye(3)),
+            "pit": pit,
             "misfit": np.linalg.norm(away, axis=1),
         }
     )
@@ -80,8 +79,10 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
     compared.
     """
     out = thrower.contact.trained.predict(impacts, noise=True)
-    A = np.linalg.pinv(out.jacobian)
-    away = np.einsum("nij,nj->ni", A, impacts.v_post - out.v_post)
+    # in the kinetic metric, or a spin that no impulse through the point reaches would leak into the impulse
+    metric = np.array([1.0, 1.0, impacts.k_g])
+    A = np.linalg.pinv(metric[:, None] * out.jacobian)
+    away = np.einsum("nij,nj->ni", A, (impacts.v_post - out.v_post) * metric)
     known = np.isfinite(away).all(1)
     pit = np.full(len(impacts), np.nan)
     pit[known] = pit_of_gaussian(away[known], np.zeros_like(away[known]), out.covariance[known])

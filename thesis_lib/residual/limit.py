@@ -37,7 +37,7 @@ def noise_limit(
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """One row for each throw: trial, spread (standard deviation of the end, in sides of length `side` m), face_kept."""
-    mu = model.impact.mu_slide
+    mu = model.mu
     still = simulate_throws(model.body, model.seen(releases.q), releases.v, impact, mu, settings, rng)
     q, v = perturbed(releases, copies, rng)
     moved = simulate_throws(model.body, model.seen(q), v, impact, mu, settings, rng)

@@ -56,22 +56,12 @@ class ImpactModel(Protocol):
 
 @dataclass(frozen=True)
 class LawImpact:
-    """An impact law with constant parameters on a body with radius of gyration `k_g` (m).
-
-    Contacts that approach more slowly than `slowest` (m/s) have the friction `mu_slow`, that of sliding.
-    """
+    """An impact law with constant parameters on a body with radius of gyration `k_g` (m)."""
 
     law: Law
     mu: float
     epsilon: float
     k_g: float
-    mu_slow: float | None = None
-    slowest: float = 0.3
-
-    @property
-    def mu_slide(self) -> float:
-        """Friction of slow contacts and of sliding."""
-        return self.mu if self.mu_slow is None else self.mu_slow
 
     def __call__(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
@@ -79,8 +69,7 @@ class LawImpact:
         """The same pose, velocity after impact, no time."""
         with np.errstate(all="ignore"):
             space = contact_space(v, r, mass=1.0, k_g=self.k_g)
-            mu = np.where(space.v_n > -self.slowest, self.mu_slide, self.mu)
-            c_t, c_n = self.law.impulse(space, mu, np.where(slow, 1.0, self.epsilon))
+            c_t, c_n = self.law.impulse(space, self.mu, np.where(slow, 1.0, self.epsilon))
         return q, push(v, r, np.stack([c_t, c_n], axis=1), self.k_g), 0.0
 
 

@@ -11,7 +11,10 @@ CH4_CLAIMED = [  # what the ledger reads
     ),
     *(f"results/chapter4/{name}/{table}.csv" for name in CH4_DICE for table in ("dice", "dice_difficulty")),
 ]
-CH4_DICE_TABLES = ("throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts")
+CH4_DICE_TABLES = (
+    *("throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts"),
+    *("first_contact", "first_contact_throws"),
+)
 CH4_DICE_FIGURES = {
     "4-3": "belief over the first two contacts",
     "4-4": "distance after each contact",
@@ -142,7 +145,14 @@ rule ch4_dice:
     output:
         [f"{CH4}/dice_{name}.csv" for name in CH4_DICE_TABLES],
         [figure_files(CH4, number, shows) for number, shows in CH4_DICE_FIGURES.items()],
-        [f"{CH4}/figure_calibration.{kind}" for kind in ("pdf", "csv")],
+        [f"{CH4}/figure_{name}.{kind}" for name in ("calibration", "restitution") for kind in ("pdf", "csv")],
+        report(
+            f"{CH4}/figure_restitution.png",
+            caption="../report/dice_restitution.rst",
+            category="Chapter 4",
+            subcategory="{dataset}",
+            labels={"item": "Restitution", "shows": "against the place of the contact"},
+        ),
         report(
             f"{CH4}/figure_calibration.png",
             caption="../report/dice_calibration.rst",

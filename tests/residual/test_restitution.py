@@ -1,0 +1,42 @@
+"""Restitution read from contacts is the restitution that made them."""
+
+import numpy as np
+import pytest
+from throws_for_tests import throws
+
+from thesis_lib.residual.compliant_contact import CompliantContact
+from thesis_lib.residual.dice_data import Contacts
+from thesis_lib.residual.dice_fit import DiceModel, contact_path
+from thesis_lib.residual.dice_settings import ThrowSettings
+from thesis_lib.residual.flight import first_touch, fly
+from thesis_lib.residual.restitution import restitution
+
+LAW = DiceModel(0.03, 0.0, 0.0, 0.0245, "anitescu_potra_newton", 0.1, 0.45, 9.81, d_theta=-0.02)
+
+
+def contacts_of(model: DiceModel) -> Contacts:
+    q, v = throws(200)
+    t, _ = first_touch(model.body, q, v)
+    q, v = fly(model.body, q, v, t - 0.002)
+    span = np.full(200, 0.01)
+    after_q, after_v = contact_path(model, q, v, span, ThrowSettings())
+    turn = [0.0, 0.0, model.d_theta]
+    return Contacts(np.arange(200), np.ones(200, bool), q + turn, v, after_q + turn, after_v, span)
+
+
+def test_newtons_restitution_is_read():
+    contacts = contacts_of(LAW)
+    table = restitution(LAW, contacts, ThrowSettings())
+    assert 60 < len(table) < 200
+    assert table["measured"].to_numpy() == pytest.approx(0.45, abs=0.02)
+    assert table["model"].to_numpy() == pytest.approx(table["measured"].to_numpy(), abs=1e-9)
+    assert set(table["trial"]) <= set(contacts.trial)
+
+
+def test_a_place_that_gives_back_more_shows():
+    soft = CompliantContact(place=-0.03, width=0.03, far=1.0, far_dashpot=1.0)
+    model = DiceModel(0.03, 0.0, 0.0, 0.0245, "mirtich", 0.1, 0.5, 9.81, contact=soft)
+    table = restitution(model, contacts_of(model), ThrowSettings())
+    near = np.abs(table["x"] + 0.03) < 0.015
+    assert 20 < near.sum() < len(table) - 10
+    assert table.loc[near, "measured"].mean() > table.loc[~near, "measured"].mean() + 0.03
