@@ -16,6 +16,7 @@ include: "workflow/rules/chapter2.smk"
 include: "workflow/rules/chapter3.smk"
 include: "workflow/rules/critique.smk"
 include: "workflow/rules/chapter4.smk"
+include: "workflow/rules/chapter5.smk"
 include: "workflow/rules/claims.smk"
 
 
@@ -24,6 +25,7 @@ localrules:
     chapter2,
     chapter3,
     chapter4,
+    chapter5,
     critique,
 
 
@@ -33,6 +35,7 @@ rule all:
         rules.chapter2.input,
         rules.chapter3.input,
         rules.chapter4.input,
+        rules.chapter5.input,
         rules.critique.input,
         rules.critique_proof.output,
         rules.claims.output,

@@ -21,6 +21,7 @@ from thesis_lib.errors import UserError
 from thesis_lib.identify.arm_settings import ArmStudy
 from thesis_lib.identify.chapter2_settings import Programs, Table21, WheelStudy
 from thesis_lib.identify.settings import Chapter3
+from thesis_lib.jenga.study_settings import Chapter5
 from thesis_lib.residual.dice_settings import DiceStudySettings
 from thesis_lib.residual.settings import LearningStudySettings
 from thesis_lib.settings import Section
@@ -77,6 +78,7 @@ class Config(Section):
     chapter2: Chapter2 = Chapter2()
     chapter3: Chapter3 = Chapter3()
     chapter4: Chapter4 = Chapter4()
+    chapter5: Chapter5 = Chapter5()
     critique: CritiqueRun = CritiqueRun()
 
 

@@ -178,6 +178,71 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
             ("model", "kind", "level", "coverage", "low", "high", "passes", "n"),
         ),
     ),
+    "chapter5": (
+        Shown(
+            "chapter5/movable_summary.csv",
+            "Movable blocks, development and test towers (section 5.4.4: 47 %)",
+            ("set", "threshold_mm", "mean", "low", "high", "n"),
+        ),
+        Shown(
+            "chapter5/fidelity.csv",
+            "Agreement with half the time step, with the reduced tower, and with real extraction",
+            ("comparison", "quantity", "value", "n"),
+        ),
+        Shown(
+            "chapter5/study_curve.csv",
+            "Consecutive extractions against samples (figure 5-5 B)",
+            ("policy", "size", "mean", "low", "high", "n", "refused"),
+        ),
+        Shown(
+            "chapter5/study_paired.csv",
+            "The same towers: extractions of hma minus those of the others",
+            ("policy", "size", "rival", "rival_size", "difference", "low", "high", "n"),
+        ),
+        Shown(
+            "chapter5/study_needed.csv",
+            "Samples that the mixture of regressions needs for the same",
+            ("policy", "of", "size", "needed", "needed_low", "needed_high"),
+        ),
+        Shown(
+            "chapter5/study_success.csv",
+            "Successes of push, extract and place (figure 5-6)",
+            ("phase", "position", "action", "attempts", "successes", "share", "low", "high", "published"),
+        ),
+        Shown(
+            "chapter5/model_agreement.csv",
+            "Stuck or free after five steps, without truth in learning",
+            ("size", "set", "balanced_accuracy", "low", "high", "n_stuck", "n_free", "n_abstractions"),
+        ),
+        Shown(
+            "chapter5/model_abstractions.csv",
+            "What each abstraction looks like",
+            ("size", "set", "abstraction", "share", "force", "move", "lag", "drag", "stuck", "stuck_share"),
+        ),
+        Shown(
+            "chapter5/model_summary.csv",
+            "Figure 5-7 in numbers",
+            ("quantity", "value", "low", "high", "n"),
+        ),
+        Shown(
+            "chapter5/showcase_runs.csv",
+            "The No-U-Turn sampler against the filter (figure 5-8)",
+            ("case", "step", "r_hat", "ess", "divergences", "belief_apart", "state_apart"),
+        ),
+        Shown(
+            "chapter5/unseen_summary.csv",
+            "Effects that the learner has never seen",
+            (
+                *("effect", "p_value", "new_abstraction", "failing_abstraction", "relearned_samples"),
+                *("pushes_affected", "failing_affected", "pushes_others", "failing_others"),
+            ),
+        ),
+        Shown(
+            "chapter5/unseen_errors.csv",
+            "Error on other towers with the effect, before and after relearning",
+            ("effect", "stage", "group", "error", "low", "high", "n"),
+        ),
+    ),
 }
 
 

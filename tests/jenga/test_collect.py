@@ -1,0 +1,154 @@
+"""Collected samples repeat, come from standing towers only, and carry the right hidden label."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
+
+from thesis_lib.jenga import collect as collecting
+from thesis_lib.jenga.collect import REFUSED, collect, explore_tower
+from thesis_lib.jenga.movable import (
+    fractions,
+    hidden_label,
+    is_movable,
+    scan,
+    threshold_for,
+    trial_push,
+    try_to_extract,
+)
+from thesis_lib.jenga.reduced import compare, faithfulness, reduce
+from thesis_lib.jenga.render import colours_of, strip_figure, tower_figure
+from thesis_lib.jenga.samples import FREE, STATE, STUCK, Samples, as_table
+from thesis_lib.jenga.settings import CollectSettings, MovableSettings, Setup, TowerSettings
+from thesis_lib.jenga.tower import BLOCKS, TowerError
+
+REDUCED = Setup(collect=CollectSettings(reduced=True))
+
+
+@pytest.fixture(scope="module")
+def collected() -> tuple[Samples, pd.DataFrame]:
+    return explore_tower(SEED, 7, REDUCED, limit=25)
+
+
+def test_a_tower_gives_the_same_samples_again(collected):
+    samples, _ = explore_tower(SEED, 7, REDUCED, limit=8)
+    pd.testing.assert_frame_equal(as_table(samples), as_table(collected[0].first(8)))
+    other, _ = explore_tower(SEED, 8, REDUCED, limit=3)
+    assert not np.array_equal(other.state, samples.state[:3])
+
+
+def test_samples_of_a_push_follow_each_other(collected):
+    samples, table = collected
+    assert len(samples) == 25 and table["steps"].sum() == 25
+    advance, same = STATE.index("advance"), np.diff(samples.push) == 0
+    assert (samples.step[1:][same] == samples.step[:-1][same] + 1).all()
+    assert (samples.step[1:][~same] == 0).all()
+    # a step advances the arm by cos(heading) mm, known exactly
+    gained = samples.next_state[:, advance] - samples.state[:, advance]
+    assert np.allclose(gained, np.cos(samples.action[:, 1]))
+    # what is seen after a step is what is seen before the next, but where contact was made anew
+    kept = same & (samples.action[1:, 0] == samples.action[:-1, 0])
+    equal = np.isclose(samples.state[1:], samples.next_state[:-1]).all(axis=1)
+    assert equal[kept].mean() > 0.5
+    assert not equal[same & ~kept].all()
+
+
+def test_the_whole_tower_is_played_on():
+    samples, table = explore_tower(SEED, 7, limit=6)
+    assert len(samples) == 6
+    assert set(samples.truth) <= {FREE, STUCK}
+    assert table["block"].is_unique
+
+
+def test_a_tower_that_explodes_gives_no_samples():
+    setup = Setup(tower=TowerSettings(iterations=10))
+    with pytest.raises(TowerError):
+        collect(5, SEED, 0, setup)
+
+
+def test_a_refused_tower_is_left_out_whole_and_recorded(monkeypatch):
+    def sometimes(seed, base_seed, setup, limit):
+        if seed < REFUSED - 1:
+            raise TowerError(f"tower {seed} has toppled")
+        n = min(limit, 4)
+        zeros, ids = np.zeros((n, len(STATE))), np.arange(n)
+        samples = Samples(ids, 0 * ids, zeros, zeros[:, :2], zeros, zeros[:, :2], 0 * ids, ids, ids)
+        return samples, pd.DataFrame([dict.fromkeys(collecting.ATTEMPT, seed)])
+
+    monkeypatch.setattr(collecting, "explore_tower", sometimes)
+    samples, table = collect(6, 0, 0)
+    assert len(samples) == 6
+    assert table["block"].tolist() == [-1] * (REFUSED - 1) + [REFUSED - 1, REFUSED]
+    assert "toppled" in table["reason"][0]
+
+
+def test_a_trial_push_leaves_nothing_behind_and_gives_the_label():
+    tower, settings = Settled.get(), MovableSettings()
+    before = tower.save()
+    assert hidden_label(tower, FREE_BLOCK, settings) == FREE
+    assert hidden_label(tower, STUCK_BLOCK, settings) == STUCK
+    assert np.array_equal(tower.save().state, before.state)
+
+
+def test_movable_needs_both_to_follow_and_to_leave_the_tower_alone():
+    settings = MovableSettings(steps=6, threshold=1e-3, follows=0.5)
+    assert is_movable(np.array([6.0, 6.0, 0.1]), np.array([0.1, 1.1, 0.0]), settings).tolist() == [
+        True,
+        False,
+        False,
+    ]
+
+
+def test_the_threshold_that_gives_a_share_is_found():
+    settings = MovableSettings()
+    moved = np.full(100, 6.0)
+    table = pd.DataFrame({"tower": 0, "moved": moved, "others": np.linspace(0.01, 3.0, 100)})
+    threshold = threshold_for(table, settings, share=0.47)
+    assert fractions(table, settings, [threshold])["movable"][0] == pytest.approx(0.47)
+    assert table["others"][46] <= threshold <= table["others"][47]
+
+
+def test_a_scan_says_which_blocks_are_movable():
+    table = scan(Settled.get(), MovableSettings(), [FREE_BLOCK, STUCK_BLOCK])
+    assert table["movable"].tolist() == [1, 0]
+    assert table["force"][1] > 10 * table["force"][0]
+
+
+@pytest.mark.slow
+def test_a_movable_block_is_really_extracted():
+    assert try_to_extract(Settled.get(), FREE_BLOCK) == (True, "")
+
+
+def test_the_reduced_tower_weighs_the_same_and_fixes_what_it_says():
+    tower = Settled.get()
+    reduced = reduce(tower, STUCK_BLOCK)
+    layer = STUCK_BLOCK // 3
+    free = 3 * 3 + 1 + 2  # three layers of blocks, one lump, tip and hand with its two jaws
+    assert reduced.model.nbody == 1 + free + 2
+    blocks_mass = tower.model.body_mass[1:].sum() - reduced.model.body_mass[1:].sum()
+    fixed = tower.settings.density * np.prod(tower.sizes[: 3 * (layer - 1)], axis=1).sum()
+    assert blocks_mass == pytest.approx(fixed)
+    start = reduced.poses()
+    trial_push(reduced, STUCK_BLOCK, 2)
+    assert np.array_equal(start[: 3 * (layer - 1)], reduced.poses()[: 3 * (layer - 1)])
+
+
+@pytest.mark.slow
+def test_the_reduced_tower_agrees_with_the_full_one_on_force_and_label():
+    blocks = [0, 4, 7, 13, 16, 20, 25, 28, 33, 38, 41, 44]
+    found = faithfulness(compare(Settled.get(), blocks, MovableSettings()))
+    assert found["force_correlation"] > 0.98
+    assert found["same_label"] >= 0.8
+
+
+def test_the_tower_is_drawn_with_its_blocks_where_they_are():
+    tower = Settled.get()
+    poses = tower.poses()
+    figure, table = tower_figure(poses, tower.sizes, colours_of({3: (1.0, 0.0, 0.0)}))
+    polygons = figure.axes[0].collections[0].get_paths()
+    assert len(polygons) == 3 * BLOCKS  # three sides of a box are seen
+    assert np.allclose(table[["x", "y", "z"]], poses[:, :3])
+    poses[5] = np.nan
+    strip, frames = strip_figure([tower.poses(), poses], tower.sizes, ["before", "after"])
+    assert [len(each.collections[0].get_paths()) for each in strip.axes] == [3 * BLOCKS, 3 * (BLOCKS - 1)]
+    assert frames["frame"].nunique() == 2

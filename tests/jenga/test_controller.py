@@ -1,0 +1,172 @@
+"""The controller against made learners whose physics is known: rollouts, steering, giving up, the ablation."""
+
+import time
+
+import numpy as np
+import pytest
+
+from thesis_lib.jenga.controller import Learned, branch_costs, rollout
+from thesis_lib.jenga.controller_settings import ControllerSettings
+from thesis_lib.jenga.learner import Prediction, bayes, log_likelihood
+from thesis_lib.jenga.learner_settings import BeliefSettings
+from thesis_lib.jenga.policies import Push, Retract
+from thesis_lib.jenga.samples import STATE
+
+X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(len(STATE))
+CONTEXT = np.array([8.0, 1.0])
+SETTINGS = ControllerSettings()
+
+
+class MadeLearner:
+    """Abstraction 0: the block goes along and can be steered; 1: the force climbs and the tower is dragged."""
+
+    name = "made"
+
+    def __init__(self, first=(0.5, 0.5), drag: float = 0.8, stuck_named: bool = True):
+        self.first, self.drag = np.array(first), drag
+        if stuck_named:
+            self.look = {
+                "move": np.array([1.0, 0.1]),
+                "force": np.array([0.1, 2.0]),
+                "drag": np.array([0.0, drag]),
+            }
+
+    @property
+    def n_abstractions(self) -> int:
+        return 2
+
+    def _next(self, state, action):
+        free, stuck = state.copy(), state.copy()
+        for one in (free, stuck):
+            one[:, ADVANCE] += np.cos(action[:, 1])
+        free[:, X] += np.cos(action[:, 1])
+        free[:, Y] += 3.0 * np.sin(action[:, 1])
+        free[:, YAW] += 0.1 * action[:, 0]
+        free[:, F_N] = 0.05
+        stuck[:, F_N] += 0.65
+        stuck[:, TOWER] += self.drag
+        return np.stack([free, stuck], axis=1)
+
+    def predict(self, state, action, context, belief):
+        mean = self._next(state, action)
+        return Prediction(mean, np.full_like(mean, 0.1), belief)
+
+    def initial_belief(self, context):
+        return np.tile(self.first, (len(context), 1))
+
+    def update(self, belief, state, action, context, next_state):
+        out = self.predict(state, action, context, belief)
+        return bayes(belief, log_likelihood(out.mean, out.var, next_state, BeliefSettings()))
+
+
+def controller(learner=None, **changes) -> Learned:
+    policy = Learned(learner or MadeLearner(), SETTINGS.model_copy(update=changes))
+    policy.begin(np.random.default_rng(0))
+    policy.start(3, CONTEXT)
+    return policy
+
+
+def push_of(kind: int, policy: Learned, steps: int = 30) -> int:
+    """Steps until the policy gives up a block of this abstraction; `steps` if it does not."""
+    state = np.zeros(7)
+    for step in range(steps):
+        action = policy.act(state, CONTEXT)
+        if isinstance(action, Retract):
+            return step
+        after = policy.learner._next(state[None], np.array([[action.offset, action.heading]]))[0, kind]
+        policy.observe(state, action, after)
+        state = after
+    return steps
+
+
+def test_a_rollout_is_the_learner_applied_again_and_again():
+    learner, rng = MadeLearner(), np.random.default_rng(1)
+    state, sequences = rng.normal(size=7), rng.normal(size=(6, 4, 2)) * [5.0, 0.1]
+    states, weights = rollout(learner, state, CONTEXT, np.array([0.3, 0.7]), sequences)
+    assert states.shape == (5, 6, 2, 7)
+    np.testing.assert_allclose(weights, np.tile([0.3, 0.7], (6, 1)))
+    for j in range(6):
+        for k in range(2):
+            now = state
+            for h in range(4):
+                now = learner._next(now[None], sequences[j, h][None])[0, k]
+            np.testing.assert_allclose(states[-1, j, k], now)
+
+
+def test_costs_of_a_perfect_push_and_of_none():
+    states = np.zeros((6, 1, 2, 7))
+    states[1:, 0, 0, X] = np.arange(1, 6)  # moves along; the other one not at all
+    cost = branch_costs(states, SETTINGS)
+    assert cost[0, 0] == 0.0
+    assert cost[0, 1] == pytest.approx(SETTINGS.progress)
+    dragged = states.copy()
+    dragged[1:, ..., TOWER] = np.arange(1, 6)[:, None, None]
+    assert (branch_costs(dragged, SETTINGS) >= cost + SETTINGS.growth).all()
+
+
+def test_a_free_block_is_pushed_on_and_a_stuck_one_given_up_early():
+    assert push_of(0, controller()) == 30
+    assert 1 <= push_of(1, controller()) <= 5
+
+
+def test_it_gives_up_at_once_where_every_block_is_known_to_be_stuck():
+    doomed = MadeLearner(first=(0.001, 0.999))
+    assert push_of(1, controller(doomed, probe=0)) == 0
+    assert push_of(1, controller(doomed, probe=2)) == 2
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_it_steers_back_to_the_goal_configuration(sign):
+    """Figure 5-9: aside of its way it is pushed back, turned it is pushed at the side that turns it back."""
+    policy = controller(MadeLearner(first=(0.999, 0.001)))
+    aside = np.zeros(7)
+    aside[Y] = sign * 6.0
+    assert np.sign(policy.act(aside, CONTEXT).heading) == -sign
+    turned = np.zeros(7)
+    turned[YAW] = sign * 6.0
+    assert np.sign(policy.act(turned, CONTEXT).offset) == -sign
+
+
+def test_it_does_not_steer_without_reason():
+    assert controller().act(np.zeros(7), CONTEXT) == Push(0.0, 0.0)
+
+
+def test_the_term_of_no_move_ends_a_push_that_nothing_else_would():
+    """With a tower that is not dragged and no price on progress only the belief tells."""
+    learner = MadeLearner(drag=0.0)
+    without = {"progress": 0.0, "no_move": 0.0}
+    assert push_of(1, controller(learner, **without)) == 30
+    assert push_of(1, controller(learner, **(without | {"no_move": 4.0}))) < 10
+    assert push_of(0, controller(learner, **(without | {"no_move": 4.0}))) == 30
+
+
+def test_a_learner_that_does_not_name_its_abstractions_has_no_such_term():
+    policy = controller(MadeLearner(stuck_named=False), no_move=100.0)
+    push_of(1, policy)
+    assert policy.belief()[1] > 0.9 and policy.growth() == 0.0
+
+
+def test_sequences_keep_within_limits_and_hold_the_straight_push():
+    policy = controller(sequences=64, horizon=4)
+    sequences = policy.sequences()
+    assert sequences.shape == (64, 4, 2)
+    assert (np.abs(sequences) <= [SETTINGS.offset, SETTINGS.heading]).all()
+    assert (sequences == 0.0).all(axis=(1, 2)).any()
+    policy.contact = 3.0
+    assert (policy.sequences()[0] == [3.0, 0.0]).all()
+    assert controller(sequences=3, horizon=1).sequences().shape == (3, 1, 2)
+
+
+def test_two_plays_of_one_stream_are_the_same():
+    state = np.array([1.0, 2.0, -3.0, 0.1, 0.0, 1.5, 0.2])
+    first, second = (controller(MadeLearner(first=(0.9, 0.1))) for _ in range(2))
+    np.testing.assert_array_equal(first.sequences(), second.sequences())
+    assert first.act(state, CONTEXT) == second.act(state, CONTEXT)
+
+
+def test_a_decision_is_short_beside_the_push_that_it_decides():
+    policy = controller()
+    start = time.process_time()
+    for _ in range(20):
+        policy.act(np.zeros(7), CONTEXT)
+    assert (time.process_time() - start) / 20 < 0.02  # s; a push costs 0.07

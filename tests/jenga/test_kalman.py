@@ -1,0 +1,150 @@
+"""Bank of Kalman filters against the exact posterior of linear models, found without any recursion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from thesis_lib.errors import UserError
+from thesis_lib.jenga.kalman import KalmanBank, process_variance
+from thesis_lib.jenga.learner import SEEN, Prediction
+from thesis_lib.jenga.learner_settings import BeliefSettings
+
+NOISE = np.array([0.3, 0.2, 0.25, 0.05, 0.04, 0.01, 0.2]) ** 2
+CONTEXT = np.array([8.0, 1.0])
+
+
+@dataclass
+class Linear:
+    """s' = A_k s + B_k a + e_k with process noise q_k: a learner that has nothing to learn."""
+
+    a: np.ndarray
+    b: np.ndarray
+    e: np.ndarray
+    q: np.ndarray
+    belief: np.ndarray
+    name: str = "linear"
+
+    @property
+    def n_abstractions(self) -> int:
+        return len(self.a)
+
+    def predict(self, state, action, context, belief) -> Prediction:
+        mean = np.einsum("kij,nj->nki", self.a, state) + np.einsum("kij,nj->nki", self.b, action) + self.e
+        return Prediction(mean, np.broadcast_to(self.q + 2 * NOISE, mean.shape), belief)
+
+    def initial_belief(self, context) -> np.ndarray:
+        return np.tile(self.belief, (len(context), 1))
+
+
+def _linear(k: int, rng: np.random.Generator) -> Linear:
+    a = np.eye(7) + 0.1 * rng.normal(size=(k, 7, 7))
+    a[:, SEEN, 5] = 0.0  # the pusher's own way is known and tells nothing beyond the action
+    a[:, 5] = np.eye(7)[5]
+    belief = rng.dirichlet(np.ones(k))
+    b = 0.3 * rng.normal(size=(k, 7, 2))
+    return Linear(a, b, 0.2 * rng.normal(size=(k, 7)), NOISE * rng.uniform(0.5, 2.0, (k, 7)), belief)
+
+
+def _exact(model: Linear, readings: np.ndarray, actions: np.ndarray):
+    """Belief (K,), mean and covariance of the last state for each k, from one big normal over all states."""
+    steps, log_like, means, covs = len(actions), [], [], []
+    dims = list(SEEN)
+    for a, b, e, q in zip(model.a, model.b, model.e, model.q):
+        # s_0 ~ Normal(z_0, Σ_z); all later states are linear in s_0 and the noises
+        mean, gain = [readings[0]], [np.hstack([np.eye(7), np.zeros((7, 7 * steps))])]
+        for t in range(steps):
+            mean.append(a @ mean[-1] + b @ actions[t] + e)
+            row = a @ gain[-1]
+            row[:, 7 * (t + 1) : 7 * (t + 2)] += np.eye(7)
+            gain.append(row)
+        base = np.diag(np.concatenate([NOISE, np.tile(q, steps)]))
+        cov = np.vstack(gain) @ base @ np.vstack(gain).T
+        flat = np.concatenate(mean)
+        seen = slice(7, 7 * (steps + 1))
+        spread = cov[seen, seen] + np.diag(np.tile(NOISE, steps))
+        error = readings[1:].ravel() - flat[seen]
+        gain_all = cov[-7:, seen] @ np.linalg.inv(spread)
+        means.append(flat[-7:] + gain_all @ error)
+        covs.append(cov[-7:, -7:] - gain_all @ cov[seen, -7:])
+        use = np.concatenate([np.array(dims) + 7 * t for t in range(steps)])
+        part = spread[np.ix_(use, use)]
+        log_like.append(
+            -0.5 * (error[use] @ np.linalg.solve(part, error[use]) + np.linalg.slogdet(2 * np.pi * part)[1])
+        )
+    weight = model.belief * np.exp(np.array(log_like) - max(log_like))
+    return weight / weight.sum(), np.array(means), np.array(covs)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_linear_bank_is_the_exact_posterior(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = _linear(3, rng)
+    actions = rng.normal(size=(4, 2))
+    readings = np.zeros((5, 7))
+    for t in range(4):
+        out = model.predict(readings[t : t + 1], actions[t : t + 1], None, model.belief[None])
+        readings[t + 1] = out.mean[0, 1] + np.sqrt(out.var[0, 1]) * rng.normal(size=7)
+    bank = KalmanBank(model, CONTEXT, NOISE)
+    bank.start(readings[0])
+    for action, reading in zip(actions, readings[1:]):
+        bank.step(action, reading)
+    belief, mean, cov = _exact(model, readings, actions)
+    np.testing.assert_allclose(bank.belief, belief, atol=1e-7)
+    np.testing.assert_allclose(bank.mean, mean, atol=1e-7)
+    np.testing.assert_allclose(bank.cov, cov, atol=1e-7)
+
+
+def test_states_are_nearer_the_truth_than_readings() -> None:
+    rng = np.random.default_rng(5)
+    model = _linear(1, rng)
+    model.q = NOISE[None] * 0.2 + 1e-9
+    truth, actions = np.zeros(7), rng.normal(size=(40, 2))
+    bank = KalmanBank(model, CONTEXT, NOISE)
+    bank.start(truth + np.sqrt(NOISE) * rng.normal(size=7))
+    error, raw = [], []
+    for action in actions:
+        truth = (
+            model.a[0] @ truth + model.b[0] @ action + model.e[0] + np.sqrt(model.q[0]) * rng.normal(size=7)
+        )
+        reading = truth + np.sqrt(NOISE) * rng.normal(size=7)
+        bank.step(action, reading)
+        error.append((bank.moments()[0] - truth) ** 2 / NOISE)
+        raw.append((reading - truth) ** 2 / NOISE)
+    assert np.mean(error) < 0.7 * np.mean(raw)
+
+
+def test_one_wild_reading_does_not_settle_a_robust_belief() -> None:
+    rng = np.random.default_rng(6)
+    model = _linear(2, rng)
+    model.a[:] = np.eye(7)
+    model.b[:] = 0.0
+    model.q[:] = NOISE
+    model.e[:] = 0.0
+    model.e[1, 0] = 0.4
+    model.belief = np.array([0.5, 0.5])
+    after = {}
+    for name, wild in (("normal", None), ("robust", BeliefSettings())):
+        bank = KalmanBank(model, CONTEXT, NOISE, wild)
+        bank.start(np.zeros(7))
+        after[name] = bank.step(np.zeros(2), np.array([8.0, 0, 0, 0, 0, 0, 0]))
+    assert after["normal"][1] > 0.98 and after["robust"][1] < 0.8
+
+
+def test_contact_made_anew_takes_forces_as_read() -> None:
+    model = _linear(1, np.random.default_rng(7))
+    bank = KalmanBank(model, CONTEXT, NOISE)
+    bank.start(np.array([0.0, 0, 0, 2.0, 0, 0, 0]))
+    bank.restart(np.array([0.0, 0, 0, 0.1, 0, 0, 0]))
+    assert bank.mean[0, 3] == pytest.approx(0.1, abs=1e-4)
+    assert bank.cov[0, 0, 0] == pytest.approx(NOISE[0] / 2)
+
+
+def test_process_noise_is_what_readings_leave() -> None:
+    var = np.array([1.0, 0.5, 0.1])
+    np.testing.assert_allclose(process_variance(var, np.array([0.1, 0.1, 0.1])), [0.8, 0.3, 0.01])
+
+
+def test_noise_must_be_positive() -> None:
+    with pytest.raises(UserError, match="positive"):
+        KalmanBank(_linear(1, np.random.default_rng(0)), CONTEXT, np.zeros(7))

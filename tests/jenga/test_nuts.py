@@ -1,0 +1,72 @@
+"""No-U-Turn sampler against the exact answer: networks that are linear, so that the bank of filters is exact."""
+
+import numpy as np
+import pytest
+from pushes_for_tests import make_samples
+
+from thesis_lib.errors import UserError
+from thesis_lib.jenga.bayesian_network import BayesianNetworks, layer_shapes
+from thesis_lib.jenga.hma import Hma
+from thesis_lib.jenga.learner import ADVANCE, Scaling
+from thesis_lib.jenga.learner_settings import LearnerSettings, NetworkSettings
+from thesis_lib.jenga.showcase_nuts import NutsSettings, agreement, sample_posterior
+
+
+def linear_learner() -> Hma:
+    """Three abstractions: the block follows the pusher, half, or not at all; force rises with the lag."""
+    import torch
+
+    settings = LearnerSettings(network=NetworkSettings(hidden=(4,)))
+    learner = Hma(settings)
+    samples, _ = make_samples(60, np.random.default_rng(0))
+    learner.scaling = Scaling.of(samples, 0.1, True)
+    shapes = layer_shapes(11, (4,))
+    mean = [torch.zeros((3, *shape)) for shape in shapes]
+    for k, move in enumerate((1.0, 0.5, 0.0)):
+        change = np.array([move, 0, 0, 0.6 * (1 - move), 0, 1.0, 0])
+        mean[-1][k, -1, :7] = torch.as_tensor((change - learner.scaling.drift) / learner.scaling.change)
+        mean[-1][k, 0, 3] = 0.05 * (k + 1)  # force rises with the lag: a state-dependent, still linear law
+        mean[-1][k, -1, 7:] = -0.5
+    nets = BayesianNetworks(
+        settings.network, mean, [torch.full_like(m, -20.0) for m in mean], [m[0] for m in mean]
+    )
+    nets.redraw(torch.Generator().manual_seed(0))
+    learner.networks = nets
+    learner.shares = learner.first = np.array([0.4, 0.3, 0.3])
+    learner.noise = np.array([0.5, 0.3, 0.3, 0.1, 0.1, 1e-3, 0.3]) ** 2
+    learner.mixture = None
+    return learner
+
+
+def _push(learner: Hma, abstraction: int, steps: int):
+    rng = np.random.default_rng(abstraction)
+    actions = rng.uniform(-0.1, 0.1, (steps, 2))
+    context = np.array([9.0, 0.0])
+    _, states, readings = learner.sample(rng, actions, context, abstraction)
+    readings[:, ADVANCE] = states[:, ADVANCE]
+    return readings, actions, context
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [1, 4])
+def test_sampler_agrees_with_the_exact_filter(steps: int) -> None:
+    learner = linear_learner()
+    readings, actions, context = _push(learner, 1, steps)
+    settings = NutsSettings(warm_up=300, draws=500)
+    posterior = sample_posterior(learner, readings, actions, context, settings, np.random.default_rng(1))
+    assert posterior.r_hat < 1.02 and posterior.ess > 200 and posterior.divergences == 0
+    apart = agreement(learner, posterior, readings, actions, context)
+    assert apart["belief"] < 0.05 and apart["state"] < 0.2
+    assert 0.02 < posterior.belief.max() < 0.98 or steps > 1
+
+
+def test_readings_and_actions_must_fit() -> None:
+    with pytest.raises(UserError, match="readings"):
+        sample_posterior(
+            linear_learner(),
+            np.zeros((3, 7)),
+            np.zeros((3, 2)),
+            np.zeros(2),
+            NutsSettings(),
+            np.random.default_rng(0),
+        )

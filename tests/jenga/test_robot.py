@@ -1,0 +1,161 @@
+"""Pushes obey Coulomb and the finger's spring; the gripper holds by friction and knows when it does not."""
+
+import numpy as np
+import pytest
+from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled, exact_robot
+
+from thesis_lib.errors import UserError
+from thesis_lib.jenga.primitives import Gripper, free_places
+from thesis_lib.jenga.robot import Robot
+from thesis_lib.jenga.samples import STATE
+from thesis_lib.jenga.sensing import Sensor, standard_deviations
+from thesis_lib.jenga.settings import HiddenEffects, RobotSettings, SensingSettings, TowerSettings
+from thesis_lib.jenga.tower import BLOCKS, Tower
+
+X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
+
+
+def _pushed(robot: Robot, block: int, steps: int, offset: float = 0.0, heading: float = 0.0) -> np.ndarray:
+    robot.start(block)
+    return np.array([robot.push_step(offset, heading)[1] for _ in range(steps)])
+
+
+def test_a_free_block_follows_with_the_friction_of_its_weight():
+    tower = Settled.get()
+    states = _pushed(exact_robot(tower), FREE_BLOCK, 6)
+    weight = 9.81 * tower.settings.density * np.prod(tower.sizes[FREE_BLOCK])
+    assert np.allclose(states[:, X], states[:, ADVANCE], atol=0.2)
+    assert states[1:, F_N].mean() == pytest.approx(tower.settings.friction * weight, rel=0.2)
+    assert states[:, TOWER].max() < 0.4
+
+
+def test_the_force_on_a_stuck_block_climbs_with_the_spring():
+    tower = Settled.get()
+    states = _pushed(exact_robot(tower), STUCK_BLOCK, 3)
+    assert states[-1, X] < 0.3
+    deflection = 1e-3 * (states[:, ADVANCE] - states[:, X])
+    assert np.allclose(
+        np.diff(states[:, F_N]), tower.robot_settings.stiffness * np.diff(deflection), rtol=0.05
+    )
+
+
+def test_the_arm_never_exceeds_its_limit():
+    settings = RobotSettings(force_limit=1.0)
+    tower = Tower(SEED, robot=settings).settle()
+    states = _pushed(exact_robot(tower), STUCK_BLOCK, 5)
+    assert states[:, F_N].max() == pytest.approx(settings.force_limit, rel=0.05)
+    assert states[-1, X] < 0.5
+
+
+def test_forces_stay_in_the_friction_cone():
+    tower = Settled.get()
+    states = _pushed(exact_robot(tower), STUCK_BLOCK, 8, heading=0.9)
+    mu = tower.robot_settings.tip_friction
+    ratio = np.abs(states[:, F_T]) / states[:, F_N]
+    assert ratio.max() <= mu * 1.05
+    assert ratio.max() > 0.5 * mu  # else the push would not have tried the cone
+
+
+def test_a_mirrored_offset_turns_the_block_the_other_way():
+    tower = Settled.get()
+    start, turned = tower.save(), []
+    for offset in (-8e-3, 8e-3):
+        tower.load(start)
+        turned.append(_pushed(exact_robot(tower), FREE_BLOCK, 8, offset)[-1, YAW])
+    # the force acts at r = (-L/2, offset), so its moment about z is -offset f
+    assert turned[0] > 0.1 and turned[1] < -0.1
+
+
+def test_contact_is_made_again_as_pressed_before_the_state_is_read():
+    tower = Settled.get()
+    robot = exact_robot(tower)
+    before = _pushed(robot, STUCK_BLOCK, 2)[-1]
+    assert robot.touch(0.5e-3) is robot.observe()  # near enough: nothing moves
+    after = robot.touch(6e-3)
+    # the tower gives way a little while the finger is off
+    assert 0.75 * before[F_N] < after[F_N] < 1.1 * before[F_N]
+    assert after[ADVANCE] == pytest.approx(before[ADVANCE], abs=0.2)
+    tip = tower.data.geom("tip").xpos - tower.position(STUCK_BLOCK)
+    assert (tower.matrix(STUCK_BLOCK).T @ tip)[1] == pytest.approx(6e-3, abs=0.5e-3)
+
+
+def test_noise_is_as_declared_and_falls_with_the_advance():
+    settings = SensingSettings()
+    sensor = Sensor(settings, np.random.default_rng(1))
+    for advance in (0.0, 30.0):
+        state = np.zeros(len(STATE))
+        state[ADVANCE] = advance
+        read = np.array([sensor.read(state) for _ in range(4000)])
+        sigma = standard_deviations(advance, settings)
+        assert np.allclose(read.std(axis=0), sigma, rtol=0.05)
+        assert read[:, ADVANCE].std() == 0.0
+    assert standard_deviations(0.0, settings)[X] > 2.0 * standard_deviations(30.0, settings)[X]
+
+
+def _out(tower: Tower, block: int = FREE_BLOCK) -> None:
+    robot = exact_robot(tower)
+    robot.start(block)
+    while not robot.reached_goal():
+        robot.push_step(0.0, 0.0)
+    robot.retract()
+
+
+def test_a_free_block_is_extracted_and_placed_on_top():
+    tower = Settled.get()
+    _out(tower)
+    gripper, height = Gripper(tower), tower.height
+    extracted = gripper.extract(FREE_BLOCK)
+    assert extracted.success, extracted.reason
+    assert not extracted.ends_run and extracted.displacement < 1e-3
+    assert tower.position(FREE_BLOCK) @ (1, 1, 0) > 0.075
+    placed = gripper.place(np.random.default_rng(0))
+    assert placed.success, placed.reason
+    assert tower.layer[FREE_BLOCK] == 18
+    assert tower.height == pytest.approx(height + tower.sizes[FREE_BLOCK, 2], abs=1e-3)
+    assert tower.fallen().size == 0
+    layer, places = free_places(tower, held=1)
+    assert layer == 18 and len(places) == 2 and tower.place[FREE_BLOCK] not in places
+
+
+@pytest.mark.slow
+def test_weak_jaws_lose_the_block_and_a_weld_does_not():
+    results = []
+    for settings in (RobotSettings(jaw_force=0.02, jaw_friction=0.05), RobotSettings(weld=True)):
+        tower = Tower(SEED, robot=settings).settle()
+        _out(tower)
+        results.append(Gripper(tower).extract(FREE_BLOCK))
+    assert not results[0].success and "lost" in results[0].reason
+    assert results[1].success
+
+
+def test_a_full_top_layer_opens_the_next():
+    tower = Settled.get()
+    tower.layer[[0, 1, 2]] = 18
+    tower.place[[0, 1, 2]] = [0, 1, 2]
+    layer, places = free_places(tower, held=3)
+    assert layer == 19 and places.tolist() == [0, 1, 2]
+
+
+def test_what_cannot_be_done_is_said():
+    tower = Settled.get()
+    with pytest.raises(UserError, match="0 to 44"):
+        exact_robot(tower).start(BLOCKS - 1)
+    with pytest.raises(UserError, match="push it further"):
+        Gripper(tower).extract(FREE_BLOCK)
+    with pytest.raises(UserError, match="no block is held"):
+        Gripper(tower).place(np.random.default_rng(0))
+
+
+@pytest.mark.slow
+def test_a_slippery_layer_and_a_heavy_tool_change_what_is_felt():
+    plain = _pushed(exact_robot(Settled.get()), STUCK_BLOCK, 5)[:, F_N].max()
+    slippery = Tower(SEED, TowerSettings(hidden=HiddenEffects(slippery_layer=STUCK_BLOCK // 3))).settle()
+    assert _pushed(exact_robot(slippery), STUCK_BLOCK, 5)[:, F_N].max() < 0.7 * plain
+    heavy = Tower(SEED, TowerSettings(hidden=HiddenEffects(pusher_mass=0.15))).settle()
+    robot = exact_robot(heavy)
+    _pushed(robot, FREE_BLOCK, 2)
+    sag = robot.arm[2] - heavy.data.geom("tip").xpos[2]
+    light = Settled.get()
+    robot = exact_robot(light)
+    _pushed(robot, FREE_BLOCK, 2)
+    assert sag > 0.3e-3 > abs(robot.arm[2] - light.data.geom("tip").xpos[2])

@@ -1,0 +1,81 @@
+"""Samples keep what was collected and refuse what no standing tower can give."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thesis_lib.errors import UserError
+from thesis_lib.jenga.samples import ENOUGH, RANGE, STATE, Samples, join, read_samples, write_samples
+
+
+def _samples(n: int = 12, seed: int = 0) -> Samples:
+    rng = np.random.default_rng(seed)
+    state = rng.uniform(0.0, 3.0, (n, len(STATE)))
+    return Samples(
+        push=np.arange(n) // 4,
+        step=np.arange(n) % 4,
+        state=state,
+        action=rng.uniform(-0.5, 0.5, (n, 2)),
+        next_state=state + 0.1,
+        context=np.column_stack([rng.integers(3, 18, n), rng.integers(0, 2, n)]),
+        truth=rng.integers(-1, 2, n),
+        tower=np.full(n, 3),
+        block=np.arange(n),
+    )
+
+
+def test_a_file_gives_back_what_was_written(tmp_path):
+    samples = _samples()
+    write_samples(samples, tmp_path / "s.csv")
+    back = read_samples(tmp_path / "s.csv")
+    for name in ("push", "step", "truth", "tower", "block"):
+        assert np.array_equal(getattr(back, name), getattr(samples, name)), name
+    for name in ("state", "action", "next_state", "context"):
+        assert np.allclose(getattr(back, name), getattr(samples, name), rtol=1e-8), name
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, RANGE["tower"][1] + 0.1])
+@pytest.mark.parametrize("which", ["state", "next_state"])
+def test_rows_of_a_fallen_tower_are_refused(which, value):
+    samples = _samples()
+    values = getattr(samples, which).copy()
+    values[7, STATE.index("tower")] = value
+    with pytest.raises(UserError, match=r"row 7.*push 1.*fallen"):
+        replace(samples, **{which: values})
+
+
+def test_a_spoilt_file_is_refused_when_read(tmp_path):
+    write_samples(_samples(), tmp_path / "s.csv")
+    text = (tmp_path / "s.csv").read_text().splitlines()
+    cells = text[3].split(",")
+    cells[text[0].split(",").index("n_tower")] = "120.0"
+    text[3] = ",".join(cells)
+    (tmp_path / "s.csv").write_text("\n".join(text) + "\n")
+    with pytest.raises(UserError, match=r"tower = 120"):
+        read_samples(tmp_path / "s.csv")
+
+
+def test_a_data_set_in_which_nothing_resists_is_refused(tmp_path):
+    samples = _samples(ENOUGH)
+    forceless = samples.next_state.copy()
+    forceless[:, STATE.index("f_n")] = 0.05
+    with pytest.raises(UserError, match="empty or had exploded"):
+        write_samples(replace(samples, next_state=forceless), tmp_path / "s.csv")
+
+
+def test_first_keeps_the_order_and_refuses_more_than_there_is():
+    samples = _samples()
+    assert np.array_equal(samples.first(5).block, np.arange(5))
+    with pytest.raises(UserError, match="13 samples"):
+        samples.first(13)
+
+
+def test_joined_towers_keep_their_pushes_apart():
+    joined = join([_samples(8), _samples(4, seed=1)])
+    assert joined.push.tolist() == [0] * 4 + [1] * 4 + [2] * 4
+
+
+def test_arrays_of_unequal_length_are_refused():
+    with pytest.raises(UserError, match="shape"):
+        replace(_samples(), action=np.zeros((3, 2)))

@@ -1,0 +1,135 @@
+"""The study: who plays, what games say, and intervals that hold what they promise."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from pushes_for_tests import make_samples
+
+from thesis_lib.errors import UserError
+from thesis_lib.jenga.controller import Learned
+from thesis_lib.jenga.game import Attempt, Game
+from thesis_lib.jenga.players import learner_of, policy_of
+from thesis_lib.jenga.study import (
+    games_table,
+    interval,
+    needed_samples,
+    paired,
+    study_tables,
+    success_table,
+)
+from thesis_lib.jenga.study_settings import Chapter5
+
+SETTINGS = Chapter5()
+
+
+def game(policy: str, tower: int, out: int, tried: int = 10, end: str = "all tried") -> Game:
+    attempts = [
+        Attempt(b, 3, b % 2, pushed=int(b < out), extracted=1 if b < out else -1, placed=1 if b < out else -1)
+        for b in range(tried)
+    ]
+    return Game(policy, tower, 0, 45, attempts, end)
+
+
+def games(better: int = 2) -> list[tuple[int, Game]]:
+    """HMA extracts `better` more than the rule on each of six towers that differ more than that."""
+    found = []
+    for i, tower in enumerate(range(100, 106)):
+        found += [
+            (100, game("hma", tower, 2 + i % 4 + better)),
+            (100, game("network", tower, 2 + i % 4)),
+            (100, game("mor", tower, 2 + i % 4)),
+            (1000, game("mor", tower, 2 + i % 4 + better)),
+            (0, game("rule", tower, 2 + i % 4)),
+            (0, game("exploration", tower, 1)),
+        ]
+    return found
+
+
+def test_pairs_see_a_difference_that_means_do_not():
+    table = games_table(games())
+    means = {name: part["extractions"] for name, part in table[table["size"] != 1000].groupby("policy")}
+    low_of_hma, high_of_rule = interval(means["hma"])[1], interval(means["rule"])[2]
+    assert low_of_hma < high_of_rule  # unpaired intervals overlap
+    row = paired(table).set_index("rival").loc["rule"]
+    assert (row["difference"], row["low"], row["high"], row["n"]) == (2.0, 2.0, 2.0, 6)
+
+
+def test_rivals_are_compared_at_the_same_size_and_mor_at_ten_times_that():
+    rows = paired(games_table(games()))
+    others = {("network", 100), ("mor", 100), ("mor", 1000), ("rule", 0), ("exploration", 0)}
+    assert set(zip(rows["rival"], rows["rival_size"])) == others
+
+
+def test_needed_samples_are_those_at_which_the_difference_is_gone():
+    row = needed_samples(games_table(games()), 100).iloc[0]
+    assert row["needed"] == 1000 and row["needed_high"] == 1000
+    never = [pair for pair in games() if not (pair[0] == 1000 and pair[1].policy == "mor")]
+    assert np.isnan(needed_samples(games_table(never), 100).iloc[0]["needed"])
+
+
+def test_a_refused_game_is_counted_and_no_score():
+    refused = Game("hma", 100, 0, 45, [], "refused", error="drift")
+    table = games_table([*games()[1:], (100, refused)])
+    assert table["refused"].sum() == 1
+    curve = study_tables([*games()[1:], (100, refused)], 100)["curve"].set_index(["policy", "size"])
+    assert curve.loc[("hma", 100), "n"] == 5 and curve.loc[("hma", 100), "refused"] == 1
+    assert paired(table).set_index("rival").loc["rule", "n"] == 5
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say():
+    rng = np.random.default_rng(0)
+    ends = np.array([interval(rng.normal(3.0, 2.0, 6))[1:] for _ in range(2000)])
+    assert ((ends[:, 0] < 3.0) & (ends[:, 1] > 3.0)).mean() == pytest.approx(0.95, abs=0.015)
+    assert np.isnan(interval(np.array([1.0]))[1:]).all()
+
+
+def test_successes_count_attempts_of_each_action_and_hold_the_published_ones():
+    tables = study_tables(games(), 100)
+    table = success_table(tables["attempts"], 100).set_index(["phase", "position", "action"])
+    tried = table.loc[("learned", "all", "push")]
+    assert tried["attempts"] == 60 and tried["successes"] == sum(4 + i % 4 for i in range(6))
+    assert table.loc[("learned", "all", "extract"), "share"] == 1.0
+    assert table.loc[("exploration", "all", "extract"), "published"] == pytest.approx(0.564, abs=1e-3)
+    assert table.loc[("learned", "side", "extract"), "published"] == pytest.approx(0.783, abs=1e-3)
+    both = table.xs("push", level="action").loc["learned", "attempts"]
+    assert both["side"] + both["middle"] == both["all"]
+
+
+def test_policies_by_name():
+    samples, _ = make_samples(120, np.random.default_rng(0))
+    rng = np.random.default_rng(1)
+    for name in ("rule", "always_push", "exploration", "oracle"):
+        assert policy_of(name, None, 0, SETTINGS, rng).name == name
+    quick = SETTINGS.model_copy(
+        update={
+            "learner": SETTINGS.learner.model_copy(
+                update={"network": SETTINGS.learner.network.model_copy(update={"iterations": 50})}
+            )
+        }
+    )
+    policy = policy_of("hma_without_cost", samples, 100, quick, rng)
+    assert isinstance(policy, Learned) and policy.name == "hma_without_cost"
+    assert policy.settings.no_move == 0.0
+    with pytest.raises(UserError, match="100000 samples"):
+        policy_of("hma", samples, 100_000, quick, rng)
+    with pytest.raises(UserError, match="no learner oracles"):
+        policy_of("oracles", samples, 50, quick, rng)
+
+
+def test_learners_learn_from_the_first_samples_only():
+    samples, _ = make_samples(150, np.random.default_rng(0))
+    changed = samples.select(np.arange(len(samples)))
+    changed.next_state[100:] += 1.0
+    one, two = (
+        learner_of("mor", SETTINGS).fit(part.first(100), np.random.default_rng(2))
+        for part in (samples, changed)
+    )
+    state = (samples.state[:5], samples.action[:5], samples.context[:5])
+    belief = one.initial_belief(samples.context[:5])
+    assert one.predict(*state, belief).mean == pytest.approx(two.predict(*state, belief).mean)
+
+
+def test_tables_have_a_row_per_block_tried():
+    attempts = study_tables(games(), 100)["attempts"]
+    assert len(attempts) == 36 * 10
+    assert isinstance(attempts, pd.DataFrame) and {"policy", "size", "tower", "block"} <= set(attempts)

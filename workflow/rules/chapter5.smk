@@ -1,0 +1,282 @@
+# Chapter 5: abstractions of a Jenga tower, and a robot that plays.  Simulated throughout: no dataset is needed.
+CH5 = "results/chapter5"
+CH5_GAMES = [
+    *((policy, size) for policy in CONFIG.chapter5.games.learners for size in CONFIG.chapter5.games.sizes),
+    *(("ppo", size) for size in CONFIG.chapter5.games.ppo_sizes),
+    *((policy, 0) for policy in CONFIG.chapter5.games.fixed),
+    *((policy, CONFIG.chapter5.games.shown) for policy in CONFIG.chapter5.games.ablations),
+]
+CH5_TOWERS = [CONFIG.chapter5.towers.first_test + i for i in range(CONFIG.chapter5.games.towers)]
+CH5_GAME_FILES = [
+    f"{CH5}/games/{policy}_{size}_{tower}.json" for policy, size in CH5_GAMES for tower in CH5_TOWERS
+]
+CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
+CH5_DIAGRAMS = {
+    "5-2": "a block that moves and one that does not",
+    "5-3": "plate notation of the hierarchical model",
+    "5-4": "architecture of the robot's software",
+    "5-5c": "structure of the two mixtures",
+}
+CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed")
+CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary")
+CH5_CLAIMED = [
+    f"{CH5}/{name}.csv"
+    for name in (
+        "movable_summary",
+        "study_curve",
+        "study_paired",
+        "study_success",
+        "model_summary",
+        "model_agreement",
+    )
+]
+CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
+
+
+wildcard_constraints:
+    policy="[a-z][a-z_]*",
+    size="[0-9]+",
+    tower="[0-9]+",
+
+
+def ch5_learned_from(wildcards):
+    """What a policy learns from: a set of samples, weights of PPO, or nothing."""
+    if wildcards.policy == "ppo":
+        return [f"{CH5}/ppo/policy_{wildcards.size}.pt"]
+    if wildcards.policy in CONFIG.chapter5.games.fixed:
+        return []
+    return [CH5_SETS[int(wildcards.tower) % len(CH5_SETS)]]
+
+
+def ch5_picture(name, item, shows):
+    """A picture that is no figure of the thesis, with PDF and numbers; its caption has the same name."""
+    picture = report(
+        f"{CH5}/figure_{name}.png",
+        caption=f"../report/jenga_{name}.rst",
+        category="Chapter 5",
+        labels={"item": item, "shows": shows},
+    )
+    return [picture, f"{CH5}/figure_{name}.pdf", f"{CH5}/figure_{name}.csv"]
+
+
+def ch5_scans(first, count):
+    """Scans of towers first, first + 1, ..."""
+    return [f"{CH5}/scans/tower_{seed}.csv" for seed in range(first, first + count)]
+
+
+def ch5_figure(number, shows):
+    return figure_files(CH5, number, shows, subcategory="Jenga")
+
+
+rule ch5_diagrams:
+    output:
+        [ch5_figure(number, shows) for number, shows in CH5_DIAGRAMS.items()],
+    log:
+        "results/logs/ch5_diagrams.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        lib=code_of("ch5_diagrams"),
+    message:
+        "Chapter 5: drawing the diagrams"
+    script:
+        "../scripts/ch5_diagrams.py"
+
+
+rule ch5_scan:
+    output:
+        f"{CH5}/scans/tower_{{tower}}.csv",
+    log:
+        "results/logs/ch5_scan/{tower}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        setup=settings(CONFIG.chapter5.setup),
+        scanned=CONFIG.chapter5.towers.scanned,
+        lib=code_of("ch5_scan"),
+    message:
+        "Chapter 5: pushing every block of tower {wildcards.tower} a little"
+    script:
+        "../scripts/ch5_scan.py"
+
+
+rule ch5_towers:
+    input:
+        development=ch5_scans(0, CONFIG.chapter5.towers.development),
+        test=ch5_scans(CONFIG.chapter5.towers.first_test, CONFIG.chapter5.towers.test),
+    output:
+        ch5_picture("movable", "Movable blocks", "share of them, and what it depends on"),
+        ch5_figure("5-5a", "the tower"),
+        movable=f"{CH5}/movable.csv",
+        summary=f"{CH5}/movable_summary.csv",
+        fidelity=f"{CH5}/fidelity.csv",
+    log:
+        "results/logs/ch5_towers.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        setup=settings(CONFIG.chapter5.setup),
+        lib=code_of("ch5_towers"),
+    message:
+        "Chapter 5: how many blocks can be moved"
+    script:
+        "../scripts/ch5_towers.py"
+
+
+rule ch5_samples:
+    output:
+        samples=f"{CH5}/samples/{{name}}.csv",
+        attempts=f"{CH5}/samples/{{name}}_attempts.csv",
+    log:
+        "results/logs/ch5_samples/{name}.log",
+    wildcard_constraints:
+        name=r"set_\d+|held_out",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        setup=settings(CONFIG.chapter5.setup),
+        towers=settings(CONFIG.chapter5.towers),
+        choice=settings(CONFIG.chapter5.samples),
+        most=max(*CONFIG.chapter5.games.sizes, CONFIG.chapter5.showcase.samples),
+        seed=CONFIG.seed,
+        lib=code_of("ch5_samples"),
+    message:
+        "Chapter 5: exploring towers for samples ({wildcards.name})"
+    script:
+        "../scripts/ch5_samples.py"
+
+
+rule ch5_ppo:
+    output:
+        [f"{CH5}/ppo/policy_{size}.pt" for size in CONFIG.chapter5.games.ppo_sizes],
+    log:
+        "results/logs/ch5_ppo.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        setup=settings(CONFIG.chapter5.setup),
+        ppo=settings(CONFIG.chapter5.ppo),
+        sizes=CONFIG.chapter5.games.ppo_sizes,
+        seed=CONFIG.seed,
+        lib=code_of("ch5_ppo"),
+    message:
+        "Chapter 5: training PPO"
+    script:
+        "../scripts/ch5_ppo.py"
+
+
+rule ch5_game:
+    input:
+        ch5_learned_from,
+    output:
+        f"{CH5}/games/{{policy}}_{{size}}_{{tower}}.json",
+    log:
+        "results/logs/ch5_game/{policy}_{size}_{tower}.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter5, "setup", "learner", "play", "ppo"),
+        blocks=CONFIG.chapter5.games.blocks,
+        seed=CONFIG.seed,
+        lib=code_of("ch5_game"),
+    message:
+        "Chapter 5: {wildcards.policy} ({wildcards.size} samples) plays tower {wildcards.tower}"
+    script:
+        "../scripts/ch5_game.py"
+
+
+rule ch5_study:
+    input:
+        CH5_GAME_FILES,
+    output:
+        [f"{CH5}/study_{name}.csv" for name in CH5_STUDY_TABLES],
+        ch5_figure("5-5b", "consecutive extractions against samples"),
+        ch5_figure("5-6", "successes of push, extract and place"),
+        ch5_picture("paired", "Paired comparison", "of policies on the same towers"),
+    log:
+        "results/logs/ch5_study.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        shown=CONFIG.chapter5.games.shown,
+        lib=code_of("ch5_study"),
+    message:
+        "Chapter 5: what the games say"
+    script:
+        "../scripts/ch5_study.py"
+
+
+rule ch5_model:
+    input:
+        sets=CH5_SETS,
+        held_out=f"{CH5}/samples/held_out.csv",
+    output:
+        [f"{CH5}/model_{name}.csv" for name in CH5_MODEL_TABLES],
+        ch5_figure("5-7", "learned forces, friction cone and height"),
+        ch5_picture("abstractions", "Abstractions", "what each looks like"),
+    log:
+        "results/logs/ch5_model.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter5, "setup", "learner", "games"),
+        seed=CONFIG.seed,
+        lib=code_of("ch5_model"),
+    message:
+        "Chapter 5: what the abstractions know"
+    script:
+        "../scripts/ch5_model.py"
+
+
+rule ch5_showcase:
+    input:
+        samples=CH5_SETS[0],
+    output:
+        ch5_figure("5-8", "belief along two pushes"),
+        ch5_figure("5-9", "a steered push"),
+        ch5_picture("game", "A game", "frames"),
+        runs=f"{CH5}/showcase_runs.csv",
+    log:
+        "results/logs/ch5_showcase.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter5, "setup", "learner", "play", "showcase", "towers"),
+        blocks=CONFIG.chapter5.games.blocks,
+        seed=CONFIG.seed,
+        lib=code_of("ch5_showcase"),
+    message:
+        "Chapter 5: belief along pushes, by filter and by NUTS"
+    script:
+        "../scripts/ch5_showcase.py"
+
+
+rule ch5_hidden:
+    input:
+        samples=CH5_SETS[0],
+        held_out=f"{CH5}/samples/held_out.csv",
+    output:
+        [f"{CH5}/unseen_{name}.csv" for name in CH5_HIDDEN_TABLES],
+        ch5_picture("unseen", "Something never seen", "error before and after relearning"),
+    log:
+        "results/logs/ch5_hidden.log",
+    conda:
+        "../envs/thesis.yaml"
+    params:
+        settings=settings(CONFIG.chapter5, "setup", "learner", "hidden", "towers"),
+        seed=CONFIG.seed,
+        lib=code_of("ch5_hidden"),
+    message:
+        "Chapter 5: effects that the learner has never seen"
+    script:
+        "../scripts/ch5_hidden.py"
+
+
+rule chapter5:
+    input:
+        rules.ch5_diagrams.output,
+        rules.ch5_towers.output,
+        rules.ch5_study.output,
+        rules.ch5_model.output,
+        rules.ch5_showcase.output,
+        rules.ch5_hidden.output,

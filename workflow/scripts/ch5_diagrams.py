@@ -1,0 +1,14 @@
+"""Figures 5-2, 5-3, 5-4B and 5-5C: diagrams."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.figures import chapter5_schematics as schematics
+from thesis_lib.figures.style import save_figure
+
+folder = Path(snakemake.output[0]).parent
+for name in ("figure_5_2", "figure_5_3", "figure_5_4", "figure_5_5c"):
+    save_figure(*getattr(schematics, name)(), folder / name)

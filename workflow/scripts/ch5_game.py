@@ -1,0 +1,26 @@
+"""One game: a policy plays one tower."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from thesis_lib.jenga.game import play, write_game
+from thesis_lib.jenga.players import policy_of
+from thesis_lib.jenga.samples import read_samples
+from thesis_lib.jenga.study_settings import Chapter5
+from thesis_lib.randomness import generator
+
+params, wildcards, source = snakemake.params, snakemake.wildcards, list(snakemake.input)
+settings = Chapter5.model_validate(params.settings)
+size, tower = int(wildcards.size), int(wildcards.tower)
+if wildcards.policy == "ppo":
+    from thesis_lib.jenga.ppo import read_policy
+
+    policy = read_policy(source[0])
+else:
+    # keyed by what is learned from: all games of a set have the very same learner
+    rng = generator(params.seed, "ch5_game", wildcards.policy, wildcards.size, *source)
+    policy = policy_of(wildcards.policy, read_samples(source[0]) if source else None, size, settings, rng)
+game = play(tower, policy, settings.setup, params.seed, blocks=params.blocks)
+write_game(game, snakemake.output[0])
+print(f"{wildcards.policy} on tower {tower}: {game.end}, {len(game.attempts)} blocks tried")

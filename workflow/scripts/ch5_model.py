@@ -1,0 +1,38 @@
+"""Abstractions against hidden truth; forces against the friction cone and the height (figure 5-7)."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.figures import chapter5_model as figures
+from thesis_lib.figures.style import save_figure
+from thesis_lib.jenga import model_study as study
+from thesis_lib.jenga.players import fitted
+from thesis_lib.jenga.samples import read_samples
+from thesis_lib.jenga.study_settings import Chapter5
+from thesis_lib.randomness import generator
+
+params, source = snakemake.params, snakemake.input
+settings = Chapter5.model_validate(params.settings)
+sets, held_out = [read_samples(path) for path in source.sets], read_samples(source.held_out)
+learners = fitted(sets, settings, generator(params.seed, "ch5_model", "fit"))
+shown = learners[max(learners)]
+tables = {
+    "agreement": study.agreements(learners, held_out, generator(params.seed, "ch5_model", "agreement")),
+    "abstractions": study.looks(learners, held_out),
+    "cone": study.cone_table(shown, held_out, settings.setup),
+    "height": study.height_table(shown, held_out, settings.setup),
+}
+tables["summary"] = study.summary(
+    tables["cone"], tables["height"], generator(params.seed, "ch5_model", "summary")
+)
+folder = Path(snakemake.output[0]).parent
+for name, table in tables.items():
+    write_result(table, folder / f"model_{name}.csv")
+save_figure(*figures.figure_5_7(tables["cone"], tables["height"]), folder / "figure_5_7")
+save_figure(
+    *figures.figure_abstractions(study.of_one(tables["abstractions"])), folder / "figure_abstractions"
+)

@@ -1,0 +1,13 @@
+"""Every reachable block of one tower is pushed a little: which are movable."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from thesis_lib.columns import write_result
+from thesis_lib.jenga.settings import Setup
+from thesis_lib.jenga.tower_study import scan_tower
+
+params = snakemake.params
+setup = Setup.model_validate(params.setup)
+write_result(scan_tower(int(snakemake.wildcards.tower), params.scanned, setup), snakemake.output[0])

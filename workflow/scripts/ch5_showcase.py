@@ -1,0 +1,39 @@
+"""Belief along two pushes by filter and sampler, a steered push, frames of a game (figures 5-8, 5-9)."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.figures import chapter5_showcase as figures
+from thesis_lib.figures.chapter5_study import figure_game
+from thesis_lib.figures.style import save_figure
+from thesis_lib.jenga import showcase
+from thesis_lib.jenga.players import learned_policy
+from thesis_lib.jenga.samples import read_samples
+from thesis_lib.jenga.study_settings import Chapter5
+from thesis_lib.randomness import generator
+
+params, out = snakemake.params, snakemake.output
+settings, shown = Chapter5.model_validate(params.settings), params.settings["showcase"]
+
+
+def stream(step):
+    return generator(params.seed, "ch5_showcase", step)
+
+
+samples = read_samples(snakemake.input.samples).first(shown["samples"])
+policy = learned_policy("hma", samples, settings, stream("fit"))
+pushes = showcase.straight_pushes(settings.towers.first_held_out, settings.setup, stream("pushes"))
+choice = settings.showcase
+beliefs, runs = showcase.showcase_table(
+    policy.learner, pushes, choice.every, choice.nuts, stream("nuts"), say=print
+)
+write_result(runs, out.runs)
+game = showcase.recorded_game(policy, settings, params.blocks, params.seed)
+folder = Path(out.runs).parent
+save_figure(*figures.figure_5_8(beliefs), folder / "figure_5_8")
+save_figure(*figures.figure_5_9(showcase.steering_table(game)), folder / "figure_5_9")
+save_figure(*figure_game(*showcase.frames(game)), folder / "figure_game")

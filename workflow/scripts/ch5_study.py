@@ -1,0 +1,22 @@
+"""What the games say: extractions against samples, paired comparisons, successes (figures 5-5B, 5-6)."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.figures import chapter5_study as figures
+from thesis_lib.figures.style import save_figure
+from thesis_lib.jenga import study
+from thesis_lib.jenga.game import read_game
+
+games = [(int(Path(path).stem.split("_")[-2]), read_game(path)) for path in snakemake.input]
+folder = Path(snakemake.output[0]).parent
+tables = study.study_tables(games, snakemake.params.shown)
+for name, table in tables.items():
+    write_result(table, folder / f"study_{name}.csv")
+save_figure(*figures.figure_5_5b(tables["curve"]), folder / "figure_5_5b")
+save_figure(*figures.figure_5_6(tables["success"]), folder / "figure_5_6")
+save_figure(*figures.figure_paired(tables["paired"]), folder / "figure_paired")

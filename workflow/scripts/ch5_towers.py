@@ -1,0 +1,24 @@
+"""Share of movable blocks, its sensitivity, and the agreement of simulators and criteria."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.columns import write_result
+from thesis_lib.figures import chapter5_study as figures
+from thesis_lib.figures.style import save_figure
+from thesis_lib.files import read_table
+from thesis_lib.jenga import tower_study as study
+from thesis_lib.jenga.settings import Setup
+
+setup, source, out = Setup.model_validate(snakemake.params.setup), snakemake.input, snakemake.output
+scans = {kind: [read_table(path, study.SCAN) for path in source[kind]] for kind in ("development", "test")}
+shares = study.movable_shares(scans, setup.movable)
+write_result(shares, out.movable)
+write_result(study.movable_summary(shares), out.summary)
+write_result(study.fidelity(scans["development"][0], setup, say=print), out.fidelity)
+folder = Path(out.movable).parent
+save_figure(*figures.figure_movable(shares, setup.movable.threshold_mm), folder / "figure_movable")
+save_figure(*figures.figure_5_5a(*study.settled(setup)), folder / "figure_5_5a")
