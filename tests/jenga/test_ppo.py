@@ -368,3 +368,21 @@ def test_training_on_towers_runs_and_repeats():
     first, again = (train_ppo([40], settings, seed=3, device="cpu")[40] for _ in range(2))
     np.testing.assert_array_equal(weights(first), weights(again))
     assert (first.episodes["tower"] >= 2000).all()
+
+
+def test_checkpoints_become_files_and_an_interrupted_training_goes_on(tmp_path, monkeypatch):
+    from thesis_lib.jenga import ppo_training
+
+    asked = []
+
+    def train(sizes, settings, seed, *, setup, folder, say):
+        asked.append(folder)
+        folder.mkdir(exist_ok=True)
+        for size in sizes:
+            (folder / f"ppo_{size}.pt").write_text(str(size))
+
+    monkeypatch.setattr(ppo_training, "train_ppo", train)
+    paths = [tmp_path / "policy_10.pt", tmp_path / "policy_20.pt"]
+    ppo_training.train_to_files((10, 20), paths, PpoSettings(), None, 0)
+    assert [path.read_text() for path in paths] == ["10", "20"]
+    assert asked == [tmp_path / "segments"]

@@ -9,6 +9,5 @@ from pathlib import Path
 from thesis_lib.figures import chapter5_schematics as schematics
 from thesis_lib.figures.style import save_figure
 
-folder = Path(snakemake.output[0]).parent
 for name in ("figure_5_2", "figure_5_3", "figure_5_4", "figure_5_5c"):
-    save_figure(*getattr(schematics, name)(), folder / name)
+    save_figure(*getattr(schematics, name)(), Path(snakemake.output[0]).with_name(name))
