@@ -1,6 +1,6 @@
 """Particle-throws per CPU second: how fast a belief over thrown squares is propagated to rest, on one core.
 
-    python -m benchmarks.belief [--particles 3000] [-o FILE.json]
+    python -m benchmarks.belief [--particles 10000] [-o FILE.json]
 
 Every particle is thrown from the height and with the speeds of the measured dice until it lies.  One run measures the
 law alone, the scattered law, a learned wrench residual, and the contact map of compliant contacts, with uncertainty;
@@ -104,7 +104,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.belief", description="Particle-throws per CPU second."
     )
-    parser.add_argument("--particles", type=int, default=3000)
+    parser.add_argument("--particles", type=int, default=10_000)
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
     options = parser.parse_args(arguments)
     rates = measure(options.particles)

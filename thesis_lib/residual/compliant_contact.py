@@ -38,6 +38,7 @@ DT = (
     1e-4  # s; a contact of 3 ms has 30 steps, which halving changes by less than the contacts scatter (tests)
 )
 CLEAR = 1e-4  # m, gap above which a corner has left the surface even if it comes back
+KEPT = 0.75  # share of bodies still in contact below which the others are put aside
 _ROUNDS = 12  # of flight and contact until the time asked for
 
 
@@ -137,6 +138,7 @@ def press(
     limit = np.minimum(left, longest)
     rows, now_q, now_v, t = np.arange(len(q)), end_q.copy(), end_v.copy(), np.zeros(len(q))
     z = np.zeros((len(q), len(body.u)))
+    moving = np.ones(len(q), bool)
     stiffness, stiffness_t = c.omega**2, c.tau * c.omega**2
     drag_t = 2.0 * c.dashpot_t * np.sqrt(stiffness_t)
     k2 = body.k_g**2
@@ -146,27 +148,33 @@ def press(
         r_y = sin * body.u[:, 0] + cos * body.u[:, 1] - body.rho
         gap = now_q[:, 1:2] + r_y - body.height
         v_n, v_t = now_v[:, 1:2] + r_x * now_v[:, 2:], now_v[:, :1] - r_y * now_v[:, 2:]
-        over = t >= limit - 1e-12
+        moving &= t < limit - 1e-12
         if step > 0:
-            over |= (gap >= 0.0).all(1) & ((v_n > 0.0) | (gap > CLEAR)).all(1)
-        if over.any():
-            done = rows[over]
-            end_q[done], end_v[done], end_t[done] = now_q[over], now_v[over], t[over]
-            on = ~over
-            rows, now_q, now_v, t, z, limit = rows[on], now_q[on], now_v[on], t[on], z[on], limit[on]
+            moving &= ~((gap >= 0.0).all(1) & ((v_n > 0.0) | (gap > CLEAR)).all(1))
+        # bodies that are done stand still, and leave once they are many: copying costs more than they do
+        if moving.sum() <= KEPT * len(rows):
+            done = rows[~moving]
+            end_q[done], end_v[done], end_t[done] = now_q[~moving], now_v[~moving], t[~moving]
+            rows, now_q, now_v, t, z, limit = (a[moving] for a in (rows, now_q, now_v, t, z, limit))
             if not len(rows):
                 return end_q, end_v, end_t
-            r_x, r_y, gap, v_n, v_t = r_x[on], r_y[on], gap[on], v_n[on], v_t[on]
-        D, Z = _damping(c, now_q[:, :1] + r_x, now_q[:, 2:])
-        f_n = stiffness * -gap * (1.0 - D * v_n) - 2.0 * Z * c.omega * v_n
-        f_n = np.where(gap < 0.0, np.maximum(f_n, 0.0), 0.0)
-        h = np.minimum(dt, limit - t)[:, None]
+            r_x, r_y, gap, v_n, v_t = (a[moving] for a in (r_x, r_y, gap, v_n, v_t))
+            moving = np.ones(len(rows), bool)
+        pressed = np.nonzero(gap < 0.0)
+        near_v_n = v_n[pressed]
+        D, Z = _damping(c, now_q[pressed[0], 0] + r_x[pressed], now_q[pressed[0], 2])
+        f_n = np.zeros_like(gap)
+        f_n[pressed] = np.maximum(
+            stiffness * -gap[pressed] * (1.0 - D * near_v_n) - 2.0 * Z * c.omega * near_v_n, 0.0
+        )
+        h = np.where(moving, np.minimum(dt, limit - t), 0.0)[:, None]
         z = z + v_t * h
+        most = c.mu * f_n
         f_t = -stiffness_t * z - drag_t * v_t
-        slides = np.abs(f_t) > c.mu * f_n
-        f_t = np.clip(f_t, -c.mu * f_n, c.mu * f_n)
+        slides = np.abs(f_t) > most
+        f_t = np.clip(f_t, -most, most)
         # a sliding spring is as long as the force that it bears; one in the air is slack
-        z = np.where(slides, np.clip(z, -c.mu * f_n / stiffness_t, c.mu * f_n / stiffness_t), z)
+        z = np.where(slides, np.clip(z, -most / stiffness_t, most / stiffness_t), z)
         z[gap >= 0.0] = 0.0
         couple = (r_x * f_n - r_y * f_t).sum(1) / k2
         now_v = now_v + h * np.stack([f_t.sum(1), f_n.sum(1) - body.gravity, couple], axis=1)
@@ -177,7 +185,7 @@ def press(
 
 
 def _damping(c: CompliantContact, x: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """D and Z (n, k) of corners at places x (n, k) of a body at angles (n, 1)."""
+    """D and Z (m,) of corners at places x (m,) of bodies at angles theta (m,)."""
     away = -np.expm1(-(((x - c.place) / c.width) ** 2))
     flat = np.cos(2.0 * theta) ** 2
     return (
