@@ -1,71 +1,10 @@
 # Chapter 5: abstractions of a Jenga tower, and a robot that plays.  Simulated throughout: no dataset is needed.
-CH5 = "results/chapter5"
-CH5_GAMES = [
-    *((policy, size) for policy in CONFIG.chapter5.games.learners for size in CONFIG.chapter5.games.sizes),
-    *(("ppo", size) for size in CONFIG.chapter5.games.ppo_sizes),
-    *((policy, 0) for policy in CONFIG.chapter5.games.fixed),
-    *((policy, CONFIG.chapter5.games.shown) for policy in CONFIG.chapter5.games.ablations),
-]
-CH5_TOWERS = [CONFIG.chapter5.towers.first_test + i for i in range(CONFIG.chapter5.games.towers)]
-CH5_GAME_FILES = [
-    f"{CH5}/games/{policy}_{size}_{tower}.json" for policy, size in CH5_GAMES for tower in CH5_TOWERS
-]
-CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
-CH5_DIAGRAMS = {
-    "5-2": "a block that moves and one that does not",
-    "5-3": "plate notation of the hierarchical model",
-    "5-4": "architecture of the robot's software",
-    "5-5c": "structure of the two mixtures",
-}
-CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed")
-CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary")
-CH5_CLAIMED = [
-    f"{CH5}/{name}.csv"
-    for name in (
-        "movable_summary",
-        "study_curve",
-        "study_paired",
-        "study_success",
-        "model_summary",
-        "model_agreement",
-    )
-]
-CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
 
 
 wildcard_constraints:
     policy="[a-z][a-z_]*",
     size="[0-9]+",
     tower="[0-9]+",
-
-
-def ch5_learned_from(wildcards):
-    """What a policy learns from: a set of samples, weights of PPO, or nothing."""
-    if wildcards.policy == "ppo":
-        return [f"{CH5}/ppo/policy_{wildcards.size}.pt"]
-    if wildcards.policy in CONFIG.chapter5.games.fixed:
-        return []
-    return [CH5_SETS[int(wildcards.tower) % len(CH5_SETS)]]
-
-
-def ch5_picture(name, item, shows):
-    """A picture that is no figure of the thesis, with PDF and numbers; its caption has the same name."""
-    picture = report(
-        f"{CH5}/figure_{name}.png",
-        caption=f"../report/jenga_{name}.rst",
-        category="Chapter 5",
-        labels={"item": item, "shows": shows},
-    )
-    return [picture, f"{CH5}/figure_{name}.pdf", f"{CH5}/figure_{name}.csv"]
-
-
-def ch5_scans(first, count):
-    """Scans of towers first, first + 1, ..."""
-    return [f"{CH5}/scans/tower_{seed}.csv" for seed in range(first, first + count)]
-
-
-def ch5_figure(number, shows):
-    return figure_files(CH5, number, shows, subcategory="Jenga")
 
 
 rule ch5_diagrams:
