@@ -27,6 +27,11 @@ class GameChoice(Section):
     """Games of the study; each is a file of its own, so that an interrupted study goes on where it was."""
 
     towers: int = Field(2, ge=1, description="test towers, the same for all policies")
+    paired_towers: int = Field(
+        0,
+        ge=0,
+        description="first test towers that hma, network (with `shown` samples) and rule play, if more than `towers`",
+    )
     blocks: int = Field(45, ge=1, le=45, description="blocks tried in a game; the thesis's 45")
     learners: tuple[str, ...] = Field(
         ("hma", "mor", "network"), description="learners that play at every size (hma, mor, network)"
