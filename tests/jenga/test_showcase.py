@@ -42,7 +42,7 @@ def test_frames_are_spread_over_the_game_and_begin_with_the_untouched_tower():
 
 @pytest.mark.slow
 def test_a_stuck_and_an_easy_block_are_found_and_differ():
-    pushes = straight_pushes(0, Setup(), np.random.default_rng(0))
+    pushes = straight_pushes(0, Setup(), 30, np.random.default_rng(0))
     assert set(pushes) == {"stuck", "easy"}
     force = {case: push["readings"][5:, 3].mean() for case, push in pushes.items()}
     assert force["stuck"] > force["easy"]

@@ -29,14 +29,15 @@ from thesis_lib.jenga.showcase_nuts import NutsSettings, agreement, sample_poste
 from thesis_lib.jenga.study_settings import Chapter5
 from thesis_lib.jenga.tower import REACHABLE, Tower
 
-STEPS = 30  # of 1 mm that are shown
 SHOWN = 1  # seed of the development tower whose game is drawn
 PICTURES = 6
 CASES = {"stuck": STUCK, "easy": FREE}
 
 
-def straight_pushes(seed: int, setup: Setup, rng: np.random.Generator) -> dict[str, dict[str, np.ndarray]]:
-    """Readings (STEPS + 1, 7), actions (STEPS, 2) and context (2,) of both cases, and the block's number.
+def straight_pushes(
+    seed: int, setup: Setup, steps: int, rng: np.random.Generator
+) -> dict[str, dict[str, np.ndarray]]:
+    """Readings (steps + 1, 7), actions (steps, 2) and context (2,) of both cases, and the block's number.
 
     Raises:
         UserError: the tower has no stuck or no free block.
@@ -55,7 +56,7 @@ def straight_pushes(seed: int, setup: Setup, rng: np.random.Generator) -> dict[s
         robot = Robot(tower, Sensor(setup.sensing, rng))
         readings = [robot.start(int(block))]
         context = robot.context()
-        for _ in range(STEPS):
+        for _ in range(steps):
             _, after = robot.push_step(0.0, 0.0)
             readings.append(after)
             if robot.reached_goal() or tower.fallen().size:

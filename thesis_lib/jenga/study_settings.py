@@ -69,6 +69,7 @@ class ShowcaseChoice(Section):
     """The two pushes of figure 5-8 and the steered one of figure 5-9."""
 
     samples: int = Field(1000, ge=50, description="that train the model which is shown")
+    steps: int = Field(30, ge=1, description="steps of 1 mm of figure 5-8's pushes")
     every: int = Field(5, ge=1, description="steps between two runs of NUTS")
     nuts: NutsSettings = NutsSettings()
 

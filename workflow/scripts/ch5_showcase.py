@@ -26,8 +26,10 @@ def stream(step):
 
 samples = read_samples(snakemake.input.samples).first(shown["samples"])
 policy = learned_policy("hma", samples, settings, stream("fit"))
-pushes = showcase.straight_pushes(settings.towers.first_held_out, settings.setup, stream("pushes"))
 choice = settings.showcase
+pushes = showcase.straight_pushes(
+    settings.towers.first_held_out, settings.setup, choice.steps, stream("pushes")
+)
 beliefs, runs = showcase.showcase_table(
     policy.learner, pushes, choice.every, choice.nuts, stream("nuts"), say=print
 )
