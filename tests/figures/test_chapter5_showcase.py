@@ -62,7 +62,8 @@ def steering() -> pd.DataFrame:
             "yaw": yaw,
             "offset": np.clip(-5 * yaw, -8, 8),
             "heading": np.clip(-0.08 * y, -0.15, 0.15),
-            "goal_y": 0.0,
+            "controlled": (t >= 8).astype(int),
+            "steered": 1,
         }
     )
 

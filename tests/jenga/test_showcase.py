@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
 from thesis_lib.jenga.game import Attempt, Game, Trajectory
 from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.showcase import PICTURES, frames, steering_table, straight_pushes
+from thesis_lib.jenga.showcase import PICTURES, frames, straight_pushes
 
 
 def recorded(strays: dict[int, float], out: set[int]) -> Game:
@@ -21,13 +20,6 @@ def recorded(strays: dict[int, float], out: set[int]) -> Game:
             Trajectory(block, [9, 0], states.tolist(), np.zeros((12, 2)).tolist(), states.tolist())
         )
     return game
-
-
-def test_the_steered_push_is_the_one_that_strayed_most_of_those_that_came_out():
-    table = steering_table(recorded({4: 1.0, 7: 3.0, 9: 8.0}, out={4, 7}))
-    assert set(table["block"]) == {7} and table["y"].max() == 3.0 and len(table) == 12
-    with pytest.raises(UserError, match="nothing to show"):
-        steering_table(recorded({4: 1.0}, out=set()))
 
 
 def test_frames_are_spread_over_the_game_and_begin_with_the_untouched_tower():

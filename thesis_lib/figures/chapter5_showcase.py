@@ -75,55 +75,56 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
-    """The block from above at several steps of a push with what the controller chose, and its place against advance.
+    """The block from above at several steps of a steered push, and where it goes with and without steering.
 
     Args:
-        steering: step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm), heading (rad), goal_y (mm).
+        steering: of one block: steered (0, 1), step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm),
+            heading (rad), controlled (0 or 1: after the disturbance).
         exaggeration: factor by which y, yaw and heading are drawn larger from above.
     """
-    steering = steering.sort_values("step", ignore_index=True)
+    steering = steering.sort_values(["steered", "step"], ignore_index=True)
+    own = steering[steering["steered"] == 1]
     figure = new_figure(height=3.9)
     grid = figure.add_gridspec(2, 1, height_ratios=[1.7, 1])
-    chosen = np.unique(np.linspace(0, len(steering) - 1, SHOWN).round().astype(int))
+    chosen = own.index[np.unique(np.linspace(0, len(own) - 1, SHOWN).round().astype(int))]
     panels = grid[0].subgridspec(1, len(chosen)).subplots(sharex=True, sharey=True, squeeze=False)[0]
-    for ax, row in zip(panels, steering.iloc[chosen].itertuples()):
+    for ax, row in zip(panels, own.loc[chosen].itertuples()):
         _from_above(ax, row, exaggeration)
     # room for the widest turn, alike in all panels
-    half = 0.5 * WIDE + 6.0 + exaggeration * float(steering[["y", "yaw"]].abs().max().max())
+    corners = np.concatenate(
+        [
+            outline_from_above(row.x, exaggeration * row.y, exaggeration * row.yaw / RADIUS_OF_GYRATION)
+            for row in own.loc[chosen].itertuples()
+        ]
+    )
+    half = float(np.abs(corners[:, 1]).max()) + 4.0
     panels[0].set_xlim(half, -half)  # y to the left: x points up, seen from above
-    panels[0].set_ylim(-0.5 * LENGTH - ARROW - 8.0, 0.5 * LENGTH + float(steering["x"].max()) + 4.0)
+    panels[0].set_ylim(-0.5 * LENGTH - ARROW - 8.0, float(corners[:, 0].max()) + 4.0)
     figure.suptitle(
-        f"from above, pushed upwards, y to the left; y, yaw and heading × {exaggeration:g}; "
+        f"steered push from above, upwards, y to the left; y, yaw and heading × {exaggeration:g}; "
         "dotted: block at first, dashed: goal",
         fontsize=7.5,
         x=0.01,
         ha="left",
     )
     ax = figure.add_subplot(grid[1])
-    ax.plot(steering["advance"], steering["y"], color="#0072B2", label="$y$")
-    ax.plot(
-        steering["advance"],
-        steering["yaw"],
-        color="#D55E00",
-        linestyle=(0, (5, 1.5)),
-        label=r"$\theta\, r_g$",
-    )
-    ax.plot(
-        steering["advance"],
-        steering["goal_y"],
-        color=GREY,
-        linestyle=(0, (4, 2)),
-        linewidth=0.9,
-        label="goal",
-    )
+    for name, symbol, colour in (("y", "$y$", "#0072B2"), ("yaw", r"$\theta\, r_g$", "#D55E00")):
+        for steered, line in ((1, "-"), (0, (0, (1.2, 1.2)))):
+            part = steering[steering["steered"] == steered]
+            label = f"{symbol} {'steered' if steered else 'straight on'}"
+            ax.plot(part["advance"], part[name], color=colour, linestyle=line, label=label)
+    ax.axhline(0.0, color=GREY, linestyle=(0, (4, 2)), linewidth=0.9)
+    takes_over = own.loc[own["controlled"] == 1, "advance"].min()
+    ax.axvspan(float(own["advance"].min()), float(takes_over), color=GREY, alpha=0.2, linewidth=0)
     bottom = ax.get_ylim()[0]
-    ax.plot(steering["advance"].iloc[chosen], np.full(len(chosen), bottom), "^", color=INK, clip_on=False)
+    places = own.loc[chosen, "advance"]
+    ax.plot(places, np.full(len(chosen), bottom), "^", color=INK, clip_on=False)
     ax.set_ylim(bottom=bottom)
-    ax.set_xlabel("advance (mm); triangles: steps above")
+    ax.set_xlabel("advance (mm); grey: pushed off centre on purpose; triangles: steps above")
     ax.set_ylabel("across, turn (mm)")
-    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
-    columns = ["step", "advance", "x", "y", "yaw", "offset", "heading", "goal_y"]
-    return figure, steering[columns].assign(shown=np.isin(np.arange(len(steering)), chosen).astype(int))
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)
+    columns = ["steered", "step", "advance", "x", "y", "yaw", "offset", "heading", "controlled"]
+    return figure, steering[columns].assign(shown=steering.index.isin(chosen).astype(int))
 
 
 def outline_from_above(x: float, y: float, angle: float) -> np.ndarray:
@@ -139,13 +140,13 @@ def _turn(angle: float) -> np.ndarray:
 
 
 def _from_above(ax: Axes, row: tuple, factor: float) -> None:
-    """One step: the block, its goal line, the contact and the heading of the next 1 mm."""
+    """One step: the block, the goal line, the contact and the heading of the next 1 mm."""
     angle = factor * row.yaw / RADIUS_OF_GYRATION
     outline = outline_from_above(row.x, factor * row.y, angle)
     place = outline_from_above(0.0, 0.0, 0.0)
     ax.plot(place[:, 1], place[:, 0], color=GREY, linewidth=0.7, linestyle=":")
     ax.fill(outline[:, 1], outline[:, 0], facecolor="#EAD7BD", edgecolor=INK, linewidth=0.9, alpha=0.9)
-    ax.axvline(factor * row.goal_y, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)))
+    ax.axvline(0.0, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)))
     centre = np.array([row.x, factor * row.y])
     nose = centre + _turn(angle) @ [0.5 * LENGTH, 0.0]
     ax.plot([centre[1], nose[1]], [centre[0], nose[0]], color=INK, linewidth=0.6)

@@ -1,11 +1,10 @@
-"""The pushes that are shown: a stuck and an easy block with the belief over abstractions, and a steered one.
+"""What is shown: pushes of a stuck and an easy block with the belief over abstractions, and frames of a game.
 
 Figure 5-8: a straight, centred push of the first block of a held-out tower whose hidden label is stuck, and of the
 first that is free (the label chooses what is shown, nothing else).  Each abstraction's prediction of the next reading,
 the belief of the filter after each step, and at every `every` steps that of the No-U-Turn sampler on the same readings.
-Figure 5-9: of the pushes that a learned policy brought out in a game, the one that had strayed most.
 
-Source: thesis, section 5.5.4, figures 5-8 and 5-9.
+Source: thesis, section 5.5.4, figure 5-8.
 """
 
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from thesis_lib.jenga.game import Game, play
 from thesis_lib.jenga.health import check
 from thesis_lib.jenga.hma import Hma
 from thesis_lib.jenga.kalman import KalmanBank
-from thesis_lib.jenga.learner import ADVANCE, F_N, TOWER, YAW, X, Y
+from thesis_lib.jenga.learner import F_N, TOWER, X
 from thesis_lib.jenga.movable import hidden_label
 from thesis_lib.jenga.policies import Policy
 from thesis_lib.jenga.robot import Robot
@@ -136,44 +135,9 @@ def showcase_table(
     return pd.DataFrame(rows), pd.DataFrame(runs)
 
 
-def steering_table(game: Game) -> pd.DataFrame:
-    """Figure 5-9: step, advance, x, y, yaw (mm), offset (mm), heading (rad), goal_y of the push that strayed most.
-
-    `game` was recorded.
-
-    Raises:
-        UserError: no recorded push came out.
-    """
-    out = {attempt.block for attempt in game.attempts if attempt.pushed == 1}
-    shown = [push for push in game.trajectories if push.block in out and len(push.states)]
-    if not shown:
-        raise UserError(f"no recorded push of {game.policy} on tower {game.seed} came out: nothing to show.")
-
-    def strayed(push) -> float:
-        states = np.array(push.next_states)
-        return float(np.abs(states[len(states) // 3 :, [Y, YAW]]).max())
-
-    push = max(shown, key=strayed)
-    states, actions = np.array(push.states), np.array(push.actions)
-    return pd.DataFrame(
-        {
-            "block": push.block,
-            "step": np.arange(len(states)),
-            "advance": states[:, ADVANCE],
-            "x": states[:, X],
-            "y": states[:, Y],
-            "yaw": states[:, YAW],
-            "offset": actions[:, 0],
-            "heading": actions[:, 1],
-            "goal_y": 0.0,
-        }
-    )
-
-
 def recorded_game(policy: Policy, settings: Chapter5, blocks: int, base_seed: int) -> Game:
-    """A game on a development tower (no test tower is shown), with every push and frames recorded."""
-    everything = tuple(range(len(REACHABLE)))
-    return play(SHOWN, policy, settings.setup, base_seed, blocks=blocks, record=everything, frames=True)
+    """A game on a development tower (no test tower is shown), with its frames."""
+    return play(SHOWN, policy, settings.setup, base_seed, blocks=blocks, frames=True)
 
 
 def frames(game: Game) -> tuple[list[np.ndarray], np.ndarray, list[str], list[int]]:

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from thesis_lib.jenga.controller_settings import PlaySettings
+from thesis_lib.jenga.controller_settings import ControllerSettings, PlaySettings
 from thesis_lib.jenga.learner_settings import LearnerSettings
 from thesis_lib.jenga.ppo_settings import PpoSettings
 from thesis_lib.jenga.settings import Setup
@@ -72,6 +72,13 @@ class ShowcaseChoice(Section):
     steps: int = Field(30, ge=1, description="steps of 1 mm of figure 5-8's pushes")
     every: int = Field(5, ge=1, description="steps between two runs of NUTS")
     nuts: NutsSettings = NutsSettings()
+    steered_blocks: int = Field(4, ge=1, description="free blocks of the tower of figure 5-9")
+    edge: float = Field(8.0, gt=0, le=12.5, description="mm off the centre, contact of the disturbing pushes")
+    disturbed: int = Field(8, ge=1, description="steps pushed there before the controller takes over")
+    steering: ControllerSettings = Field(
+        ControllerSettings(stray=3.0, effort=0.01, give_up=1e6),
+        description="figure 5-9's controller: as in the games, but straying costs 16 times as much, and it goes on",
+    )
 
 
 class HiddenChoice(Section):

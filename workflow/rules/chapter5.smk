@@ -175,6 +175,7 @@ rule ch5_showcase:
         ch5_figure("5-9", "a steered push"),
         ch5_picture("game", "A game", "frames"),
         runs=f"{CH5}/showcase_runs.csv",
+        ends=f"{CH5}/showcase_steering.csv",
     log:
         "results/logs/ch5_showcase.log",
     conda:

@@ -13,6 +13,7 @@ from thesis_lib.figures.style import save_figure
 from thesis_lib.jenga import showcase
 from thesis_lib.jenga.players import learned_policy
 from thesis_lib.jenga.samples import read_samples
+from thesis_lib.jenga.steering import steering_pushes, strayed_most
 from thesis_lib.jenga.study_settings import Chapter5
 from thesis_lib.randomness import generator
 
@@ -37,5 +38,7 @@ write_result(runs, out.runs)
 game = showcase.recorded_game(policy, settings, params.blocks, params.seed)
 folder = Path(out.runs).parent
 save_figure(*figures.figure_5_8(beliefs), folder / "figure_5_8")
-save_figure(*figures.figure_5_9(showcase.steering_table(game)), folder / "figure_5_9")
+steps, ends = steering_pushes(policy.learner, showcase.SHOWN, settings.setup, choice, stream("steering"))
+write_result(ends, out.ends)
+save_figure(*figures.figure_5_9(strayed_most(steps, ends)), folder / "figure_5_9")
 save_figure(*figure_game(*showcase.frames(game)), folder / "figure_game")

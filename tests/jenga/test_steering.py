@@ -1,0 +1,57 @@
+"""Block steering: pairs start alike, the controller acts only after the disturbance, the pair shown is the one said."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.errors import UserError
+from thesis_lib.jenga.learner import YAW, Prediction, X, Y
+from thesis_lib.jenga.settings import Setup
+from thesis_lib.jenga.steering import steering_pushes, strayed_most
+from thesis_lib.jenga.study_settings import ShowcaseChoice
+
+
+class Lever:
+    """One abstraction that knows the lever arm: a push off the centre turns the block away from where it pushes."""
+
+    name, n_abstractions = "lever", 1
+
+    def initial_belief(self, context):
+        return np.ones((len(context), 1))
+
+    def update(self, belief, state, action, context, next_state):
+        return belief
+
+    def predict(self, state, action, context, belief):
+        mean = state.copy()
+        mean[:, X] += 1.0
+        mean[:, YAW] -= 0.05 * action[:, 0]
+        mean[:, Y] += 0.5 * np.sin(action[:, 1])
+        return Prediction(mean[:, None], np.ones_like(mean)[:, None], np.ones((len(state), 1)))
+
+
+@pytest.mark.slow
+def test_a_model_of_the_lever_arm_brings_blocks_back_that_were_pushed_off_their_centre():
+    choice = ShowcaseChoice(steered_blocks=2)
+    steps, ends = steering_pushes(Lever(), 1, Setup(), choice, np.random.default_rng(11))
+    assert len(ends) == 2 * 2 * 2 and ends["out"].all()
+    stray = ends.pivot(index=["block", "edge"], columns="steered", values="stray")
+    assert stray[1].mean() < 0.7 * stray[0].mean()
+    for _, pair in steps.groupby(["block", "edge"]):
+        straight, steered = (pair[pair["steered"] == i].reset_index(drop=True) for i in (0, 1))
+        disturbed = range(choice.disturbed)
+        same = ["advance", "x", "y", "yaw", "offset", "heading"]
+        pd.testing.assert_frame_equal(straight.loc[disturbed, same], steered.loc[disturbed, same])
+        assert (straight.loc[straight["controlled"] == 1, "offset"] == 0).all()
+        assert (steered.loc[steered["controlled"] == 1, "offset"] != 0).any()
+
+
+def test_the_pair_shown_is_the_one_whose_straight_push_strayed_most_of_those_that_came_out():
+    ends = pd.DataFrame(
+        [(b, 8.0, s, 30, out, stray) for b, out, stray in ((1, 1, 2.0), (2, 1, 5.0), (3, 0, 9.0)) for s in (0, 1)],
+        columns=["block", "edge", "steered", "steps", "out", "stray"],
+    )  # fmt: skip
+    steps = ends[["block", "edge", "steered"]].assign(step=0)
+    assert set(strayed_most(steps, ends)["block"]) == {2}
+    with pytest.raises(UserError, match="nothing to show"):
+        strayed_most(steps, ends.assign(out=0))
