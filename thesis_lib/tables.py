@@ -182,7 +182,7 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
         Shown(
             "chapter5/movable_summary.csv",
             "Movable blocks, development and test towers (section 5.4.4: 47 %)",
-            ("set", "threshold_mm", "mean", "low", "high", "n"),
+            ("set", "threshold_mm", "mean", "low", "high", "n", "refused"),
         ),
         Shown(
             "chapter5/fidelity.csv",

@@ -4,7 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib.errors import UserError
+from thesis_lib.files import read_table, write_table
+from thesis_lib.jenga import tower_study
 from thesis_lib.jenga.settings import MovableSettings, Setup
+from thesis_lib.jenga.tower import TowerError
 from thesis_lib.jenga.tower_study import fidelity, movable_shares, movable_summary, scan_tower
 
 
@@ -24,8 +28,28 @@ def test_shares_grow_with_the_threshold_and_are_counted_per_tower():
     table = movable_shares(scans, MovableSettings())
     dev = table[table["set"] == "development"].set_index("threshold_mm")["share"]
     assert dev[0.5] == 0.25 and dev[1.0] == 0.5 and dev[2.0] == 0.75
-    mean = movable_summary(table).set_index(["set", "threshold_mm"]).loc[("test", 1.0)]
-    assert mean["mean"] == 0.5 and mean["n"] == 2 and mean["low"] < 0.25
+    mean = movable_summary(table, scans).set_index(["set", "threshold_mm"]).loc[("test", 1.0)]
+    assert mean["mean"] == 0.5 and mean["n"] == 2 and mean["low"] < 0.25 and mean["refused"] == 0
+
+
+def test_a_refused_tower_is_counted_and_changes_no_share(tmp_path):
+    def no_tower(seed, setup):
+        raise TowerError(f"tower {seed} does not rest")
+
+    said = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tower_study, "settled_tower", no_tower)
+        refused = scan_tower(102, 45, Setup(), say=said.append)
+    assert said == ["refused: tower 102 does not rest"]
+    write_table(refused, tmp_path / "tower_102.csv")
+    refused = read_table(tmp_path / "tower_102.csv", tower_study.SCAN)
+    whole = {"test": [made_scan(100, np.array([0.1, 9.0])), made_scan(101, np.array([0.1, 0.2]))]}
+    scans = {"test": [whole["test"][0], refused, whole["test"][1]]}
+    shares = movable_shares(scans, MovableSettings())
+    pd.testing.assert_frame_equal(shares, movable_shares(whole, MovableSettings()))
+    assert set(movable_summary(shares, scans)["refused"]) == {1}
+    with pytest.raises(UserError, match="all 1 test towers were refused"):
+        movable_shares({"test": [refused]}, MovableSettings())
 
 
 @pytest.mark.slow

@@ -14,32 +14,45 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from thesis_lib.errors import UserError
 from thesis_lib.jenga.health import check
 from thesis_lib.jenga.movable import agreement, fractions, scan
 from thesis_lib.jenga.reduced import compare, faithfulness
 from thesis_lib.jenga.settings import MovableSettings, Setup
 from thesis_lib.jenga.study import interval
-from thesis_lib.jenga.tower import REACHABLE, Tower
+from thesis_lib.jenga.tower import REACHABLE, Tower, TowerError
 
 SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
 THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
 
 
-def scan_tower(seed: int, scanned: int, setup: Setup) -> pd.DataFrame:
-    """`movable.scan` of `scanned` blocks of a tower, evenly spread over its height and sides.
-
-    Raises:
-        TowerError: the tower does not stand.
-    """
+def scan_tower(
+    seed: int, scanned: int, setup: Setup, say: Callable[[str], None] = lambda _: None
+) -> pd.DataFrame:
+    """`movable.scan` of `scanned` blocks of a tower, spread evenly; no rows if the tower is refused."""
     # rounding a step that is no multiple of three takes middle and side blocks in turn
     blocks = np.unique(np.linspace(0, len(REACHABLE) - 1, scanned).round().astype(int))
-    return scan(settled_tower(seed, setup), setup.movable, REACHABLE[blocks])
+    try:
+        tower = settled_tower(seed, setup)
+    except TowerError as error:
+        say(f"refused: {error}")
+        return pd.DataFrame(columns=SCAN)
+    return scan(tower, setup.movable, REACHABLE[blocks])
 
 
 def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: MovableSettings) -> pd.DataFrame:
-    """Rows of set (development, test), tower, threshold_mm, share."""
+    """Rows of set (development, test), tower, threshold_mm, share; of refused towers none.
+
+    Raises:
+        UserError: every tower of a set was refused.
+    """
+    for name, tables in scans.items():
+        if all(table.empty for table in tables):
+            raise UserError(
+                f"all {len(tables)} {name} towers were refused: none stands. See the logs of the scans."
+            )
     parts = [
-        fractions(pd.concat(tables, ignore_index=True), settings, THRESHOLDS).assign(set=name)
+        fractions(pd.concat([table for table in tables if len(table)]), settings, THRESHOLDS).assign(set=name)
         for name, tables in scans.items()
     ]
     table = pd.concat(parts, ignore_index=True)
@@ -47,13 +60,14 @@ def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: Movabl
     return table[["set", "tower", "threshold_mm", "share"]]
 
 
-def movable_summary(shares: pd.DataFrame) -> pd.DataFrame:
-    """Rows of set, threshold_mm, mean, low, high, n over towers."""
+def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFrame]]) -> pd.DataFrame:
+    """Rows of set, threshold_mm, mean, low, high, n over towers, and refused: towers that did not stand."""
+    refused = {name: sum(table.empty for table in tables) for name, tables in scans.items()}
     rows = [
-        (name, threshold, *interval(part["share"].to_numpy()), len(part))
+        (name, threshold, *interval(part["share"].to_numpy()), len(part), refused[name])
         for (name, threshold), part in shares.groupby(["set", "threshold_mm"])
     ]
-    return pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n"])
+    return pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n", "refused"])
 
 
 def fidelity(

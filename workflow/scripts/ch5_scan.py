@@ -10,4 +10,5 @@ from thesis_lib.jenga.tower_study import scan_tower
 
 params = snakemake.params
 setup = Setup.model_validate(params.setup)
-write_result(scan_tower(int(snakemake.wildcards.tower), params.scanned, setup), snakemake.output[0])
+seed = int(snakemake.wildcards.tower)
+write_result(scan_tower(seed, params.scanned, setup, say=print), snakemake.output[0])
