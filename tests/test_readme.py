@@ -92,6 +92,32 @@ def test_named_physics_table_is_that_of_the_stored_figure():
         assert [float(x) for x in row] == pytest.approx(list(found), abs=0.0006)
 
 
+STUDY_NAMES = {
+    "HMA": "hma",
+    "MOR": "mor",
+    "PPO": "ppo",
+    'HMA without "no move" cost': "hma_without_cost",
+    "HMA in one shot": "hma_one_shot",
+}
+
+
+def test_table_of_the_games_is_that_of_the_stored_study():
+    stored = ROOT / "config" / "reference" / "chapter5"
+    curve = pd.read_csv(stored / "study_curve.csv").set_index(["policy", "size"])
+    paired = pd.read_csv(stored / "study_paired.csv").query("policy == 'hma' and size == 100")
+    paired = paired.set_index(["rival", "rival_size"])
+    table = README[README.index("<!-- study -->") : README.index("<!-- /study -->")]
+    rows = re.findall(r"^\| (.+?) \| (\d+) \| (.+?) \| (.*?) ?\|$", table, re.M)
+    assert len(rows) == 9
+    for name, size, said, more in rows:
+        key = (STUDY_NAMES.get(name, name), int(size))
+        row = curve.loc[key]
+        assert said == f"{row['mean']:.1f} ({row['low']:.1f} to {row['high']:.1f}), n = {row['n']:.0f}", key
+        if key != ("hma", 100):
+            row = paired.loc[key]
+            assert more == f"{row['difference']:.1f} ({row['low']:.1f} to {row['high']:.1f})", key
+
+
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"(?:`|^    )make ([a-z]+)", README, re.M))))
 def test_make_targets_exist(target):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
