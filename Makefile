@@ -2,7 +2,7 @@
 #   make reproduce   environment, then the whole pipeline           (SCALE=quick|default|full, CORES=2)
 #   make test        environment, then the test suite               (TESTS="-m 'not slow'" for the fast part)
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce report test bench check format clean
+.PHONY: help setup reproduce report test test-fuzz test-kill test-slurm bench check audit docs format clean
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -10,6 +10,10 @@ STAMP := .venv/.installed
 CORES ?= 2
 SCALE ?= default
 TESTS ?=
+INPUTS ?= 10000
+SEED ?= 0
+BENCH ?=
+BENCH_OUT ?= results/benchmarks
 PIP_OPTIONS ?=
 # snakemake runs the scripts; matplotlib and friends must not look for a screen or a writable HOME
 export MPLBACKEND := Agg
@@ -21,7 +25,7 @@ CONFIG_quick := --configfile config/quick.yaml
 CONFIG_full := --configfile config/full.yaml
 
 help:  ## show this text
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 13
 
 setup: $(STAMP)  ## create .venv and install environment.txt
 
@@ -32,8 +36,8 @@ $(STAMP): environment.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement environment.txt
 	@touch $@
 
-reproduce: setup  ## run the main job: every table, figure and claim
-	$(BIN)/snakemake --cores $(CORES) $(CONFIG_$(SCALE))
+reproduce: setup  ## run the main job: every table, figure and claim; an interrupted run goes on where it was
+	$(BIN)/python -m thesis_lib.pipeline --scale $(SCALE) --cores $(CORES)
 
 report: reproduce  ## as reproduce, then one page with all of it: results/report.html
 	$(BIN)/snakemake --cores $(CORES) $(CONFIG_$(SCALE)) --report results/report.html
@@ -41,21 +45,36 @@ report: reproduce  ## as reproduce, then one page with all of it: results/report
 test: setup  ## run the tests (TESTS='-m "not slow"' for the fast ones)
 	$(BIN)/python -m pytest -n 2 $(TESTS)
 
-bench: setup  ## measure speed: laws, identification, simulators, programs, critique, learning, beliefs, pipeline
-	$(BIN)/python -m benchmarks.laws
-	$(BIN)/python -m benchmarks.identification
-	$(BIN)/python -m benchmarks.simulators
-	$(BIN)/python -m benchmarks.programs --mechanisms block ellipse wheel arm_disk --windows 5 --starts 2
-	$(BIN)/python -m benchmarks.critique
-	$(BIN)/python -m benchmarks.gaussian_processes
-	$(BIN)/python -m benchmarks.belief
-	$(BIN)/python -m benchmarks.pipeline
+test-fuzz: setup  ## read 10,000 spoilt inputs (INPUTS, SEED): nothing but results and clear refusals may come out
+	$(BIN)/python -m tests.fuzz.mutate --inputs $(INPUTS) --seed $(SEED) --jobs $(CORES)
+
+test-kill: setup  ## stop a one-minute pipeline at 20 random moments, in seven ways, and compare the results
+	$(BIN)/python -m tests.workflow.interruption --kills 20
+
+test-slurm: setup  ## run chapter 3 on a real Slurm of two nodes, one of which dies (root; apt: slurm-wlm, munge)
+	TEST_SLURM=1 $(BIN)/python -m pytest -s tests/slurm
+
+BENCHMARKS := laws engines bandwidth identification ensemble arcs simulators programs critique hidden_effects \
+    gaussian_processes belief pipeline growth
+
+bench: setup  ## measure speed and accuracy against other tools, into results/benchmarks (BENCH=--quick: does it run)
+	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement benchmarks/requirements.txt
+	@for name in $(BENCHMARKS); do echo "== $$name"; \
+	    $(BIN)/python -m benchmarks.$$name $(BENCH) --out $(BENCH_OUT)/$$name.csv || exit 1; done
+	$(BIN)/python -m benchmarks.table $(BENCH_OUT)
+
+audit: setup  ## known vulnerabilities of what is installed (says so where it cannot look)
+	$(BIN)/python tests/safety/audit.py
+
+docs: setup  ## write the reference pages in docs/ from the code (with pictures: python -m thesis_lib.docs --pictures)
+	$(BIN)/python -m thesis_lib.docs
 
 check: setup  ## lint and formatting, as CI does
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/snakemake --lint
+	$(BIN)/basedpyright --level error
 
 format: setup  ## format the code
 	$(BIN)/ruff check --fix .

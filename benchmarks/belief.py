@@ -1,6 +1,6 @@
 """Particle-throws per CPU second: how fast a belief over thrown squares is propagated to rest, on one core.
 
-    python -m benchmarks.belief [--particles 10000] [-o FILE.json]
+    python -m benchmarks.belief [--particles 10000] [--quick] [-o FILE.csv]
 
 Every particle is thrown from the height and with the speeds of the measured dice until it lies.  One run measures the
 law alone, the scattered law, a learned wrench residual, and the contact map of compliant contacts, with uncertainty;
@@ -9,30 +9,24 @@ with what is asked (10,000 for the law, 1,000 learned) and the ratio to the same
 same run.
 """
 
-import argparse
-import os
 import time
-from pathlib import Path
 
-# before numpy is imported: one core, whatever the number of threads it would take
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-from thesis_lib.bodies.shapes import Polygon  # noqa: E402
-from thesis_lib.contact import LAWS  # noqa: E402
-from thesis_lib.datasets.impacts import Impacts  # noqa: E402
-from thesis_lib.effects.effect import Rig  # noqa: E402
-from thesis_lib.files import write_json  # noqa: E402
-from thesis_lib.residual.bases import LawBase  # noqa: E402
-from thesis_lib.residual.compliant_contact import CompliantContact, compliant_path  # noqa: E402
-from thesis_lib.residual.contact_map import ContactMap, Regime, contact_features  # noqa: E402
-from thesis_lib.residual.flight import first_touch, fly, thrown_body  # noqa: E402
-from thesis_lib.residual.gaussian_process import GaussianProcessSettings, fit_gaussian_process  # noqa: E402
-from thesis_lib.residual.learners import ImpulseLearner  # noqa: E402
-from thesis_lib.residual.propagation import LearnedImpact, ScatteredLaw  # noqa: E402
-from thesis_lib.residual.throw import LawImpact, ThrowSettings, simulate_throws  # noqa: E402
+from benchmarks.results import Results
+from benchmarks.results import parser as benchmark_parser
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.contact import LAWS
+from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.effects.effect import Rig
+from thesis_lib.residual.bases import LawBase
+from thesis_lib.residual.compliant_contact import CompliantContact, compliant_path
+from thesis_lib.residual.contact_map import ContactMap, Regime, contact_features
+from thesis_lib.residual.flight import first_touch, fly, thrown_body
+from thesis_lib.residual.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.residual.learners import ImpulseLearner
+from thesis_lib.residual.propagation import LearnedImpact, ScatteredLaw
+from thesis_lib.residual.throw import LawImpact, ThrowSettings, simulate_throws
 
 TRAINED = 450
 ALONE = 40  # particles thrown one at a time
@@ -47,7 +41,7 @@ def throws(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return q, v
 
 
-def measure(particles: int) -> dict[str, dict[str, float]]:
+def measure(particles: int, trained_on: int = TRAINED, singly: int = ALONE) -> dict[str, dict[str, float]]:
     """Particle-throws per CPU second of each model, all at once (`batched`) and one at a time (`alone`)."""
     rng = np.random.default_rng(0)
     half = 0.03
@@ -57,18 +51,18 @@ def measure(particles: int) -> dict[str, dict[str, float]]:
     scatter = np.diag([0.03, 0.05, 0.002]) ** 2
 
     # training contacts: speeds from those of the first impact down to a tenth of them
-    q, v = throws(TRAINED, rng)
-    v *= rng.uniform(0.1, 1.0, (TRAINED, 1))
+    q, v = throws(trained_on, rng)
+    v *= rng.uniform(0.1, 1.0, (trained_on, 1))
     t, corner = first_touch(body, q, v)
     q, v = fly(body, q, v, t)
     r = body.contact_point(q[:, 2], corner)
-    _, after, _ = ScatteredLaw(body, law, relative=scatter)(q, v, r, np.zeros(TRAINED, bool), rng)
-    index = np.arange(TRAINED)
+    _, after, _ = ScatteredLaw(body, law, relative=scatter)(q, v, r, np.zeros(trained_on, bool), rng)
+    index = np.arange(trained_on)
     impacts = Impacts(trial=index, impact=index, q=q, v_pre=v, v_post=after, r=r, k_g=body.k_g)
     trained = ImpulseLearner("X1", True, LawBase("mirtich"), True, FAST).fit(impacts, rng)
     features = contact_features(q, v, body.k_g)
     # smooth, with noise: hyperparameters as a real residual has them
-    residual = 0.05 * np.sin(features @ rng.normal(size=(7, 6))) + 0.02 * rng.normal(size=(TRAINED, 6))
+    residual = 0.05 * np.sin(features @ rng.normal(size=(7, 6))) + 0.02 * rng.normal(size=(trained_on, 6))
     process = fit_gaussian_process(features, residual, rng, FAST, centred=False)
 
     def path(q: np.ndarray, v: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
@@ -90,24 +84,23 @@ def measure(particles: int) -> dict[str, dict[str, float]]:
         begin = time.process_time()
         simulate_throws(body, q, v, model, 0.15, settings, rng)
         batched = time.process_time()
-        for i in range(ALONE):
+        for i in range(singly):
             simulate_throws(body, q[i : i + 1], v[i : i + 1], model, 0.15, settings, rng)
         alone = time.process_time()
         rates[name] = {
             "batched": round(particles / (batched - begin)),
-            "alone": round(ALONE / (alone - batched), 1),
+            "alone": round(singly / (alone - batched), 1),
         }
     return rates
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.belief", description="Particle-throws per CPU second."
-    )
+    parser = benchmark_parser("belief", "Particle-throws per CPU second.")
     parser.add_argument("--particles", type=int, default=10_000)
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
     options = parser.parse_args(arguments)
-    rates = measure(options.particles)
+    particles, trained, alone = (100, 40, 2) if options.quick else (options.particles, TRAINED, ALONE)
+    rates = measure(particles, trained, alone)
+    results = Results("belief")
     print("particle-throws per CPU second, one core")
     print(f"{'':16s}{'at once':>9s}{'asked':>8s}{'ratio':>7s}{'one at a time':>15s}{'ratio':>7s}")
     for name, rate in rates.items():
@@ -115,8 +108,11 @@ def main(arguments: list[str] | None = None) -> None:
         print(
             f"{name:16s}{rate['batched']:9,d}{ASKED[name]:8,d}{asked:7.1f}{rate['alone']:15,.0f}{alone:7.0f}"
         )
-    if options.output:
-        write_json({"particle_throws_per_cpu_s": rates, "particles": options.particles}, options.output)
+        results.add(
+            f"{name}: at once", rate["batched"], "particle-throws a CPU second", f"{particles:,} particles"
+        )
+        results.add(f"{name}: at once over one at a time", alone)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

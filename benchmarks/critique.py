@@ -1,11 +1,10 @@
 """CPU time of one critique on one core: 300 drops, from trajectories to report.
 
-    python -m benchmarks.critique [--drops 300] [--hidden com_offset_x nothing] [-o FILE.json]
+    python -m benchmarks.critique [--drops 300] [--hidden com_offset_x] [--quick] [-o FILE.csv]
 
 Counts user and system time of `python -m thesis_lib critique` as a whole, start-up and pictures included.
 """
 
-import argparse
 import json
 import os
 import resource
@@ -14,7 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from thesis_lib.files import write_json
+from benchmarks.results import Results
+from benchmarks.results import parser as benchmark_parser
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -49,21 +49,21 @@ def _run(module: str, *arguments: str) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.critique", description="CPU time of one critique on one core."
-    )
+    parser = benchmark_parser("critique", "CPU time of one critique on one core.")
     parser.add_argument("--drops", type=int, default=300)
-    parser.add_argument("--hidden", nargs="+", default=["nothing", "com_offset_x"], metavar="CAUSE")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
+    parser.add_argument("--hidden", nargs="+", default=["com_offset_x"], metavar="CAUSE")
     options = parser.parse_args(arguments)
-    results = {}
+    if options.quick:
+        options.hidden, options.drops = ["nothing"], 30
+    results = Results("critique")
     print(f"{'hidden':24s}{'drops':>6s}{'impacts':>9s}{'CPU s':>8s}  verdict")
     for hidden in options.hidden:
-        results[hidden] = found = measure(hidden, options.drops)
+        found = measure(hidden, options.drops)
         said = f"{found['verdict']} {found['effects']}"
         print(f"{hidden:24s}{options.drops:6d}{found['n_impacts']:9d}{found['cpu_s']:8.1f}  {said}")
-    if options.output:
-        write_json({"drops": options.drops, "results": results}, options.output)
+        note = f"{options.drops} drops, from files to report; says: {said.strip()}"
+        results.add(f"{hidden}: CPU time", found["cpu_s"], "s", note)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

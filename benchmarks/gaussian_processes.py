@@ -1,6 +1,6 @@
 """Training of a wrench learner at 450 impacts: ours, scikit-learn and plain GPyTorch, in one run.
 
-    python -m benchmarks.gaussian_processes [--data DIR] [-n N] [--starts S] [-o FILE.json]
+    python -m benchmarks.gaussian_processes [--data DIR] [-n N] [--starts S] [--quick] [-o FILE.csv]
 
 The same task for all: three exact Gaussian processes (c_t, c_n, τ) with ARD squared-exponential kernels on the features
 X1 of N impacts (the measured planar impacts if they are here, else simulated ones), hyperparameters by the marginal
@@ -14,27 +14,22 @@ outputs, nats), and the least for any output that another method reached above i
   batch: the way of its own tutorial.
 """
 
-import argparse
-import os
 import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-# before numpy is imported: one core, whatever the number of threads it would take
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-from benchmarks.identification import SEARCH, measured_impacts, simulated_impacts  # noqa: E402
-from thesis_lib.files import write_json  # noqa: E402
-from thesis_lib.residual.features import features, impulse_of  # noqa: E402
-from thesis_lib.residual.gaussian_process import (  # noqa: E402
+from benchmarks.identification import SEARCH, measured_impacts, simulated_impacts
+from benchmarks.results import Results
+from benchmarks.results import parser as benchmark_parser
+from thesis_lib.residual.features import features, impulse_of
+from thesis_lib.residual.gaussian_process import (
     GaussianProcessSettings,
     fit_gaussian_process,
 )
-from thesis_lib.residual.marginal_likelihood import BOUNDS  # noqa: E402
+from thesis_lib.residual.marginal_likelihood import BOUNDS
 
 STEPS, RATE = 100, 0.1
 Trainer = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
@@ -112,29 +107,32 @@ def measure(x: np.ndarray, y: np.ndarray, starts: int) -> dict[str, dict[str, fl
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.gaussian_processes", description="Training of Gaussian processes."
-    )
+    parser = benchmark_parser("gaussian_processes", "Training of Gaussian processes.")
     parser.add_argument("--data", type=Path, nargs="*", default=SEARCH, metavar="DIR")
     parser.add_argument("-n", type=int, default=450, help="impacts")
     parser.add_argument("--starts", type=int, default=2)
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
     options = parser.parse_args(arguments)
     rng = np.random.default_rng(0)
-    found = measured_impacts(tuple(options.data))
+    if options.quick:
+        options.n, options.starts = 30, 1
+    found = None if options.quick else measured_impacts(tuple(options.data))
     impacts = simulated_impacts(rng, options.n) if found is None else found.sample(options.n, rng)
     print(f"{len(impacts)} {'simulated' if found is None else 'measured'} impacts, {options.starts} starts")
     x, y = features(impacts, "X1"), impulse_of(impacts.dv, impacts, wrench=True)
     x, y = ((a - a.mean(axis=0)) / a.std(axis=0) for a in (x, y))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # lengths at their bounds
-        results = measure(x, y, options.starts)
+        reached = measure(x, y, options.starts)
+    results = Results("gaussian_processes")
     print(f"{'':18s}{'CPU s':>8s}{'times ours':>12s}{'log likelihood':>16s}{'behind':>9s}")
-    for name, row in results.items():
-        ratio = row["cpu_s"] / results["ours"]["cpu_s"]
+    for name, row in reached.items():
+        ratio = row["cpu_s"] / max(reached["ours"]["cpu_s"], 0.01)
+        results.add(f"{name}: CPU time", row["cpu_s"], "s", f"{len(impacts)} impacts")
+        results.add(
+            f"{name}: log likelihood behind the best", row["behind"], "nats", "the worst of three outputs"
+        )
         print(f"{name:18s}{row['cpu_s']:8.2f}{ratio:12.1f}{row['log_likelihood']:16.2f}{row['behind']:9.2f}")
-    if options.output:
-        write_json({"n": len(impacts), "starts": options.starts, "methods": results}, options.output)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

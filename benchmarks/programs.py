@@ -1,26 +1,20 @@
 """Success and CPU time of the identification programs on noise-free windows, from random starts.
 
-    python -m benchmarks.programs [--mechanisms block ellipse] [--lengths 10 30 100 300] [--programs 2.14 ...]
-                                  [--windows 10] [--starts 5] [--seed 0] [-o FILE.json]
+    python -m benchmarks.programs [--mechanisms NAME ...] [--lengths 10 30 100 300] [--programs 2.14 ...]
+                                  [--windows 5] [--starts 2] [--seed 0] [--quick] [-o FILE.csv]
 
 Prints a row per program, mechanism and window length: how many starts end with m/I (base parameters) and forces
 within 1e-6 of the truth, what the solvers claim without it, median errors, CPU seconds; and the exponent of CPU time
 over window length.  See thesis_lib/identify/program_study.py.
 """
 
-import argparse
-import os
 import time
-from pathlib import Path
 
-# before numpy is imported: one core, whatever the number of threads it would take
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-from thesis_lib.files import write_json  # noqa: E402
-from thesis_lib.identify.program_study import STUDIES, cases, study  # noqa: E402
+from benchmarks.results import Results
+from benchmarks.results import parser as benchmark_parser
+from thesis_lib.identify.program_study import STUDIES, cases, study
 
 HEADER = (
     f"{'mechanism':10s}{'steps':>6s} {'program':12s}{'success':>9s}{'false':>6s}"
@@ -34,20 +28,18 @@ def exponent(lengths: list[int], seconds: list[float]) -> float:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.programs",
-        description="Success and CPU time of the identification programs.",
-    )
-    parser.add_argument("--mechanisms", nargs="+", default=["block", "ellipse"])
+    parser = benchmark_parser("programs", "Success and CPU time of the identification programs.")
+    parser.add_argument("--mechanisms", nargs="+", default=["block", "ellipse", "wheel", "arm_disk"])
     parser.add_argument("--lengths", nargs="+", type=int, default=[10, 30, 100, 300])
     parser.add_argument("--programs", nargs="+", default=["qp", "2.14"], choices=list(STUDIES))
-    parser.add_argument("--windows", type=int, default=10)
-    parser.add_argument("--starts", type=int, default=5)
+    parser.add_argument("--windows", type=int, default=5)
+    parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
     options = parser.parse_args(arguments)
+    if options.quick:
+        options.mechanisms, options.lengths, options.windows, options.starts = ["block"], [10, 20], 1, 1
 
-    rows = []
+    results, rows = Results("programs"), []
     # Drake takes a tenth of a second to load its solvers, which is not the first program's time
     study(
         STUDIES["2.14"], "block", cases("block", 10, 1, np.random.default_rng(0)), 1, np.random.default_rng(0)
@@ -74,8 +66,15 @@ def main(arguments: list[str] | None = None) -> None:
             if len(mine) > 1:
                 slope = exponent([row["n_steps"] for row in mine], [row["cpu_s_median"] for row in mine])
                 print(f"{kind}, {name}: CPU time grows as the window length to the power {slope:.2f}")
-    if options.output:
-        write_json(options.output, rows)
+                success, starts = (sum(row[key] for row in mine) for key in ("n_success", "n_starts"))
+                longest = mine[-1]
+                note = f"windows of {longest['n_steps']} steps"
+                results.add(
+                    f"{kind}, {name}: success", success, f"of {starts}", "start ends within 1e-6 of the truth"
+                )
+                results.add(f"{kind}, {name}: CPU time of a start", longest["cpu_s_median"], "s", note)
+                results.add(f"{kind}, {name}: exponent over the window length", slope)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

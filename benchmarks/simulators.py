@@ -1,6 +1,6 @@
 """Speed of the simulation of chapter 2: time steps per second and core for each mechanism.
 
-    python -m benchmarks.simulators [-n STEPS] [--repeat R] [-o FILE.json]
+    python -m benchmarks.simulators [-n STEPS] [--repeat R] [--quick] [-o FILE.csv]
 
 - `drop`: a release as in chapter 2, flight and contact as they come, 300 steps (wheel and arm: their own start);
 - `one contact`, `two contacts`: steps in which that many pairs are active, from a body that rolls or rests;
@@ -8,22 +8,16 @@
 CPU time, best of several repetitions.
 """
 
-import argparse
-import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-# before numpy is imported: one core, whatever the number of threads it would take
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-from thesis_lib.files import write_json  # noqa: E402
-from thesis_lib.simulate import chapter2  # noqa: E402
-from thesis_lib.simulate.mechanism import Mechanism  # noqa: E402
-from thesis_lib.simulate.stepping import Record, simulate  # noqa: E402
+from benchmarks.results import Results
+from benchmarks.results import parser as benchmark_parser
+from thesis_lib.simulate import chapter2
+from thesis_lib.simulate.mechanism import Mechanism
+from thesis_lib.simulate.stepping import Record, simulate
 
 KINDS = ("block", "ellipse", "disk", "rod", "wheel")
 SETTINGS = chapter2.DEFAULT
@@ -77,28 +71,26 @@ def measure(kind: str, steps: int, repeat: int) -> dict[str, float]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.simulators",
-        description="Time steps per second and core of chapter 2's simulators.",
-    )
+    parser = benchmark_parser("simulators", "Time steps per second and core of chapter 2's simulators.")
     parser.add_argument("-n", type=int, default=2000, metavar="STEPS", help="steps in contact (2000)")
     parser.add_argument("--repeat", type=int, default=5, help="rounds, the best counts (5)")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE.json", help="write the figures as JSON")
     options = parser.parse_args(arguments)
+    if options.quick:
+        options.n, options.repeat = 20, 1
     if options.n < 1 or options.repeat < 1:
         parser.error("STEPS and --repeat must be at least 1")
 
     columns = ("drop", "one_contact", "two_contacts", "drake_sap")
     print("thousand steps per CPU second, one core")
     print(f"{'mechanism':12s}" + "".join(f"{name.replace('_', ' '):>14s}" for name in columns))
-    results = {}
+    results = Results("simulators")
     for kind in (*KINDS, "arm_disk"):
         rates = measure(kind, options.n, options.repeat)
-        results[kind] = {key: float(f"{value:.4g}") for key, value in rates.items()}
+        for name, value in rates.items():
+            results.add(f"{kind}, {name.replace('_', ' ')}", value / 1e3, "thousand steps a second")
         shown = (f"{rates[name] / 1e3:.1f}" if name in rates else "-" for name in columns)
         print(f"{kind:12s}" + "".join(f"{text:>14s}" for text in shown))
-    if options.output:
-        write_json({"unit": "steps per CPU second", "mechanisms": results}, options.output)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,23 @@
 """`lib_hash`: changes with the code that a script uses, and with nothing else."""
 
 import json
+import os
+import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from thesis_lib.provenance import environment, file_sha256, folder_sha256, lib_hash
+from thesis_lib.provenance import (
+    _processor,
+    code_sha256,
+    environment,
+    file_sha256,
+    folder_sha256,
+    lib_hash,
+    value_sha256,
+)
 
 FILES = {
     "thesis_lib/__init__.py": "",
@@ -121,6 +132,25 @@ def test_file_sha256(tmp_path):
     assert file_sha256(tmp_path / "abc").startswith("ba7816bf8f01cfea414140de5dae2223")  # FIPS 180-2, B.1
 
 
+def test_code_sha256_sees_every_source_and_no_cache(root):
+    (root / "Snakefile").write_text("rule all:\n")
+    (root / "workflow").mkdir()
+    seen = [code_sha256(root)]
+    for name in ("Snakefile", "workflow/a.smk", "thesis_lib/plain.py", "thesis_lib/figures/print.mplstyle"):
+        (root / name).write_text("# changed\n")
+        seen.append(code_sha256(root))
+    assert len(set(seen)) == 5
+    (root / "thesis_lib" / "__pycache__").mkdir()
+    (root / "thesis_lib" / "__pycache__" / "plain.pyc").write_text("x")
+    (root / "plain.py").write_text("X = 9\n")
+    assert code_sha256(root) == seen[-1]
+
+
+def test_value_sha256_does_not_depend_on_the_order_of_keys():
+    assert value_sha256({"a": 1, "b": [2, None]}) == value_sha256({"b": [2, None], "a": 1})
+    assert value_sha256({"a": 1}) != value_sha256({"a": 2})
+
+
 def test_folder_sha256_follows_names_and_contents_not_places(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name / "deep").mkdir(parents=True)
@@ -145,7 +175,39 @@ class TestEnvironment:
         import numpy as np
 
         packages = environment(requirements)["packages"]
-        assert packages == {"numpy": np.__version__, "no-such-package": "not installed"}
+        assert packages["numpy"] == np.__version__ and packages["no-such-package"] == "not installed"
+        assert {"scipy", "pydantic_core", "contourpy"} <= set(
+            packages
+        )  # what dependencies bring along counts, too
+
+    def test_machine_and_blas_are_told_without_paths(self, requirements):
+        found = environment(requirements)
+        assert found["processor"]["model"] and "/" not in json.dumps(found["blas"])
+        assert {one["of"] for one in found["blas"]} >= {"numpy"}
+        assert all(one["library"] and one["version"] and one["kernel"] for one in found["blas"])
+
+    def test_the_kernel_is_the_one_in_use(self):
+        code = "from thesis_lib.provenance import _blas; print({one['kernel'] for one in _blas()})"
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"OPENBLAS_CORETYPE": "Nehalem"},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout.strip() == "{'Nehalem'}"
+
+    def test_processor(self, tmp_path):
+        lines = "processor\t: 0\nmodel name\t: A 1\nflags\t\t: fpu avx2 fma sse4_2 x\n"
+        (tmp_path / "cpuinfo").write_text(2 * lines)
+        assert _processor(tmp_path / "cpuinfo") == {"model": "A 1", "vector": ["avx2", "fma", "sse4_2"]}
+        assert _processor(tmp_path / "none")["model"]
+
+    def test_no_times(self, requirements):
+        """Equal bytes whenever it is recorded."""
+        one, two = (json.dumps(environment(requirements), sort_keys=True) for _ in range(2))
+        assert one == two
+        assert not re.search(r'"[^"]*(time|date|duration|seconds)[^"]*":', one.split('"packages"')[0])
 
     def test_outside_a_checkout_the_commit_is_unknown(self, requirements, monkeypatch):
         monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(requirements.parent.parent))

@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
-import yaml
 from pydantic import Field, ValidationError
 
 from thesis_lib.critique.impact_settings import ImpactForces, MeasuredRatio
@@ -22,14 +21,17 @@ from thesis_lib.identify.arm_settings import ArmStudy
 from thesis_lib.identify.chapter2_settings import Programs, Table21, WheelStudy
 from thesis_lib.identify.settings import Chapter3
 from thesis_lib.jenga.study_settings import Chapter5
+from thesis_lib.regular_file import MissingFile
 from thesis_lib.residual.dice_settings import DiceStudySettings
 from thesis_lib.residual.settings import LearningStudySettings
 from thesis_lib.settings import Section
 from thesis_lib.simulate.chapter2 import Chapter2Bodies
 from thesis_lib.simulate.chapter2_scenes import SceneSettings
 from thesis_lib.simulate.settings import SimulatedDrops
+from thesis_lib.yaml_file import read_yaml
 
 SCHEMA = Path("config/schema.json")
+SHOWN = 100  # mistakes spelled out
 
 
 class Chapter2(Section):
@@ -92,9 +94,11 @@ def parse_config(values: dict, source: str = "configuration") -> Config:
         return Config.model_validate(values)
     except ValidationError as error:
         lines = [f"The {source} has {error.error_count()} mistake(s):"]
-        for item in error.errors():
-            place = ".".join(str(part) for part in item["loc"]) or "(top level)"
+        for item in error.errors(include_url=False)[:SHOWN]:
+            place = ".".join(str(part)[:60] for part in item["loc"]) or "(top level)"
             lines.append(f"  {place}: {_in_yaml_terms(item['msg'])} (got {item['input']!r})"[:300])
+        if error.error_count() > SHOWN:
+            lines.append(f"  ... and {error.error_count() - SHOWN} more")
         lines.append(f"{SCHEMA} lists every key with its meaning.")
         raise UserError("\n".join(lines)) from error
 
@@ -108,16 +112,16 @@ def read_config(*paths: str | Path) -> Config:
     """Read a configuration; later files overlay earlier ones, section by section.
 
     Raises:
-        UserError: a file is missing, is not YAML, or the merged configuration is wrong.
+        UserError: a file is missing, is no plain YAML, or the merged configuration is wrong.
     """
     merged: dict = {}
     for path in paths:
         try:
-            values = yaml.safe_load(Path(path).read_text(encoding="utf-8")) or {}
-        except FileNotFoundError as error:
+            document = read_yaml(path)
+        except MissingFile as error:
             raise UserError(f"There is no configuration file {path}.") from error
-        except yaml.YAMLError as error:
-            raise UserError(f"{path} is not valid YAML: {error}") from error
+        document.refuse_repeated(path)
+        values = {} if document.content is None else document.content
         if not isinstance(values, dict):
             raise UserError(f"{path} must hold keys and values, found a {type(values).__name__}.")
         _overlay(merged, values)

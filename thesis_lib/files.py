@@ -6,6 +6,7 @@ times or paths, so that equal inputs give equal bytes.
 """
 
 import contextlib
+import csv
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -13,10 +14,16 @@ from pathlib import Path
 import pandas as pd
 
 from thesis_lib.errors import CorruptFileError, UserError
+from thesis_lib.regular_file import FileProblem, MissingFile, read_bytes, regular_size
 
 FLOAT_FORMAT = (
     "%.9g"  # finer than any measurement here, coarser than the last bits that differ between BLAS builds
 )
+MAX_TABLE = 200_000_000  # bytes; the largest table of a full run has 7 MB
+MAX_CELLS = 100_000_000  # of a Parquet table, whose size on disk says little
+MAX_HEADER = 100_000  # characters in the first line
+MAX_JSON = 50_000_000  # bytes
+TEXT = ("", "")  # unit and meaning of a column that the column dictionary does not know
 
 
 @contextlib.contextmanager
@@ -50,19 +57,80 @@ def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
 
     Raises:
         UserError: the file is missing.
-        CorruptFileError: it cannot be parsed or lacks a column.
+        CorruptFileError: it cannot be parsed, was cut off within a row, has rows of different lengths, holds text in a
+            column of numbers, or lacks a column.
     """
     path = Path(path)
-    if not path.is_file():
-        raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).")
-    try:
-        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
-    except Exception as error:
-        raise CorruptFileError(f"{path} cannot be read ({error}); delete it and run again.") from error
+    with _named(path):
+        size = regular_size(path, MAX_TABLE)
+        table = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path, size)
     missing = [name for name in columns if name not in table.columns]
     if missing:
         raise CorruptFileError(f"{path} lacks column(s) {', '.join(missing)}; delete it and run again.")
     return table
+
+
+def _read_csv(path: Path, size: int) -> pd.DataFrame:
+    # pandas fills a row that is too short with NaN, so that a table that was cut off would pass for a whole one
+    with path.open("rb") as file:
+        head = file.readline(MAX_HEADER)
+        if len(head) == MAX_HEADER:
+            raise ValueError(f"its first line is longer than {MAX_HEADER:,} characters")
+        file.seek(max(0, size - 1))
+        if file.read(1) != b"\n":
+            raise ValueError("the last row was cut off")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = csv.reader(file, strict=True)
+        names = next(rows)
+        if len(set(names)) < len(names):
+            raise ValueError("two columns have the same name")
+        for row in rows:
+            if len(row) != len(names):
+                raise ValueError(f"line {rows.line_num} has {len(row)} cells instead of {len(names)}")
+    table = pd.read_csv(path)
+    _check_numbers(path.stem, table)
+    return table
+
+
+def _check_numbers(name: str, table: pd.DataFrame) -> None:
+    """A column that has a unit in the column dictionary holds no text."""
+    from thesis_lib.columns import meanings  # late: it writes tables with this module
+
+    columns, tables = meanings()
+    for column in table.columns[[not pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]]:
+        unit, _ = tables.get(name, {}).get(column) or columns.get(column) or TEXT
+        cells = table[column].dropna()
+        stray = cells[pd.to_numeric(cells, errors="coerce").isna()]
+        if len(stray) and unit not in ("", "see figure"):
+            raise ValueError(f"column {column} holds the text {str(stray.iloc[0])[:40]!r}, expected numbers")
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    import pyarrow.parquet
+
+    with pyarrow.parquet.ParquetFile(path) as file:
+        if file.metadata.num_rows * file.metadata.num_columns > MAX_CELLS:
+            raise ValueError(f"claims {file.metadata.num_rows:,} rows")
+    return pd.read_parquet(path)
+
+
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Whatever goes wrong while one of our own files is read becomes an error that names it and the remedy."""
+    try:
+        yield
+    except MissingFile as error:
+        raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).") from error
+    except FileProblem as error:
+        raise CorruptFileError(f"{path} {error.what}; delete it and run again.") from error
+    except (
+        Exception
+    ) as error:  # the parsers' own errors are of many kinds, RecursionError and MemoryError among them
+        reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
+        kind = "valid JSON" if path.suffix == ".json" else f"a {path.suffix.lstrip('.').upper()} table"
+        raise CorruptFileError(
+            f"{path} is not {kind} ({reason[0][:200]}); delete it and run again."
+        ) from error
 
 
 def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.DataFrame:
@@ -86,12 +154,23 @@ def read_json(path: str | Path) -> dict:
 
     Raises:
         UserError: the file is missing.
-        CorruptFileError: it is not JSON.
+        CorruptFileError: it is not JSON, holds NaN or a key twice, or is no object.
     """
     path = Path(path)
-    if not path.is_file():
-        raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).")
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise CorruptFileError(f"{path} is not valid JSON ({error}); delete it and run again.") from error
+    with _named(path):
+        text = read_bytes(path, MAX_JSON).decode("utf-8")
+        value = json.loads(text, parse_constant=_no_number, object_pairs_hook=_each_once)
+        if not isinstance(value, dict):
+            raise ValueError(f"it holds a {type(value).__name__}, expected keys and values")
+    return value
+
+
+def _no_number(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _each_once(pairs: list[tuple[str, object]]) -> dict:
+    value = dict(pairs)
+    if len(value) < len(pairs):
+        raise ValueError(f"a key stands twice among {', '.join(key for key, _ in pairs)[:100]}")
+    return value

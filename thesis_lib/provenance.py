@@ -9,7 +9,9 @@ functions.  Packages that are registries are hashed as whole folders, because a 
 import ast
 import functools
 import hashlib
+import json
 import platform
+import re
 import subprocess
 import sys
 from importlib import metadata
@@ -17,6 +19,14 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 REGISTRIES = ("contact", "effects")
+VECTOR = {
+    "sse4_2",
+    "avx",
+    "avx2",
+    "fma",
+    "avx512f",
+    "avx512bw",
+}  # what BLAS and torch choose their kernels by
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
 
 
@@ -101,15 +111,43 @@ def folder_sha256(folder: str | Path) -> str:
     return digest.hexdigest()
 
 
+def code_sha256(root: str | Path) -> str:
+    """One SHA-256 over the source of a checkout: Snakefile, and all of thesis_lib and workflow but caches."""
+    root, digest = Path(root), hashlib.sha256()
+    files = [root / "Snakefile", *(p for name in (PACKAGE, "workflow") for p in (root / name).rglob("*"))]
+    for path in sorted(p for p in files if p.is_file() and "__pycache__" not in p.parts):
+        digest.update(f"{path.relative_to(root).as_posix()}:{file_sha256(path)}\n".encode())
+    return digest.hexdigest()
+
+
+def value_sha256(value: object) -> str:
+    """SHA-256 of what can be written as JSON, whatever the order of keys."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
 def environment(requirements: str | Path) -> dict:
-    """Versions of Python, the platform and every pinned dependency, and the commit with a mark for local changes."""
+    """What else decides the bits of a result: versions, processor, BLAS, commit.
+
+    Args:
+        requirements: file with a line `name==version` for each direct dependency, in the root of the checkout.
+
+    Returns:
+        `python`, `platform`, `processor` (model, and the vector instructions for which kernels are chosen), `blas`
+        (library, version and kernel of each that NumPy and SciPy bring along), `packages` (all that is installed, and
+        those that should be and are not), `commit`, `local_changes` (null outside a git checkout), `code` (SHA-256).
+    """
+    root = Path(requirements).resolve().parent
     lines = Path(requirements).read_text(encoding="utf-8").splitlines()
-    names = [line.split("==")[0].strip() for line in lines if "==" in line and not line.startswith("#")]
+    pinned = [line.split("==")[0].strip() for line in lines if "==" in line and not line.startswith("#")]
+    installed = {found.metadata["Name"]: found.version for found in metadata.distributions()}
     return {
         "python": sys.version.split()[0],
         "platform": platform.platform(),
-        "packages": {name: _version(name) for name in sorted(names)},
-        **_commit(Path(requirements).resolve().parent),
+        "processor": _processor(),
+        "blas": _blas(),
+        "packages": installed | {name: _version(name) for name in pinned},
+        **_commit(root),
+        "code": code_sha256(root),
     }
 
 
@@ -118,6 +156,36 @@ def _version(name: str) -> str:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return "not installed"
+
+
+def _processor(file: Path = Path("/proc/cpuinfo")) -> dict:
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError:
+        return {"model": platform.processor() or platform.machine(), "vector": []}
+    values = dict(re.findall(r"^(model name|flags)\s*:\s*(.*)$", text, re.MULTILINE))
+    return {
+        "model": values.get("model name", platform.machine()),
+        "vector": sorted(VECTOR & set(values.get("flags", "").split())),
+    }
+
+
+def _blas() -> list[dict]:
+    import numpy as np  # noqa: F401
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import threadpool_info
+
+    found = [
+        {
+            "of": Path(one["filepath"]).parent.name.removesuffix(".libs"),
+            "library": one["internal_api"],
+            "version": one["version"],
+            "kernel": one.get("architecture"),
+        }
+        for one in threadpool_info()
+        if one["user_api"] == "blas"
+    ]
+    return sorted(found, key=lambda one: (one["of"], str(one["version"])))
 
 
 def _commit(folder: Path) -> dict:

@@ -114,12 +114,12 @@ def test_an_effect_that_a_later_one_makes_superfluous_leaves_again():
     wanted = ["wrong_inertia", "tangential_restitution"]
     steps = discover(training, settings, rng, fixed=wanted).steps
     folds = np.arange(len(np.unique(training.trial))) % settings.folds
-    gone = discover_module._not_needed_any_more(steps, training, folds, settings, rng)
+    gone = discover_module._not_needed_any_more(steps, training, folds, settings, 0)
     assert gone == {"wrong_inertia"}
     (left,) = discover_module._without(steps, gone, training, folds)
     assert [effect.name for effect in left.fitted.model.effects] == ["tangential_restitution"]
     assert set(left.fitted.values) == {"mu", "epsilon", "tangential_restitution.e_t"}
-    assert discover_module._not_needed_any_more([left], training, folds, settings, rng) == set()
+    assert discover_module._not_needed_any_more([left], training, folds, settings, 0) == set()
 
 
 def test_refits_stretch_the_null_of_the_score_test_little(monkeypatch):

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from pipeline_copy import ROOT
 
+from thesis_lib.resources import MEASURED, read_measured
+
 RULE_FILES = sorted((ROOT / "workflow/rules").glob("*.smk"))
 SCRIPTS = sorted((ROOT / "workflow/scripts").glob("*.py"))
 MODULES = sorted((ROOT / "thesis_lib").rglob("*.py"))
@@ -49,7 +51,9 @@ def test_rules_were_found():
 
 @pytest.mark.parametrize("rule", RULES)
 class TestRules:
-    @pytest.mark.parametrize("name", ["log", "conda", "message", "script", "output"])
+    @pytest.mark.parametrize(
+        "name", ["log", "benchmark", "conda", "resources", "message", "script", "output"]
+    )
     def test_has_what_every_rule_needs(self, rule, name):
         assert directive(rule, name), f"rule {rule} has no `{name}:`"
 
@@ -62,6 +66,20 @@ class TestRules:
     def test_log_is_named_after_the_rule(self, rule):
         log = re.search(r'"(.+)"', directive(rule, "log"))[1]
         assert log.startswith(f"results/logs/{rule}")
+
+    def test_benchmark_has_the_name_of_the_log_in_its_own_folder(self, rule):
+        """Times and memory are no results, and `thesis_lib.resources` takes the rule's name from the path."""
+        log = re.search(r'"results/logs/(.+)\.log"', directive(rule, "log"))[1]
+        (benchmark,) = re.findall(r'"(.+)"', directive(rule, "benchmark"))
+        assert benchmark == f"results/logs/benchmarks/{log}.tsv"
+        assert log.split("/")[0] == rule
+
+    def test_asks_for_what_it_was_measured_to_use(self, rule):
+        assert directive(rule, "resources").strip() == f'**needs("{rule}"),'
+
+
+def test_every_rule_has_an_entry_in_the_plan_and_every_entry_a_rule():
+    assert set(read_measured(ROOT / MEASURED)) == set(RULES)
 
 
 def test_captions_exist():
@@ -148,6 +166,8 @@ class TestImportsThatTheHashMustSee:
             "thesis_lib/claims/__init__.py",
             "thesis_lib/effects/__init__.py",  # a registry: hashed as a whole folder
             "thesis_lib/critique/__init__.py",
+            "thesis_lib/contact/__init__.py",  # laws of one's own: hashed as a whole folder
+            "thesis_lib/docs/effects.py",  # no script imports it
         }
 
     def test_the_library_does_not_know_snakemake(self):

@@ -6,12 +6,13 @@ a law called "NA" into NaN and rename the second of two equal column names.
 """
 
 import csv
+import io
 import math
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Self, TypeVar
 
-import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -24,6 +25,11 @@ from pydantic import (
 
 from thesis_lib.errors import CorruptFileError, UserError
 from thesis_lib.files import read_json
+from thesis_lib.regular_file import FileProblem, MissingFile, read_bytes
+from thesis_lib.yaml_file import read_yaml
+
+SHOWN = 100  # mistakes spelled out
+MAX_CSV = 30_000_000  # bytes; as lists of cells a table takes some thirty times that
 
 
 class Section(BaseModel):
@@ -59,20 +65,11 @@ def load_yaml(path: str | Path) -> Any:
     """The content of a YAML file.
 
     Raises:
-        UserError: the file is missing, is not YAML, or repeats a key (YAML would keep only the last one).
+        UserError: the file is missing, is no plain YAML, or repeats a key (YAML would keep only the last one).
     """
-    path = Path(path)
-    if not path.is_file():
-        raise UserError(f"{path} does not exist.")
-    text = path.read_text(encoding="utf-8")
-    try:
-        repeated = _repeated_keys(yaml.compose(text, Loader=yaml.SafeLoader))
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise UserError(f"{path} is not valid YAML: {error}") from error
-    if repeated:
-        raise UserError(f"{path}: " + "; ".join(repeated) + ". Keep one of them.")
-    return content
+    document = read_yaml(path)
+    document.refuse_repeated(path)
+    return document.content
 
 
 def validate(model: type[Model], content: Any, path: str | Path, problems: Sequence[str] = ()) -> Model:
@@ -91,7 +88,8 @@ def validate(model: type[Model], content: Any, path: str | Path, problems: Seque
         found += [_sentence(item, content) for item in error.errors(include_url=False)]
     if found:
         count = f"{len(found)} mistake{'s' if len(found) > 1 else ''}"
-        raise UserError(f"{path} has {count}:\n" + "\n".join(f"- {line}" for line in found))
+        more = [f"... and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
+        raise UserError(f"{path} has {count}:\n" + "\n".join(f"- {line}" for line in [*found[:SHOWN], *more]))
     return value
 
 
@@ -121,25 +119,6 @@ def _sentence(item: dict, content: Any) -> str:
     return f"{place}: {message}" + (f" (found {shown})" if len(shown) < 60 else "")
 
 
-def _repeated_keys(node: yaml.Node | None) -> list[str]:
-    """Keys that stand twice in one mapping, with their lines."""
-    found = []
-    if isinstance(node, yaml.MappingNode):
-        seen: dict[str, int] = {}
-        for key, value in node.value:
-            line = key.start_mark.line + 1
-            if key.value in seen and key.tag != "tag:yaml.org,2002:merge":
-                found.append(
-                    f"the key {key.value!r} stands in line {seen[key.value]} and again in line {line}"
-                )
-            seen.setdefault(str(key.value), line)
-            found += _repeated_keys(value)
-    elif isinstance(node, yaml.SequenceNode):
-        for value in node.value:
-            found += _repeated_keys(value)
-    return found
-
-
 class Cells:
     """A CSV table of text cells."""
 
@@ -155,19 +134,24 @@ class Cells:
             CorruptFileError: it is empty, is not UTF-8, repeats a column, or has a row of another length.
         """
         path = Path(path)
-        if not path.is_file():
-            raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).")
         try:
-            with path.open(newline="", encoding="utf-8") as stream:
-                lines = [line for line in csv.reader(stream, strict=True) if line]
-        except (csv.Error, UnicodeDecodeError) as error:
-            raise CorruptFileError(f"{path} cannot be read ({error}); delete it and run again.") from error
+            text = read_bytes(path, MAX_CSV).decode("utf-8")
+            lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if line]
+        except MissingFile as error:
+            raise UserError(
+                f"{path} does not exist; run the rule that makes it (snakemake {path})."
+            ) from error
+        except (FileProblem, csv.Error, UnicodeDecodeError) as error:
+            reason = error.what if isinstance(error, FileProblem) else error
+            raise CorruptFileError(f"{path} cannot be read ({reason}); delete it and run again.") from error
         if not lines:
             raise CorruptFileError(f"{path} is empty; delete it and run again.")
         columns, rows = lines[0], lines[1:]
-        twice = sorted({name for name in columns if columns.count(name) > 1})
+        twice = sorted(name for name, count in Counter(columns).items() if count > 1)
         if twice:
-            raise CorruptFileError(f"{path} has two columns called {', '.join(twice)}.")
+            raise CorruptFileError(
+                f"{path} has two columns called {', '.join(twice)[:200]}; delete it and run again."
+            )
         for i, row in enumerate(rows):
             if len(row) != len(columns):
                 raise CorruptFileError(

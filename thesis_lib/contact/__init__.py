@@ -1,7 +1,11 @@
 """Rigid impact laws for one planar contact: `LAWS[name](v_pre, r, mass=, k_g=, mu=, epsilon=)`.
 
-A new law is one file with a `LAW` (and, where published code differs, a `LAW_AS_PUBLISHED`) added to the list below.
+The six of the thesis stand in the list below, with a `LAW_AS_PUBLISHED` where published code differs.  Any further file
+of this folder with a `LAW` is a law of one's own: the critique tries it beside the six, and `LAWS` holds it.
 """
+
+import pkgutil
+from importlib import import_module
 
 from thesis_lib.contact import (
     anitescu_potra_newton,
@@ -32,4 +36,22 @@ LAWS.update(
     if hasattr(module, "LAW_AS_PUBLISHED")
 )
 
-__all__ = ["LAWS", "SIX_LAWS", "Law", "Outcome", "Promise", "Status"]
+
+def _own_laws() -> dict[str, Law]:
+    found = {}
+    for item in pkgutil.iter_modules(__path__):
+        law = getattr(import_module(f"{__name__}.{item.name}"), "LAW", None)
+        if law is not None and item.name not in SIX_LAWS:
+            if law.name != item.name:
+                raise ImportError(
+                    f"the law in {item.name}.py calls itself {law.name!r}; name it like its file"
+                )
+            found[law.name] = law
+    return found
+
+
+LAWS.update(_own_laws())
+# what the critique fits to a dataset
+CANDIDATE_LAWS: tuple[str, ...] = (*SIX_LAWS, *_own_laws())
+
+__all__ = ["CANDIDATE_LAWS", "LAWS", "SIX_LAWS", "Law", "Outcome", "Promise", "Status"]

@@ -94,7 +94,9 @@ def impulse_as_published(
     return -mu * (slid + slip(v_c, d)[1]), p_c + d
 
 
-def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray, floor=0.0) -> np.ndarray:
+def _increasing_root(
+    value, slope, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0
+) -> np.ndarray:
     """Batched root above `low` of a function that is negative before it and positive after: bracketed Newton.
 
     Steps below `floor` count as none.

@@ -44,10 +44,14 @@ def read_run(path: str | Path) -> dict:
         )
     content = read_json(Path(path) / VERDICT_FILE)
     needed = {"verdict", "base_model", "effects", "error"}
-    if content.get("schema") != 1 or not needed <= set(content):
+    try:
+        if content.get("schema") != 1 or not needed <= set(content):
+            raise ValueError("of another form")
+        compare(content, content)  # it holds all that is compared
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise UserError(
             f"{Path(path) / VERDICT_FILE} is no diagnosis of schema 1; run python -m thesis_lib critique again."
-        )
+        ) from error
     return content
 
 

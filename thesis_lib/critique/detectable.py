@@ -51,10 +51,10 @@ def detectable(critique: Critique) -> list[dict]:
         if name not in significant:
             continue
         one, two = significant[name], material[name]
-        smallest = {p: None if None in (one[p], two[p]) else max(one[p], two[p]) for p in one}
+        smallest = {p: None if None in (one[p], two[p]) else max(one[p], two[p]) for p in one}  # pyright: ignore[reportArgumentType]
         discrete = any(p.discrete is not None for p in testable[name].parameters)
         known = [p for p, size in smallest.items() if size is not None and not discrete]
-        halves = {p: 0.5 * smallest[p] for p in known}
+        halves = {p: 0.5 * smallest[p] for p in known}  # pyright: ignore[reportOperatorIssue]
         # the information grows with the number of drops, so that the significant size falls with its root
         drops = None
         if known and all(halves[p] >= two[p] for p in known):

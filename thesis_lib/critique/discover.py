@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.contact import CANDIDATE_LAWS, LAWS
 from thesis_lib.critique.fit import Fit, fit
 from thesis_lib.critique.judge import Judgement, cross_validate, is_material, paired_gain
 from thesis_lib.critique.model import Model
@@ -22,6 +22,7 @@ from thesis_lib.critique.score_test import Scan, expected_difference, scan
 from thesis_lib.critique.settings import CritiqueSettings
 from thesis_lib.critique.synthetic import synthesise
 from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.randomness import generator
 
 REFITS = 199  # of data drawn without the effect, where its gain is near the null
 FAR_BEYOND = 3.0  # times the largest draw of the null: no refit would stretch it as far
@@ -88,9 +89,10 @@ def discover(
     """Choose law and effects on training trials; `fixed` names the effects instead of the automatic choice."""
     trials = np.unique(training.trial)
     folds = rng.permutation(np.arange(len(trials)) % min(settings.folds, len(trials)))
-    say("fitting the six laws")
+    seed = int(rng.integers(2**63))  # streams by name: a further candidate shifts no draw of another
+    say(f"fitting {len(CANDIDATE_LAWS)} laws")
     laws = {}
-    for name in SIX_LAWS:
+    for name in CANDIDATE_LAWS:
         fitted = fit(Model(LAWS[name]), training)
         laws[name] = (fitted, cross_validate(fitted, training, folds))
     base = max(laws, key=lambda name: laws[name][1].total)
@@ -106,21 +108,22 @@ def discover(
             candidates = [EFFECTS[wanted[len(steps)]]]
         if not candidates:
             break
-        found = scan(fitted, training, candidates, rng)
+        on = tuple(step.effect.name for step in steps)
+        found = scan(fitted, training, candidates, generator(seed, "null", *on))
         say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
         # a missing effect may have made the wrong law the best one: the next best are tried with it, too
         rivals = sorted(laws, key=lambda name: -laws[name][1].total)[: settings.rivals]
         contenders = [fitted] if steps else [laws[name][0] for name in rivals]
         step = _best_step(
-            fitted, judged, contenders, training, folds, candidates, found, settings, rng, wanted is not None
+            fitted, judged, contenders, training, folds, candidates, found, settings, seed, wanted is not None
         )
         if step is None:
             break
-        step = _with_best_law(step, training, folds, settings, rng)
+        step = _with_best_law(step, training, folds, settings)
         say(f"step {len(steps) + 1}: {step.effect.name} ({step.gain[0]:.2f} nats an impact)")
         steps.append(step)
         if wanted is None:
-            gone = _not_needed_any_more(steps, training, folds, settings, rng)
+            gone = _not_needed_any_more(steps, training, folds, settings, seed)
             if gone:
                 say(f"not needed any more: {', '.join(sorted(gone))}")
                 dropped |= gone
@@ -128,7 +131,8 @@ def discover(
         fitted, judged = steps[-1].fitted, steps[-1].judged
     taken = {step.effect.name for step in steps}
     rest = [effect for effect in testable.values() if effect.name not in taken]
-    return Discovery(laws, base, tuple(steps), scan(fitted, training, rest, rng), why_not)
+    last_scan = scan(fitted, training, rest, generator(seed, "last null"))
+    return Discovery(laws, base, tuple(steps), last_scan, why_not)
 
 
 def testable_effects(observations: Observations) -> tuple[dict[str, Effect], dict[str, str]]:
@@ -153,10 +157,11 @@ def _best_step(
     candidates: Sequence[Effect],
     found: Scan,
     settings: CritiqueSettings,
-    rng: np.random.Generator,
+    seed: int,
     forced: bool,
 ) -> Step | None:
     by_name = {effect.name: effect for effect in candidates}
+    on = tuple(effect.name for effect in fitted.model.effects)
     quick = {}
     for effect in candidates:
         discrete = any(p.discrete is not None for p in effect.parameters)
@@ -176,11 +181,13 @@ def _best_step(
     names = sorted(names, key=lambda name: -gains[name])[:3]
     judgements = {name: cross_validate(full[name], training, folds) for name in names}
     for name in sorted(names, key=lambda name: -judgements[name].total):
-        gain = paired_gain(judgements[name], judged, rng)
+        gain = paired_gain(judgements[name], judged, generator(seed, "gain", *on, name))
         clears = gain[1] > 0.0 and _is_material(judgements[name], judged, by_name[name], settings)
         p_value = found.p_value(gains[name])
         if clears and p_value <= settings.alpha and gains[name] < FAR_BEYOND * found.null.max():
-            stretch = _stretch_of_null(best, by_name[name], training, found, rng)
+            stretch = _stretch_of_null(
+                best, by_name[name], training, found, generator(seed, "refits", *on, name)
+            )
             p_value = found.p_value(gains[name] / stretch)
         clears = clears and p_value <= settings.alpha
         if forced or clears:
@@ -218,7 +225,7 @@ def _not_needed_any_more(
     training: Observations,
     folds: np.ndarray,
     settings: CritiqueSettings,
-    rng: np.random.Generator,
+    seed: int,
 ) -> set[str]:
     """The earlier effect that the last one has made superfluous, if there is one (backward check)."""
     last = steps[-1]
@@ -226,7 +233,8 @@ def _not_needed_any_more(
         smaller = last.fitted.model.without(step.effect.name)
         start = {k: v for k, v in last.fitted.values.items() if k in smaller.parameters}
         judged = cross_validate(fit(smaller, training, start), training, folds)
-        gain = paired_gain(last.judged, judged, rng)
+        names = [one.effect.name for one in steps]
+        gain = paired_gain(last.judged, judged, generator(seed, "needed", *names, step.effect.name))
         if gain[1] <= 0.0 or not _is_material(last.judged, judged, step.effect, settings):
             return {step.effect.name}
     return set()
@@ -254,11 +262,12 @@ def _with_best_law(
     training: Observations,
     folds: np.ndarray,
     settings: CritiqueSettings,
-    rng: np.random.Generator,
 ) -> Step:
     """The step with the law that fits best now that the effect is in: without it another law may have stood in."""
     model = step.fitted.model
-    fits = {name: fit(Model(LAWS[name], model.effects), training, step.fitted.values) for name in SIX_LAWS}
+    fits = {
+        name: fit(Model(LAWS[name], model.effects), training, step.fitted.values) for name in CANDIDATE_LAWS
+    }
     best = max(fits, key=lambda name: fits[name].score)
     if best == model.law.name or fits[best].score - step.fitted.score < settings.tell_apart:
         return step

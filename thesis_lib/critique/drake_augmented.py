@@ -113,7 +113,7 @@ class _Air(LeafSystem):
 
     def _force(self, context: Context, out: BasicVector) -> None:
         s = self._state.Eval(context)
-        state = _state(s[None, :3], s[None, 3:], np.array([context.get_time()]), self._trial[0])
+        state = _state(s[None, :3], s[None, 3:], np.array([context.get_time()]), self._trial[0])  # pyright: ignore[reportIndexIssue]
         a = self._model.acceleration(state, self._values, self._rig)[0]
         out.SetFromVector(self._inertia * (a + np.array([0.0, self._rig.gravity, 0.0])))
 
@@ -168,4 +168,4 @@ class _Drops:
 
 
 def _state(q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> State:
-    return State(*q.T, *v.T, np.full(len(t), trial), t)
+    return State(*q.T, *v.T, np.full(len(t), trial), t)  # pyright: ignore[reportCallIssue]

@@ -183,8 +183,8 @@ def _levenberg_marquardt(residuals, x, low, high, step) -> np.ndarray:
             damping *= 10.0
         if not improved:
             return x
-        gain = cost - r_new @ r_new
-        x, r, cost, damping = new, r_new, r_new @ r_new, max(damping / 10.0, 1e-8)
+        gain = cost - r_new @ r_new  # pyright: ignore[reportOperatorIssue]
+        x, r, cost, damping = new, r_new, r_new @ r_new, max(damping / 10.0, 1e-8)  # pyright: ignore[reportOperatorIssue]
         if gain < ENOUGH:
             return x
     return x

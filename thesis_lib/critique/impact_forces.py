@@ -36,6 +36,7 @@ Sources: thesis section 2.5; K. L. Johnson, Contact Mechanics, Cambridge 1985, d
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -111,7 +112,7 @@ class ForcePlate:
         touched = False
         for i in range(1, int(_LONGEST * self.settings.contact_time / step) + 1):
             clock.simulator.AdvanceTo(i * step)
-            results = self._port.Eval(clock.context)
+            results: Any = self._port.Eval(clock.context)
             # Drake's force acts on body B, which need not be the one that fell: the plate can only push
             found = [results.point_pair_contact_info(j) for j in range(results.num_point_pair_contacts())]
             total = sum((self._on_body(one) for one in found), np.zeros(2))
@@ -127,7 +128,7 @@ class ForcePlate:
         time, force = np.array(times), np.array(forces)
         return ForceHistory(time, force, *self._sensor(time, force[:, 1], t))
 
-    def _on_body(self, info: object) -> np.ndarray:
+    def _on_body(self, info: Any) -> np.ndarray:
         plant = self._clock.made.plant
         sign = 1.0 if info.bodyB_index() == plant.GetBodyByName("body").index() else -1.0
         return sign * info.contact_force()[:2]
@@ -160,13 +161,13 @@ def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
     change = np.zeros((2, 9))  # Δv_x, Δv_y from `impacts.STATE`
     change[[0, 1], [6, 7]], change[[0, 1], [3, 4]] = 1.0, -1.0
     g, gradient = ImpactLink(impacts, rig).relation(np.array([1.0 / rig.k_g**2]))
-    along = np.einsum("nij,nj->ni", cov, gradient)
+    along = np.einsum("nij,nj->ni", cov, gradient)  # pyright: ignore[reportArgumentType, reportCallIssue]
     variance = np.einsum("ni,ni->n", gradient, along)
     step = -along * (g / variance)[:, None]
     linked = cov - along[:, :, None] * along[:, None, :] / variance[:, None, None]
     c = m * impacts.dv[:, :2]
     return {
-        "arcs": Impulses(c, m**2 * change @ cov @ change.T),
+        "arcs": Impulses(c, m**2 * change @ cov @ change.T),  # pyright: ignore[reportOperatorIssue]
         "arcs_link": Impulses(c + m * step @ change.T, m**2 * change @ linked @ change.T),
     }
 

@@ -118,9 +118,9 @@ def cross_validate(fitted: Fit, observations: Observations, folds: np.ndarray) -
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("trial", "flight_trial", "score", "flight_score", "error")
         ),
-        {name: mean([part.sigmas[name] for part in parts]) for name in channels},
-        mean([part.floor for part in parts]),
-        mean([part.excess for part in parts]),
+        {name: mean([part.sigmas[name] for part in parts]) for name in channels},  # pyright: ignore[reportCallIssue]
+        mean([part.floor for part in parts]),  # pyright: ignore[reportCallIssue]
+        mean([part.excess for part in parts]),  # pyright: ignore[reportCallIssue]
     )
 
 

@@ -41,7 +41,7 @@ def simulate_law_drops(
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
     trial, zero = np.arange(n), np.zeros(n)
-    state = State(*q.T, *v.T, trial, zero)
+    state = State(*q.T, *v.T, trial, zero)  # pyright: ignore[reportCallIssue]
     samples = round(duration * rate) + 1
     h = 1.0 / (rate * SUBSTEPS)
     alive = np.ones(n, bool)
@@ -65,7 +65,12 @@ def simulate_law_drops(
         }
     )
     header = Header(
-        schema=1, description="simulated drops", body=body, gravity=gravity, rate=rate, noise=noise
+        schema=1,  # pyright: ignore[reportCallIssue]
+        description="simulated drops",
+        body=body,
+        gravity=gravity,
+        rate=rate,
+        noise=noise,
     )
     return Dataset("drops", header, table)
 

@@ -47,6 +47,7 @@ from thesis_lib.datasets.impacts import Impacts
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Rig, State
 from thesis_lib.errors import UserError
+from thesis_lib.randomness import streams
 
 EARLIER = "earlier_vy_post"  # planar_impact only, see `thesis_lib.datasets.published`
 EARLIER_VY_POST = -3.0 * 9.81 / 250.0  # m/s, its first publication less its second
@@ -180,7 +181,7 @@ class ImpactLink:
     def residual(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """u and σ of (2), (n,) each."""
         g, gradient = self.relation(p)
-        sigma = np.sqrt(np.einsum("ni,nij,nj->n", gradient, self.cov, gradient))
+        sigma = np.sqrt(np.einsum("ni,nij,nj->n", gradient, self.cov, gradient))  # pyright: ignore[reportArgumentType, reportCallIssue]
         return g / sigma, sigma
 
 
@@ -283,10 +284,14 @@ def measured_ratio(
     impacts, left_out = found.impacts.select(~bent), int(bent.sum()) + len(found.left_out)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     variants = CORNERED if EFFECTS["rounded_corners"].applies_to(rig) else SMOOTH
-    rows = [_row(dataset.name, impacts, left_out, rig, variant, rng, settings) for variant in variants]
+    stream = streams(rng)
+    rows = [
+        _row(dataset.name, impacts, left_out, rig, variant, stream(*variant), settings)
+        for variant in variants
+    ]
     if dataset.name == "planar_impact":
         earlier = replace(impacts, v_post=impacts.v_post + [0.0, EARLIER_VY_POST, 0.0])
-        row = _row(dataset.name, earlier, left_out, rig, ("mirrored_rotation",), rng, settings)
+        row = _row(dataset.name, earlier, left_out, rig, ("mirrored_rotation",), stream(EARLIER), settings)
         rows.append(row | {"variant": f"{row['variant']}+{EARLIER}"})
     return pd.DataFrame(rows, columns=list(COLUMNS))
 

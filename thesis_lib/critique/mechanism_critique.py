@@ -43,6 +43,7 @@ from thesis_lib.critique.mechanism_settings import MechanismSettings
 from thesis_lib.critique.mechanism_windows import Trial, WeakForm
 from thesis_lib.critique.settings import CritiqueSettings
 from thesis_lib.errors import UserError
+from thesis_lib.randomness import generator
 
 GROUP = 3  # most members of a group that counts as an answer
 MIN_TRIALS = 4
@@ -142,7 +143,7 @@ def criticise_mechanism(
     weak = WeakForm([trials[i] for i in order[cut:]], model, settings.windows)
     folds = rng.permutation(np.arange(len(trials) - cut) % min(s.folds, len(trials) - cut))
 
-    choice = _choose(weak, folds, candidates, settings, rng)
+    choice = _choose(weak, folds, candidates, settings, int(rng.integers(2**63)))
     chosen, fitted, minor = choice.effects, choice.fitted, choice.minor
     steps, ladder = [], [_misfit(held.residual(np.zeros_like(held.f)), held, settings.resamples, rng)]
     last = applied(held, fitted)
@@ -199,16 +200,19 @@ def _choose(
     folds: np.ndarray,
     candidates: Sequence[MechanismEffect],
     settings: MechanismSettings,
-    rng: np.random.Generator,
+    seed: int,
 ) -> _Choice:
-    """Forward selection with a backward check on training trials, steps 1 to 3 of the module's docstring."""
+    """Forward selection with a backward check on training trials, steps 1 to 3 of the module's docstring.
+
+    Streams derive from `seed` by name, so that a further candidate shifts no draw of another.
+    """
     s = settings.thresholds
     chosen: list[MechanismEffect] = []
     found: dict[str, tuple[float, ForceScan]] = {}
     dropped: set[str] = set()
     minor: ForceFit | None = None
     fitted = fit_effects(weak, ())
-    first = scan = scan_effects(weak, fitted, candidates, settings.resamples, rng)
+    first = scan = scan_effects(weak, fitted, candidates, settings.resamples, generator(seed, "null"))
     while len(chosen) < s.max_effects:
         by_cv = _cross_validated(weak, fitted, folds)
         best = None
@@ -223,7 +227,8 @@ def _choose(
             break
         e, trial_fit, judged = best
         p_value = scan.p_value(0.5 * (fitted.z @ fitted.z - trial_fit.z @ trial_fit.z))
-        gain = _paired(by_cv, judged, weak, settings.resamples, rng)
+        on = [c.name for c in chosen]
+        gain = _paired(by_cv, judged, weak, settings.resamples, generator(seed, "gain", *on, e.name))
         if p_value > s.alpha or gain[1] <= 0.0:
             break
         if not _material(rms(by_cv), rms(judged), s):
@@ -238,7 +243,8 @@ def _choose(
             chosen = [c for c in chosen if c.name not in gone]
             fitted = fit_effects(weak, chosen)
         rest = [c for c in candidates if c not in chosen]
-        scan = scan_effects(weak, fitted, rest, settings.resamples, rng)
+        on = [c.name for c in chosen]
+        scan = scan_effects(weak, fitted, rest, settings.resamples, generator(seed, "null", *on))
     return _Choice(chosen, found, fitted, minor, first, scan)
 
 

@@ -106,7 +106,7 @@ class BelievedArm(BelievedModel):
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
     ) -> np.ndarray:
         g = self.gravity if gravity is None else gravity
-        l1 = self.mechanism.link_lengths[0]
+        l1 = self.mechanism.link_lengths[0]  # pyright: ignore[reportAttributeAccessIssue]
         n = len(q)
         zero = np.zeros(n)
         cos, sin = np.cos(q[:, 0]), np.sin(q[:, 0])

@@ -35,6 +35,7 @@ from thesis_lib.critique.mechanism_recovery import force_error, identify_paramet
 from thesis_lib.critique.mechanism_settings import HiddenStudy
 from thesis_lib.critique.mechanism_windows import WeakForm, measured
 from thesis_lib.critique.proof_results import wilson
+from thesis_lib.randomness import streams
 from thesis_lib.simulate import chapter2
 from thesis_lib.simulate.chapter2 import Chapter2Bodies
 from thesis_lib.simulate.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
@@ -102,15 +103,17 @@ def hidden_effect_study(
     shown: dict[str, MechanismCritique] = {}
     ratios = [np.inf if db is None else db for db in settings.snr_db]
     main = min(ratios, key=lambda db: abs(db - 60.0) if np.isfinite(db) else 1e3)
+    named = streams(rng)
     for kind in TRUTHS:
         model = believed(kind, bodies, settings.sizes)
-        for seed, own in enumerate(rng.spawn(settings.seeds)):
+        for seed, own in enumerate(named(kind).spawn(settings.seeds)):
             plans = planned(kind, settings.trials, own, bodies, settings.sizes)
+            stream = streams(own)
             for truth in TRUTHS[kind]:
                 say(f"{kind} {truth} {seed}")
                 records = run_with(kind, truth, plans, bodies, settings.sizes)
                 for db in ratios:
-                    noise, choices = own.spawn(2)
+                    noise, choices = (stream(truth, db, what) for what in ("noise", "choices"))
                     trials = measured(records, db, noise, settings.critique.windows)
                     found = criticise_mechanism(
                         trials, model, candidates_of(kind), choices, settings.critique

@@ -142,7 +142,7 @@ class WeakForm:
         found = []
         for a, b in zip([0, *cuts], [*cuts, len(q)]):
             if b - a < settings.min_window:
-                self.left_out["too short"] += b - a
+                self.left_out["too short"] += b - a  # pyright: ignore[reportArgumentType]
                 continue
             parts = max(1, round((b - a) / settings.window))
             ends = np.linspace(a, b, parts + 1).round().astype(int)
@@ -153,7 +153,7 @@ class WeakForm:
                 if why:
                     self.left_out[why] += stop - start
                 else:
-                    found.append(_Window(i, start, stop, pairs, dependent))
+                    found.append(_Window(i, start, stop, pairs, dependent))  # pyright: ignore[reportArgumentType]
         return found
 
     def _group(self, windows: list[_Window]) -> None:
@@ -246,7 +246,7 @@ class WeakForm:
                 continue
             G = np.zeros((2, len(where), len(t.q), nv))
             for row, r in enumerate(where):
-                at = np.arange(ends[self.window[r]], ends[self.window[r] + 1])
+                at = np.arange(ends[self.window[r]], ends[self.window[r] + 1])  # pyright: ignore[reportArgumentType, reportCallIssue]
                 k, slot = step[at], self._slot[r]
                 G[0, row, k] += slopes[0, at, slot]
                 G[1, row, k] += slopes[1, at, slot]

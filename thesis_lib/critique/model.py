@@ -201,20 +201,20 @@ def states_at_impact(
     o, value, slope = observations, observations.value, observations.slope
     sides = []
     for side in (0, 1):
-        state = State(*value[:, side].T, *slope[:, side].T, o.trial, o.t)
+        state = State(*value[:, side].T, *slope[:, side].T, o.trial, o.t)  # pyright: ignore[reportCallIssue]
         if o.arcs:
             a = model.acceleration(state, values, o.rig)
             if model.has_varying_flight:
                 v = slope[:, side] - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
-                a = model.acceleration(State(*value[:, side].T, *v.T, o.trial, o.t), values, o.rig)
+                a = model.acceleration(State(*value[:, side].T, *v.T, o.trial, o.t), values, o.rig)  # pyright: ignore[reportCallIssue]
             q = value[:, side] - o.bow[:, side, :1] * a
             v = slope[:, side] - o.bow[:, side, 1:] * a
-            state = State(*q.T, *v.T, o.trial, o.t)
+            state = State(*q.T, *v.T, o.trial, o.t)  # pyright: ignore[reportCallIssue]
             beyond = model.arc(o.nodes[:, side], state, values, o.rig)
             if beyond is not None:
                 line = o.weights[:, side] @ beyond
                 q, v = q - line[:, 0], v - line[:, 1]
-                state = State(*q.T, *v.T, o.trial, o.t)
+                state = State(*q.T, *v.T, o.trial, o.t)  # pyright: ignore[reportCallIssue]
         sides.append(state)
     return sides[0], sides[1]
 

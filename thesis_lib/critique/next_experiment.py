@@ -58,7 +58,7 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
             if tried["states"]:
                 return tried
             found = found or tried
-        return found
+        return found  # pyright: ignore[reportReturnType]
     scan = critique.discovery.last_scan
     ranked = [
         name

@@ -131,7 +131,7 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
     cov = np.zeros((n, 2, 3, 2, 2))
     known = impacts.cov is not None
     if known:
-        variance = np.einsum("nii->ni", impacts.cov)
+        variance = np.einsum("nii->ni", impacts.cov)  # pyright: ignore[reportArgumentType, reportCallIssue]
         cov[:, 0, :, 0, 0] = cov[:, 1, :, 0, 0] = variance[:, 0:3]
         cov[:, 0, :, 1, 1], cov[:, 1, :, 1, 1] = variance[:, 3:6], variance[:, 6:9]
     offset = impacts.r - rig.shape.contact_point(impacts.q[:, 2])
@@ -161,8 +161,8 @@ def _from_trajectories(
     dataset: Dataset, found: FoundImpacts, rig: Rig, settings: ArcSettings
 ) -> Observations:
     table = dataset.trajectories
-    trial, t = table["trial"].to_numpy(), table["t"].to_numpy(float)
-    q = table[["x", "y", "theta"]].to_numpy(float)
+    trial, t = table["trial"].to_numpy(), table["t"].to_numpy(float)  # pyright: ignore[reportOptionalSubscript]
+    q = table[["x", "y", "theta"]].to_numpy(float)  # pyright: ignore[reportOptionalSubscript]
     order = np.lexsort((t, trial))
     order = order[~found.masked]
     trial, t, q = trial[order], t[order], q[order]
@@ -345,7 +345,7 @@ def _flights(
     rows, fitted, inverse = rows[straight], fitted[straight], inverse[straight]
     mid = (total(t) / np.maximum(n, 1))[rows]
     pose, speed = fitted[:, 0], fitted[:, 1]
-    state = State(*pose.T, *speed.T, trial[start[rows]], mid)
+    state = State(*pose.T, *speed.T, trial[start[rows]], mid)  # pyright: ignore[reportCallIssue]
     first, final = np.full(m, np.inf), np.full(m, -np.inf)
     np.minimum.at(first, label, t)
     np.maximum.at(final, label, t)

@@ -122,7 +122,7 @@ def pairs(source: str) -> list[str]:
 def make(case: Case) -> tuple[Dataset, dict[str, float]]:
     """The dataset, and the true parameters by full name where they have the effects' own meaning."""
     rng = generator(case.seed, "proof", case.source, case.truth)
-    noise = Noise(position=case.noise * RIG_NOISE.position, angle=case.noise * RIG_NOISE.angle)
+    noise = Noise(position=case.noise * RIG_NOISE.position, angle=case.noise * RIG_NOISE.angle)  # pyright: ignore[reportOperatorIssue]
     factor = float(np.sqrt(case.ratio**2 - 1.0) / np.sqrt(RATIO**2 - 1.0))
     if case.source == "law":
         true = {"mu": MU, "epsilon": EPSILON}
@@ -131,7 +131,7 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
         model = Model(LAWS[LAW], tuple(EFFECTS[name] for name in case.hidden))
         drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=noise, rng=rng)
         return drops, true
-    hidden = {name: True if name == "mirrored" else factor * CAUSES[name].size for name in case.hidden}
+    hidden: dict = {name: True if name == "mirrored" else factor * CAUSES[name].size for name in case.hidden}
     if case.source == "drake":
         from thesis_lib.simulate.drake_drops import simulate_drake_drops as simulate
     else:

@@ -111,7 +111,7 @@ def recovered(store: Path = STORE) -> pd.DataFrame:
                 z = (p["found"] - p["true"]) / p["std"]
                 width = p["std"] / p["fisher"] if p["fisher"] else np.nan
                 rows.append((*(r[key] for key in (*CELL, "seed")), r["truth"], name, z, abs(z) <= Z95, width))
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             raise _corrupt(path, error) from error
     return _sorted(pd.DataFrame(rows, columns=list(RECOVERED)), [*CELL, "seed", "parameter"])
 
@@ -136,7 +136,13 @@ def _sorted(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
 
 
 def _results(store: Path) -> list[tuple[Path, dict]]:
-    return [(path, read_json(path)) for path in sorted(Path(store).rglob("*.json"))]
+    found = [(path, read_json(path)) for path in sorted(Path(store).rglob("*.json"))]
+    for path, r in found:
+        for key in (*CELL, "seed", "verdict"):
+            kind = str if key in ("source", "truth", "verdict") else int | float
+            if not isinstance(r.get(key), kind):
+                raise _corrupt(path, TypeError(f"{key} is missing or of another kind"))
+    return found
 
 
 def _outcome(r: dict, path: Path) -> dict:
@@ -155,7 +161,7 @@ def _outcome(r: dict, path: Path) -> dict:
             "why": r.get("why", ""),
         }
         return row | (_misfits(r["error"], effects) if r["verdict"] != "refused" else {})
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise _corrupt(path, error) from error
 
 

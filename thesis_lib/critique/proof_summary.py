@@ -12,6 +12,9 @@ Figures are those of 150 drops (or the drops that the figure names) at three tim
 - A figure without stored results is "not run"; `n_asked` says how many datasets were planned for it.
 """
 
+# pandas' stubs do not know what a row holds
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

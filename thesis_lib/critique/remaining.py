@@ -63,7 +63,7 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     order = np.argsort(rng.random((PERMUTATIONS, len(second))), axis=1)
     for c in range(3):
         scale = Y[first, c].std() or 1.0
-        kernel = ConstantKernel(0.5, (1e-4, 1e2)) * RBF(np.full(len(names), 2.0), (0.3, 1e3)) + WhiteKernel(
+        kernel = ConstantKernel(0.5, (1e-4, 1e2)) * RBF(np.full(len(names), 2.0), (0.3, 1e3)) + WhiteKernel(  # pyright: ignore[reportArgumentType]
             0.5, (1e-3, 10.0)
         )
         process = GaussianProcessRegressor(kernel, normalize_y=False, alpha=1e-8)
@@ -71,14 +71,14 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
             # a length scale at its upper bound is an answer here: the feature does not matter
             warnings.simplefilter("ignore", ConvergenceWarning)
             process.fit(X[first], Y[first, c] / scale)
-        K = process.kernel_(X[second])
+        K = process.kernel_(X[second])  # pyright: ignore[reportCallIssue]
         inverse = np.linalg.inv(K + 1e-8 * np.eye(len(second)))
         diagonal = np.diag(inverse)
         y = Y[second, c]
         learned[:, c] = y - (inverse @ y) / diagonal
         draws[:, :, c] = y[order] - (inverse @ y[order].T / diagonal[:, None]).T
-        signal = process.kernel_.k1.k1.constant_value
-        scales.append(signal * scale**2 / process.kernel_.k1.k2.length_scale**2)
+        signal = process.kernel_.k1.k1.constant_value  # pyright: ignore[reportAttributeAccessIssue]
+        scales.append(signal * scale**2 / process.kernel_.k1.k2.length_scale**2)  # pyright: ignore[reportAttributeAccessIssue]
     own = Y[second]
 
     def left(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:

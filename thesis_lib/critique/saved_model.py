@@ -4,6 +4,8 @@ model.json is checked against `SavedModel` when it is read, so that a file that 
 effect of another version, is refused with the reason instead of predicting something else.
 """
 
+import csv
+import io
 from pathlib import Path
 from typing import Literal
 
@@ -20,11 +22,15 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.errors import UserError
 from thesis_lib.files import read_json, write_json
+from thesis_lib.regular_file import MissingFile, read_bytes, regular_size
 from thesis_lib.settings import Section
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")
 POST = ("vx_post", "vy_post", "omega_post")
 OPTIONAL = ("trial", "t")  # needed by effects that change over time
+MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
+MAX_STATES = 200_000_000  # bytes; two million impacts
+MAX_COLUMNS = 1000
 _PULL = 1.0  # release or s: a step of `trial` and `t` that shows whether a model looks at them
 
 
@@ -118,36 +124,63 @@ def load_model(path: str | Path) -> SavedModel:
     Raises:
         UserError: there is no such file, it is no model, or it names a law, effect or parameter that is not known.
     """
-    if not Path(path).is_file():
+    try:
+        regular_size(path, MAX_MODEL)
+        model = SavedModel.model_validate(read_json(path))
+    except MissingFile as error:
         raise UserError(
             f"There is no model {path}. A critique writes model.json: python -m thesis_lib critique DATASET -o DIR"
-        )
-    try:
-        model = SavedModel.model_validate(read_json(path))
+        ) from error
     except ValidationError as error:
         lines = [f"{path} is not a model that this program wrote:"]
-        for item in error.errors():
-            lines.append(f"  {'.'.join(map(str, item['loc'])) or '(top level)'}: {item['msg']}")
+        for item in error.errors(include_url=False)[:20]:
+            lines.append(f"  {'.'.join(map(str, item['loc']))[:200] or '(top level)'}: {item['msg']}")
         raise UserError("\n".join([*lines, "Write it again with python -m thesis_lib critique."])) from error
     if model.law not in LAWS:
-        raise UserError(f"{path}: there is no law {model.law!r}; known are {', '.join(LAWS)}.")
+        raise UserError(f"{path}: there is no law {model.law[:60]!r}; known are {', '.join(LAWS)}.")
     for name in model.effects:
         if name not in EFFECTS:
-            raise UserError(f"{path}: there is no effect {name!r}; python -m thesis_lib effects lists them.")
+            raise UserError(
+                f"{path}: there is no effect {name[:60]!r}; python -m thesis_lib effects lists them."
+            )
     needed = set(model.model.parameters)
     if needed != set(model.parameters):
-        wrong = ", ".join(sorted(needed ^ set(model.parameters)))
+        wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
         raise UserError(f"{path}: missing or unknown parameter(s): {wrong}. Write it again.")
+    try:
+        with np.errstate(all="ignore"):
+            _after(model, State(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
+    except (ArithmeticError, ValueError) as error:  # sizes of 1e308 m and the like
+        raise UserError(
+            f"{path} holds numbers that cannot be computed with ({error}). Write it again."
+        ) from error
     return model
 
 
-def predict(model: SavedModel, states: pd.DataFrame) -> pd.DataFrame:
+def read_states(path: str | Path) -> pd.DataFrame:
+    """The table that `predict` takes, from a CSV file of a user.
+
+    Raises:
+        UserError: there is no such file, or it is no table of numbers below column names.
+    """
+    content = read_bytes(path, MAX_STATES)
+    try:
+        names = next(csv.reader(content.decode("utf-8-sig").splitlines()[:1]), [])
+        if len(set(names)) < len(names) or len(names) > MAX_COLUMNS:
+            raise ValueError("the first row must hold column names, each once")
+        return pd.read_csv(io.BytesIO(content), index_col=False, encoding="utf-8-sig")
+    except Exception as error:  # the parser's own errors are of many kinds
+        raise UserError(f"{path} is not a CSV table: {error}") from error
+
+
+def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.DataFrame:
     """Velocity after impact for each row.
 
     Args:
         model: as saved.
         states: x, y, theta, vx, vy, omega just before impact (m, rad, m/s, rad/s), as measured; further columns stay.
             `trial` and `t` are needed only where an effect looks at them.
+        source: file that they are from, for messages.
 
     Returns:
         The table with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
@@ -155,20 +188,24 @@ def predict(model: SavedModel, states: pd.DataFrame) -> pd.DataFrame:
     Raises:
         UserError: a column is missing or holds something other than finite numbers.
     """
+    where = f"{source}: " if source else ""
     missing = [name for name in STATE if name not in states]
     if missing:
         raise UserError(
-            f"The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
+            f"{where}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
             "(m, rad, m/s, rad/s) just before impact."
         )
     columns = {}
     for name in (*STATE, *OPTIONAL):
         if name in states:
-            columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
+            try:
+                columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
+            except OverflowError as error:
+                raise UserError(f"{where}The column {name} holds a number that is too large.") from error
             bad = np.flatnonzero(~np.isfinite(columns[name]))
             if len(bad):
                 raise UserError(
-                    f"The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
+                    f"{where}The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
                     "below the header."
                 )
     n = len(states)
@@ -179,7 +216,8 @@ def predict(model: SavedModel, states: pd.DataFrame) -> pd.DataFrame:
             moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
             if not np.array_equal(after, moved, equal_nan=True):
                 raise UserError(
-                    f"This model depends on {name} ({', '.join(model.effects)}): add the column {name} to the states."
+                    f"{where}This model depends on {name} ({', '.join(model.effects)}): "
+                    f"add the column {name} to the states."
                 )
     before = np.stack([state.vx, state.vy, state.omega], axis=1)
     status = np.where((after == before).all(axis=1), "not_approaching", "ok")

@@ -118,7 +118,7 @@ def measured_releases(
     before = pick(states_at_impact(model.model, model.values, o)[0], first)
     a = model.model.acceleration(before, model.values, o.rig)
     if o.arcs:
-        times = like.trajectories.groupby("trial")["t"].agg(["min", "max"])
+        times = like.trajectories.groupby("trial")["t"].agg(["min", "max"])  # pyright: ignore[reportOptionalMemberAccess]
         T = before.t - times["min"].reindex(before.trial).to_numpy(float)
         duration = float((times["max"] - times["min"]).median())
     else:
@@ -165,7 +165,7 @@ def _in_ours(
     rig = model.rig
     made = simulate_law_drops(
         Body(shape=rig.shape, radius_of_gyration=rig.radius_of_gyration),
-        releases,
+        releases,  # pyright: ignore[reportArgumentType]
         n,
         model.model,
         model.values,
@@ -176,7 +176,7 @@ def _in_ours(
         rng=rng,
     )
     # it drops onto y = 0; effects know heights above the surface only
-    table = made.trajectories.assign(y=made.trajectories["y"] + rig.height)
+    table = made.trajectories.assign(y=made.trajectories["y"] + rig.height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
     header = made.header.model_copy(update={"surface": Surface(height=rig.height)})
     return replace(made, header=header, trajectories=table)
 
@@ -198,5 +198,12 @@ def _in_drake(
             f"Drake cannot be used here ({error}): install it (pip install drake), or use --engine own."
         ) from error
     return simulate_augmented_in_drake(
-        model, releases, n, duration=duration, rate=rate, noise=noise, rng=rng, say=say
+        model,
+        releases,  # pyright: ignore[reportArgumentType]
+        n,
+        duration=duration,
+        rate=rate,
+        noise=noise,
+        rng=rng,
+        say=say,
     )

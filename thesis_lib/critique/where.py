@@ -62,7 +62,7 @@ class Condition:
             return f"{x:g}" if unit == "1" or x == 0 else f"{x:g} {unit}"
 
         if self.low is None:
-            return f"{name} < {amount(self.high)}"
+            return f"{name} < {amount(self.high)}"  # pyright: ignore[reportArgumentType]
         if self.high is None:
             return f"{name} > {amount(self.low)}"
         return f"{self.low:g} < {name} < {amount(self.high)}"

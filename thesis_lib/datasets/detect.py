@@ -254,7 +254,7 @@ def _fit_straightest(
         bent_still = is_bent(shorter, sigma, settings.arc_deviation)
         bent, count = bent & bent_still, shorter.n_side
     # a short arc is straight enough for anything: it must also fall rather than rest, or it is no flight at all
-    cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)
+    cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue]
     final = fit(at[rows], np.where(cured, size, whole))
     return fits.put(rows, final)
 

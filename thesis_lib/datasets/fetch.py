@@ -11,7 +11,6 @@ import tempfile
 import urllib.error
 import urllib.request
 import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
@@ -24,6 +23,7 @@ from thesis_lib.datasets.published import (
     published_name,
 )
 from thesis_lib.errors import UserError
+from thesis_lib.regular_file import regular_size
 
 RAW_HOST = "https://raw.githubusercontent.com"
 ARCHIVE_HOST = "https://codeload.github.com"
@@ -113,6 +113,7 @@ def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
     Raises:
         UserError: not a zip file, a member whose name leads out of it, one that is too large, or one missing.
     """
+    regular_size(archive, MAX_DOWNLOAD)
     try:
         with zipfile.ZipFile(archive) as zipped:
             members = {}
@@ -140,7 +141,9 @@ def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
                         f"{name} in the archive is larger than {MAX_MEMBER:,} bytes; not unpacked."
                     )
                 files[name].write_bytes(content)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
+    except UserError:
+        raise
+    except Exception as error:  # the library's own errors are of many kinds
         raise UserError(f"The downloaded archive is damaged ({error}); fetch it again.") from error
 
 

@@ -1,23 +1,19 @@
-"""Read dataset.yaml: safe against hostile files, and with one problem for each thing that is wrong.
-
-The file is small by nature, so its size, its nesting and its use of anchors are bounded before anything is built
-from it: an alias makes a few lines unfold into gigabytes.
-"""
+"""Read dataset.yaml, with one problem for each thing that is wrong (see yaml_file for what keeps it safe)."""
 
 import difflib
 from collections.abc import Mapping
 from pathlib import Path
 
-import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.datasets.header import Body, Header, Noise, Surface
 from thesis_lib.datasets.validate import Report
+from thesis_lib.regular_file import FileProblem, MissingFile
+from thesis_lib.yaml_file import YamlProblem, read_yaml
 
 FILE = "dataset.yaml"
-MAX_BYTES = 1_000_000  # a polygon of 1000 vertices takes 50 kB
-MAX_DEPTH = 20  # the deepest legitimate nesting is 5; the YAML library recurses
+MAX_TOLD = 1000  # mistakes, each with a look for what was meant
 
 SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
 _SECTIONS: dict[tuple, type[BaseModel]] = {
@@ -50,20 +46,17 @@ def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
 
     Returns (None, raw) where something is wrong; raw is {} where the file is no mapping.
     """
-    path = folder / FILE
-    if not path.is_file():
-        report.error(
-            FILE, "", "the file is missing", "write it (README, 'Your own data'), or use the init command"
-        )
-        return None, {}
-    raw, lines = _parse(path, report)
+    raw, lines = _parse(folder, report)
     if raw is None:
         return None, {}
     try:
         return Header.model_validate(raw), raw
     except ValidationError as error:
-        for entry in error.errors(include_url=False, include_context=True):
+        found = error.errors(include_url=False, include_context=True)
+        for entry in found[:MAX_TOLD]:
             _tell(entry, lines, report)
+        if (more := len(found) - MAX_TOLD) > 0:
+            report.error(FILE, "", f"{more:,} further keys or values are wrong", "correct the others first")
         return None, raw
 
 
@@ -76,69 +69,26 @@ def salvage_shape(raw: Mapping) -> object | None:
         return None
 
 
-def _parse(path: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]:
-    def refuse(where: str, what: str, remedy: str) -> tuple[None, dict]:
-        report.error(FILE, where, what, remedy)
-        return None, {}
-
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        return refuse(
-            "", f"has {size:,} bytes; the limit is {MAX_BYTES:,}", "keep measurements out of dataset.yaml"
-        )
+def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]:
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-        depth = 0
-        for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            line = f"line {event.start_mark.line + 1}"
-            if isinstance(event, yaml.AliasEvent):
-                return refuse(line, "uses a YAML alias (*name)", "write the value out where it is needed")
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if depth > MAX_DEPTH:
-                return refuse(
-                    line, f"is nested more than {MAX_DEPTH} levels deep", "follow the documented format"
-                )
-        lines: dict[tuple, int] = {}
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        _locate(node, (), lines, report)
-        raw = yaml.safe_load(text)
-    except UnicodeDecodeError:
-        return refuse("", "is not UTF-8 text", "save it as UTF-8")
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        return refuse(
-            where, f"is not valid YAML ({error.problem})", "check indentation, colons and brackets there"
-        )
-    except (yaml.YAMLError, ValueError, OverflowError, TypeError) as error:
-        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-        return refuse("", f"is not valid YAML ({reason})", "check it for odd characters and values")
+        document = read_yaml(folder / FILE, folder, aliases=False)
+    except MissingFile:
+        remedy = "write it (README, 'Your own data'), or use the init command"
+        report.error(FILE, "", "the file is missing", remedy)
+        return None, {}
+    except (FileProblem, YamlProblem) as error:
+        report.error(FILE, getattr(error, "where", ""), error.what, error.remedy)
+        return None, {}
+    lines, raw = document.lines, document.content
+    for key, line in document.repeated:
+        where, what = f"line {line}, {_dotted(key)}", f"the key stands twice (first in line {lines[key]})"
+        report.error(FILE, where, what, "keep one of them")
     if not isinstance(raw, dict):
         kind = "empty" if raw is None else f"a {type(raw).__name__}"
-        return refuse(
-            "", f"is {kind}, not a mapping of keys to values", "start with 'schema: 1' on a line of its own"
-        )
+        what = f"is {kind}, not a mapping of keys to values"
+        report.error(FILE, "", what, "start with 'schema: 1' on a line of its own")
+        return None, {}
     return raw, lines
-
-
-def _locate(node: yaml.Node | None, at: tuple, lines: dict[tuple, int], report: Report) -> None:
-    """Line of every key; duplicated keys are told, because YAML silently keeps the last one."""
-    if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            where = (*at, key.value if isinstance(key.value, str) else "?")
-            if where in lines:
-                report.error(
-                    FILE,
-                    f"line {key.start_mark.line + 1}, {_dotted(where)}",
-                    f"the key stands twice (first in line {lines[where]})",
-                    "keep one of them",
-                )
-            lines.setdefault(where, key.start_mark.line + 1)
-            _locate(value, where, lines, report)
-    elif isinstance(node, yaml.SequenceNode):
-        for i, value in enumerate(node.value):
-            lines[(*at, i)] = value.start_mark.line + 1
-            _locate(value, (*at, i), lines, report)
 
 
 def _tell(entry: Mapping, lines: Mapping[tuple, int], report: Report) -> None:

@@ -104,9 +104,9 @@ class Impacts:
             r=r,
             k_g=float(k_g),
             mass=1.0 if mass is None else float(mass),
-            t=table["t"].to_numpy(float) if "t" in table else None,
+            t=table["t"].to_numpy(float) if "t" in table else None,  # pyright: ignore[reportArgumentType]
             cov=_covariance_from(table),
-            flags=table["flags"].fillna("").to_numpy(object) if "flags" in table else None,
+            flags=table["flags"].fillna("").to_numpy(object) if "flags" in table else None,  # pyright: ignore[reportArgumentType]
         )
 
     def to_table(self) -> pd.DataFrame:
@@ -130,7 +130,7 @@ class Impacts:
         return table
 
 
-def covariance_column(i: int, j: int) -> str:
+def covariance_column(i: int | np.integer, j: int | np.integer) -> str:
     """Column name of the covariance between `STATE[i]` and `STATE[j]` (i ≥ j)."""
     return f"cov_{STATE[i]}_{STATE[j]}"
 

@@ -15,6 +15,7 @@ from typing import Literal
 
 from thesis_lib.datasets.published import SOURCES, checksums, find_source
 from thesis_lib.errors import UserError
+from thesis_lib.regular_file import is_file
 
 SIMULATED = ("drops",)
 
@@ -67,7 +68,7 @@ def locate(name: str, search: Sequence[str | Path]) -> Located:
         )
     for base in map(Path, search):
         folder = base / name
-        if (folder / "dataset.yaml").is_file():
+        if is_file(folder / "dataset.yaml"):
             files = sorted(str(p) for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet"))
             stems = {Path(p).stem for p in files}
             return Located(name, "folder", str(folder), "", tuple(files), "impacts" not in stems)

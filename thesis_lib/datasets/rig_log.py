@@ -6,6 +6,7 @@ Everything that is changed or left out on the way is told in `Conversion.notes`,
 
 import csv
 import difflib
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,7 @@ from thesis_lib.datasets.dataset import TRAJECTORY_COLUMNS, Dataset, median_step
 from thesis_lib.datasets.header import Header
 from thesis_lib.datasets.validate import SHOWN, row_text
 from thesis_lib.errors import UserError
+from thesis_lib.regular_file import MissingFile, read_bytes
 
 UNITS = {  # name -> (quantity, factor to SI)
     "m": ("length", 1.0),
@@ -30,6 +32,8 @@ UNITS = {  # name -> (quantity, factor to SI)
     "ms": ("time", 1e-3),
     "us": ("time", 1e-6),
 }
+MAX_COLUMNS = 1000
+MAX_LOG = 200_000_000  # bytes; as lists of cells a log takes some ten times that
 QUANTITY = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 
 
@@ -222,25 +226,25 @@ def convert_logs(
 
 def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:
     """The cells of a log as text, indexed by their row in the file; a last row that was cut off is left out."""
-    if not path.is_file():
-        raise UserError(f"{path} does not exist; give the log as a CSV file with a header line.")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, delimiter=delimiter, skipinitialspace=True)
-            # blank lines carry nothing; `line_num` keeps the row numbers right all the same
-            lines = [
-                (reader.line_num, cells) for cells in reader if any(map(str.strip, cells)) or len(cells) > 1
-            ]
-        with path.open("rb") as file:
-            file.seek(max(path.stat().st_size - 1, 0))
-            complete = file.read(1) in (b"\n", b"\r")
-    except (ValueError, csv.Error, OSError) as error:
+        content = read_bytes(path, MAX_LOG)
+        reader = csv.reader(
+            io.StringIO(content.decode("utf-8-sig"), newline=""), delimiter=delimiter, skipinitialspace=True
+        )
+        # blank lines carry nothing; `line_num` keeps the row numbers right all the same
+        lines = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells)) or len(cells) > 1]
+        complete = content.endswith((b"\n", b"\r"))
+    except MissingFile as error:
+        raise UserError(f"{path} does not exist; give the log as a CSV file with a header line.") from error
+    except (ValueError, csv.Error) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise UserError(f"{path} cannot be read as a table ({reason}). Is --delimiter right?") from error
     if not lines:
         raise UserError(f"{path} is empty; give the log as a CSV file with a header line.")
     (_, names), *lines = lines
     width = len(names)
+    if width > MAX_COLUMNS:
+        raise UserError(f"{path} has {width:,} columns; the limit is {MAX_COLUMNS:,}. Is --delimiter right?")
     for row, cells in lines:
         if any(map(str.strip, cells[width:])):  # a delimiter at the end of each row is no cell
             raise UserError(

@@ -6,7 +6,9 @@ reading finds all that is wrong.
 
 import csv
 import difflib
+import os
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,11 +16,12 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.validate import SHOWN, Report, Table, row_text
+from thesis_lib.regular_file import FileProblem, regular_size
 
 MAX_BYTES = 2_000_000_000  # 25 million samples; as arrays they take half of a 4 GB machine
-MAX_VALUES = (
-    250_000_000  # the same bound for Parquet, whose size on disk says little (8 bytes each in memory)
-)
+MAX_VALUES = 250_000_000  # cells, 8 bytes each in memory: Parquet and rows of bare commas take little on disk
+MAX_BAD_ROWS = 100_000  # a file with more of them is not a table
+MAX_COLUMNS = 1000
 MAX_HEADER = 100_000  # characters in the header line; the widest table here has 60 columns
 LARGEST = {"t": 1e12, None: 1e9}  # epoch times in microseconds pass; no SI value of a drop comes near 1e9
 INTEGERS = ("trial", "impact")
@@ -46,7 +49,7 @@ def load_table(
     folder: Path, stem: str, required: Sequence[str], optional: Sequence[str], report: Report
 ) -> Table | None:
     """The usable rows of `<stem>.csv` or `<stem>.parquet`, or None; problems go to `report`."""
-    paths = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.parquet") if path.is_file()]
+    paths = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.parquet") if os.path.lexists(path)]
     if not paths:
         return None
     if len(paths) == 2:
@@ -57,17 +60,13 @@ def load_table(
             "delete one of the two",
         )
     path = paths[0]
-    size = path.stat().st_size
+    try:
+        size = regular_size(path, MAX_BYTES, folder)
+    except FileProblem as problem:
+        report.error(path.name, "", problem.what, "put a table there that is a file of its own, or delete it")
+        return None
     if size == 0:
         report.error(path.name, "", "is empty", "write the header line and the rows, or delete the file")
-        return None
-    if size > MAX_BYTES:
-        report.error(
-            path.name,
-            "",
-            f"has {size:,} bytes; the limit is {MAX_BYTES:,}",
-            "split the dataset into several folders",
-        )
         return None
     read = _read_csv if path.suffix == ".csv" else _read_parquet
     frame, ragged = read(path, report)
@@ -108,7 +107,11 @@ def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame | None, np.ndarr
             "put the column names in the first line",
         )
         return none
-    if repeated := sorted({name for name in names if names.count(name) > 1}):
+    if len(names) > MAX_COLUMNS:
+        what = f"has {len(names):,} columns; the limit is {MAX_COLUMNS:,}"
+        report.error(path.name, "row 1", what, "keep the columns of the documented format")
+        return none
+    if repeated := sorted(name for name, count in Counter(names).items() if count > 1):
         report.error(
             path.name,
             f"column {', '.join(repeated)}",
@@ -151,6 +154,10 @@ def _ragged(path: Path, width: int, report: Report) -> tuple[np.ndarray, int]:
             count = line.count(b",") + 1
             if b'"' in line:
                 count = len(next(csv.reader([line.decode("utf-8")], skipinitialspace=True), []))
+            if len(bad) + len(blank) > MAX_BAD_ROWS:
+                raise ValueError(f"more than {MAX_BAD_ROWS:,} rows are empty or have another number of cells")
+            if i * width > MAX_VALUES:
+                raise ValueError(f"more than {MAX_VALUES:,} cells")
             if not line.strip():
                 blank.append(i)
                 continue
@@ -190,10 +197,17 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame | None, np.n
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
             meta = file.metadata
+            if meta.num_columns > MAX_COLUMNS:
+                raise ValueError(f"{meta.num_columns:,} columns; the limit is {MAX_COLUMNS:,}")
             if meta.num_rows * meta.num_columns > MAX_VALUES:
                 what = f"claims {meta.num_rows:,} rows of {meta.num_columns} columns; the limit is {MAX_VALUES:,} cells"
                 report.error(path.name, "", what, "split the dataset into several folders")
                 return none
+            size = sum(meta.row_group(i).total_byte_size for i in range(meta.num_row_groups))
+            if size > MAX_BYTES:
+                raise ValueError(f"it claims {size:,} bytes; the limit is {MAX_BYTES:,}")
+            if nested := [kind.name for kind in file.schema_arrow if pyarrow.types.is_nested(kind.type)]:
+                raise ValueError(f"column {nested[0]} holds lists, expected numbers")
             frame = file.read().to_pandas(ignore_metadata=True)
     except Exception as error:  # whatever the library says of a broken file, it is the file's fault
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]

@@ -39,13 +39,13 @@ class RoundedCorners(Effect):
     def contact_point(self, r_x, r_y, state, p, rig):
         if not self.applies_to(rig):
             return r_x, r_y
-        d_x, d_y = _moved(rig.shape.vertices, state.theta, p["rho"])
+        d_x, d_y = _moved(rig.shape.vertices, state.theta, p["rho"])  # pyright: ignore[reportAttributeAccessIssue]
         return r_x + d_x, r_y + d_y
 
     def gap(self, gap, state, p, rig):
         if not self.applies_to(rig):
             return gap
-        return gap - _moved(rig.shape.vertices, state.theta, p["rho"])[1]
+        return gap - _moved(rig.shape.vertices, state.theta, p["rho"])[1]  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _moved(vertices, theta, rho):

@@ -206,19 +206,18 @@ def held_out_errors(
         out = LAWS[row.law](impacts.v_pre, impacts.r, **body, mu=row.mu, epsilon=row.epsilon)
         velocity = velocity_error(impacts.v_post - out.v_post, impacts.k_g)
         errors[row.law] = (velocity, _distance(target, *out.impulse.T))
-    parts = [
-        pd.DataFrame(
-            {
-                "trial": impacts.trial,
-                "impact": impacts.impact,
-                "model": model,
-                "velocity_error": velocity,
-                "impulse_error": impulse,
-            }
-        )
-        for model, (velocity, impulse) in errors.items()
-    ]
-    return pd.concat(parts, ignore_index=True)
+    # whole columns at once: tables to be joined would be held twice
+    velocity, impulse = (np.concatenate(parts) for parts in zip(*errors.values()))
+    return pd.DataFrame(
+        {
+            "trial": np.tile(impacts.trial, len(errors)),
+            "impact": np.tile(impacts.impact, len(errors)),
+            "model": pd.array(list(errors), dtype="str").repeat(len(impacts)),
+            "velocity_error": velocity,
+            "impulse_error": impulse,
+        },
+        copy=False,
+    )
 
 
 def _distance(target: Target, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:

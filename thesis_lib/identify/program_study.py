@@ -32,6 +32,7 @@ from thesis_lib.identify.mode_qp import REACH, Program, solve_mode_qp
 from thesis_lib.identify.program_result import ProgramResult
 from thesis_lib.identify.programs import ContactProgram, Products
 from thesis_lib.identify.regressor import PlantRegressor
+from thesis_lib.randomness import streams
 from thesis_lib.simulate.chapter2 import (
     DEFAULT,
     Chapter2Bodies,
@@ -260,16 +261,17 @@ def programs_table(
     import pandas as pd
 
     others = [name for name in STUDIES if name not in MAIN]
-    rows = []
+    rows, stream = [], streams(rng)
     for kind in settings.mechanisms:
         for names, lengths, n_windows, n_starts in (
             (MAIN, settings.lengths, settings.windows, settings.starts),
             (others, settings.others_lengths, settings.others_windows, settings.others_starts),
         ):
             for length in lengths:
-                windows = cases(kind, length, n_windows, rng, bodies)
+                windows = cases(kind, length, n_windows, stream(kind, length, "windows"), bodies)
                 for name in names:
-                    rows.append({"name": name, **study(STUDIES[name], kind, windows, n_starts, rng)})
+                    own = stream(kind, length, name)
+                    rows.append({"name": name, **study(STUDIES[name], kind, windows, n_starts, own)})
                     done = rows[-1]
                     print(f"{kind}, {length} steps, {name}: {done['n_success']} of {done['n_starts']}")
     return pd.DataFrame(rows).drop(columns=["cpu_s_median", "cpu_s_max"])

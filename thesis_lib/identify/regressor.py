@@ -36,7 +36,7 @@ FREE_BODY_PARAMETERS = ("m", "mc_x", "mc_y", "I")
 
 
 def free_body_regressor(
-    q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: Sequence[float] = (0.0, -9.81)
+    q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: Sequence[float] | np.ndarray = (0.0, -9.81)
 ) -> np.ndarray:
     """Y (n, 3, 4) of one free body in the parameters `FREE_BODY_PARAMETERS`.
 

@@ -25,6 +25,7 @@ import json
 import math
 import time
 import warnings
+import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -163,7 +164,12 @@ def read_policy(path: str | Path) -> PpoPolicy:
         UserError: the file is missing.
         CorruptFileError: it is something else.
     """
-    return PpoPolicy(_read(Path(path)))
+    path = Path(path)
+    state = _read(path)
+    try:
+        return PpoPolicy(state)
+    except Exception as error:
+        raise CorruptFileError(f"{path} is not a policy ({error}); delete it and train again.") from error
 
 
 def _segment_ends(checkpoints: Sequence[int], segment: int) -> list[int]:
@@ -195,6 +201,10 @@ def _read(path: Path) -> State:
     if not path.is_file():
         raise UserError(f"{path} does not exist; train PPO first.")
     try:
+        # torch does not look at the check sums of its archive
+        with zipfile.ZipFile(path) as archive:
+            if (bad := archive.testzip()) is not None:
+                raise ValueError(f"{bad} is damaged")
         # weights_only: tensors and plain values, so that a file cannot run code
         state = torch.load(path, map_location="cpu", weights_only=True)
         if state["schema"] != SCHEMA:

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from thesis_lib.files import atomic
 from thesis_lib.jenga.ppo import train_ppo
 from thesis_lib.jenga.ppo_settings import PpoSettings
 from thesis_lib.jenga.settings import Setup
@@ -25,4 +26,5 @@ def train_to_files(
     segments = Path(paths[0]).with_name("segments")
     train_ppo(sizes, settings, seed, setup=setup, folder=segments, say=say)
     for size, path in zip(sizes, paths):
-        shutil.copyfile(segments / f"ppo_{size}.pt", path)
+        with atomic(path) as tmp:
+            shutil.copyfile(segments / f"ppo_{size}.pt", tmp)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from thesis_lib.randomness import streams
 from thesis_lib.residual.calibration import coverage_table, pit_histogram
 from thesis_lib.residual.dice_settings import DiceStudySettings
 from thesis_lib.residual.dice_study import DiceStudy, first_contacts
@@ -51,9 +52,10 @@ def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[
     """
     throws = stacked(studies, lambda s: s.throws)
     pits = stacked(studies, lambda s: s.contact_pits)
+    stream = streams(rng)
     coverages = [
         coverage_table(
-            part["pit"].to_numpy(), central=central, groups=part["trial"].to_numpy(), rng=rng
+            part["pit"].to_numpy(), central=central, groups=part["trial"].to_numpy(), rng=stream(kind, model)
         ).assign(model=model, kind=kind)
         for kind, table, central in (("roll", throws, True), ("contact", pits, False))
         for model, part in table.groupby("model", sort=False)

@@ -41,6 +41,7 @@ from thesis_lib.critique.saved_model import SavedModel
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.impacts import Impacts
 from thesis_lib.errors import UserError
+from thesis_lib.randomness import streams
 from thesis_lib.residual.dice_data import Contacts, Flights, Releases, flight_drag, read_throws
 from thesis_lib.residual.dice_fit import DiceModel, fit_dice
 from thesis_lib.residual.dice_models import (
@@ -137,22 +138,23 @@ def _one_split(
     rng: np.random.Generator,
 ) -> DiceStudy:
     releases, contacts, flights = read
-    split_rng, fit_rng, throw_rng, boot_rng, first_rng = rng.spawn(5)
+    split_rng, law_rng, boot_rng, first_rng, own_rng = rng.spawn(5)
+    stream = streams(own_rng)
     trials = np.unique(releases.trial)
     train = np.sort(split_rng.permutation(trials)[: round(settings.train_share * len(trials))])
     known = contacts.select(np.isin(contacts.trial, train))
     believed = DiceModel(side / 2, 0.0, dataset.height, dataset.k_g, "mirtich", 0.1, 0.5, dataset.gravity)
     own = impacts.select(np.isin(impacts.trial, train))
-    throwers, law_errors = law_models(believed, own, known, settings, fit_rng)
+    throwers, law_errors = law_models(believed, own, known, settings, law_rng)
     if critique is not None:
         throwers.append(scattered("critique", critique_model(critique, side), known, settings))
     c_v, c_w = flight_drag(flights.select(np.isin(flights.trial, train)))
     start = replace(believed, law=throwers[0].model.law, c_v=c_v, c_w=c_w)
-    fitted, _ = fit_dice(start, known, fit_rng, settings.fit)
+    fitted, _ = fit_dice(start, known, stream("fit"), settings.fit)
     train_releases = releases.select(np.isin(releases.trial, train))
     left_out = 0
     for name, learned in (("compliant", False), ("compliant_residual", True)):
-        missed = train_missed(fitted, known, settings, fit_rng, learned)
+        missed = train_missed(fitted, known, settings, stream("missed", name), learned)
         left_out = missed.left_out
         throwers.append(
             slide_fitted(
@@ -166,9 +168,9 @@ def _one_split(
     held = releases.select(~np.isin(releases.trial, train))
     outcomes, rows, rates = {}, [], []
     for thrower in throwers:
-        outcome = throw_held_out(thrower, held, settings, throw_rng)
+        outcome = throw_held_out(thrower, held, settings, stream("throw", thrower.name))
         outcomes[thrower.name] = outcome
-        rows.append(throw_rows(outcome, held, side, throw_rng))
+        rows.append(throw_rows(outcome, held, side, stream("rows", thrower.name)))
         t = thrower.contact.tally
         rates.append(
             {
@@ -187,9 +189,9 @@ def _one_split(
     ]
     first = first_contact_scores(throwers, held, contacts, settings, first_rng)
     limits = [
-        noise_limit(held, t.model, t.certain, side, settings.limit_copies, settings.throw, throw_rng).assign(
-            model=t.name
-        )
+        noise_limit(
+            held, t.model, t.certain, side, settings.limit_copies, settings.throw, stream("limit", t.name)
+        ).assign(model=t.name)
         for t in throwers
     ]
     limit = pd.concat(limits, ignore_index=True)

@@ -14,6 +14,7 @@ import pandas as pd
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.randomness import streams
 from thesis_lib.residual.belief import RestBelief
 from thesis_lib.residual.calibration import crps, pit_of_gaussian, pit_of_samples, pit_of_student
 from thesis_lib.residual.contact_map import ContactMap
@@ -129,7 +130,7 @@ def summary(
     throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """A row per model and quantity, with a 95 % bootstrap interval over throws; `limit_…` is that of noise."""
-    rows = []
+    rows, stream = [], streams(rng)
     for model, part in throws.groupby("model", sort=False):
         error, certain = part["error"].to_numpy(), part["error_certain"].to_numpy()
         quantities = {
@@ -144,14 +145,16 @@ def summary(
             "crps": (part["crps"].to_numpy(), np.mean),
         }
         for name, (values, statistic) in quantities.items():
-            rows.append((model, name, float(statistic(values)), *spread(values, statistic, bootstrap, rng)))
+            interval = spread(values, statistic, bootstrap, stream(model, name))
+            rows.append((model, name, float(statistic(values)), *interval))
     for model, part in limit.groupby("model", sort=False):
         for name, column, statistic in (
             ("limit_std", "spread", np.median),
             ("limit_face", "face_kept", np.mean),
         ):
             values = part[column].to_numpy()
-            rows.append((model, name, float(statistic(values)), *spread(values, statistic, bootstrap, rng)))
+            interval = spread(values, statistic, bootstrap, stream(model, name))
+            rows.append((model, name, float(statistic(values)), *interval))
     return pd.DataFrame(rows, columns=["model", "quantity", "value", "std", "low", "high"])
 
 
@@ -163,12 +166,13 @@ def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -
         a, b = rankdata(pair[:, 0]), rankdata(pair[:, 1])
         return float(np.corrcoef(a, b)[0, 1])
 
-    rows = []
+    rows, stream = [], streams(rng)
     for model, part in throws.groupby("model", sort=False):
         for column in ("spread_first", "spread_rest"):
             pair = np.column_stack([part[column], part["error"].abs()])
             pair = pair[np.isfinite(pair).all(1)]
-            rows.append((model, column, spearman(pair), *spread(pair, spearman, bootstrap, rng), len(pair)))
+            interval = spread(pair, spearman, bootstrap, stream(model, column))
+            rows.append((model, column, spearman(pair), *interval, len(pair)))
     return pd.DataFrame(rows, columns=["model", "spread", "rank_correlation", "std", "low", "high", "n"])
 
 

@@ -40,6 +40,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from thesis_lib.randomness import streams
 from thesis_lib.residual.belief import WIDE, GaussianMixture
 from thesis_lib.residual.calibration import LEVELS, crps_of_mixture
 from thesis_lib.residual.dice_data import Contacts, Releases
@@ -203,17 +204,17 @@ def first_contact_scores(
     order = np.argsort(releases.trial)
     known = releases.select(order[np.searchsorted(releases.trial[order], first.trial)])
     measured = np.hstack([first.q_after, first.v_after])
-    tables = []
+    tables, stream = [], streams(rng)
     for thrower in throwers:
-        model = thrower.model
-        q, v = perturbed(known, settings.particles, rng)
+        model, own = thrower.model, stream(thrower.name)
+        q, v = perturbed(known, settings.particles, own)
         shape = (len(first), settings.particles, 3)
         contact = replace(thrower.contact, tally=Tally())
         start = model.seen(q).reshape(shape), v.reshape(shape)
-        belief = propagate(model.body, *start, contact, first.span, settings.throw.micro, rng)
+        belief = propagate(model.body, *start, contact, first.span, settings.throw.micro, own)
         true = measured - [0.0, 0.0, model.d_theta, 0.0, 0.0, 0.0]
         for name, one in (("mixture", belief), ("particles", belief.particles)):
-            scores = state_scores(one, true, known.cov, model.k_g, rng)
+            scores = state_scores(one, true, known.cov, model.k_g, own)
             labels = {"trial": first.trial, "model": thrower.name, "belief": name}
             tables.append(pd.concat([pd.DataFrame(labels), scores], axis=1))
     return pd.concat(tables, ignore_index=True)
@@ -225,7 +226,7 @@ def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.G
     Quantities: coverage_50, coverage_80, coverage_95 (regions of highest density), log_score, crps_velocity,
     crps_pose, out_of_range: means over throws; log_score_median.
     """
-    rows = []
+    rows, stream = [], streams(rng)
     for (model, belief), part in scores.groupby(["model", "belief"], sort=False):
         quantities = {f"coverage_{level:.0%}".rstrip("%"): part["pit"] <= level for level in LEVELS}
         quantities |= {
@@ -233,10 +234,10 @@ def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.G
         }
         for name, column in quantities.items():
             values = column.to_numpy(float)
-            interval = spread(values, np.mean, bootstrap, rng)
+            interval = spread(values, np.mean, bootstrap, stream(model, belief, name))
             rows.append((model, belief, name, float(values.mean()), *interval, len(values)))
         # a contact that the camera lost can decide a mean of logarithms
         values = part["log_score"].to_numpy()
-        interval = spread(values, np.median, bootstrap, rng)
+        interval = spread(values, np.median, bootstrap, stream(model, belief, "median"))
         rows.append((model, belief, "log_score_median", float(np.median(values)), *interval, len(values)))
     return pd.DataFrame(rows, columns=["model", "belief", "quantity", "value", "std", "low", "high", "n"])

@@ -22,6 +22,9 @@ Force on the disk is c_n n + c_t t, on the link its opposite.
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant).
 """
 
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING

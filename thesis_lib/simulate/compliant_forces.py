@@ -71,9 +71,9 @@ class Mechanics:
         m = mechanisms
         self.hidden, self.contact, self.phase = m, contact, phase
         self.mass = body.mass
-        self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
-        self.shell = body.mass * (1.0 - m.loose_mass)
-        self.stiffness = contact.stiffness(body.mass)
+        self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)  # pyright: ignore[reportOptionalOperand]
+        self.shell = body.mass * (1.0 - m.loose_mass)  # pyright: ignore[reportOptionalOperand]
+        self.stiffness = contact.stiffness(body.mass)  # pyright: ignore[reportArgumentType]
         self.com = np.array([m.com_offset_x, m.com_offset_y])
         g = gravity + m.gravity_error
         self.gravity = g * np.array([np.sin(m.tilt), -np.cos(m.tilt)])
@@ -209,7 +209,7 @@ class Mechanics:
         over = (depth <= 0.0) & (lift >= reach)
         memory.deepest = np.where(over, 0.0, deepest)
         memory.bristle = np.where(over, 0.0, memory.bristle)
-        return push, pull, over.all(axis=1)
+        return push, pull, over.all(axis=1)  # pyright: ignore[reportReturnType]
 
     def _friction(self, v: np.ndarray, r_y: np.ndarray, push: np.ndarray, memory: Memory) -> np.ndarray:
         """Friction forces in N (n, p) on bodies that move with v (n, 5) after the kick of the normal forces."""

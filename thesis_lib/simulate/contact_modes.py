@@ -24,6 +24,7 @@ Sources: as `lcp`, whose first source names the scheme and whose second the base
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -259,12 +260,12 @@ def _unrevised_lemke(M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
     return _solved_by(UnrevisedLemkeSolver(), M, q)
 
 
-def _solved_by(solver: object, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+def _solved_by(solver: Any, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
     from pydrake.solvers import MathematicalProgram
 
     program = MathematicalProgram()
     z = program.NewContinuousVariables(len(q))
-    program.AddLinearComplementarityConstraint(M, q, z)
+    program.AddLinearComplementarityConstraint(M, q, z)  # pyright: ignore[reportArgumentType]
     result = solver.Solve(program, None, None)
     value = result.GetSolution(z) if result.is_success() else np.array([np.nan])
     return value if np.isfinite(value).all() else None

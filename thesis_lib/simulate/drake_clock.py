@@ -11,6 +11,9 @@ Drake steps a flight from sample to sample and logs the state at every step, in 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
 """
 
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -56,7 +59,7 @@ class Clock:
 
     def path(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (s,), positions and velocities (s, size) of all steps since the start; in flight only."""
-        log = self.made.log.FindLog(self.root)
+        log = self.made.log.FindLog(self.root)  # pyright: ignore[reportOptionalMemberAccess]
         state = log.data().T
         return log.sample_times().copy(), state[:, : self.size].copy(), state[:, self.size :].copy()
 

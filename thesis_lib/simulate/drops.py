@@ -134,7 +134,7 @@ def simulate_drops(
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
     poses += noise_rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
     text = f"{n} simulated drops (Anitescu-Potra LCP with Newton restitution)"
-    header = Header(schema=1, description=text, body=body, gravity=gravity, rate=rate, noise=noise)
+    header = Header(schema=1, description=text, body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
     return Drops(header, _trajectories(poses, rate), simulation.impacts(), simulation.trials(q, v))
 
 
@@ -146,7 +146,7 @@ class _Simulation:
     ) -> None:
         n = len(q)
         self.shape: Shape = body.shape
-        self.plant: PlanarPlant = planar_body(body.mass, body.radius_of_gyration, (0.0, -gravity))
+        self.plant: PlanarPlant = planar_body(body.mass, body.radius_of_gyration, (0.0, -gravity))  # pyright: ignore[reportArgumentType]
         # one free body: M and τ_g are the same at every pose, and so is the acceleration in flight
         origin = np.zeros((1, 3))
         self.a = np.linalg.solve(self.plant.mass_matrix(origin)[0], self.plant.gravity_forces(origin)[0])

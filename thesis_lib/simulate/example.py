@@ -142,7 +142,7 @@ def _mechanisms(hidden: str, size: float | None) -> Mechanisms:
         return Mechanisms(mirrored=True)
     value = CAUSES[hidden].size if size is None else size
     try:
-        return Mechanisms(**{hidden: value})
+        return Mechanisms(**{hidden: value})  # pyright: ignore[reportArgumentType]
     except ValidationError as error:
         raise UserError(
             f"A size of {value:g} is not possible for {hidden} "

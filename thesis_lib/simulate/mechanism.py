@@ -162,14 +162,14 @@ class PlanarFreeBody(Mechanism):
             depth = math.sqrt(a2 * sin * sin + b2 * cos * cos)
             r_x, r_y = -(a2 - b2) * sin * cos / depth, -depth
         else:
-            r_x, r_y = 0.0, -self.shape.radius
+            r_x, r_y = 0.0, -self.shape.radius  # pyright: ignore[reportAttributeAccessIssue]
         return Contacts(np.array([y + r_y]), np.array([[0.0, 1.0, r_x]]), np.array([[1.0, 0.0, -r_y]]))
 
     def contact_points(self, theta: np.ndarray) -> np.ndarray:
         """Touching points (n, p, 2) in m from the centre of mass at angles `theta` (n,), in the surface's axes."""
         theta = np.asarray(theta, dtype=float)
         if self.corners is None:
-            return self.shape.contact_point(theta)[:, None, :]
+            return self.shape.contact_point(theta)[:, None, :]  # pyright: ignore[reportAttributeAccessIssue]
         sin, cos = np.sin(theta)[:, None], np.cos(theta)[:, None]
         x, y = self.corners.T
         return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)

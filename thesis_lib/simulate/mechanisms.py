@@ -21,6 +21,7 @@ doi 10.1115/1.3423596; Maw, Barber and Fawcett 1976 (tangential compliance).
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from pydantic import Field
 
@@ -58,7 +59,7 @@ class CompliantContact(Section):
         return (n + 1) * mass * REFERENCE_SPEED**2 / (2 * depth ** (n + 1))
 
 
-def _off(description: str, **limits: float) -> float:
+def _off(description: str, **limits: Any) -> Any:
     return Field(0.0, description=description, allow_inf_nan=False, **limits)
 
 

@@ -18,6 +18,9 @@ velocities are v = (v_x, v_y, ω): no change of sign or order between Drake and 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, PlanarJoint).
 """
 
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -22,6 +22,9 @@ Sources: A. Castro et al., An unconstrained convex formulation of compliant cont
 doi 10.1109/TRO.2022.3209077; R. Tedrake and the Drake development team, Drake, https://drake.mit.edu.
 """
 
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -211,12 +211,12 @@ def _run(
     M_inv = np.linalg.inv(mechanism.mass_matrix(out.q[0])) if constant else None
     # M⁻¹ (g + f_ext), known in advance where neither depends on the state
     known = constant and force is None and hidden is None
-    acceleration = (mechanism.gravity(out.q[0]) + out.f_ext) @ M_inv.T if known else None
+    acceleration = (mechanism.gravity(out.q[0]) + out.f_ext) @ M_inv.T if known else None  # pyright: ignore[reportOptionalMemberAccess]
     k, ahead = 0, 8
     q, v = out.q[0], out.v[0]
     while k < steps:
         if known:
-            v_free = v + h * acceleration[k]
+            v_free = v + h * acceleration[k]  # pyright: ignore[reportOptionalSubscript]
         else:
             if force is not None:
                 out.f_ext[k] = force(k * h, q, v)
@@ -227,7 +227,7 @@ def _run(
                 total = total - mechanism.bias(q, v)
                 M_inv = np.linalg.inv(mechanism.mass_matrix(q))
             v_free = v + h * (M_inv @ total)
-        step = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)
+        step = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)  # pyright: ignore[reportArgumentType]
         q, v = q + h * step.v, step.v
         out.q[k + 1], out.v[k + 1] = q, v
         k += 1
@@ -244,7 +244,7 @@ def _run(
                 return k
             ahead = 8
         elif known and k < steps:
-            n = _fly(mechanism, out, acceleration, k, ahead)
+            n = _fly(mechanism, out, acceleration, k, ahead)  # pyright: ignore[reportArgumentType]
             k, ahead = k + n, min(2 * ahead, MAX_FLIGHT)
             q, v = out.q[k], out.v[k]
     return k

@@ -82,7 +82,7 @@ def rebound(
     if not len(ended):
         return 0.0, float(t[-1])
     end = brentq(lambda s: part(squeeze, s), t[max(ended[0] - 1, 0)], t[ended[0]])
-    return float(-part(modes[n], end)), float(end)
+    return float(-part(modes[n], end)), float(end)  # pyright: ignore[reportArgumentType]
 
 
 def design(epsilon: float, contact_time: float, mass: float, lightest: float) -> Pad:

@@ -26,8 +26,12 @@ rule ch2_schematics:
         figure_files(CH2, "2-8", "rimless wheel", "mechanisms"),
     log:
         "results/logs/ch2_schematics.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_schematics.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_schematics"),
     params:
         bodies=settings(CONFIG.chapter2.bodies),
         lib=code_of("ch2_schematics"),
@@ -48,8 +52,12 @@ rule ch2_motions:
         figure_files(CH2, "2-14", "falling ellipse", "motions"),
     log:
         "results/logs/ch2_motions.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_motions.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_motions"),
     params:
         drops=lambda wildcards: DATASETS["drops"].folder,
         bodies=settings(CONFIG.chapter2.bodies),
@@ -67,8 +75,12 @@ rule ch2_identifiability:
         f"{CH2}/identifiability.csv",
     log:
         "results/logs/ch2_identifiability.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_identifiability.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_identifiability"),
     params:
         bodies=settings(CONFIG.chapter2.bodies),
         lib=code_of("ch2_identifiability"),
@@ -83,8 +95,12 @@ rule ch2_programs:
         f"{CH2}/{{mechanism}}/programs.csv",
     log:
         "results/logs/ch2_programs/{mechanism}.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_programs/{mechanism}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_programs"),
     params:
         settings=settings(CONFIG.chapter2.programs),
         bodies=settings(CONFIG.chapter2.bodies),
@@ -109,8 +125,12 @@ rule ch2_gather:
         ),
     log:
         "results/logs/ch2_gather.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_gather.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_gather"),
     params:
         lib=code_of("ch2_gather"),
     message:
@@ -126,8 +146,12 @@ rule ch2_noise:
         table=f"{CH2}/{{shape}}/table_2_1.csv",
     log:
         "results/logs/ch2_noise/{shape}.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_noise/{shape}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_noise"),
     params:
         settings=settings(CONFIG.chapter2.table_2_1),
         bodies=settings(CONFIG.chapter2.bodies),
@@ -153,8 +177,12 @@ rule ch2_table_2_1:
         ),
     log:
         "results/logs/ch2_table_2_1.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_table_2_1.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_table_2_1"),
     params:
         lib=code_of("ch2_table_2_1"),
     message:
@@ -177,8 +205,12 @@ rule ch2_wheel:
         ),
     log:
         "results/logs/ch2_wheel.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_wheel.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_wheel"),
     params:
         settings=settings(CONFIG.chapter2.wheel),
         bodies=settings(CONFIG.chapter2.bodies),
@@ -204,8 +236,12 @@ rule ch2_arm:
         ),
     log:
         "results/logs/ch2_arm.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_arm.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_arm"),
     params:
         settings=settings(CONFIG.chapter2.arm),
         bodies=settings(CONFIG.chapter2.bodies),
@@ -230,8 +266,12 @@ rule ch2_impact_forces:
         ),
     log:
         "results/logs/ch2_impact_forces.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_impact_forces.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_impact_forces"),
     params:
         settings=settings(CONFIG.chapter2.impact_forces),
         seed=CONFIG.seed,
@@ -249,8 +289,12 @@ rule ch2_measured_ratio:
         f"{CH2}/{{dataset}}/measured_ratio.csv",
     log:
         "results/logs/ch2_measured_ratio/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_measured_ratio/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_measured_ratio"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         settings=settings(CONFIG.chapter2.measured_ratio),
@@ -283,8 +327,12 @@ rule ch2_measured_ratios:
         rest=[f"{CH2}/figure_measured_ratio.{kind}" for kind in ("pdf", "csv")],
     log:
         "results/logs/ch2_measured_ratios.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_measured_ratios.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_measured_ratios"),
     params:
         absent=[name for name in SOURCES if name not in CH2_MEASURED],
         lib=code_of("ch2_measured_ratios"),
@@ -308,8 +356,12 @@ rule ch2_hidden:
         pages=directory(f"{CH2}/hidden"),
     log:
         "results/logs/ch2_hidden.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_hidden.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_hidden"),
     params:
         settings=settings(CONFIG.chapter2.hidden),
         bodies=settings(CONFIG.chapter2.bodies),

@@ -21,8 +21,12 @@ rule ch3_identify:
         **CH3_TABLES,
     log:
         "results/logs/ch3_identify/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch3_identify/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch3_identify"),
     params:
         settings=settings(CONFIG.chapter3),
         seed=CONFIG.seed,
@@ -66,8 +70,12 @@ rule ch3_evaluate:
         statements=f"{CH3}/statements.csv",
     log:
         "results/logs/ch3_evaluate/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch3_evaluate/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch3_evaluate"),
     params:
         settings=settings(CONFIG.chapter3, "range_tolerances"),
         seed=CONFIG.seed,
@@ -90,8 +98,12 @@ rule ch3_published:
         parameters="results/chapter3/planar_impact/published_parameters.csv",
     log:
         "results/logs/ch3_published.log",
+    benchmark:
+        "results/logs/benchmarks/ch3_published.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch3_published"),
     params:
         folder=lambda wildcards: DATASETS["planar_impact"].folder,
         seed=CONFIG.seed,
@@ -112,8 +124,12 @@ rule ch3_schematics:
         figure_files(CH3_COMMON, "3-3", "regions of the six laws", "contact space"),
     log:
         "results/logs/ch3_schematics.log",
+    benchmark:
+        "results/logs/benchmarks/ch3_schematics.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch3_schematics"),
     params:
         body=settings(CONFIG.drops, "body")["body"],
         lib=code_of("ch3_schematics"),
@@ -133,8 +149,12 @@ rule ch3_trajectories:
         figure_files(CH3, "3-6", "energies of one trial"),
     log:
         "results/logs/ch3_trajectories/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch3_trajectories/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch3_trajectories"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         lib=code_of("ch3_trajectories"),
@@ -162,8 +182,12 @@ rule ch3_figures:
         figure_files(CH3, "3-11", "two single impacts"),
     log:
         "results/logs/ch3_figures/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch3_figures/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch3_figures"),
     params:
         lib=code_of("ch3_figures"),
     message:

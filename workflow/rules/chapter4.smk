@@ -32,8 +32,12 @@ rule ch4_schematics:
         figure_files("results/chapter4/common", "4-2", "ellipsoid of wrenches", "contact space"),
     log:
         "results/logs/ch4_schematics.log",
+    benchmark:
+        "results/logs/benchmarks/ch4_schematics.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch4_schematics"),
     params:
         body=settings(CONFIG.drops, "body")["body"],
         lib=code_of("ch4_schematics"),
@@ -51,8 +55,12 @@ rule ch4_learn:
         **{name: f"{CH4}/learning_{name}.csv" for name in CH4_LEARNED},
     log:
         "results/logs/ch4_learn/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch4_learn/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch4_learn"),
     params:
         settings=settings(CONFIG.chapter4.learning),
         filter=CONFIG.chapter3.filter,
@@ -75,8 +83,12 @@ rule ch4_named_physics:
         rungs=f"{CH4}/named_rungs.csv",
     log:
         "results/logs/ch4_named_physics/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch4_named_physics/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch4_named_physics"),
     params:
         critique=lambda wildcards: f"results/critique/{wildcards.dataset}",
         settings=settings(CONFIG.chapter4.learning),
@@ -98,8 +110,12 @@ rule ch4_figures:
         figure_files(CH4, "4-6", "error against training impacts"),
     log:
         "results/logs/ch4_figures/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch4_figures/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch4_figures"),
     params:
         law=CONFIG.chapter4.learning.base_law,
         lib=code_of("ch4_figures"),
@@ -125,8 +141,12 @@ rule ch4_named_figure:
         [f"{CH4}/figure_named_physics.{kind}" for kind in ("pdf", "csv")],
     log:
         "results/logs/ch4_named_figure/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch4_named_figure/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch4_named_figure"),
     params:
         lib=code_of("ch4_named_figure"),
     message:
@@ -169,8 +189,12 @@ rule ch4_dice:
         ),
     log:
         "results/logs/ch4_dice/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/ch4_dice/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch4_dice"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         critique=lambda wildcards: f"results/critique/{wildcards.dataset}",

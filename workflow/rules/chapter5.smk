@@ -12,8 +12,12 @@ rule ch5_diagrams:
         [ch5_figure(number, shows) for number, shows in CH5_DIAGRAMS.items()],
     log:
         "results/logs/ch5_diagrams.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_diagrams.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_diagrams"),
     params:
         lib=code_of("ch5_diagrams"),
     message:
@@ -27,8 +31,12 @@ rule ch5_scan:
         f"{CH5}/scans/tower_{{tower}}.csv",
     log:
         "results/logs/ch5_scan/{tower}.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_scan/{tower}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_scan"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         scanned=CONFIG.chapter5.towers.scanned,
@@ -51,8 +59,12 @@ rule ch5_towers:
         fidelity=f"{CH5}/fidelity.csv",
     log:
         "results/logs/ch5_towers.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_towers.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_towers"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         lib=code_of("ch5_towers"),
@@ -68,10 +80,14 @@ rule ch5_samples:
         attempts=f"{CH5}/samples/{{name}}_attempts.csv",
     log:
         "results/logs/ch5_samples/{name}.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_samples/{name}.tsv"
     wildcard_constraints:
         name=r"set_\d+|held_out",
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_samples"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         towers=settings(CONFIG.chapter5.towers),
@@ -90,8 +106,12 @@ rule ch5_ppo:
         [f"{CH5}/ppo/policy_{size}.pt" for size in CONFIG.chapter5.games.ppo_sizes],
     log:
         "results/logs/ch5_ppo.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_ppo.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_ppo"),
     params:
         setup=settings(CONFIG.chapter5.setup),
         ppo=settings(CONFIG.chapter5.ppo),
@@ -111,8 +131,12 @@ rule ch5_game:
         f"{CH5}/games/{{policy}}_{{size}}_{{tower}}.json",
     log:
         "results/logs/ch5_game/{policy}_{size}_{tower}.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_game/{policy}_{size}_{tower}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_game"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "play", "ppo"),
         blocks=CONFIG.chapter5.games.blocks,
@@ -134,8 +158,12 @@ rule ch5_study:
         ch5_picture("paired", "Paired comparison", "of policies on the same towers"),
     log:
         "results/logs/ch5_study.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_study.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_study"),
     params:
         shown=CONFIG.chapter5.games.shown,
         lib=code_of("ch5_study"),
@@ -155,8 +183,12 @@ rule ch5_model:
         ch5_picture("abstractions", "Abstractions", "what each looks like"),
     log:
         "results/logs/ch5_model.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_model.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_model"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "games"),
         seed=CONFIG.seed,
@@ -178,8 +210,12 @@ rule ch5_showcase:
         ends=f"{CH5}/showcase_steering.csv",
     log:
         "results/logs/ch5_showcase.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_showcase.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_showcase"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "play", "showcase", "towers"),
         blocks=CONFIG.chapter5.games.blocks,
@@ -200,8 +236,12 @@ rule ch5_hidden:
         ch5_picture("unseen", "Something never seen", "error before and after relearning"),
     log:
         "results/logs/ch5_hidden.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_hidden.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_hidden"),
     params:
         settings=settings(CONFIG.chapter5, "setup", "learner", "hidden", "towers"),
         seed=CONFIG.seed,

@@ -26,8 +26,12 @@ rule claims:
         ),
     log:
         "results/logs/claims.log",
+    benchmark:
+        "results/logs/benchmarks/claims.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("claims"),
     params:
         scale=CONFIG.scale,
         lib=code_of("claims"),
@@ -41,17 +45,25 @@ rule provenance:
     input:
         rules.chapter2.input,
         rules.chapter3.input,
+        rules.chapter4.input,
+        rules.chapter5.input,
+        rules.critique.input,
         dictionary="thesis_lib/columns.yaml",
     output:
         made="results/provenance.json",
         columns="results/columns.csv",
     log:
         "results/logs/provenance.log",
+    benchmark:
+        "results/logs/benchmarks/provenance.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("provenance"),
     params:
         scale=CONFIG.scale,
         seed=CONFIG.seed,
+        configuration=value_sha256(CONFIG.model_dump(mode="json", by_alias=True)),
         sources={
             name: dataset.source or dataset.folder
             for name, dataset in DATASETS.items()

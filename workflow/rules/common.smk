@@ -8,7 +8,8 @@ from thesis_lib.config import parse_config
 from thesis_lib.datasets.locate import SIMULATED, locate
 from thesis_lib.datasets.published import SOURCES
 from thesis_lib.errors import UserError
-from thesis_lib.provenance import lib_hash
+from thesis_lib.provenance import lib_hash, value_sha256
+from thesis_lib.resources import read_measured, request
 
 try:
     CONFIG = parse_config(config)
@@ -31,6 +32,20 @@ def settings(section, *keys):
     """The named keys of a configuration section, so that a rule reruns only if one of them changes."""
     values = section.model_dump(mode="json", by_alias=True)
     return {key: values[key] for key in keys} if keys else values
+
+
+try:
+    MEASURED = read_measured(f"{workflow.basedir}/config/resources.yaml")
+except UserError as error:
+    raise WorkflowError(str(error))
+
+
+def needs(rule):
+    """Memory and time that a job asks of a cluster, from what it was measured to use; more after a failure."""
+    return {
+        "mem_mb": lambda wildcards, attempt: request(MEASURED, rule, attempt).mem_mb,
+        "runtime": lambda wildcards, attempt: request(MEASURED, rule, attempt).runtime,
+    }
 
 
 try:

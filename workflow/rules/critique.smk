@@ -17,8 +17,12 @@ rule critique_dataset:
         ),
     log:
         "results/logs/critique_dataset/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/critique_dataset/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("critique_dataset"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         effects=lambda wildcards: CONFIG.critique.effects.get(wildcards.dataset),
@@ -72,8 +76,12 @@ rule critique_proof:
         rerun=f"{PROOF}/rerun.csv",
     log:
         "results/logs/critique_proof.log",
+    benchmark:
+        "results/logs/benchmarks/critique_proof.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("critique_proof"),
     params:
         store=lambda wildcards: "config/proof",
         stored=lambda wildcards: folder_sha256("config/proof"),  # a result that was added must show

@@ -21,8 +21,12 @@ rule datasets_present:
         "results/datasets/present.json",
     log:
         "results/logs/datasets_present.log",
+    benchmark:
+        "results/logs/benchmarks/datasets_present.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("datasets_present"),
     params:
         present=PRESENT,
         lib=code_of("datasets_present"),
@@ -39,8 +43,12 @@ rule convert_measured:
         "results/datasets/{dataset}/dataset.yaml",
     log:
         "results/logs/convert_measured/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/convert_measured/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("convert_measured"),
     params:
         source=lambda wildcards: DATASETS[wildcards.dataset].source,
         lib=code_of("convert_measured"),
@@ -58,8 +66,12 @@ rule simulate_drops:
         trials="results/datasets/drops_trials.csv",
     log:
         "results/logs/simulate_drops.log",
+    benchmark:
+        "results/logs/benchmarks/simulate_drops.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("simulate_drops"),
     params:
         drops=settings(CONFIG.drops),
         seed=CONFIG.seed,
@@ -81,8 +93,12 @@ rule find_impacts:
         summary="results/impacts/{dataset}/summary.json",
     log:
         "results/logs/find_impacts/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/find_impacts/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    resources:
+        **needs("find_impacts"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         arcs=settings(CONFIG.arcs),

@@ -1,4 +1,4 @@
-"""Record what made these results (versions, seed, commit, checksums of the data) and what their columns mean."""
+"""Record what made these results (versions, machine, seed, commit, checksums) and what their columns mean."""
 
 import sys
 
@@ -8,13 +8,17 @@ from pathlib import Path
 
 from thesis_lib.columns import column_dictionary
 from thesis_lib.files import write_json, write_table
-from thesis_lib.provenance import environment, folder_sha256
+from thesis_lib.provenance import environment, file_sha256, folder_sha256
 
 params = snakemake.params
 write_json(
     {
         "scale": params.scale,
         "seed": params.seed,
+        "configuration": {
+            "used": params.configuration,
+            "files": {path.as_posix(): file_sha256(path) for path in Path("config").glob("*.*")},
+        },
         "data": {name: folder_sha256(folder) for name, folder in params.sources.items()},
         **environment("environment.txt"),
     },

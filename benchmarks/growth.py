@@ -1,0 +1,140 @@
+"""How the cost grows with the number of drops: exponents of CPU time for laws, comparison and critique.
+
+    python -m benchmarks.growth [--largest 1000000] [--critique 50 100 200 400] [--quick] [-o FILE.csv]
+
+- laws: one call of each of the six laws on n impacts (one a drop);
+- comparison: (μ, ε) of two laws (the fastest and the slowest) identified on half of n impacts, errors on the other
+  half, as chapter 3 does;
+- critique: `criticise` on the trajectories of n drops.  It ends at 400 by default: a drop costs about a tenth of a CPU
+  second, 10⁴ would take 20 minutes and 10⁶ a day and a half.
+
+Cost = a nᵖ is fitted by least squares to the logarithms, once over all n and once over the larger ones (from
+10⁴, critique from 50), where what a call costs by itself no longer counts; with 95 % intervals.  Near linear is p
+between 0.9 and 1.1 there; the rows say where it is not.  CPU seconds on one core; peak memory is of the whole process.
+"""
+
+import resource
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from benchmarks.identification import simulated_impacts
+from benchmarks.laws import BODY, PARAMETERS, falling_ellipses
+from benchmarks.results import Results, parser
+from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.identify.cost import target_of
+from thesis_lib.identify.ensemble import fit_ensemble
+
+COMPARED = ("anitescu_potra_newton", "mirtich")
+LARGE = {"laws": 10_000, "comparison": 10_000, "critique": 50}  # from here on the exponent of large n
+NEAR_LINEAR = (0.9, 1.1)
+SECONDS = 0.2  # a size is repeated until it has taken so long, at least once
+
+
+def sizes(largest: int) -> list[int]:
+    """100, 316, 1,000, ... up to `largest`."""
+    return [round(n) for n in 10.0 ** np.arange(2.0, np.log10(largest) + 1e-9, 0.5)]
+
+
+def exponent(n: Sequence[float], seconds: Sequence[float]) -> tuple[float, float]:
+    """Exponent p of seconds = a nᵖ, and half of its 95 % interval (NaN for two points)."""
+    from scipy.stats import linregress, t
+
+    line = linregress(np.log(n), np.log(seconds))
+    freedom = len(n) - 2
+    return float(line.slope), float(t.ppf(0.975, freedom) * line.stderr) if freedom > 0 else np.nan
+
+
+def cpu_of(call: Callable[[], object], seconds: float) -> float:
+    """Median CPU seconds of a call, repeated for `seconds` in all."""
+    taken: list[float] = []
+    while not taken or sum(taken) < seconds:
+        start = time.process_time()
+        call()
+        taken.append(time.process_time() - start)
+    return float(np.median(taken))
+
+
+def law_calls(n: int) -> Callable[[], object]:
+    """All six laws on n impacts."""
+    v_pre, r = falling_ellipses(np.random.default_rng(0), n)
+
+    def call() -> None:
+        for name in SIX_LAWS:
+            LAWS[name](v_pre, r, **BODY, **PARAMETERS)
+
+    return call
+
+
+def comparison(n: int) -> Callable[[], object]:
+    """Two laws identified on one half of n impacts and judged on the other."""
+    impacts = simulated_impacts(np.random.default_rng(0), n)
+    training, held_out = impacts.select(np.arange(0, n, 2)), impacts.select(np.arange(1, n, 2))
+
+    def call() -> None:
+        target = target_of(training)
+        for name in COMPARED:
+            law = LAWS[name]
+            found = fit_ensemble(law, target, "impulse")
+            out = law(held_out.v_pre, held_out.r, **BODY, mu=found.mu, epsilon=found.epsilon)
+            velocity_error(held_out.v_post - out.v_post, BODY["k_g"]).mean()
+
+    return call
+
+
+def critique(n: int) -> Callable[[], object]:
+    """The critique of n drops with a displaced centre of mass."""
+    from thesis_lib.critique import criticise
+    from thesis_lib.critique.proof import Case, make
+
+    dataset, _ = make(Case("law", "com_offset", 0, n))
+    return lambda: criticise(dataset, rng=np.random.default_rng(0))
+
+
+def measure(
+    name: str, make: Callable[[int], Callable[[], object]], n: Sequence[int], seconds: float, results: Results
+) -> None:
+    """Time `make(n)()` for every n; print and add the costs and exponents."""
+    taken = []
+    for size in n:
+        taken.append(cpu_of(make(size), seconds))
+        results.add(f"{name}, {size:,} drops", taken[-1], "CPU s")
+        print(f"{name:12s}{size:12,d}{taken[-1]:12.4g} s{1e6 * taken[-1] / size:12.3g} µs a drop", flush=True)
+    for which, least in (("all", 0), ("large", LARGE[name])):
+        used = [(size, cost) for size, cost in zip(n, taken) if size >= least]
+        if len(used) < 2:
+            continue
+        p, half = exponent(*zip(*used))
+        said = "near linear" if NEAR_LINEAR[0] <= p <= NEAR_LINEAR[1] else "not linear"
+        if which == "all":
+            said = "with what a call costs by itself"
+        note = f"± {half:.2f} (95 %), n = {used[0][0]:,} to {used[-1][0]:,}; {said}"
+        results.add(f"{name}, exponent, {which} n", p, "1", note)
+        print(f"{name:12s} cost ~ n^{p:.2f} {note}")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Command line."""
+    options = parser("growth", "Growth of the cost with the number of drops.")
+    options.add_argument("--largest", type=int, default=1_000_000, help="impacts (1000000)")
+    options.add_argument("--critique", type=int, nargs="+", default=[50, 100, 200, 400], metavar="DROPS")
+    given = options.parse_args(arguments)
+    if given.largest < 100 or min(given.critique) < 30:
+        options.error("at least 100 impacts, and 30 drops for the critique")
+    largest, seconds = (1_000, 0.0) if given.quick else (given.largest, SECONDS)
+    results = Results("growth")
+    for name, make in (("laws", law_calls), ("comparison", comparison)):
+        measure(name, make, sizes(largest), seconds, results)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+        results.add(f"{name}, peak memory", peak, "GB", f"of the process, up to {largest:,} impacts")
+    if not given.quick:
+        measure("critique", critique, given.critique, seconds, results)
+        largest = max(given.critique)
+        results.add("critique, largest n", largest, "drops", "more would take minutes (10⁴) to days (10⁶)")
+    results.write(given.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""The README's table of all benchmarks, from the rows that they wrote.
+
+    python -m benchmarks.table [--write README.md] [FOLDER]
+
+Reads FOLDER/*.csv (results/benchmarks by default) and prints Markdown, or replaces what stands between
+`<!-- benchmarks -->` and `<!-- /benchmarks -->` in a file.  The caption tells processor, cores and the day on which the
+newest of the files was written.
+"""
+
+import argparse
+import datetime
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from benchmarks.results import COLUMNS
+from thesis_lib.errors import UserError
+from thesis_lib.files import read_table, write_text
+
+FOLDER = Path(__file__).resolve().parent.parent / "results/benchmarks"
+BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"
+# in this order; others follow by name
+ORDER = ("laws", "engines", "bandwidth", "identification", "ensemble", "arcs", "critique", "hidden_effects")
+
+
+def processor() -> str:
+    """Model of the processor, as Linux names it."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def read_rows(folder: Path) -> tuple[pd.DataFrame, datetime.date]:
+    """All rows in the table's order, and the day of the newest file.
+
+    Raises:
+        UserError: there are none.
+        CorruptFileError: a file lacks a column.
+    """
+    files = sorted(path for path in folder.glob("*.csv") if not path.name.startswith("."))
+    if not files:
+        raise UserError(f"There is no benchmark in {folder}; run make bench, which writes them there.")
+    files.sort(key=lambda path: (ORDER.index(path.stem) if path.stem in ORDER else len(ORDER), path.stem))
+    rows = pd.concat([read_table(path, COLUMNS) for path in files], ignore_index=True)
+    newest = max(path.stat().st_mtime for path in files)
+    return rows[COLUMNS], datetime.datetime.fromtimestamp(newest, tz=datetime.UTC).date()
+
+
+def number(value: float) -> str:
+    """Three digits, thousands in full; an empty cell for what was not measured."""
+    if pd.isna(value):
+        return ""
+    if value != 0 and abs(value) < 1e-3:
+        return f"{value:.2e}"
+    return f"{value:,.0f}" if abs(value) >= 1000 or value == int(value) else f"{value:.3g}"
+
+
+def markdown(rows: pd.DataFrame, day: datetime.date) -> str:
+    """The table with its caption."""
+    cores = os.cpu_count() or 1
+    lines = [
+        f"Measured on {processor()}, {cores} core{'s' * (cores > 1)}, {day.isoformat()}; on one core where nothing "
+        "else is said.  Ratios compare times of one run.",
+        "",
+        "| benchmark | measure | value | unit | note |",
+        "|---|---|---|---|---|",
+    ]
+    for row in rows.itertuples():
+        unit = "" if str(row.unit) == "1" else row.unit
+        cells = [row.benchmark, row.measure, number(row.value), unit, row.note]
+        texts = ["" if pd.isna(cell) else str(cell).replace("|", "\\|") for cell in cells]
+        lines.append("| " + " | ".join(texts) + " |")
+    return "\n".join(lines)
+
+
+def replaced(text: str, table: str, name: str) -> str:
+    """`text` with the table between its markers.
+
+    Raises:
+        UserError: not exactly one pair of markers stands there.
+    """
+    if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
+        raise UserError(
+            f"{name} must hold {BEGIN} and, below it, {END}, once each; the table goes between them."
+        )
+    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    return f"{before}{BEGIN}\n{table}\n{END}{after}"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; 1 if there is nothing to show or nowhere to write it."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.table", description="Markdown table of all benchmarks."
+    )
+    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    parser.add_argument("--write", type=Path, metavar="README.md", help="replace the table in this file")
+    given = parser.parse_args(arguments)
+    try:
+        table = markdown(*read_rows(given.folder))
+        if given.write is None:
+            print(table)
+            return 0
+        if not given.write.is_file():
+            raise UserError(f"There is no file {given.write} to write the table into.")
+        write_text(replaced(given.write.read_text(encoding="utf-8"), table, str(given.write)), given.write)
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

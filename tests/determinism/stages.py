@@ -1,0 +1,137 @@
+"""Small runs of stages, each writing its CSV and JSON as the pipeline does: `python stages.py OUT [STAGE ...]`.
+
+Run in processes of their own, because the seed of Python's hashes and the kernels of BLAS are chosen at the start.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+TESTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [
+    str(TESTS.parent),
+    *(str(TESTS / name) for name in ("critique", "jenga", "residual", "figures")),
+]
+SEED = 20190906
+
+if TYPE_CHECKING:
+    from thesis_lib.datasets.dataset import Dataset
+
+
+def _drops() -> "Dataset":
+    """Simulated as the pipeline does, written and read back."""
+    from small_critique import drops
+
+    return drops()
+
+
+def simulated(out: Path) -> None:
+    """Drops of our simulator, and the impacts that are found in them."""
+    from thesis_lib.columns import write_result
+    from thesis_lib.datasets.detect import find_impacts
+    from thesis_lib.datasets.write import write_dataset
+
+    dataset = _drops()
+    write_dataset(dataset, out / "drops")
+    write_result(find_impacts(dataset).impacts.to_table(), out / "impacts.csv")
+
+
+def critique(out: Path) -> None:
+    """The whole critique, pictures apart (the bytes of those are compared in tests/workflow)."""
+    from hidden_effects import injected_impacts
+
+    import thesis_lib.critique.report
+    import thesis_lib.figures.critique_pictures
+    from thesis_lib.critique.output import critique_folder
+    from thesis_lib.critique.settings import CritiqueSettings
+
+    thesis_lib.figures.critique_pictures.pictures = lambda *args: {}
+    thesis_lib.critique.report.report_html = lambda *args: ""
+    dataset = injected_impacts("made", 60, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4})
+    settings = CritiqueSettings(folds=2, finalists=2, rivals=1, max_effects=1)
+    critique_folder(dataset, out, SEED, settings=settings)
+    (out / "report.html").unlink()
+
+
+def identification(out: Path) -> None:
+    """Chapter 3: ensemble and individual parameters."""
+    from small_critique import drops
+
+    from thesis_lib.columns import write_result
+    from thesis_lib.identify import impact_study as study
+    from thesis_lib.randomness import generator
+
+    impacts = drops(trajectories=False).stated_impacts()
+    laws = ("mirtich", "wang_mason", "whittaker")
+    rng = generator(SEED, "identification")
+    write_result(study.ensemble_table(impacts, laws, ("kinetic",), "impulse", 20, rng), out / "ensemble.csv")
+    write_result(study.individual_table(impacts, laws, ("kinetic",), "impulse"), out / "individual.csv")
+
+
+def dice(out: Path) -> None:
+    """Chapter 4: a dice model fitted to contacts, a Gaussian process, and throws to rest."""
+    import numpy as np
+    from test_propagation import BELIEVED, TRUTH, made_contacts
+    from throws_for_tests import BODY, throws
+
+    from thesis_lib.files import write_json
+    from thesis_lib.randomness import generator
+    from thesis_lib.residual.dice_fit import fit_dice
+    from thesis_lib.residual.dice_settings import DiceFitSettings, ThrowSettings
+    from thesis_lib.residual.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+    from thesis_lib.residual.throw import simulate_throws
+
+    rng = generator(SEED, "dice")
+    fitted, misfit = fit_dice(
+        BELIEVED, made_contacts(TRUTH, 60), rng, DiceFitSettings(evaluations=150, contacts=50)
+    )
+    X = rng.normal(size=(60, 3))
+    Y = np.stack([np.sin(X[:, 0]), X[:, 1] * X[:, 2]], axis=1) + 0.05 * rng.normal(size=(60, 2))
+    process = fit_gaussian_process(X, Y, rng, GaussianProcessSettings())
+    mean, variance = process.predict(rng.normal(size=(20, 3)))[:2]
+    q, v = throws(50)
+    rest = simulate_throws(BODY, q, v, TRUTH.impact, TRUTH.mu, ThrowSettings(), rng).q
+    numbers = {"misfit": misfit, "mu": fitted.mu, "mean": mean, "variance": variance, "rest": rest}
+    write_json({name: _rounded(value) for name, value in numbers.items()}, out / "dice.json")
+
+
+def jenga(out: Path) -> None:
+    """Chapter 5: abstractions and networks learned from few samples."""
+    import numpy as np
+    from pushes_for_tests import make_samples
+
+    from thesis_lib.files import write_json
+    from thesis_lib.jenga.hma import Hma
+    from thesis_lib.jenga.learner_settings import LearnerSettings, NetworkSettings
+    from thesis_lib.randomness import generator
+
+    samples, _ = make_samples(150, generator(SEED, "samples"))
+    learner = Hma(LearnerSettings(network=NetworkSettings(iterations=40))).fit(
+        samples, generator(SEED, "fit")
+    )
+    test, _ = make_samples(40, np.random.default_rng(1))
+    belief = learner.initial_belief(test.context)
+    mean, variance = learner.predict(test.state, test.action, test.context, belief).moments()
+    after = learner.update(belief, test.state, test.action, test.context, test.next_state)
+    numbers = {"mean": mean, "variance": variance, "belief": after}
+    write_json({name: _rounded(value) for name, value in numbers.items()}, out / "jenga.json")
+
+
+def _rounded(value: object) -> list:
+    """Nine digits, as tables have."""
+    import numpy as np
+
+    return [float(f"{x:.9g}") if np.isfinite(x) else None for x in np.ravel(np.asarray(value, float))]
+
+
+STAGES: dict[str, Callable[[Path], None]] = {
+    stage.__name__: stage for stage in (simulated, critique, identification, dice, jenga)
+}
+
+
+if __name__ == "__main__":
+    for name in sys.argv[2:] or STAGES:
+        folder = Path(sys.argv[1]) / name
+        folder.mkdir(parents=True)
+        STAGES[name](folder)

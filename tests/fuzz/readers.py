@@ -1,0 +1,305 @@
+"""Everything that reads a file of a user or an intermediate of the pipeline, with small valid samples of its files.
+
+`READERS[name]` has samples, as the project's own writers make them, and a function that reads such a folder and uses
+what it got: an input is accepted only if it can be worked with.  What reads it may raise `UserError` and nothing else.
+"""
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from tests.fuzz.intermediates import (
+    ROOT,
+    csv_of,
+    jenga_samples,
+    parquet_of,
+    policy_samples,
+    read_jenga,
+    read_policy,
+    read_results,
+    results_samples,
+)
+from tests.fuzz.mutations import Sample
+
+
+@dataclass(frozen=True)
+class Reader:
+    """samples: () -> folders as {name: bytes}; read: (input folder, output folder), raises UserError.
+
+    contained: what a link shows of files outside the folder must not come back.
+    """
+
+    samples: Callable[[], list[Sample]]
+    read: Callable[[Path, Path], None]
+    contained: bool = False
+
+
+def _dataset_samples() -> list[Sample]:
+    shapes = (
+        {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
+        {"kind": "polygon", "vertices": [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]},
+    )
+    headers = [
+        yaml.safe_dump(
+            {
+                "schema": 1,
+                "description": "drops of a body",
+                "body": {"shape": shape, "mass": 0.05, "radius_of_gyration": 0.022},
+                "surface": {"height": 0.0},
+                "gravity": 9.81,
+                "rate": 250.0,
+                "noise": {"position": 3e-4, "angle": 3e-3, "velocity": 0.02, "angular_velocity": 0.5},
+            },
+            sort_keys=False,
+        ).encode()
+        for shape in shapes
+    ]
+    trial, i = np.divmod(np.arange(90), 30)
+    t = i / 250.0
+    poses = pd.DataFrame(
+        {
+            "trial": trial,
+            "t": t,
+            "x": 0.1 * trial + 0.5 * t,
+            "y": 0.25 - 9.81 * t**2 / 2,
+            "theta": 0.3 + (2.0 + trial) * t,
+        }
+    )
+    n = np.arange(12)
+    hits = pd.DataFrame(
+        {"trial": n, "impact": 0, "x": 0.01 * n, "y": 0.0424, "theta": np.pi / 4 + 0.01 * np.cos(n)}
+    )
+    hits = hits.assign(
+        vx_pre=0.5, vy_pre=-2.0, omega_pre=n - 6.0, vx_post=0.4, vy_post=1.0, omega_post=1.0 * n
+    )
+    return [
+        {"dataset.yaml": headers[0], "trajectories.csv": csv_of(poses)},
+        {"dataset.yaml": headers[1], "impacts.csv": csv_of(hits)},
+        {"dataset.yaml": headers[0], "trajectories.parquet": parquet_of(poses)},
+    ]
+
+
+def _read_dataset(folder: Path, out: Path) -> None:
+    from thesis_lib.datasets.read import read_dataset
+
+    dataset = read_dataset(folder)
+    dataset.digest()
+    assert (len(dataset.trials) > 0 and dataset.rate is None) or dataset.rate > 0
+    for table in filter(lambda table: table is not None, (dataset.trajectories, dataset.impacts)):
+        assert np.isfinite(table.drop(columns=["t", "flags"], errors="ignore").to_numpy(float)).all()
+
+
+def _log_samples() -> list[Sample]:
+    poses = pd.DataFrame({"run": np.repeat([1, 2], 20), "time": np.tile(np.arange(20), 2) / 250.0})
+    poses = poses.assign(x=1.0, y=2.0 - poses["time"], angle=0.1)
+    return [{"log.csv": csv_of(poses)}]
+
+
+def _read_log(folder: Path, out: Path) -> None:
+    from thesis_lib.datasets.rig_log import convert_logs, parse_columns, parse_shape, parse_units
+    from thesis_lib.datasets.write import write_dataset
+
+    columns = parse_columns("trial=run,t=time,x=x,y=-y,theta=angle")
+    log = folder / "log.csv"
+    done = convert_logs([log], "made", parse_units("mm,deg"), columns, parse_shape("disk:0.03"))
+    write_dataset(done.dataset, out / "made")
+
+
+def _published_samples() -> list[Sample]:
+    from scipy.io import savemat
+
+    from thesis_lib.datasets.published import checksums
+
+    files = {}
+    for name in checksums("planar_impact"):
+        content = io.BytesIO()
+        savemat(content, {"data": np.zeros((3, 6))}, do_compression=True)
+        files[name] = content.getvalue()
+    return [files]
+
+
+def _read_published(folder: Path, out: Path) -> None:
+    """No sample is accepted: nothing is parsed whose checksum is not that of the published file."""
+    from thesis_lib.datasets.published import convert_published
+
+    convert_published("planar_impact", folder, out / "planar_impact")
+
+
+def _archive_samples() -> list[Sample]:
+    from tests.fuzz.hostile import archive
+
+    members = [(f"x/dice-data-processed/traj_{i}.csv", b"x,z,th\n1,2,3\n" * 20) for i in range(2)]
+    return [{"archive.zip": archive(*members, ("x/README.md", b"text"))}]
+
+
+def _read_archive(folder: Path, out: Path) -> None:
+    from thesis_lib.datasets.fetch import unpack
+    from thesis_lib.datasets.published import SOURCES
+
+    unpack(
+        folder / "archive.zip",
+        SOURCES["planar_dice"],
+        {f"traj_{i}.csv": out / f"traj_{i}.csv" for i in range(2)},
+    )
+
+
+def _config_samples() -> list[Sample]:
+    names = ("config.yaml", "quick.yaml")
+    overlay = {
+        "drops": {"n": 20, "noise": {"position": 1e-4}},
+        "chapter3": {"topography": {"law": "mirtich", "mu": [0.1, 0.3]}, "convergence": {"sizes": [5, 10]}},
+        "critique": {"effects": {"drops": ["com_offset"]}},
+    }
+    return [
+        {name: (ROOT / "config" / name).read_bytes() for name in names},
+        {"config.yaml": b"seed: 1\n", "quick.yaml": yaml.safe_dump(overlay).encode()},
+    ]
+
+
+def _read_config(folder: Path, out: Path) -> None:
+    from thesis_lib.config import read_config
+
+    read_config(folder / "config.yaml", folder / "quick.yaml").model_dump_json(by_alias=True)
+
+
+TABLE = (
+    b"law,coded,mu,mu_std,converged\nmirtich,as_published,0.06,0.01,True\nnewton,as_published,0.1,0.01,True\n"
+)
+
+
+def _claims_samples() -> list[Sample]:
+    claims = yaml.CSafeLoader((ROOT / "config/claims.yaml").read_bytes()).get_single_data()["claims"]
+    kinds = {claim["check"]["kind"]: claim for claim in claims}
+    figures = yaml.CSafeLoader((ROOT / "config/figures.yaml").read_bytes()).get_single_data()
+    figures["figures"] = dict(list(figures["figures"].items())[:4])
+    sources = [{"file": "table.csv", "where": {"law": "mirtich"}, "column": "mu", "std_column": "mu_std"}]
+    ledger = [claim | {"source": sources[0], "needs": ["drops"]} for claim in kinds.values()]
+    first = str(claims[0]["id"])
+    return [
+        {
+            "claims.yaml": yaml.safe_dump({"schema": 1, "claims": ledger}, sort_keys=False).encode(),
+            "table.csv": TABLE,
+            "present.json": b'{"drops": {"present": true}}',
+        },
+        {
+            "figures.yaml": yaml.safe_dump(figures, sort_keys=False).encode(),
+            "expected.yaml": yaml.safe_dump(
+                {"schema": 1, "expected": {"quick": {first: "reproduced"}}}
+            ).encode(),
+        },
+    ]
+
+
+def _read_claims(folder: Path, out: Path) -> None:
+    from thesis_lib.claims.evaluate import evaluate
+    from thesis_lib.claims.expected import read_expected
+    from thesis_lib.claims.figure_format import read_figure_spec
+    from thesis_lib.claims.ledger import read_ledger
+    from thesis_lib.claims.page import write_page
+    from thesis_lib.claims.reading import Cells, read_present
+    from thesis_lib.claims.result import write_results
+
+    if any(folder.joinpath(name).exists() for name in ("figures.yaml", "expected.yaml")):
+        read_expected(folder / "expected.yaml")
+        read_figure_spec(folder / "figures.yaml")
+        return
+    results = evaluate(read_ledger(folder / "claims.yaml"), folder, read_present(folder / "present.json"))
+    write_results(results, out / "claims.csv")
+    write_page(results, out / "claims.html", "quick")
+    Cells.read(folder / "table.csv")
+
+
+def _model_samples() -> list[Sample]:
+    from thesis_lib.effects import EFFECTS
+
+    effects = ["com_offset", "wear"]
+    values = {"mu": 0.2, "epsilon": 0.6}
+    values |= {
+        f"{name}.{p.name}": p.null + 0.1 * p.scale for name in effects for p in EFFECTS[name].parameters
+    }
+    model = {
+        "schema": 1,
+        "dataset": "drops",
+        "law": "wang_mason",
+        "effects": effects,
+        "parameters": {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()},
+        "scatter": 0.01,
+        "rig": {
+            "shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
+            "radius_of_gyration": 0.0192,
+            "gravity": 9.81,
+            "height": 0.0,
+        },
+    }
+    n = np.arange(5.0)
+    states = pd.DataFrame(
+        {"x": 0.0, "y": 0.03, "theta": n, "vx": 0.5, "vy": -2.0, "omega": n, "trial": n, "t": n}
+    )
+    return [{"model.json": json.dumps(model, indent=1).encode(), "states.csv": csv_of(states)}]
+
+
+def _read_model(folder: Path, out: Path) -> None:
+    from thesis_lib.critique.saved_model import load_model, predict, read_states
+    from thesis_lib.files import write_table
+
+    model = load_model(folder / "model.json")
+    write_table(
+        predict(model, read_states(folder / "states.csv"), str(folder / "states.csv")), out / "predicted.csv"
+    )
+
+
+def _command_samples() -> list[Sample]:
+    return [_dataset_samples()[0] | _log_samples()[0] | _model_samples()[0] | {"diagnosis.json": b"{}"}]
+
+
+def _run_commands(folder: Path, out: Path) -> None:
+    """Command lines on what lies in the folder: exit codes instead of errors; a refusal's text is raised on."""
+    import contextlib
+
+    from thesis_lib.__main__ import main as critique
+    from thesis_lib.claims.__main__ import main as claims
+    from thesis_lib.datasets.__main__ import main as datasets
+
+    files = sorted(str(path) for path in folder.iterdir())
+    said = io.StringIO()
+    codes = []
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        codes += [datasets(["check", str(folder), "--json"])]
+        strange = (folder / ("x" * 300), f"{folder}/\udcff", f"{folder}/new\nline", f"{folder}/a\x00b")
+        for i, path in enumerate((*files, *map(str, strange))):
+            ways = (
+                lambda path: datasets(["check", path]),
+                lambda path: datasets(
+                    ["init", path, "-o", str(out / "made"), "--shape", "disk:0.03", "--force"]
+                ),
+                lambda path: critique(["predict", path, path]),
+                lambda path: claims(["check", "--scale", "quick", "--ledger", path, "--results", path]),
+            )
+            codes += [way(path) for way in (ways if i >= len(files) else ways[i % 4 : i % 4 + 1])]
+        codes.append(critique(["predict", str(folder / "model.json"), str(folder / "states.csv")]))
+    assert set(codes) <= {0, 1, 2}, codes
+    assert "Traceback" not in said.getvalue()
+
+
+READERS: dict[str, Reader] = {
+    "dataset": Reader(cache(_dataset_samples), _read_dataset, contained=True),
+    "log": Reader(cache(_log_samples), _read_log),
+    "published": Reader(cache(_published_samples), _read_published),
+    "archive": Reader(cache(_archive_samples), _read_archive),
+    "config": Reader(cache(_config_samples), _read_config),
+    "claims": Reader(cache(_claims_samples), _read_claims),
+    "model": Reader(cache(_model_samples), _read_model),
+    "results": Reader(cache(results_samples), read_results),
+    "jenga": Reader(cache(jenga_samples), read_jenga),
+    "policy": Reader(cache(policy_samples), read_policy),
+    "commands": Reader(cache(_command_samples), _run_commands),
+}
+# shares of the inputs: what strangers send comes first, the command lines run a dozen programs each
+WEIGHTS = {"dataset": 6, "config": 3, "claims": 3, "model": 3, "results": 3, "log": 2, "commands": 0.3}

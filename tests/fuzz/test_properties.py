@@ -1,0 +1,266 @@
+"""Each reader on generated input: what our writers wrote comes back, and anything else is refused by name."""
+
+import contextlib
+import csv
+import io
+import json
+import math
+import tempfile
+import zipfile
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.fuzz.readers import READERS
+from thesis_lib.claims.ledger import read_ledger
+from thesis_lib.claims.reading import Cells
+from thesis_lib.config import Config, read_config
+from thesis_lib.critique.saved_model import SavedModel, load_model, save_model
+from thesis_lib.datasets.fetch import unpack
+from thesis_lib.datasets.header import Header
+from thesis_lib.datasets.header_file import load_header
+from thesis_lib.datasets.published import SOURCES
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.datasets.validate import Report
+from thesis_lib.datasets.write import header_text
+from thesis_lib.errors import UserError
+from thesis_lib.files import read_json, read_table, write_json, write_table
+from thesis_lib.yaml_file import read_yaml
+
+few = settings(max_examples=40, deadline=None, derandomize=True)
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+positive = st.floats(1e-300, 1e300)
+text = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
+plain = st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | text
+tree = st.recursive(
+    plain, lambda t: st.lists(t, max_size=4) | st.dictionaries(text, t, max_size=4), max_leaves=12
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("generated")
+
+
+def either(read: Callable, *arguments, names: str) -> object:
+    """What is read, or None where it is refused by name; any other error fails the test."""
+    try:
+        return read(*arguments)
+    except UserError as error:
+        assert names in str(error)
+        return None
+
+
+def same(a: object, b: object) -> bool:
+    """Equal, NaN equal to NaN, and of the same types."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, float) and isinstance(b, float) and math.isnan(a):
+        return math.isnan(b)
+    return type(a) is type(b) and a == b
+
+
+def places(node: object, at: tuple = ()) -> list[tuple]:
+    """Where the values of nested mappings and lists are."""
+    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    return [place for key, value in items for place in ((*at, key), *places(value, (*at, key)))]
+
+
+def replaced(node: object, place: tuple, value: object) -> object:
+    node = deepcopy(node)
+    inner = node
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    return node
+
+
+class TestText:
+    @few
+    @given(st.binary(max_size=200) | text.map(str.encode))
+    def test_any_bytes_are_yaml_or_refused(self, folder, content):
+        (folder / "a.yaml").write_bytes(content)
+        either(read_yaml, folder / "a.yaml", names="a.yaml")
+
+    @few
+    @given(tree)
+    def test_plain_values_come_back_from_yaml(self, folder, value):
+        (folder / "a.yaml").write_text(
+            yaml.safe_dump(value, allow_unicode=True), encoding="utf-8", newline="\n"
+        )
+        assert same(read_yaml(folder / "a.yaml").content, value)
+
+    @few
+    @given(st.dictionaries(text, tree, max_size=4))
+    def test_json_comes_back_unless_it_holds_no_numbers(self, folder, value):
+        path = folder / "a.json"
+        try:
+            write_json(value, path)
+        except ValueError:
+            path.write_text(json.dumps(value))
+            assert either(read_json, path, names="a.json") is None
+        else:
+            assert same(read_json(path), value)
+
+    @few
+    @given(st.binary(max_size=100) | tree.map(lambda value: json.dumps(value).encode()))
+    def test_any_bytes_are_a_json_object_or_refused(self, folder, content):
+        (folder / "a.json").write_bytes(content)
+        value = either(read_json, folder / "a.json", names="a.json")
+        assert value is None or isinstance(value, dict)
+
+
+class TestTables:
+    words = st.text(st.sampled_from("xy ,\"\n'é;"), max_size=6).map(lambda word: "w" + word)
+
+    @few
+    @given(st.lists(st.tuples(words, finite, st.integers(-(2**53), 2**53)), min_size=1, max_size=6))
+    def test_results_come_back(self, folder, rows):
+        table = pd.DataFrame(rows, columns=["law", "mu", "n"])
+        for name in ("a.csv", "a.parquet"):
+            write_table(table, folder / name)
+            back = read_table(folder / name, ["law", "mu", "n"])
+            assert back["law"].tolist() == table["law"].tolist() and back["n"].tolist() == table["n"].tolist()
+            # CSV keeps nine digits
+            assert all(
+                math.isclose(a, b, rel_tol=1e-8, abs_tol=1e-300) for a, b in zip(back["mu"], table["mu"])
+            )
+
+    @few
+    @given(
+        st.lists(st.lists(text.map(lambda word: word.replace("\r", "")), min_size=2, max_size=2), max_size=5)
+    )
+    def test_cells_come_back(self, folder, rows):
+        out = io.StringIO(newline="")
+        csv.writer(out, lineterminator="\n").writerows([["law", "mu"], *rows])
+        (folder / "c.csv").write_text(out.getvalue(), encoding="utf-8", newline="")
+        cells = Cells.read(folder / "c.csv")
+        assert cells.rows == rows and cells.columns == ["law", "mu"]
+
+    @few
+    @given(st.binary(max_size=100))
+    def test_any_bytes_are_a_table_or_refused(self, folder, content):
+        for name in ("b.csv", "b.parquet"):
+            (folder / name).write_bytes(content)
+            either(read_table, folder / name, names=name)
+        either(Cells.read, folder / "b.csv", names="b.csv")
+
+
+class TestDatasets:
+    shapes = st.one_of(
+        st.builds(lambda a, b: {"kind": "ellipse", "semi_axes": [a, b]}, positive, positive),
+        st.builds(lambda r: {"kind": "disk", "radius": r}, positive),
+    )
+    headers = st.fixed_dictionaries(
+        {
+            "schema": st.just(1),
+            "body": st.fixed_dictionaries(
+                {"shape": shapes, "radius_of_gyration": positive}, optional={"mass": positive}
+            ),
+        },
+        optional={
+            "description": st.text(st.characters(exclude_categories=("Cs", "Cc")), max_size=200),
+            "surface": st.fixed_dictionaries({}, optional={"height": finite}),
+            "gravity": positive,
+            "rate": positive,
+            "noise": st.dictionaries(st.sampled_from(["position", "angle", "velocity"]), positive),
+        },
+    )
+
+    @few
+    @given(headers)
+    def test_a_header_comes_back(self, folder, content):
+        header = Header.model_validate(content)
+        (folder / "dataset.yaml").write_text(header_text(header), encoding="utf-8", newline="\n")
+        report = Report()
+        assert load_header(folder, report)[0] == header and not report.errors
+
+    @few
+    @given(st.data())
+    def test_a_dataset_with_any_value_anywhere_is_read_or_refused(self, tmp_path_factory, data):
+        folder = tmp_path_factory.mktemp("drops")
+        sample = READERS["dataset"].samples()[data.draw(st.integers(0, 1))]
+        header = yaml.safe_load(sample["dataset.yaml"])
+        place = data.draw(st.sampled_from(places(header)))
+        header = replaced(header, place, data.draw(tree))
+        table = next(name for name in sample if name.endswith(".csv"))
+        rows = [line.split(",") for line in sample[table].decode().splitlines()]
+        row, column = data.draw(st.integers(0, len(rows) - 1)), data.draw(st.integers(0, 4))
+        rows[row][column] = data.draw(text | finite.map(repr))
+        spoilt = data.draw(st.sampled_from(["dataset.yaml", table]))
+        for name, content in sample.items():
+            (folder / name).write_bytes(content)
+        new = {"dataset.yaml": yaml.safe_dump(header), table: "\n".join(map(",".join, rows)) + "\n"}[spoilt]
+        (folder / spoilt).write_text(new, encoding="utf-8", newline="")
+        either(read_dataset, folder, names=spoilt)
+
+
+class TestTypedFiles:
+    @few
+    @given(st.data())
+    def test_a_configuration_with_any_value_anywhere_is_read_or_refused(self, folder, data):
+        values = Config().model_dump(mode="json", by_alias=True)
+        place = data.draw(st.sampled_from(places(values)))
+        (folder / "config.yaml").write_text(yaml.safe_dump(replaced(values, place, data.draw(tree))))
+        config = either(read_config, folder / "config.yaml", names="config.yaml")
+        assert config is None or isinstance(config, Config)
+
+    @few
+    @given(st.data())
+    def test_a_ledger_with_any_value_anywhere_is_read_or_refused(self, folder, data):
+        values = yaml.safe_load(READERS["claims"].samples()[0]["claims.yaml"])
+        place = data.draw(st.sampled_from(places(values)))
+        (folder / "claims.yaml").write_text(yaml.safe_dump(replaced(values, place, data.draw(tree))))
+        either(read_ledger, folder / "claims.yaml", names="claims.yaml")
+
+    @staticmethod
+    def model() -> dict:
+        return json.loads(READERS["model"].samples()[0]["model.json"])
+
+    @few
+    @given(st.floats(0.0, 10.0), st.floats(-0.1, 0.1), st.floats(1e-3, 1e3))
+    def test_a_model_comes_back(self, folder, mu, offset, size):
+        content = self.model()
+        content["parameters"]["mu"]["value"] = mu
+        content["parameters"]["com_offset.c_x"]["value"] = offset
+        content["rig"]["radius_of_gyration"] = size
+        model = SavedModel.model_validate(content)
+        save_model(model, folder / "model.json")
+        assert load_model(folder / "model.json") == model
+
+    @few
+    @given(st.data())
+    def test_a_model_with_any_value_anywhere_is_read_or_refused(self, folder, data):
+        model = self.model()
+        place = data.draw(st.sampled_from(places(model)))
+        (folder / "model.json").write_text(json.dumps(replaced(model, place, data.draw(tree))))
+        either(load_model, folder / "model.json", names="model.json")
+
+
+@few
+@given(
+    st.lists(
+        st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), min_size=1, max_size=30),
+        max_size=4,
+    )
+)
+def test_an_archive_writes_only_the_files_that_are_expected(names):
+    with tempfile.TemporaryDirectory() as root:
+        folder, expected = Path(root), "x/dice-data-processed/traj_0.csv"
+        (folder / "out").mkdir()
+        with zipfile.ZipFile(folder / "a.zip", "w") as archive:
+            for name in {*names, *(f"../{name}" for name in names[1:]), expected}:
+                archive.writestr(name, b"x")
+        with contextlib.suppress(UserError):
+            unpack(folder / "a.zip", SOURCES["planar_dice"], {"traj_0.csv": folder / "out" / "traj_0.csv"})
+        found = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+        assert found <= {"a.zip", "out", "out/traj_0.csv"}

@@ -1,0 +1,153 @@
+"""The contributor's pages say what is: paths, commands, imports between packages, references, tools."""
+
+import ast
+import functools
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+from thesis_lib.datasets.published import SOURCES
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "thesis_lib"
+PAGES = ("CONTRIBUTING.md", "docs/architecture.md", "CHANGELOG.md")
+TEXT = {page: (ROOT / page).read_text(encoding="utf-8") for page in PAGES}
+FOLDERS = "thesis_lib|config|tests|workflow|docs|profiles|benchmarks|\\.ci"
+PACKAGES = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
+
+
+def named_paths(text: str) -> set[str]:
+    """Paths of the repository in code spans, those in folders that git holds."""
+    return set(re.findall(rf"`((?:{FOLDERS})/[^`\s]*)`", text))
+
+
+@pytest.mark.parametrize(
+    ("page", "path"), [(p, path) for p in PAGES for path in sorted(named_paths(TEXT[p]))]
+)
+def test_paths_exist(page, path):
+    assert "<" in path or list(ROOT.glob(path.rstrip("/"))), f"{page} names {path}"
+
+
+def test_enough_paths_are_named():
+    assert (
+        len(named_paths(TEXT["CONTRIBUTING.md"])) > 50 and len(named_paths(TEXT["docs/architecture.md"])) > 20
+    )
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)]+)\)", TEXT[page]):
+        if re.match("https?:", target):
+            continue
+        path, _, heading = target.partition("#")
+        file = (ROOT / page).parent / path
+        assert file.exists(), f"{page} links to {target}"
+        if heading:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.M)
+            anchors = {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
+            assert heading in anchors, f"{page} links to {target}"
+
+
+def test_every_package_stands_in_the_map():
+    for name in set(PACKAGES) - {"bodies"}:  # shapes are the concern of few
+        assert f"thesis_lib/{name}/" in TEXT["CONTRIBUTING.md"], f"CONTRIBUTING.md: where to change {name}?"
+
+
+def test_modules_named_in_commands_exist():
+    for page in PAGES:
+        for name in re.findall(r"python -m (thesis_lib[\w.]*)", TEXT[page]):
+            path = ROOT / name.replace(".", "/")
+            assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), f"{page}: {name}"
+
+
+# --- imports between packages ---
+
+
+@functools.cache
+def imported(package: str) -> set[str]:
+    """Names directly below thesis_lib (packages or modules) that the modules of a package import."""
+    found = set()
+    for path in (PACKAGE / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                names = [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            else:
+                continue
+            found |= {name.split(".")[1] for name in names if name.startswith("thesis_lib.")}
+    return found - {package}
+
+
+def said_imports() -> dict[str, set[str]]:
+    """Package -> those that it imports from, as the table of the architecture has it."""
+    section = TEXT["docs/architecture.md"].split("## Packages of")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \|[^|]+\|([^|]*)\|$", section, re.M)
+    return {name: set(re.findall(r"\w+", uses)) for name, uses in rows}
+
+
+def test_the_table_of_packages_is_complete():
+    assert sorted(said_imports()) == PACKAGES
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_imports_are_those_of_the_table(package):
+    found, said = imported(package) & set(PACKAGES), said_imports()[package]
+    assert found == said, (
+        f"{package}: new {found - said}, gone {said - found}; is it meant? docs/architecture.md"
+    )
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_packages_use_no_command_line_and_no_configuration(package):
+    assert not imported(package) & ({"__main__"} if package == "docs" else {"__main__", "config"})
+
+
+# --- files that other tools read ---
+
+
+def test_citation_names_the_data_that_are_fetched():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    cited = {
+        f"{r['repository-code'].removeprefix('https://github.com/')}/{r['commit']}"
+        for r in citation["references"]
+        if r["type"] == "data"
+    }
+    fetched = {"/".join(path.split("/")[:3]) for source in SOURCES.values() for path in source.raw.values()}
+    fetched |= {"/".join(source.archive) for source in SOURCES.values() if source.archive}
+    assert cited <= fetched
+    assert {name.rsplit("/", 1)[0] for name in fetched} == {name.rsplit("/", 1)[0] for name in cited}
+
+
+def test_versions_and_licence_agree():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == project["version"]
+    assert citation["license"] == project["license"] == "MIT"
+    assert (ROOT / "LICENSE").read_text(encoding="utf-8").startswith("MIT License")
+
+
+def test_changelog_keeps_its_format():
+    """https://keepachangelog.com: newest first, known kinds of change, no empty section."""
+    sections = re.findall(r"^## \[(.+?)\](.*)$", TEXT["CHANGELOG.md"], re.M)
+    assert sections and sections[0][0] == "Unreleased"
+    assert all(re.fullmatch(r" - \d{4}-\d{2}-\d{2}", date) for _, date in sections[1:])
+    kinds = re.split(r"^### ", TEXT["CHANGELOG.md"], flags=re.M)[1:]
+    for kind in kinds:
+        title, *lines = kind.splitlines()
+        assert title in {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+        assert any(line.startswith("- ") for line in lines), f"{title} is empty"
+
+
+def test_pre_commit_downloads_nothing_and_checks_what_make_check_does():
+    content = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
+    assert [repo["repo"] for repo in content["repos"]] == ["local"]
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for hook in content["repos"][0]["hooks"]:
+        assert hook["language"] == "system" and hook["entry"].startswith(".venv/bin/")
+        tool, *words = hook["entry"].removeprefix(".venv/bin/").split()
+        command = " ".join([tool, *(word for word in words if word != "--force-exclude")])
+        assert f"$(BIN)/{command}" in makefile, command

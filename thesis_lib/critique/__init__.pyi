@@ -1,0 +1,4 @@
+"""For type checkers: what this package gives out; __init__.py imports it on first use."""
+
+from thesis_lib.critique.criticise import Critique as Critique
+from thesis_lib.critique.criticise import criticise as criticise

@@ -1,0 +1,64 @@
+"""`python -m thesis_lib.docs`: write the reference pages in docs/ from the code, or say which are out of step."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from thesis_lib.errors import UserError
+from thesis_lib.terminal import prints_visibly
+
+EPILOG = """\
+examples:
+  python -m thesis_lib.docs               after a change of a setting, an effect, a law or a column
+  python -m thesis_lib.docs --check       exit code 1, and the names, if a page is out of step; writes nothing
+  python -m thesis_lib.docs --pictures    draws the pictures of effects and laws again, too (half a minute)
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m thesis_lib.docs",
+        description="Write the parts of the pages in docs/ that come from the code.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; exit code 1 if a page is out of step"
+    )
+    parser.add_argument("--pictures", action="store_true", help="draw the pictures again, too")
+    parser.add_argument(
+        "--docs", type=Path, default=Path("docs"), help="folder of the pages; default: %(default)s"
+    )
+    return parser
+
+
+@prints_visibly
+def main(argv: Sequence[str] | None = None) -> int:
+    args = build_parser().parse_args(argv)
+    from thesis_lib.docs.pages import stale_pages
+
+    try:
+        stale = stale_pages(args.docs)
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    if args.check:
+        for path in stale:
+            print(f"{path} is out of step with the code; python -m thesis_lib.docs writes it anew")
+        return 1 if stale else 0
+    from thesis_lib.files import write_text
+
+    for path, text in stale.items():
+        write_text(text, path)
+        print(f"wrote {path}")
+    if args.pictures:
+        from thesis_lib.docs.pictures import draw_pictures
+
+        for path in draw_pictures(args.docs / "pictures"):
+            print(f"drew {path}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,119 @@
+"""Every key of the configuration as tables, one a section, from the models that check it."""
+
+import json
+import types
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from thesis_lib.docs.markdown import code, table
+from thesis_lib.settings import Section
+
+PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false", Any: "anything"}
+SIGNS = {Ge: ("≥", "ge"), Gt: (">", "gt"), Le: ("≤", "le"), Lt: ("<", "lt")}
+LONGEST = 120  # characters of a default that still reads well in a table
+HEAD = ("key", "default", "kind", "meaning")
+
+
+def text() -> str:
+    """All sections, in the order of the configuration."""
+    from thesis_lib.config import Config
+
+    return "\n\n".join(_sections("", Config, Config()))
+
+
+def rows(section: type[Section], values: Section | None = None) -> list[tuple[str, str, str, str]]:
+    """(key, default, kind, meaning) of every key that is no section of its own."""
+    found = []
+    for name, field in section.model_fields.items():
+        if not _section_of(field.annotation):
+            default = getattr(values, name, field.get_default(call_default_factory=True))
+            key = field.alias or name
+            found.append((code(key), _default(default), kind(field), field.description or ""))
+    return found
+
+
+def kind(field: FieldInfo) -> str:
+    """What a key takes, in words, with its limits."""
+    return " ".join(filter(None, (_kind(field.annotation), _limits(field.metadata))))
+
+
+def _sections(path: str, section: type[Section], values: Section | None) -> Iterator[str]:
+    title = f"## `{path}`" if path else "## Top level"
+    intro = (section.__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " ")
+    here = rows(section, values)
+    yield f"{title}\n\n{intro}" + (f"\n\n{table(HEAD, here)}" if here else "")
+    for name, field in section.model_fields.items():
+        inner = _section_of(field.annotation)
+        if inner:
+            value = getattr(values, name, None)
+            yield from _sections(
+                f"{path}.{name}".lstrip("."), inner, value if isinstance(value, Section) else None
+            )
+
+
+def _section_of(annotation: Any) -> type[Section] | None:
+    """The section that a key holds; sections in lists or behind names are not looked for, nothing has them."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    return None
+
+
+def _default(value: Any) -> str:
+    if value is PydanticUndefined:
+        return "required"
+    if isinstance(value, Section):
+        value = value.model_dump(mode="json")
+    written = json.dumps(_readable(value), ensure_ascii=False, default=str)
+    return code(written if len(written) <= LONGEST else f"{written[: LONGEST - 2]} …")
+
+
+def _readable(value: Any) -> Any:
+    """Numbers that follow from others (π, a radius of gyration) with six digits."""
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    if isinstance(value, dict):
+        return {key: _readable(inner) for key, inner in value.items()}
+    return [_readable(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+def _kind(annotation: Any) -> str:
+    if annotation in PLAIN:
+        return PLAIN[annotation]
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return "a section: " + ", ".join(code(name) for name in annotation.model_fields)
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if annotation is type(None):
+        return "null"
+    if origin is Annotated:
+        first, *limits = inner
+        if isinstance(limits[0], FieldInfo):
+            limits = [*limits[0].metadata, *limits[1:]]
+        return " ".join(filter(None, (_kind(first), _limits(limits))))
+    if origin is Literal:
+        return " or ".join(code(json.dumps(value).strip('"')) for value in inner)
+    if origin in (Union, types.UnionType):
+        return " or ".join(_kind(part) for part in inner)
+    if origin is dict:
+        return f"{_kind(inner[0])}: {_kind(inner[1])}"
+    if origin in (tuple, list):
+        if inner[-1] is Ellipsis or origin is list:
+            return f"list of {_kind(inner[0])}"
+        return f"{len(inner)} × {_kind(inner[0])}" if len(set(inner)) == 1 else ", ".join(map(_kind, inner))
+    raise TypeError(f"a key of the configuration has the type {annotation!r}, which has no word here")
+
+
+def _limits(metadata: Any) -> str:
+    parts = []
+    for limit in metadata:
+        for kind_of, (sign, attribute) in SIGNS.items():
+            if isinstance(limit, kind_of):
+                parts.append(f"{sign} {getattr(limit, attribute):g}")
+        if isinstance(limit, MinLen):
+            parts.append(f"at least {limit.min_length}")
+        if isinstance(limit, MaxLen):
+            parts.append(f"at most {limit.max_length}")
+    return ", ".join(parts)

@@ -1,0 +1,84 @@
+"""The catalogue of effects: what each says about itself, its parameters, and the picture of what it does."""
+
+from importlib import import_module
+
+from thesis_lib.docs.markdown import code, docstring, table
+from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.effects.effect import FAMILIES, Parameter
+
+CHANNELS = {
+    "impact": "velocity after impact",
+    "meet": "pose after impact against pose before",
+    "touch": "gap between body and surface at impact",
+    "flight": "acceleration between impacts",
+}
+KINDS = {
+    "contact_law": "Contact law",
+    "geometry": "Geometry of the body",
+    "inertia": "Inertia",
+    "surface": "Surface",
+    "flight": "Flight",
+    "measurement": "Measurement",
+}
+HEAD = ("parameter", "unit", "absent at", "limits", "a size that matters")
+
+
+def text() -> str:
+    """All effects, kind by kind."""
+    parts = [table(("kind", "effects"), map(_overview, FAMILIES))]
+    for family in FAMILIES:
+        parts.append(f"## {KINDS[family]}")
+        parts += [_entry(effect) for effect in EFFECTS.values() if effect.family == family]
+    return "\n\n".join(parts)
+
+
+def _overview(family: str) -> tuple[str, str]:
+    names = [effect.name for effect in EFFECTS.values() if effect.family == family]
+    return KINDS[family], ", ".join(f"[{name}](#{name})" for name in names)
+
+
+def _entry(effect: Effect) -> str:
+    changes = "; ".join(CHANNELS[channel] for channel in effect.channels)
+    needs = " Needs trajectories." if effect.needs_trajectories else ""
+    return "\n\n".join(
+        (
+            f"### {effect.name}",
+            docstring(import_module(f"thesis_lib.effects.{effect.name}")),
+            table(HEAD, map(_parameter, effect.parameters)),
+            f"Changes: {changes}.{needs}",
+            f"![{picture_text(effect)}](pictures/effects/{effect.name}.png)",
+        )
+    )
+
+
+def _parameter(p: Parameter) -> tuple[str, str, str, str, str]:
+    limits = f"{p.low:g} to {p.high:g}" if p.discrete is None else f"{p.null:g} or {p.discrete:g}"
+    return code(p.name), p.unit, f"{p.null:g}", limits, f"{size_that_matters(p):g}"
+
+
+def size_that_matters(p: Parameter) -> float:
+    """The value that the pictures are drawn with."""
+    return p.null + p.scale if p.discrete is None else p.discrete
+
+
+def sizes_text(effect: Effect) -> str:
+    """The sizes of the picture in words."""
+    units = {"1": ""}
+    return ", ".join(
+        f"{p.name} = {size_that_matters(p):g} {units.get(p.unit, p.unit)}".rstrip() for p in effect.parameters
+    )
+
+
+def picture_text(effect: Effect) -> str:
+    """What the picture shows, for those who do not see it."""
+    if "impact" in effect.channels:
+        return (
+            f"Change of the velocity after impact by {effect.title} ({sizes_text(effect)}): left over the contact "
+            "velocity before impact, right against what else it depends on most"
+        )
+    if "flight" in effect.channels:
+        return (
+            f"Change of the flight by {effect.title} ({sizes_text(effect)}): left of the acceleration, right of the "
+            "path over half a second"
+        )
+    return f"Change of the gap at impact by {effect.title} ({sizes_text(effect)}) over the angle of the body"

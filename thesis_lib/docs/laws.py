@@ -1,0 +1,52 @@
+"""The impact laws: what each says about itself, the promises it keeps, and the impulses it can reach."""
+
+import sys
+
+from thesis_lib.contact import LAWS, Law, Promise
+from thesis_lib.docs.markdown import docstring, table
+
+SUFFIX = "_as_published"
+
+
+def text() -> str:
+    """All laws in the order of the thesis's Table 3.1, then others."""
+    names = [name for name in LAWS if not name.endswith(SUFFIX)]
+    return "\n\n".join([promises_table(), *(_entry(LAWS[name]) for name in names)])
+
+
+def promises_table() -> str:
+    """A row for each promise, a column for each law: kept, or the share of random impacts that break it."""
+    laws = list(LAWS.values())
+    head = ["promise", *(law.title for law in laws)]
+    rows = [[promise.value, *(_kept(law, promise) for law in laws)] for promise in Promise]
+    return table(head, rows)
+
+
+def _kept(law: Law, promise: Promise) -> str:
+    if promise in law.promises:
+        return "kept"
+    return f"{100 * law.breaks[promise]:.3g} %" if promise in law.breaks else "not known"
+
+
+def _entry(law: Law) -> str:
+    module = sys.modules[law.impulse.__module__]
+    published = LAWS.get(f"{law.name}{SUFFIX}")
+    names = f"`{law.name}`" + (f" and `{published.name}`" if published else "")
+    unit = (
+        f" μ of the latter has the unit {published.mu_unit}."
+        if published and published.mu_unit != "1"
+        else ""
+    )
+    return "\n\n".join(
+        (
+            f"## {law.title}",
+            docstring(module),
+            f"In code: {names}.{unit}",
+            f"![{picture_text(law)}](pictures/laws/{law.name}.png)",
+        )
+    )
+
+
+def picture_text(law: Law) -> str:
+    """What the picture shows, for those who do not see it."""
+    return f"Impulses that {law.title} can give to one impact, inside the energy ellipse, for all μ and ε from 0 to 1"

@@ -1,0 +1,37 @@
+"""Small pieces of Markdown: tables, links of DOIs, and a module's docstring as part of a page."""
+
+import ast
+import inspect
+import re
+from collections.abc import Iterable, Sequence
+from types import ModuleType
+
+DOI = re.compile(r"doi:? ?(10\.\d{4,}/[^\s,;]*[^\s,;.)])")
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; cells may hold anything but line breaks."""
+    lines = [_row(head), "|" + "---|" * len(head), *map(_row, rows)]
+    return "\n".join(lines)
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def code(text: str) -> str:
+    """Text in the type of code; nothing stays nothing."""
+    return f"`{text}`" if text else ""
+
+
+def with_links(text: str) -> str:
+    """Text whose DOIs can be clicked on."""
+    return DOI.sub(lambda match: f"[doi:{match[1]}](https://doi.org/{match[1]})", text)
+
+
+def docstring(module: ModuleType) -> str:
+    """The docstring of a module, whose equations are indented and whose tables are Markdown already."""
+    # from the source: a docstring is absent under python -OO
+    found = ast.get_docstring(ast.parse(inspect.getsource(module))) or ""
+    # Markdown takes an indented line for an equation only after an empty one
+    return with_links(re.sub(r"^(\S.*)\n(?= {4})", r"\1\n\n", found, flags=re.M))

@@ -1,0 +1,63 @@
+"""Which part of which page in docs/ is written from the code, and how it gets there.
+
+A page is Markdown written by hand.  Between the two lines
+
+    <!-- written by python -m thesis_lib.docs: NAME -->
+    <!-- end of NAME -->
+
+stands what `BLOCKS[NAME]` makes of the code; everything else on the page is left as it is.
+"""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from thesis_lib.docs import columns, configuration, dataset_keys, effects, laws
+from thesis_lib.errors import UserError
+
+BLOCKS: dict[str, Callable[[], str]] = {
+    "configuration": configuration.text,
+    "effects": effects.text,
+    "laws": laws.text,
+    "dataset keys": dataset_keys.text,
+    "columns": columns.text,
+}
+_BLOCK = re.compile(
+    r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S
+)
+_BEGINS = re.compile(r"<!-- written by python -m thesis_lib\.docs: ([^>]+) -->")
+
+
+def rendered(page: str, where: str) -> str:
+    """The text of a page with every block written anew; `where` names the page in messages.
+
+    Raises:
+        UserError: a block has no end, or nothing writes a block of that name.
+    """
+    names = [match["name"] for match in _BLOCK.finditer(page)]
+    for name in _BEGINS.findall(page):
+        if name not in BLOCKS:
+            raise UserError(
+                f"{where}: nothing writes the block {name!r}; the blocks are {', '.join(BLOCKS)}."
+            )
+        if name not in names:
+            raise UserError(f"{where}: the block {name!r} has no end; add the line <!-- end of {name} -->.")
+    return _BLOCK.sub(lambda match: f"{match[1]}\n{BLOCKS[match['name']]()}\n\n{match[3]}", page)
+
+
+def stale_pages(folder: Path) -> dict[Path, str]:
+    """Pages of `folder` that the code does not agree with any more, each with the text that it should have.
+
+    Raises:
+        UserError: there are no pages there, or one has a broken block.
+    """
+    pages = sorted(folder.glob("*.md"))
+    if not pages:
+        raise UserError(f"There are no pages in {folder}; run this in the root of the repository.")
+    stale = {}
+    for path in pages:
+        page = path.read_text(encoding="utf-8")
+        wanted = rendered(page, str(path))
+        if wanted != page:
+            stale[path] = wanted
+    return stale

@@ -1,0 +1,171 @@
+"""What an effect does, in numbers: prediction with it minus prediction without it, over the states that matter.
+
+One ellipse (a square where an effect needs corners) hits the surface once, by Mirtich's law with μ = 0.15, ε = 0.55:
+
+| panel   | drawn                                                             | for effects that change          |
+|---------|-------------------------------------------------------------------|----------------------------------|
+| plane   | √(Δv_x² + Δv_y² + (kΔω)²) and Δv over the contact velocity before | the velocity after impact        |
+| curve   | Δv_x, Δv_y, kΔω against what else they depend on most             | the velocity after impact        |
+| flight  | the same of the acceleration                                      | the flight only                  |
+| path    | Δx, Δy, kΔθ over half a second of flight                          | the flight only                  |
+| gap     | Δφ_n over the body angle                                          | the gap at impact only           |
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.shapes import Ellipse, Polygon
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.model import Model
+from thesis_lib.docs.effects import size_that_matters
+from thesis_lib.effects.effect import Effect, Rig, State
+
+LAW = LAWS["mirtich"]
+COEFFICIENTS = {"mu": 0.15, "epsilon": 0.55}
+K_G = 0.0192  # m, of the published ellipse
+ELLIPSE = Rig(Ellipse(semi_axes=(0.035, 0.025)), K_G, 9.81, 0.0)
+_CORNERS = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
+SQUARE = Rig(Polygon(vertices=_CORNERS), 0.0286, 9.81, 0.0)
+# one impact, away from every symmetry, at an angle at which it can stick: x (m), θ (rad), v_t, v_n (m/s), ω (rad/s),
+# t (s), number of the release
+BASE = {"x": 0.15, "theta": 0.12, "v_t": 0.6, "v_n": -2.5, "omega": 6.0, "t": 0.3, "trial": 40.0}
+RANGES = {
+    "theta": (-np.pi, np.pi),
+    "omega": (-20.0, 20.0),
+    "x": (-0.4, 0.4),
+    "t": (0.0, 0.6),
+    "trial": (0.0, 150.0),
+}
+IN_FLIGHT = {"v_t": (-2.0, 2.0), "v_n": (-3.0, 3.0), "omega": (-20.0, 20.0), "theta": (-np.pi, np.pi)}
+PLANE_T, PLANE_N = np.linspace(-2.0, 2.0, 41), np.linspace(-3.5, -0.25, 27)
+POINTS = 121
+SPAN = 0.5  # s
+COLUMNS = ["effect", "panel", "over", "at", "at_n", "series", "value"]
+
+
+def rig_for(effect: Effect) -> Rig:
+    """A rig on which the effect can exist."""
+    return ELLIPSE if effect.applies_to(ELLIPSE) else SQUARE
+
+
+def signature(effect: Effect) -> pd.DataFrame:
+    """The numbers of an effect's picture: panel, the variable `over` with its value `at` (`at_n`), series, value.
+
+    Velocities and accelerations in m/s and m/s², lengths in m; `at` in the unit of its variable.
+    """
+    if "impact" in effect.channels:
+        found = [_plane(effect), _curve(effect, "curve", RANGES, impact_change, ("v_x", "v_y", "k ω"))]
+    elif "flight" in effect.channels:
+        found = [_curve(effect, "flight", IN_FLIGHT, flight_change, ("a_x", "a_y", "k α")), _path(effect)]
+    else:
+        found = [_curve(effect, "gap", {"theta": RANGES["theta"]}, gap_change, ("φ_n",))]
+    return pd.concat(found, ignore_index=True).assign(effect=effect.name)[COLUMNS]
+
+
+def states(rig: Rig, **changed: np.ndarray) -> State:
+    """States that touch the surface: BASE with some arrays (n,) in place of its values."""
+    n = len(next(iter(changed.values())))
+    s = {name: changed.get(name, np.full(n, value)) for name, value in BASE.items()}
+    r = rig.shape.contact_point(s["theta"])
+    return State(
+        x=s["x"],
+        y=rig.height - r[:, 1],
+        theta=s["theta"],
+        vx=s["v_t"] + r[:, 1] * s["omega"],
+        vy=s["v_n"] - r[:, 0] * s["omega"],
+        omega=s["omega"],
+        trial=s["trial"],
+        t=s["t"],
+    )
+
+
+def impact_change(effect: Effect, state: State) -> np.ndarray:
+    """Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact in m/s."""
+    rig, (with_it, values) = rig_for(effect), _model(effect)
+    one, two = Model(LAW).predict(state, values, rig), with_it.predict(state, values, rig)
+    return np.stack([two.vx - one.vx, two.vy - one.vy, rig.k_g * (two.omega - one.omega)], axis=1)
+
+
+def flight_change(effect: Effect, state: State) -> np.ndarray:
+    """Δ(a_x, a_y, k α) (n, 3) in m/s²."""
+    rig, (with_it, values) = rig_for(effect), _model(effect)
+    change = with_it.acceleration(state, values, rig) - Model(LAW).acceleration(state, values, rig)
+    return change * [1.0, 1.0, rig.k_g]
+
+
+def gap_change(effect: Effect, state: State) -> np.ndarray:
+    """Δφ_n (n, 1) in m."""
+    _, values = _model(effect)
+    p = {parameter.name: values[f"{effect.name}.{parameter.name}"] for parameter in effect.parameters}
+    return effect.gap(np.zeros(len(state.x)), state, p, rig_for(effect))[:, None]
+
+
+def _model(effect: Effect) -> tuple[Model, dict[str, float]]:
+    own = {f"{effect.name}.{p.name}": size_that_matters(p) for p in effect.parameters}
+    return Model(LAW, (effect,)), COEFFICIENTS | own
+
+
+def _plane(effect: Effect) -> pd.DataFrame:
+    v_t, v_n = (grid.ravel() for grid in np.meshgrid(PLANE_T, PLANE_N))
+    change = impact_change(effect, states(rig_for(effect), v_t=v_t, v_n=v_n))
+    columns = {"size": np.linalg.norm(change, axis=1), "v_x": change[:, 0], "v_y": change[:, 1]}
+    parts = [
+        pd.DataFrame({"at": v_t, "at_n": v_n, "series": name, "value": c}) for name, c in columns.items()
+    ]
+    return pd.concat(parts).assign(panel="plane", over="v_t, v_n")
+
+
+def _curve(
+    effect: Effect,
+    panel: str,
+    ranges: dict[str, tuple[float, float]],
+    change: Callable[[Effect, State], np.ndarray],
+    series: tuple[str, ...],
+) -> pd.DataFrame:
+    """Changes against the variable over whose range they vary most; the first one where none matters."""
+    best, most = None, -1.0
+    for over, (low, high) in ranges.items():
+        at = np.linspace(low, high, POINTS)
+        found = change(effect, states(rig_for(effect), **{over: at}))
+        spread = float(np.ptp(found, axis=0).max())
+        if spread > most + 1e-9:
+            best, most = (over, at, found), spread
+    over, at, found = best
+    parts = [pd.DataFrame({"at": at, "series": name, "value": c}) for name, c in zip(series, found.T)]
+    return pd.concat(parts).assign(panel=panel, over=over, at_n=np.nan)
+
+
+def _path(effect: Effect) -> pd.DataFrame:
+    rig, (with_it, values) = rig_for(effect), _model(effect)
+    t = np.linspace(0.0, SPAN, POINTS)
+    paths = [_flown(model, values, rig, t) for model in (with_it, Model(LAW))]
+    change = (paths[0] - paths[1]) * [1.0, 1.0, rig.k_g]
+    parts = [
+        pd.DataFrame({"at": t, "series": name, "value": c}) for name, c in zip(("x", "y", "k θ"), change.T)
+    ]
+    return pd.concat(parts).assign(panel="path", over="t", at_n=np.nan)
+
+
+def _flown(model: Model, values: dict[str, float], rig: Rig, t: np.ndarray) -> np.ndarray:
+    """Poses (len(t), 3) of a body thrown up at 2.5 m/s, by the midpoint rule."""
+    state = states(rig, v_n=np.array([2.5]))
+    poses = []
+    for h in np.diff(t, append=t[-1]):
+        poses.append([state.x[0], state.y[0], state.theta[0]])
+        half = _moved(state, model.acceleration(state, values, rig), 0.5 * h)
+        state = _moved(state, model.acceleration(half, values, rig), h)
+    return np.array(poses)
+
+
+def _moved(s: State, a: np.ndarray, h: float) -> State:
+    return s.moved(
+        x=s.x + h * s.vx + 0.5 * h * h * a[:, 0],
+        y=s.y + h * s.vy + 0.5 * h * h * a[:, 1],
+        theta=s.theta + h * s.omega + 0.5 * h * h * a[:, 2],
+        vx=s.vx + h * a[:, 0],
+        vy=s.vy + h * a[:, 1],
+        omega=s.omega + h * a[:, 2],
+        t=s.t + h,
+    )

@@ -1,0 +1,299 @@
+"""Run the pipeline so that an interruption costs no more than the jobs that were running.
+
+    python -m thesis_lib.pipeline [--scale quick|default|full] [--configfile FILE ...] [--cores N] [TARGET ...]
+
+A thin runner around Snakemake, in the same terminal group, so that Ctrl-C reaches both.  Before the start it holds a
+lock that the kernel releases on any death, clears away what a killed run left (jobs that go on without their
+Snakemake, Snakemake's own lock) and checks disk space and permissions; after a failure it says what failed, why as
+far as can be told, and what to do.  The exit code is Snakemake's, 128 + n where signal n ended it.
+"""
+
+import argparse
+import fcntl
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from thesis_lib.errors import UserError
+
+STATE = Path(".snakemake")
+WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into
+SCALES = {"quick": 100, "default": 250, "full": 600}  # MB of free disk asked for: twice what a run writes
+SHOWN = 5  # failed jobs told of
+TAIL = 20_000  # bytes of a log that are searched for the cause
+PATIENCE = 5.0  # s that dying processes are given
+
+# what a log says -> cause and remedy
+CAUSES = {
+    r"No space left on device|Disk quota exceeded": (
+        "the disk is full",
+        "Free some space ('make clean' would delete all results); files are never left half-written.",
+    ),
+    r"File too large": ("a limit on the size of files was reached (ulimit -f)", "Raise the limit."),
+    r"<Signals\.SIGKILL: 9>": (
+        "a job was killed from outside (SIGKILL), which is what the system does when memory runs out",
+        "Run fewer jobs at once (--cores 1, CORES=1 with make), or close other programs.",
+    ),
+    r"MemoryError|Unable to allocate|Cannot allocate memory|std::bad_alloc": (
+        "a job ran out of memory",
+        "Run fewer jobs at once (--cores 1, CORES=1 with make), or close other programs.",
+    ),
+}
+
+
+def run(
+    targets: Sequence[str] = (),
+    scale: str = "default",
+    configfiles: Sequence[str] = (),
+    cores: int | None = None,
+) -> int:
+    """Run `targets` (all without any) of the pipeline in the current folder and return the exit code.
+
+    Raises:
+        UserError: another run is at work here, the disk is nearly full, or a folder cannot be written.
+    """
+    check_folder(SCALES[scale])
+    lock = hold_lock()
+    try:
+        overlays = [*([] if scale == "default" else [f"config/{scale}.yaml"]), *configfiles]
+        command = [sys.executable, "-m", "snakemake"]
+        command += ["--cores", str(cores)] if cores else []
+        command += ["--configfile", *overlays] if overlays else []
+        recover([*command, "--unlock", "--", *targets])
+        return _snakemake([*command, "--", *targets], lock)
+    finally:
+        os.close(lock)
+
+
+def check_folder(needed: int) -> None:
+    """Refuse to start where the run could not finish for want of `needed` MB or of permissions.
+
+    Raises:
+        UserError: which folder, and what to do.
+    """
+    if not Path("Snakefile").is_file():
+        raise UserError(f"{Path.cwd()} has no Snakefile; run this in the root folder of the repository.")
+    for folder in WRITTEN:
+        if not folder.is_dir():
+            continue
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise UserError(
+                f"{folder.resolve()} cannot be written by this user; change its owner (an earlier run as root?) "
+                "or work in a copy of the repository."
+            )
+        free = shutil.disk_usage(folder).free // 10**6
+        if free < needed:
+            raise UserError(
+                f"The disk of {folder.resolve()} is nearly full: {free} MB are free, this run may need {needed} MB. "
+                "Free some space and run again; nothing that is finished is lost."
+            )
+
+
+def hold_lock() -> int:
+    """The file descriptor of a lock on this folder; the kernel releases it when its holders are gone.
+
+    Raises:
+        UserError: another run holds it, with its process.
+    """
+    STATE.mkdir(exist_ok=True)
+    lock = os.open(STATE / "pipeline.lock", os.O_RDWR | os.O_CREAT, 0o644)
+    end = time.monotonic() + PATIENCE  # the holder may be a killed run whose processes are about to be gone
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except BlockingIOError:
+            if time.monotonic() > end:
+                runner = os.pread(lock, 20, 0).decode()
+                os.close(lock)
+                raise UserError(_at_work([p.pid for p in _processes()[0]] or [runner])) from None
+            time.sleep(0.1)
+    os.ftruncate(lock, 0)
+    os.pwrite(lock, str(os.getpid()).encode(), 0)
+    return lock
+
+
+def recover(unlock: Sequence[str]) -> None:
+    """Clear away what a killed run left: its jobs that still run, then Snakemake's lock (command `unlock`).
+
+    Raises:
+        UserError: a Snakemake is at work here, or its lock cannot be released.
+    """
+    snakemakes, orphans = _processes()
+    locked = any((STATE / "locks").glob("*.lock"))
+    if locked and snakemakes:
+        raise UserError(_at_work([p.pid for p in snakemakes]))
+    if orphans:
+        _end(orphans)
+    if locked:
+        done = subprocess.run(unlock, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        if done.returncode:
+            raise UserError(f"Snakemake's lock of a killed run cannot be released:\n{done.stdout.strip()}")
+    if orphans or locked:
+        jobs = f"; {len(orphans)} of its processes were still running and have been ended" if orphans else ""
+        _say(f"An earlier run was killed{jobs}. Nothing finished is lost; going on from there.")
+
+
+def _at_work(processes: Sequence) -> str:
+    numbers = " ".join(map(str, processes))
+    return (
+        f"Another run is at work in {Path.cwd()} (process {numbers}). Wait for it, or end it with 'kill {numbers}' "
+        "(it lets running jobs finish), then run again."
+    )
+
+
+def _processes() -> tuple[list, list]:
+    """Snakemakes in this folder, and processes of jobs in it that have none among their ancestors."""
+    import psutil  # late: a library user who never runs the pipeline does not need it
+
+    here, uid, own = str(Path.cwd()), os.getuid(), os.getpid()
+    snakemakes, jobs = [], []
+    for process in psutil.process_iter():
+        try:
+            if process.uids().real != uid or process.pid == own or process.cwd() != here:
+                continue
+            words = process.cmdline()
+        except psutil.Error:  # it has ended, or is not ours to look at
+            continue
+        if not words or not re.match(r"python|(ba)?sh$|snakemake", Path(words[0]).name):
+            continue  # an editor that shows a script is no job
+        if any(".snakemake/scripts/" in word for word in words):
+            jobs.append(process)
+        elif ["-m", "snakemake"] in [words[i : i + 2] for i in range(1, 4)] or "snakemake" in [
+            Path(word).name for word in words[:2]
+        ]:
+            snakemakes.append(process)
+    orphans = []
+    for job in jobs:
+        try:
+            if not set(job.parents()) & set(snakemakes):
+                orphans += [job, *job.children(recursive=True)]
+        except psutil.Error:
+            continue
+    return snakemakes, list(dict.fromkeys(orphans))
+
+
+def _end(processes: list) -> None:
+    import psutil
+
+    for process in processes:
+        process.terminate()  # psutil knows processes by start time too: no stranger with the same number is hit
+    for process in psutil.wait_procs(processes, timeout=PATIENCE)[1]:
+        process.kill()
+    if left := psutil.wait_procs(processes, timeout=PATIENCE)[1]:
+        raise UserError(
+            f"Jobs of a killed run cannot be ended (processes {', '.join(str(p.pid) for p in left)}); "
+            "end them, then run again."
+        )
+
+
+def _snakemake(command: Sequence[str], lock: int) -> int:
+    """Run Snakemake, explain its failure, and return its exit code."""
+    received: list[int] = []
+    children: list[subprocess.Popen] = []
+
+    def on_signal(number: int, _frame: object) -> None:
+        received.append(number)
+        if number == signal.SIGTERM:  # unlike Ctrl-C it comes to one process only
+            for child in children:
+                child.terminate()
+
+    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    started = time.time()
+    try:
+        # Snakemake shares the lock: killing this runner alone does not make room for a second run
+        children.append(subprocess.Popen(command, pass_fds=(lock,)))
+        code = children[0].wait()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if code:
+        _say(explain(code, latest_log(started), bool(received)))
+    return code if code >= 0 else 128 - code
+
+
+def latest_log(since: float) -> str:
+    """What Snakemake logged since that time (s since the epoch); empty if it came to nothing."""
+    logs = [path for path in (STATE / "log").glob("*.snakemake.log") if path.stat().st_mtime >= since - 1.0]
+    return _tail(max(logs), 10**7) if logs else ""  # names are times
+
+
+def explain(code: int, log: str, interrupted: bool = False) -> str:
+    """What stopped Snakemake and what to do, for people; `code` and `log` are its exit code and its log."""
+    failed = [
+        (rule, (re.search(r"^    log: (\S+)", block, re.MULTILINE) or ["", ""])[1])
+        for rule, block in re.findall(r"^Error in rule (\w+):\n((?:    .*\n?)+)", log, re.MULTILINE)
+    ]
+    lines = []
+    if interrupted:
+        lines.append("Interrupted.")
+    else:
+        lines.append("The pipeline has stopped.")
+        for rule, path in failed[:SHOWN]:
+            lines.append(f"  failed: {rule}" + (f", log: {path}" if path else ""))
+        if len(failed) > SHOWN:
+            lines.append(f"  failed: {len(failed) - SHOWN} more")
+        texts = "\n".join([log, *(_tail(Path(path), TAIL) for _, path in failed if path)])
+        cause = next((told for pattern, told in CAUSES.items() if re.search(pattern, texts)), None)
+        if shutil.disk_usage(".").free < 10**6:  # then even the logs may say nothing
+            cause = next(iter(CAUSES.values()))
+        if cause:
+            lines += [f"  cause: {cause[0]}", f"  remedy: {cause[1]}"]
+        elif code == -signal.SIGKILL:
+            lines.append("  cause: Snakemake itself was killed from outside (SIGKILL); was memory short?")
+        elif not failed:
+            lines.append("  No job has failed; Snakemake's message above says what is wrong.")
+    lines.append(f"Nothing that was finished is lost. To go on: {_same_command()}")
+    return "\n".join(lines)
+
+
+def _tail(path: Path, size: int) -> str:
+    try:
+        with path.open("rb") as stream:
+            stream.seek(max(path.stat().st_size - size, 0))
+            return stream.read().decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def _same_command() -> str:
+    if "MAKELEVEL" in os.environ:
+        return "the same make command again"
+    return shlex.join(["python", "-m", "thesis_lib.pipeline", *sys.argv[1:]])
+
+
+def _say(text: str) -> None:
+    print(f"\n{text}", file=sys.stderr, flush=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m thesis_lib.pipeline",
+        description="Run the pipeline; an interrupted run goes on where it was.",
+    )
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help="rules or files (everything)")
+    parser.add_argument("--scale", choices=SCALES, default="default", help="size of the studies (default)")
+    parser.add_argument(
+        "--configfile", action="append", default=[], metavar="FILE", help="overlay with your choices"
+    )
+    parser.add_argument("--cores", type=int, metavar="N", help="jobs at once (profiles/default: 2)")
+    options = parser.parse_args(arguments)
+    try:
+        return run(options.targets, options.scale, options.configfile, options.cores)
+    except UserError as error:
+        _say(str(error))
+        return 1
+    except KeyboardInterrupt:
+        _say("Interrupted before any job was started.")
+        return 128 + signal.SIGINT
+
+
+if __name__ == "__main__":
+    sys.exit(main())

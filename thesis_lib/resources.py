@@ -1,0 +1,205 @@
+"""Memory and CPU time of each rule: what its jobs used, and what they ask of a cluster.
+
+    python -m thesis_lib.resources                       # a table of the last run
+    python -m thesis_lib.resources record --scale quick  # keep its largest jobs in config/resources.yaml
+
+Snakemake writes what a job used into results/logs/benchmarks/ (peak memory is sampled, every half second at first and
+every 30 s later).  config/resources.yaml holds the largest job of each rule and scale; a job asks for the worst of
+all scales times a margin, and for more each time that it failed.
+"""
+
+import argparse
+import csv
+import math
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from thesis_lib.errors import CorruptFileError, UserError
+from thesis_lib.files import write_text
+
+MEASURED = Path("config/resources.yaml")
+BENCHMARKS = Path("logs/benchmarks")  # below the results
+KEYS = ("peak_mb", "cpu_s")  # of the largest job of a rule at a scale
+
+MEMORY_MARGIN = 1.5  # peaks are sampled, and other data and library builds need other amounts
+NESTED_MB = 400  # on a cluster each job is two more Snakemake processes, about 190 MB each
+SMALLEST_MB = 200  # of jobs that end before the first sample: Python, numpy and pandas
+MEMORY_STEP_MB = 100
+TIME_MARGIN = 4.0  # cores may be slower than those measured on, and shared
+START_MINUTES = 10  # reading libraries from a busy file system, and the nested Snakemakes
+
+HEADER = """\
+# The largest job of each rule: peak memory (MB) and CPU time (s), by scale.  thesis_lib/resources.py turns the worst of
+# the scales into what a job asks of a cluster.  Written by `python -m thesis_lib.resources record --scale SCALE`.
+"""
+
+
+@dataclass(frozen=True)
+class Use:
+    """What jobs of one rule used: how many, CPU seconds of all and of the largest, peak memory of the largest in MB."""
+
+    jobs: int
+    cpu_s: float
+    largest_cpu_s: float
+    peak_mb: float
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a job asks for: memory in MB, wall time in minutes."""
+
+    mem_mb: int
+    runtime: int
+
+
+def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: int = 1) -> Request:
+    """What a job of a rule asks for at its n-th attempt (memory and time grow in proportion to n).
+
+    What was not measured of a rule is taken from the most demanding one.
+    """
+    peak, cpu_s = (_largest(measured, rule, key) for key in KEYS)
+    peak = max(peak, SMALLEST_MB)
+    steps = math.ceil((MEMORY_MARGIN * peak + NESTED_MB) / MEMORY_STEP_MB)
+    return Request(
+        attempt * steps * MEMORY_STEP_MB, attempt * math.ceil(START_MINUTES + TIME_MARGIN * cpu_s / 60.0)
+    )
+
+
+def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str) -> float:
+    """The largest number of a rule over the scales; of all rules where it has none."""
+    own = [use[key] for use in measured.get(rule, {}).values() if key in use]
+    every = (use[key] for scales in measured.values() for use in scales.values() if key in use)
+    return max(own or every, default=0.0)
+
+
+def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
+    """Rule -> scale -> {peak_mb, cpu_s}; of a scale, either may be missing.
+
+    Raises:
+        UserError: the file is missing or is not of this form.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise UserError(f"{path} does not exist; get it back with git checkout {path}.")
+    try:
+        measured = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        found = {
+            rule: {scale: {key: float(value) for key, value in use.items()} for scale, use in scales.items()}
+            for rule, scales in measured.items()
+        }
+        keys = {key for scales in found.values() for use in scales.values() for key in use}
+        if not keys <= set(KEYS):
+            raise ValueError(f"unknown: {', '.join(sorted(keys - set(KEYS)))}")
+        return found
+    except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
+        raise UserError(
+            f"{path} must hold `rule: {{scale: {{peak_mb: …, cpu_s: …}}}}` ({error}); "
+            "mend it or run python -m thesis_lib.resources record."
+        ) from error
+
+
+def read_uses(results: str | Path) -> dict[str, Use]:
+    """What the jobs of each rule used, from the benchmarks of a run.
+
+    Raises:
+        UserError: there are no benchmarks.
+        CorruptFileError: one of them cannot be read.
+    """
+    folder = Path(results) / BENCHMARKS
+    files = sorted(folder.rglob("*.tsv"))
+    if not files:
+        raise UserError(f"{folder} holds no benchmarks; run the pipeline first (make reproduce).")
+    jobs: dict[str, list[tuple[float, float]]] = {}
+    for path in files:
+        rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
+        jobs.setdefault(rule, []).append(_read_benchmark(path))
+    return {
+        rule: Use(len(used), sum(s for s, _ in used), max(s for s, _ in used), max(mb for _, mb in used))
+        for rule, used in sorted(jobs.items())
+    }
+
+
+def _read_benchmark(path: Path) -> tuple[float, float]:
+    """CPU seconds and peak MB of a job; of one that ended before the first sample, wall seconds and 0."""
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            (row,) = csv.DictReader(stream, delimiter="\t")
+        if row["max_rss"] == "NA":
+            return float(row["s"]), 0.0
+        return float(row["cpu_time"]), float(row["max_rss"])
+    except (OSError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+        raise CorruptFileError(f"{path} is no benchmark of one job ({error}); delete it.") from error
+
+
+def table(uses: Mapping[str, Use], measured: Mapping) -> str:
+    """For a terminal: rule, jobs, CPU seconds, peak memory, and what a job asks for; largest peaks first."""
+    lines = [
+        f"{'rule':22s}{'jobs':>6s}{'CPU s':>10s}{'largest':>10s}{'peak MB':>10s}{'asks MB':>10s}{'asks min':>10s}"
+    ]
+    for rule, use in sorted(uses.items(), key=lambda item: (-item[1].peak_mb, item[0])):
+        asked = request(measured, rule)
+        peak = f"{use.peak_mb:.0f}" if use.peak_mb else "-"  # too short to be sampled
+        lines.append(
+            f"{rule:22s}{use.jobs:6d}{use.cpu_s:10.1f}{use.largest_cpu_s:10.1f}{peak:>10s}"
+            f"{asked.mem_mb:10d}{asked.runtime:10d}"
+        )
+    jobs, cpu_s = sum(use.jobs for use in uses.values()), sum(use.cpu_s for use in uses.values())
+    peak = max((use.peak_mb for use in uses.values()), default=0.0)
+    lines.append(f"{'total':22s}{jobs:6d}{cpu_s:10.1f}{'':10s}{peak:10.0f}")
+    return "\n".join(lines)
+
+
+def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str, dict[str, dict]]:
+    """`measured` with a scale's numbers replaced, for the rules that ran."""
+    found = {rule: dict(scales) for rule, scales in measured.items()}
+    for rule, use in uses.items():
+        found.setdefault(rule, {})[scale] = {
+            "peak_mb": float(math.ceil(use.peak_mb)),
+            "cpu_s": float(math.ceil(use.largest_cpu_s)),
+        }
+    return found
+
+
+def write_measured(measured: Mapping[str, Mapping[str, Mapping]], path: str | Path = MEASURED) -> None:
+    """Write what was measured, a line per rule."""
+    lines = []
+    for rule in sorted(measured):
+        scales = []
+        for scale, use in sorted(measured[rule].items()):
+            numbers = ", ".join(f"{key}: {use[key]:.0f}" for key in KEYS if key in use)
+            scales.append(f"{scale}: {{{numbers}}}")
+        lines.append(f"{rule}: {{{', '.join(scales)}}}\n")
+    write_text(HEADER + "".join(lines), path)
+
+
+def main(arguments: Iterable[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m thesis_lib.resources", description="Memory and CPU time of each rule in the last run."
+    )
+    parser.add_argument("command", nargs="?", default="show", choices=["show", "record"])
+    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
+    parser.add_argument("--scale", choices=["quick", "default", "full"], help="scale of the run (record)")
+    parser.add_argument("--measured", type=Path, default=MEASURED, help=f"what is kept ({MEASURED})")
+    options = parser.parse_args(None if arguments is None else list(arguments))
+    if options.command == "record" and options.scale is None:
+        parser.error("record needs --scale")
+    try:
+        uses = read_uses(options.results)
+        measured = read_measured(options.measured) if options.measured.exists() else {}
+        if options.command == "record":
+            measured = recorded(measured, uses, options.scale)
+            write_measured(measured, options.measured)
+        print(table(uses, measured))
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
