@@ -1,5 +1,7 @@
 """The command that prints a chapter's tables."""
 
+import re
+
 import pandas as pd
 import pytest
 
@@ -9,15 +11,14 @@ from thesis_lib.tables import CHAPTERS, main
 
 
 def test_values_and_meanings_are_printed(tmp_path, capsys):
-    for shown in CHAPTERS["chapter2"]:
-        row = {column: [f"{column} of {shown.file}"] for column in shown.columns}
+    for k, shown in enumerate(CHAPTERS["chapter2"]):
+        row = {column: [1000 * k + i] for i, column in enumerate(shown.columns)}
         write_table(pd.DataFrame(row), tmp_path / shown.file)
     assert main(["chapter2", "--results", str(tmp_path)]) == 0
     said = capsys.readouterr().out
-    for shown in CHAPTERS["chapter2"]:
+    for k, shown in enumerate(CHAPTERS["chapter2"]):
         assert shown.title in said
-        for column in shown.columns:
-            assert f"{column} of {shown.file}"[:50] in said
+        assert re.search(r"\s+".join(str(1000 * k + i) for i in range(len(shown.columns))), said)
         for meaning in explain(shown.file.split("/")[-1].removesuffix(".csv"), shown.columns)["meaning"]:
             assert meaning in said
 

@@ -1,19 +1,21 @@
 """Print a chapter's tables as the thesis lays them out, from the results of the last run.
 
-python -m thesis_lib.tables chapter2 [--results results]
+python -m thesis_lib tables chapter2 [--results results]
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
-
-from thesis_lib.columns import explain
+from thesis_lib.command_line import Parser, command
 from thesis_lib.errors import UserError
-from thesis_lib.files import read_table
+
+EXAMPLES = """\
+examples:
+  python -m thesis_lib tables chapter2
+  python -m thesis_lib tables chapter5 --results ../study/results | less -S
+"""
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,26 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
                 "theta_error_before",
                 "theta_error_after",
             ),
+        ),
+    ),
+    "chapter3": (
+        Shown(
+            "chapter3/planar_impact/table_3_1.csv",
+            "Ensemble parameters, best and worst, measured ellipse (table 3.1)",
+            (
+                *("variant", "weighting", "law", "mu", "mu_std", "epsilon", "epsilon_std"),
+                *("best", "best_std", "worst", "worst_std", "n_train", "n_held_out"),
+            ),
+        ),
+        Shown(
+            "chapter3/planar_impact/table_3_2.csv",
+            "Share of the outcomes that each law can predict, measured ellipse (table 3.2)",
+            ("variant", "weighting", "law", "tolerance", "fraction", "fraction_std", "n"),
+        ),
+        Shown(
+            "chapter3/planar_impact/error_summary.csv",
+            "Held-out error of laws and bounds, measured ellipse (figure 3-8)",
+            ("model", "mean", "mean_std", "median", "quantile_90", "n", "n_failed"),
         ),
     ),
     "chapter4": (
@@ -252,6 +274,11 @@ def as_text(shown: Shown, results: Path) -> str:
     Raises:
         UserError: the table is not there yet.
     """
+    import pandas as pd
+
+    from thesis_lib.columns import explain
+    from thesis_lib.files import read_table
+
     path = results / shown.file
     if not path.is_file():
         chapter = shown.file.split("/")[0]
@@ -267,16 +294,15 @@ def as_text(shown: Shown, results: Path) -> str:
     return "\n".join([shown.title, "=" * len(shown.title), "", body, "", *lines, ""])
 
 
+@command
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m thesis_lib.tables", description=__doc__.splitlines()[0])
+    parser = Parser(
+        prog="python -m thesis_lib tables", description=(__doc__ or "").splitlines()[0], epilog=EXAMPLES
+    )
     parser.add_argument("chapter", choices=tuple(CHAPTERS), help="whose tables")
     parser.add_argument("--results", type=Path, default=Path("results"), help="default: %(default)s")
     args = parser.parse_args(argv)
-    try:
-        print("\n".join(as_text(shown, args.results) for shown in CHAPTERS[args.chapter]), end="")
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    print("\n".join(as_text(shown, args.results) for shown in CHAPTERS[args.chapter]), end="")
     return 0
 
 

@@ -45,8 +45,8 @@ def prints_visibly(main: Callable[..., int]) -> Callable[..., int]:
     @functools.wraps(main)
     def run(*args: object, **kwargs: object) -> int:
         with (
-            contextlib.redirect_stdout(VisibleStream(sys.stdout)),
-            contextlib.redirect_stderr(VisibleStream(sys.stderr)),
+            contextlib.redirect_stdout(VisibleStream(sys.stdout)),  # pyright: ignore[reportArgumentType]
+            contextlib.redirect_stderr(VisibleStream(sys.stderr)),  # pyright: ignore[reportArgumentType]
         ):
             return main(*args, **kwargs)
 

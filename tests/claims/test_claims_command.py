@@ -136,7 +136,7 @@ def test_page(command, results, capsys):
     [
         ('{"planar_impact": true}', "should look like"),
         ('{"planar_impact": {"present": "yes"}}', "should look like"),
-        ("[]", "should look like"),
+        ("[]", "expected keys and values"),
         ("{", "not valid JSON"),
         (None, "does not exist"),
     ],

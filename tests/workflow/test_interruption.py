@@ -19,7 +19,7 @@ from thesis_lib.files import write_text
 SLOW_JOB = "import time; print('up', flush=True); time.sleep(60)"
 # what writes a file -> allowed outside `with atomic(...)` in these modules, because
 WRITERS = {
-    "to_csv": {"thesis_lib/__main__.py"},  # standard output
+    "to_csv": {"thesis_lib/critique/command_model.py"},  # standard output
     "to_parquet": set(),
     "savefig": {"thesis_lib/critique/elements.py"},  # into memory, for the page
     "np.save": set(),

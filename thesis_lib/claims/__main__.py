@@ -1,10 +1,16 @@
-"""Command line of the claims ledger: check, update, page.  `python -m thesis_lib.claims --help` teaches it."""
+"""Command line of the claims ledger: check, update, page.  `python -m thesis_lib claims --help` teaches it."""
 
 import argparse
+import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from thesis_lib.errors import UserError
+from thesis_lib.command_line import FAILED, Parser, command
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 EPILOG = """\
 What each command does
@@ -16,33 +22,29 @@ What each command does
   page    writes claims.csv and claims.html into the results folder.
 
 Examples
-  python -m thesis_lib.claims check --scale quick
-  python -m thesis_lib.claims update --scale default
-  python -m thesis_lib.claims page --results results
+  python -m thesis_lib claims check --scale quick
+  python -m thesis_lib claims update --scale default
+  python -m thesis_lib claims page --results results
 
 Which datasets a run had is read from <results>/datasets/present.json; claims and figures that need an absent one
 are shown as "data not present" and never fail.
 """
 
 
-def main(arguments: list[str] | None = None) -> int:
+@command
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    options = _parser().parse_args(arguments)
+    options = _parser().parse_args(argv)
     if options.present is None:
         options.present = options.results / "datasets" / "present.json"
-    try:
-        return {"check": _check, "update": _update, "page": _page}[options.command](options)
-    except UserError as error:
-        print(error, file=sys.stderr)
-        return 2
+    return {"check": _check, "update": _update, "page": _page}[options.command](options)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m thesis_lib.claims",
+def _parser() -> Parser:
+    parser = Parser(
+        prog="python -m thesis_lib claims",
         description="What the thesis states, what this program finds, and whether that has changed.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="check | update | page")
     for name, text in (
@@ -53,11 +55,17 @@ def _parser() -> argparse.ArgumentParser:
         ("update", "commit this run's statuses and figure copies"),
         ("page", "write claims.csv and claims.html"),
     ):
-        command = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
-        command.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
-        command.add_argument("--ledger", type=Path, default=Path("config/claims.yaml"), help="the claims")
-        command.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
-        command.add_argument(
+        scale = "" if name == "page" else " --scale quick"
+        one = commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            epilog=f"example:\n  python -m thesis_lib claims {name}{scale}",
+        )
+        one.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
+        one.add_argument("--ledger", type=Path, default=Path("config/claims.yaml"), help="the claims")
+        one.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
+        one.add_argument(
             "--scale",
             choices=("quick", "default", "full"),
             required=name != "page",
@@ -65,18 +73,20 @@ def _parser() -> argparse.ArgumentParser:
             help="scale at which the pipeline ran" + (" (shown on the page)" if name == "page" else ""),
         )
         if name != "page":
-            command.add_argument(
+            one.add_argument(
                 "--expected",
                 type=Path,
                 default=Path("config/claims_expected.yaml"),
                 help="committed statuses",
             )
-            command.add_argument(
+            one.add_argument(
                 "--figures", type=Path, default=Path("config/figures.yaml"), help="tolerances of the figures"
             )
-            command.add_argument(
+            one.add_argument(
                 "--stored", type=Path, default=Path("config/figures"), help="folder of the stored copies"
             )
+        if name == "check":
+            one.add_argument("--json", action="store_true", help="print JSON instead of text")
     return parser
 
 
@@ -91,44 +101,78 @@ def _evaluate(options: argparse.Namespace) -> tuple[list, dict[str, bool]]:
 
 def _check(options: argparse.Namespace) -> int:
     from thesis_lib.claims.expected import compare_with_expected, read_expected
-    from thesis_lib.claims.page import SIGNS
-    from thesis_lib.claims.result import Status, summary_line
 
     results, present = _evaluate(options)
-    print(f"Claims at scale {options.scale}\n{summary_line(results)}")
-    for result in results:
-        if result.status in (Status.DEVIATES, Status.ERROR):
-            print(f"  {SIGNS[result.status]} {result.claim.id} ({result.claim.location})")
-            print(f"      published {result.published}, ours {result.ours or '–'}: {result.reason}")
     changes = compare_with_expected(results, read_expected(options.expected), options.scale)
-    print(f"\nAgainst {options.expected}: " + (f"{len(changes)} changed" if changes else "no change"))
-    for change in changes:
-        print(f"  {change.id}: {change.text}")
-    differing = _check_figures(options, present)
-    if changes or differing:
-        print(
-            f"\nLook into it; if it is intended: python -m thesis_lib.claims update --scale {options.scale}"
-        )
-    return 1 if changes or differing else 0
+    figures, differing = _compared_figures(options, present)
+    if options.json:
+        _print_json(options, results, changes, figures)
+    else:
+        _print_text(options, results, changes, figures, differing)
+    return FAILED if changes or len(differing) else 0
 
 
-def _check_figures(options: argparse.Namespace, present: dict[str, bool]) -> bool:
-    """Print how the figures compare with their stored copies; whether any does not agree."""
+def _compared_figures(
+    options: argparse.Namespace, present: dict[str, bool]
+) -> "tuple[pd.DataFrame | None, pd.DataFrame | list]":
+    """How the figures compare with their stored copies, None without any at this scale; and those that do not agree."""
     from thesis_lib.claims.figure_check import AGREES, NO_DATA, check_figures
     from thesis_lib.claims.figure_format import read_figure_spec
 
     spec = read_figure_spec(options.figures)
     if options.scale not in spec.scales:
-        print(f"\nFigures: {options.figures} keeps no copies at scale {options.scale}, so none is compared.")
-        return False
+        return None, []
     table = check_figures(options.results, options.stored / options.scale, spec, present)
-    counts = table["status"].value_counts()
-    words = ", ".join(f"{count} {status}" for status, count in sorted(counts.items())) or "none"
-    print(f"\nFigures against {options.stored / options.scale}: {words}")
-    bad = table[~table["status"].isin([AGREES, NO_DATA])]
-    for row in bad.itertuples():
-        print(f"  {row.figure} ({row.dataset}): {row.finding}")
-    return len(bad) > 0
+    return table, table[~table["status"].isin([AGREES, NO_DATA])]
+
+
+def _print_text(options: argparse.Namespace, results: list, changes: list, figures, differing) -> None:
+    from thesis_lib.claims.page import SIGNS
+    from thesis_lib.claims.result import Status, summary_line
+
+    print(f"Claims at scale {options.scale}\n{summary_line(results)}")
+    for result in results:
+        if result.status in (Status.DEVIATES, Status.ERROR):
+            print(f"  {SIGNS[result.status]} {result.claim.id} ({result.claim.location})")
+            print(f"      published {result.published}, ours {result.ours or '–'}: {result.reason}")
+    print(f"\nAgainst {options.expected}: " + (f"{len(changes)} changed" if changes else "no change"))
+    for change in changes:
+        print(f"  {change.id}: {change.text}")
+    if figures is None:
+        print(f"\nFigures: {options.figures} keeps no copies at scale {options.scale}, so none is compared.")
+    else:
+        counts = figures["status"].value_counts()
+        words = ", ".join(f"{count} {status}" for status, count in sorted(counts.items())) or "none"
+        print(f"\nFigures against {options.stored / options.scale}: {words}")
+        for row in differing.itertuples():
+            print(f"  {row.figure} ({row.dataset}): {row.finding}")
+    if changes or len(differing):
+        print(
+            f"\nLook into it; if it is intended: python -m thesis_lib claims update --scale {options.scale}"
+        )
+
+
+def _print_json(options: argparse.Namespace, results: list, changes: list, figures) -> None:
+    from thesis_lib.claims.result import count_statuses
+
+    content = {
+        "scale": options.scale,
+        "counts": {str(status): count for status, count in count_statuses(results).items()},
+        "claims": [
+            {
+                "id": r.claim.id,
+                "location": r.claim.location,
+                "status": str(r.status),
+                "published": r.published,
+                "ours": r.ours,
+                "reason": r.reason,
+            }
+            for r in results
+        ],
+        "changes": [vars(change) for change in changes],
+        "figures": None if figures is None else figures.to_dict("records"),
+    }
+    print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
 
 
 def _update(options: argparse.Namespace) -> int:

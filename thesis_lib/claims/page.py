@@ -1,7 +1,7 @@
 """results/claims.html and a Markdown summary: the ledger as a person reads it.
 
-The page needs no network and no script.  Statuses are told by word and sign, with colour only as a help (blue and
-orange of Okabe and Ito, which stay apart in all common kinds of colour blindness), and it prints in black and white.
+The page needs no network and no script.  Statuses are told by word and sign, with colour only as a help, and it prints
+in black and white.
 """
 
 from collections.abc import Sequence
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from thesis_lib.claims.result import Result, Status, count_statuses, summary_line
 from thesis_lib.files import write_text
+from thesis_lib.pages import page
 
 SIGNS = {Status.REPRODUCED: "✓", Status.DEVIATES: "≠", Status.NO_DATA: "○", Status.ERROR: "!"}
 CLASSES = {
@@ -28,45 +29,6 @@ HEADINGS = {  # heading: class that sets the column's width
     "Status": "found",
 }
 
-_STYLE = """
-:root { color-scheme: light; --blue: #00588f; --orange: #a84300; --grey: #5a5a5a; --red: #8b0000; }
-* { box-sizing: border-box; }
-body { font: 15px/1.45 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; color: #1b1b1b;
-  background: #fff; margin: 0 auto; max-width: 84rem; padding: 1.5rem 1.25rem 3rem; }
-h1 { font-size: 1.6rem; margin: 0 0 .4rem; } h2 { font-size: 1.2rem; margin: 2rem 0 .5rem; }
-p { max-width: 52rem; margin: .4rem 0; } .summary { font-size: 1.1rem; font-weight: 600; }
-a { color: #00588f; }
-.legend { display: grid; grid-template-columns: max-content 1fr; gap: .15rem .8rem; margin: .8rem 0;
-  max-width: 52rem; }
-.legend dt { font-weight: 600; } .legend dd { margin: 0; }
-.bar { display: flex; height: .7rem; max-width: 32rem; border: 1px solid #777; margin: .3rem 0 .6rem; }
-.bar .reproduced { background: #0072b2; } .bar .deviates { background: #e69f00; }
-.bar .no-data { background: #fff; } .bar .error { background: #8b0000; }
-.scroll { overflow-x: auto; }
-table { border-collapse: collapse; table-layout: fixed; width: 100%; min-width: 56rem; font-size: .92rem; }
-caption { text-align: left; padding: .2rem 0 .4rem; }
-th, td { text-align: left; vertical-align: top; overflow-wrap: anywhere;
-  padding: .4rem .6rem; border-bottom: 1px solid #ccc; }
-thead th { overflow-wrap: normal; border-bottom: 2px solid #444; background: #f3f3f3; }
-tbody th { font-weight: normal; }
-.where { width: 12%; } .claim { width: 26%; } .value { width: 14%; } .difference { width: 11%; } .found { width: 23%; }
-.look { columns: 17rem; margin: .3rem 0 .8rem; padding-left: 1.2rem; } .look li { break-inside: avoid; }
-.id { display: block; font: .78rem ui-monospace, Menlo, Consolas, monospace; color: var(--grey);
-  overflow-wrap: anywhere; }
-.number { font-variant-numeric: tabular-nums; } .detail { display: block; color: #333; font-size: .88rem; }
-.mark { font-weight: 700; white-space: nowrap; }
-td.reproduced .mark, dt.reproduced { color: var(--blue); } td.deviates .mark, dt.deviates { color: var(--orange); }
-td.no-data .mark, dt.no-data { color: var(--grey); } td.error .mark, dt.error { color: var(--red); }
-td.deviates { border-left: 4px solid #e69f00; } td.error { border-left: 4px double var(--red); }
-td.reproduced { border-left: 4px solid #0072b2; } td.no-data { border-left: 4px dotted #777; }
-@media print {
-  @page { size: A4 landscape; margin: 12mm; }
-  body { font-size: 9.5pt; max-width: none; padding: 0; } .scroll { overflow: visible; }
-  table { min-width: 0; } thead { display: table-header-group; } tr { break-inside: avoid; }
-  h2 { break-after: avoid; } a { color: inherit; text-decoration: none; }
-}
-"""
-
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
     """The whole ledger as one self-contained HTML page, by chapter and in the ledger's order.
@@ -76,21 +38,17 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
     """
     at_scale = f" This run was at scale <em>{escape(scale)}</em>." if scale else ""
     chapters = [_chapter(number, list(group)) for number, group in _by_chapter(results)]
-    return "\n".join(
+    content = "\n".join(
         [
-            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>Claims ledger</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<main>",
-            "<h1>What the thesis states, and what this program finds</h1>",
             f'<p class="summary">{escape(summary_line(results))}</p>',
             _bar(results),
             f"<p>Each row is one statement of the thesis beside our own result.{at_scale} A deviation is not a "
             "failure: it is what an honest repetition found, with the reason where it is known.</p>",
             _legend(),
             *chapters,
-            "</main>\n</body>\n</html>\n",
         ]
     )
+    return page("Claims ledger: what the thesis states, and what this program finds", content, kind="wide")
 
 
 def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> None:

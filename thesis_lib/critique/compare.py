@@ -179,8 +179,12 @@ def _own(content: Mapping) -> dict[str, Mapping]:
 
 
 def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: bool = True) -> dict:
-    ends = [one and one["std"] and [one["value"] + s * Z95 * one["std"] for s in (-1, 1)] for one in (p, q)]
-    row = _measured(quantity, p and p["value"], q and q["value"], (p or q)["unit"], *ends)
+    values = [one["value"] if one else None for one in (p, q)]
+    ends = [
+        [one["value"] + s * Z95 * one["std"] for s in (-1, 1)] if one and one["std"] else None
+        for one in (p, q)
+    ]
+    row = _measured(quantity, values[0], values[1], (p or q or {})["unit"], *ends)
     return row if comparable else row | {"difference": None, "sigmas": None}
 
 
@@ -197,7 +201,7 @@ def _measured(
     b_ends: Sequence[float] | None = None,
 ) -> dict:
     """A row of two numbers, with their 95 % intervals where there are any."""
-    row = dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": unit}
+    row: dict = dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": unit}
     if a_ends and None not in a_ends:
         row |= {"a_low": a_ends[0], "a_high": a_ends[1]}
     if b_ends and None not in b_ends:

@@ -53,7 +53,7 @@ def table(
 
     '' where there are no rows.
     """
-    numeric = set(numeric)
+    numeric = set(numeric)  # pyright: ignore[reportAssignmentType]
 
     def kind(i: int) -> str:
         return ' class="number"' if i in numeric else ""

@@ -22,7 +22,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,7 +78,7 @@ def run_isolated(
     time_limit: float | None = None,
     memory_limit: float | None = None,
     preload: Sequence[str] = (),
-) -> Iterator[Outcome]:
+) -> Generator[Outcome]:
     """Outcomes of `work(*task.arguments)`, in the order in which tasks end; none of them raises.
 
     Args:
@@ -193,7 +193,9 @@ def _answer(work: Callable[..., dict], arguments: tuple) -> dict:
 
 
 def _end_with_parent() -> None:
-    multiprocessing.connection.wait([multiprocessing.parent_process().sentinel])
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        multiprocessing.connection.wait([parent.sentinel])
     os._exit(1)
 
 

@@ -226,7 +226,7 @@ def _choose(
         if best is None:
             break
         e, trial_fit, judged = best
-        p_value = scan.p_value(0.5 * (fitted.z @ fitted.z - trial_fit.z @ trial_fit.z))
+        p_value = scan.p_value(0.5 * (fitted.z @ fitted.z - trial_fit.z @ trial_fit.z))  # pyright: ignore[reportArgumentType]
         on = [c.name for c in chosen]
         gain = _paired(by_cv, judged, weak, settings.resamples, generator(seed, "gain", *on, e.name))
         if p_value > s.alpha or gain[1] <= 0.0:

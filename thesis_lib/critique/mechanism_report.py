@@ -25,9 +25,9 @@ from thesis_lib.critique.words import listed
 from thesis_lib.figures.critique_numbers import number, symbol
 from thesis_lib.figures.style import Drawn, save_figure
 from thesis_lib.files import write_json, write_text
+from thesis_lib.pages import page
 from thesis_lib.randomness import generator
 
-SHEET = Path(__file__).with_name("report.css")
 UNITS = {(e.name, p.name): p.unit for e in (*ARM_EFFECTS, *WHEEL_EFFECTS) for p in e.parameters}
 RESIDUALS = (
     "Left: residual generalised forces of held-out windows in units of their noise, with the believed model and with "
@@ -85,21 +85,16 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
     ]
     sections = [(n, t, section(n, t, content)) for n, t, content in parts]
     links = "".join(f'<li><a href="#{n}">{escape(t)}</a></li>' for n, t, html in sections if html)
-    name, sentences = escape(str(d["dataset"])), "".join(f"<p>{escape(s)}</p>" for s in d["summary"])
-    return "\n".join(
+    sentences = "".join(f"<p>{escape(s)}</p>" for s in d["summary"])
+    content = "\n".join(
         [
-            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>Critique of {name}</title>\n<style>\n{SHEET.read_text(encoding='utf-8')}</style>\n</head>\n<body>",
-            '<a class="skip" href="#main">Skip to the verdict</a>',
-            f'<main id="main">\n<h1>Critique of {name}</h1>',
             f'<div class="verdict {d["verdict"]}" role="note" aria-label="Verdict">'
             f'<p class="word">{escape(WORDS[d["verdict"]])}</p>{sentences}</div>',
             f'<nav aria-label="Contents"><ul>{links}</ul></nav>',
             *(html for *_, html in sections),
-            "</main>\n</body>\n</html>\n",
         ]
     )
+    return page(f"Critique of {d['dataset']}", content)
 
 
 def write_mechanism_critique(found: MechanismCritique, name: str, folder: str | Path, seed: int) -> None:

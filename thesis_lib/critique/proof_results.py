@@ -130,7 +130,7 @@ def _sorted(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     orders = {"source": SOURCES, "kind": KINDS}
     return table.sort_values(
         by,
-        key=lambda column: column.map(orders[column.name].index) if column.name in orders else column,
+        key=lambda column: column.map(orders[column.name].index) if column.name in orders else column,  # pyright: ignore[reportArgumentType]
         ignore_index=True,
     )
 

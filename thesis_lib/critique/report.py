@@ -3,16 +3,15 @@
 Verdict, faults of the measurement, the four steps (compare, where it fails, which effect, what adding it does), what
 could not be told and which experiment would, what the data could have shown, tables, sources.  Sentences are written
 from the numbers of diagnosis.json, where.json and the tables, so that the page never says more than those files.
-The page needs no network and no script, and equal content gives equal bytes.
+The page needs no network, its text no script, and equal content gives equal bytes.
 """
 
 from collections.abc import Mapping
 from html import escape
-from pathlib import Path
 
 import pandas as pd
 
-from thesis_lib.critique import report_effects, report_text
+from thesis_lib.critique import report_effects, report_impacts, report_text
 from thesis_lib.critique.criticise import Critique
 from thesis_lib.critique.elements import amount, bullets, interval, paragraph, percent, picture, section
 from thesis_lib.critique.report_tables import (
@@ -28,8 +27,9 @@ from thesis_lib.critique.report_tables import (
 from thesis_lib.critique.summary import possible_faults
 from thesis_lib.figures.critique_numbers import ladder_table
 from thesis_lib.figures.style import Drawn
+from thesis_lib.pages import page
+from thesis_lib.terminal import visible
 
-SHEET = Path(__file__).with_name("report.css")
 WORDS = {
     "adequate": "✓ adequate: no effect is missing that these data could show",
     "effects": "+ effects found: named effects explain what was missing",
@@ -81,6 +81,7 @@ def report_html(
             [
                 report_text.where_it_fails(where),
                 draw("where"),
+                report_impacts.explorer(critique, where),
                 regions_table(where),
                 report_text.residuals(critique),
                 draw("residuals"),
@@ -116,21 +117,17 @@ def report_html(
     sections = [(name, title, section(name, title, *content)) for name, title, content in parts]
     sections = [one for one in sections if one[2]]
     links = "".join(f'<li><a href="#{name}">{escape(title)}</a></li>' for name, title, _ in sections)
-    name = escape(str(d["dataset"]))
-    return "\n".join(
+    content = "\n".join(
         [
-            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>Critique of {name}</title>\n<style>\n{SHEET.read_text(encoding='utf-8')}</style>\n</head>\n<body>",
-            '<a class="skip" href="#main">Skip to the verdict</a>',
-            f'<main id="main">\n<h1>Critique of {name}</h1>',
             _verdict(d),
             _description(critique),
             _key_numbers(d, ladder),
             f'<nav aria-label="Contents"><ul>{links}</ul></nav>',
             *(content for *_, content in sections),
-            "</main>\n</body>\n</html>\n",
         ]
+    )
+    return page(
+        f"Critique of {d['dataset']}", content, script=report_impacts.SCRIPT.read_text(encoding="utf-8")
     )
 
 
@@ -146,7 +143,9 @@ def _verdict(d: Mapping) -> str:
 
 def _description(critique: Critique) -> str:
     text = "" if critique.source is None else (critique.source.header.description or "")
-    return paragraph(f"What the dataset says of itself: {text}" if text.strip() else "", kind="about")
+    return paragraph(
+        f"What the dataset says of itself: {visible(text)}" if text.strip() else "", kind="about"
+    )
 
 
 def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> str:

@@ -1,5 +1,8 @@
 """Sentences of report.html on the effects: which were found, what is left, and what adding them does."""
 
+# pandas' stubs do not know what a row holds
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
+
 from collections.abc import Mapping
 
 import numpy as np

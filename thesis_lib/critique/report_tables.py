@@ -1,5 +1,9 @@
 """Tables and captions of report.html."""
 
+# pandas' stubs do not know what a row holds
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
+# pyright: reportCallIssue=false
+
 from collections.abc import Mapping
 
 import pandas as pd

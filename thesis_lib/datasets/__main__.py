@@ -1,4 +1,4 @@
-"""`python -m thesis_lib.datasets`: fetch published sets, check a dataset, convert a rig's logs, make an example."""
+"""`python -m thesis_lib datasets`: fetch published sets, check a dataset, convert a rig's logs, make an example."""
 
 import argparse
 import json
@@ -6,24 +6,36 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from thesis_lib.command_line import WRONG, Parser, command
 from thesis_lib.errors import UserError
+from thesis_lib.progress import Progress
 
 EXAMPLES = """\
 examples:
-  python -m thesis_lib.datasets fetch planar-impact
-  python -m thesis_lib.datasets fetch planar-dice --from ../shared/data
-  python -m thesis_lib.datasets check data/my_drops
-  python -m thesis_lib.datasets init log.csv -o data/my_drops --units mm,deg \\
+  python -m thesis_lib datasets fetch planar-impact
+  python -m thesis_lib datasets fetch planar-dice --from ../shared/data
+  python -m thesis_lib datasets check data/my_drops
+  python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
       --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06 --mass 0.05
-  python -m thesis_lib.datasets example -o data/example --hidden com_offset_x
+  python -m thesis_lib datasets example -o data/example --hidden com_offset_x
+"""
+FETCH_EXAMPLES = """\
+examples:
+  python -m thesis_lib datasets fetch planar-impact
+  python -m thesis_lib datasets fetch planar-dice --from ../shared/data       without network
+"""
+CHECK_EXAMPLES = """\
+examples:
+  python -m thesis_lib datasets check data/my_drops
+  python -m thesis_lib datasets check data/my_drops --json | jq .detection.used
 """
 INIT_EXAMPLES = """\
 examples:
   one log with all runs, millimetres and degrees:
-    python -m thesis_lib.datasets init log.csv -o data/my_drops --units mm,deg \\
+    python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
         --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06
   one file a run, no time column, y pointing down in the camera's image:
-    python -m thesis_lib.datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
+    python -m thesis_lib datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
         --columns "x=u,y=-v,theta=-phi" --shape ellipse:0.035,0.025
 """
 EXAMPLE = """\
@@ -39,21 +51,19 @@ What it writes into DIR:
 """
 EXAMPLE_EXAMPLES = """\
 examples:
-  python -m thesis_lib.datasets example -o data/example                       centre of mass 0.5 mm off
-  python -m thesis_lib.datasets example -o data/tilted --hidden tilt --size 0.02
-  python -m thesis_lib.datasets example -o data/fine --hidden nothing --seed 7
+  python -m thesis_lib datasets example -o data/example                       centre of mass 0.5 mm off
+  python -m thesis_lib datasets example -o data/tilted --hidden tilt --size 0.02
+  python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
 
 what can be hidden, its default size (about 3 times the error of a perfect model) and meaning:
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    raw = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
-        prog="python -m thesis_lib.datasets",
+def build_parser() -> Parser:
+    parser = Parser(
+        prog="python -m thesis_lib datasets",
         description="Datasets of measured drops: a folder with dataset.yaml and trajectories.csv or impacts.csv.",
         epilog=EXAMPLES,
-        formatter_class=raw,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="{fetch,check,init,example}")
 
@@ -61,6 +71,7 @@ def build_parser() -> argparse.ArgumentParser:
         "fetch",
         help="get a published measured set",
         description="Get a published measured set, check the SHA-256 of every file, and convert it.",
+        epilog=FETCH_EXAMPLES,
     )
     fetch.add_argument("name", choices=["planar-impact", "planar-dice"])
     fetch.add_argument(
@@ -75,6 +86,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="say what is in a dataset and what is wrong with it",
         description="Read a dataset, print what it holds and which impacts are found in its trajectories, and list "
         "everything that is wrong. Exit code 0 or 2.",
+        epilog=CHECK_EXAMPLES,
     )
     check.add_argument("folder", metavar="DIR")
     check.add_argument("--json", action="store_true", help="print JSON instead of text")
@@ -84,7 +96,6 @@ def build_parser() -> argparse.ArgumentParser:
         help="convert a rig's logs into a dataset",
         description="Convert CSV logs of poses into a dataset folder, then check it.",
         epilog=INIT_EXAMPLES,
-        formatter_class=raw,
     )
     init.add_argument("files", nargs="+", metavar="FILE.csv")
     init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
@@ -110,7 +121,6 @@ def build_parser() -> argparse.ArgumentParser:
         "example",
         help="simulate drops with a hidden cause, to try the critique on",
         description=EXAMPLE,
-        formatter_class=raw,
         add_help=False,
     )
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
@@ -138,23 +148,18 @@ class _ExampleHelp(argparse.Action):
         parser.exit()
 
 
+@command
 def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
-    try:
-        return {"fetch": _fetch, "check": _check, "init": _init, "example": _example}[args.command](args)
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"error: {error.filename or 'a file'}: {error.strerror or error}", file=sys.stderr)
-        return 2
+    return {"fetch": _fetch, "check": _check, "init": _init, "example": _example}[args.command](args)
 
 
 def _fetch(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.fetch import fetch
     from thesis_lib.datasets.summary import check_dataset, summary_text
 
-    folder = fetch(args.name, args.to, args.source, say=lambda text: print(text, file=sys.stderr, flush=True))
+    with Progress(args.name) as say:
+        folder = fetch(args.name, args.to, args.source, say=say)
     print(summary_text(*check_dataset(folder)))
     print(f"written to {folder}")
     return 0
@@ -174,7 +179,7 @@ def _check(args: argparse.Namespace) -> int:
     except DatasetError as error:
         problems = [vars(problem) for problem in error.problems]
         print(json.dumps({"valid": False, "dataset": error.name, "problems": problems}, ensure_ascii=False))
-        return 2
+        return WRONG
 
 
 def _init(args: argparse.Namespace) -> int:
@@ -184,7 +189,8 @@ def _init(args: argparse.Namespace) -> int:
 
     out = Path(args.out)
     _refuse_existing(out, args.force)
-    delimiter = {"\\t": "\t", "tab": "\t"}.get(args.delimiter, args.delimiter)
+    given: str = args.delimiter
+    delimiter = {"\\t": "\t", "tab": "\t"}.get(given, given)
     if len(delimiter) != 1:
         raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
     conversion = convert_logs(
@@ -212,7 +218,7 @@ def _init(args: argparse.Namespace) -> int:
         raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
     print(
         f"written to {out}. Next: add a description and, if you know it, the noise to {out / 'dataset.yaml'}, "
-        f"then run python -m thesis_lib.datasets check {out}"
+        f"then run python -m thesis_lib datasets check {out}"
     )
     return 0
 

@@ -60,12 +60,14 @@ def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
         return None, raw
 
 
-def salvage_shape(raw: Mapping) -> object | None:
+def salvage_shape(raw: Mapping) -> Shape | None:
     """The shape from a header that is wrong elsewhere, so that lengths can be judged all the same."""
     body = raw.get("body")
+    if not isinstance(body, Mapping):
+        return None
     try:
-        return TypeAdapter(Shape).validate_python(body["shape"])
-    except (ValidationError, TypeError, KeyError):
+        return TypeAdapter(Shape).validate_python(body.get("shape"))
+    except ValidationError:
         return None
 
 

@@ -81,7 +81,7 @@ def _read(folder: Path, name: str, report: Report) -> Dataset | None:
         poses = trajectories.data.reset_index(drop=True)[list(TRAJECTORY_COLUMNS)]
         poses["theta"] = unwrap(poses["theta"].to_numpy(), poses["trial"].to_numpy())
     hits = None if impacts is None else impacts.data.reset_index(drop=True)
-    if poses is not None and hits is not None:
+    if poses is not None and hits is not None and impacts is not None and trajectories is not None:
         strangers = ~hits["trial"].isin(poses["trial"]).to_numpy()
         if strangers.any():
             report.warn(

@@ -94,14 +94,14 @@ def parse_shape(text: str) -> Shape:
     try:
         points = [tuple(float(value) for value in point.split(",")) for point in rest.split(";")]
         if kind == "ellipse":
-            return Ellipse(semi_axes=points[0])
+            return Ellipse(semi_axes=points[0])  # pyright: ignore[reportArgumentType]
         if kind == "disk":
             return Disk(radius=points[0][0])
         if kind == "square":
             h = points[0][0] / 2.0
             return Polygon(vertices=((h, h), (-h, h), (-h, -h), (h, -h)))
         if kind == "polygon":
-            return Polygon(vertices=tuple(points))
+            return Polygon(vertices=tuple(points))  # pyright: ignore[reportArgumentType]
     except (ValueError, ValidationError) as error:
         reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
         raise UserError(f"--shape: '{text}' is no shape ({reason}).") from error
@@ -168,7 +168,7 @@ def convert_logs(
                 continue
             theirs, sign = source[ours]
             table[ours] = sign * units[QUANTITY[ours]] * _numbers(Path(file), log, theirs)
-        if not has_t:
+        if rate is not None and not has_t:
             table["t"] = table.groupby("trial", sort=False).cumcount() / rate
         if number == 0:
             ignored = [
@@ -280,7 +280,7 @@ def _lost_rows(files: Sequence[str | Path], logs: Sequence[pd.DataFrame], lost: 
     """Row numbers of the `lost` (N,) of all logs together, with the file where there are several."""
     parts = np.split(lost, np.cumsum([len(log) for log in logs])[:-1])
     found = [
-        (Path(file).name, row_text(log.index[part]))
+        (Path(file).name, row_text(np.asarray(log.index[part])))
         for file, log, part in zip(files, logs, parts)
         if part.any()
     ]

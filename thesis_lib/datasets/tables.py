@@ -214,7 +214,7 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame | None, np.n
         report.error(path.name, "", f"cannot be read as Parquet ({reason})", "write it again, or use CSV")
         return none
     frame.columns = [str(name) for name in frame.columns]
-    if not frame.columns.is_unique:
+    if len(set(frame.columns)) < len(frame.columns):
         report.error(path.name, "", "column names stand more than once", "keep one of each")
         return none
     return frame, np.zeros(len(frame), dtype=bool)

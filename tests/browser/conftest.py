@@ -1,0 +1,93 @@
+"""A headless browser without network, and one small example of every page."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from thesis_lib.claims.evaluate import evaluate
+from thesis_lib.claims.ledger import Ledger
+from thesis_lib.claims.page import write_page
+from thesis_lib.critique.batch_index import row_of_failure, row_of_verdict, write_index
+from thesis_lib.critique.output import critique_folder
+from thesis_lib.simulate.example import simulate_example
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+WIDE, NARROW = 1280, 400  # px: a desk, a telephone
+CLAIM = {
+    "chapter": 3,
+    "location": "Table 3.1",
+    "statement": "Friction of the first law.",
+    "published": 0.26,
+    "unit": "1",
+    "source": {"file": "laws.csv", "where": {"law": "mirtich"}, "column": "mu"},
+    "check": {"kind": "abs", "tolerance": 0.01, "reason": "printed with two digits"},
+}
+
+
+@dataclass
+class Opened:
+    """A page in the browser, with what it asked for and what it complained about."""
+
+    page: object
+    requests: list[str] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator:
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: make setup")
+    path = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    if path is None:
+        pytest.skip("there is no chromium on this machine: apt-get install chromium")
+    with api.sync_playwright() as playwright:
+        # the sandbox needs rights that containers do not give; only our own pages are opened
+        chromium = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def visit(browser) -> Iterator[Callable[..., Opened]]:
+    """(path, width) -> the page, opened from its file with the network cut."""
+    contexts = []
+
+    def visit(path: Path, width: int = WIDE) -> Opened:
+        context = browser.new_context(viewport={"width": width, "height": 900}, offline=True)
+        contexts.append(context)
+        opened = Opened(context.new_page())
+        opened.page.on("request", lambda request: opened.requests.append(request.url))
+        opened.page.on("pageerror", lambda error: opened.complaints.append(str(error)))
+        opened.page.on(
+            "console",
+            lambda said: opened.complaints.append(said.text) if said.type == "error" else None,
+        )
+        opened.page.goto(path.resolve().as_uri(), wait_until="load")
+        return opened
+
+    yield visit
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture(scope="session")
+def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Critique of few drops with a hidden cause, index of a batch, claims ledger."""
+    folder = tmp_path_factory.mktemp("pages")
+    drops = simulate_example("drops", "com_offset_x", drops=60).dataset
+    diagnosis = critique_folder(drops, folder / "drops", 0, effects=("com_offset",))
+    rows = [row_of_verdict("drops", diagnosis), row_of_failure("bad", "The table is empty.")]
+    write_index(rows, folder, total=2, seed=0, effects=None)
+    (folder / "bad.log").touch()
+    (folder / "laws.csv").write_text("law,mu\nmirtich,0.26\n")
+    variants = {"holds": {}, "deviates": {"published": 0.1}, "absent": {"needs": ["dice"]}}
+    claims = [{**CLAIM, "id": f"table_3_1.{name}", **more} for name, more in variants.items()]
+    ledger = Ledger.model_validate({"schema": 1, "claims": claims})
+    write_page(evaluate(ledger, folder, {"dice": False}), folder / "claims.html")
+    return {
+        "critique": folder / "drops" / "report.html",
+        "index": folder / "index.html",
+        "claims": folder / "claims.html",
+    }

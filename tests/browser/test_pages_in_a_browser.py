@@ -1,0 +1,197 @@
+"""Every page in headless Chromium, opened from its file: quiet, whole, usable by mouse and keyboard, printable."""
+
+import json
+import math
+import re
+
+import pytest
+from accessibility import SCRIPT
+from conftest import NARROW, WIDE
+
+pytestmark = pytest.mark.slow
+PAGES = ("critique", "index", "claims")
+PAPER = {  # px at 96 an inch, of A4 less the margins that page.css gives
+    "critique": (688, 1017),
+    "index": (688, 1017),
+    "claims": (1032, 702),
+}
+
+
+@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_it_is_quiet_asks_for_nothing_and_fits(visit, pages, name, width):
+    opened = visit(pages[name], width)
+    opened.page.wait_for_timeout(200)  # ms, for requests that a script would make late
+    assert opened.complaints == []
+    assert opened.requests == [pages[name].as_uri()]
+    assert opened.page.evaluate("document.documentElement.scrollWidth") == width
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_readers_of_all_kinds_can_use_it(visit, pages, name):
+    assert visit(pages[name]).page.evaluate(SCRIPT) == []
+
+
+def test_pictures_are_there_and_say_their_captions(visit, pages):
+    pictures = visit(pages["critique"]).page.evaluate(
+        "[...document.images].map((i) => [i.naturalWidth, i.alt, i.nextElementSibling.innerText])"
+    )
+    assert len(pictures) >= 7
+    assert all(width > 0 and alt.endswith(caption) for width, alt, caption in pictures)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "found"),
+    [
+        ("document.documentElement.lang = ''", "no language"),
+        ("document.querySelector('h2').outerHTML = '<h4>x</h4>'", "skips a level"),
+        ("document.images[0].alt = ' '", "picture without text"),
+        ("document.images[0].src = 'data:image/png;base64,AAAA'", "picture is missing"),
+        ("document.querySelector('figcaption').remove()", "without caption"),
+        ("document.querySelector('th').removeAttribute('scope')", "without scope"),
+        ("document.querySelector('caption').remove()", "table without caption"),
+        ("document.querySelector('.scroll').removeAttribute('tabindex')", "not by keyboard"),
+        ("document.querySelector('main p').style.color = '#888'", "contrast of 3.5"),
+        ("document.querySelector('svg text').style.fill = '#bbb'", "contrast of 1.9"),
+        ("document.querySelector('h2').id = 'main'", "id twice"),
+        ("document.querySelector('nav a').setAttribute('href', '#nowhere')", "leads nowhere"),
+        ("document.querySelector('[role=option][tabindex=\"0\"]').tabIndex = -1", "cannot be reached"),
+        ("document.querySelector('nav a').tabIndex = 3", "order of focus"),
+        ("document.querySelector('[role=img]').removeAttribute('aria-label')", "no name"),
+    ],
+)
+def test_the_checks_find_what_is_spoilt(visit, pages, spoil, found):
+    page = visit(pages["critique"]).page
+    page.evaluate(spoil)
+    page.wait_for_timeout(50)  # ms, for a picture that cannot be read
+    assert any(found in one for one in page.evaluate(SCRIPT))
+
+
+def test_a_page_that_asks_or_complains_is_noticed(visit, tmp_path):
+    (tmp_path / "bad.html").write_text("<img src='http://localhost/x.png'><script>nothing.here</script>")
+    opened = visit(tmp_path / "bad.html")
+    assert "http://localhost/x.png" in opened.requests
+    assert any("nothing is not defined" in one for one in opened.complaints)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_foreign_scripts_and_sources_are_refused(visit, pages, name, tmp_path):
+    """The text of a dataset is escaped; should that ever fail, the page's policy still stands in the way."""
+    evil = "<img src='http://localhost/x.png'><script>document.title = 'taken over'</script></main>"
+    (tmp_path / "evil.html").write_text(pages[name].read_text().replace("</main>", evil, 1))
+    opened = visit(tmp_path / "evil.html")
+    assert opened.page.title() != "taken over"
+    refused = [said for said in opened.complaints if "Content Security Policy" in said]
+    assert any("http://localhost/x.png" in said for said in refused) and len(refused) == 2
+
+
+def shown(page) -> str:
+    return page.locator(".told").inner_text()
+
+
+def test_pointing_at_an_impact_shows_its_ellipse(visit, pages):
+    page = visit(pages["critique"]).page
+    assert shown(page).startswith("Trial ")  # that of the largest error, from the start
+    told = set()
+    for i in (0, 5, 20):
+        point = page.locator("[role=option]").nth(i).element_handle()
+        # others may lie on top of it
+        point.evaluate("(one) => { one.parentNode.append(one); one.scrollIntoView({block: 'center'}); }")
+        box = point.bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        label = point.get_attribute("aria-label")
+        assert label.split(", error")[0].capitalize() in shown(page)
+        assert point.get_attribute("aria-selected") == "true"
+        told.add(shown(page))
+    assert len(told) == 3
+    assert page.locator("[aria-selected=true]").count() == 1
+
+
+def test_the_ellipse_is_drawn_where_its_numbers_say(visit, pages):
+    page = visit(pages["critique"]).page
+    data = json.loads(page.locator("figure.impacts script").text_content())
+    one = data["impacts"][-1]
+    ellipse = page.locator(".impacts ellipse.ellipse")
+    scale = float(ellipse.get_attribute("rx")) / one["axes"][0]
+    centre = place_of(ellipse)
+    for kind in ("measured", "base", "final"):
+        found = place_of(page.locator(f"svg svg .{kind}"))
+        wanted = [
+            centre[0] + scale * (one[kind][0] - one["centre"][0]),
+            centre[1] - scale * (one[kind][1] - one["centre"][1]),
+        ]
+        assert found == pytest.approx(wanted, abs=0.2)  # px: places are written to a tenth
+    turn = float(re.search(r"rotate\((.*?)\)", ellipse.get_attribute("transform"))[1])
+    assert turn == pytest.approx(-one["angle"])
+    assert f"{one['errors'][0]:.3g} m/s" in shown(page)
+
+
+def place_of(element) -> list[float]:
+    text = re.search(r"translate\((.*?)\)", element.get_attribute("transform"))[1]
+    return [float(number) for number in text.split()]
+
+
+def test_the_keyboard_reaches_every_impact(visit, pages):
+    page = visit(pages["critique"]).page
+
+    def focused(name: str) -> str | None:
+        return page.evaluate(f"document.activeElement.getAttribute('{name}')")
+
+    page.locator("figure.impacts .keys").click()  # tab goes on from here
+    page.keyboard.press("Tab")
+    assert focused("role") == "option"
+    first = shown(page)
+    page.keyboard.press("End")
+    assert shown(page) != first and focused("aria-label").split(", error")[0].capitalize() in shown(page)
+    page.keyboard.press("Home")
+    assert shown(page) == first
+    for key, axis, way in (("ArrowLeft", "cx", -1), ("ArrowUp", "cy", -1), ("ArrowRight", "cx", 1)):
+        before = float(focused(axis))
+        page.keyboard.press(key)
+        assert math.copysign(1, way) * (float(focused(axis)) - before) >= 0
+    ring = page.locator(".ring")
+    assert ring.get_attribute("cx") == focused("cx") and ring.get_attribute("cy") == focused("cy")
+    assert ring.evaluate("(one) => getComputedStyle(one).strokeWidth") == "4px"
+    count = page.locator("[role=option]").count()
+    page.keyboard.press("Home")
+    seen = {focused("aria-label")}
+    for key in ["ArrowLeft"] * count + ["ArrowRight"] * count:
+        page.keyboard.press(key)
+        seen.add(focused("aria-label"))
+    assert len(seen) == count
+
+
+def test_tab_goes_first_to_the_link_that_skips(visit, pages):
+    page = visit(pages["critique"]).page
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.getBoundingClientRect().left") >= 0
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.closest('main') !== null")
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_it_prints_with_nothing_cut(visit, pages, name):
+    width, height = PAPER[name]
+    page = visit(pages[name], width).page
+    page.emulate_media(media="print")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    boxes = page.evaluate(
+        "[...document.querySelectorAll('figure')].map((f) => f.getBoundingClientRect().toJSON())"
+    )
+    assert all(box["height"] <= height and box["right"] <= width for box in boxes)
+    assert not page.locator("nav:visible, button:visible, .skip:visible, .keys:visible").count()
+    pdf = page.pdf(prefer_css_page_size=True)
+    landscape = re.search(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", pdf)
+    assert pdf.startswith(b"%PDF") and landscape
+    assert (float(landscape[1]) > float(landscape[2])) == (name == "claims")
+
+
+def test_without_a_script_the_text_is_there(browser, pages):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(pages["critique"].as_uri())
+    text = page.locator("main").inner_text()
+    context.close()
+    assert "this page's script, which your browser does not run" in text
+    assert "of the sum of all errors" in text

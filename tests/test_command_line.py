@@ -1,0 +1,373 @@
+"""The commands as a user meets them: help that teaches, JSON, exit codes, pipes, Ctrl-C, colours, progress."""
+
+import argparse
+import io
+import json
+import os
+import pty
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from thesis_lib import figure_list
+from thesis_lib.__main__ import COMMANDS, main
+from thesis_lib.command_line import Parser, TerminalStream, command
+from thesis_lib.errors import UserError
+from thesis_lib.figure_list import find_figure, listed_figures
+from thesis_lib.progress import Progress
+
+ROOT = Path(__file__).resolve().parent.parent
+NAMES = [name for group in COMMANDS.values() for name in group]
+WORDS = [
+    *([name] for name in NAMES),
+    *(["datasets", name] for name in ("fetch", "check", "init", "example")),
+    *(["claims", name] for name in ("check", "update", "page")),
+]
+HEAVY = ("torch", "sklearn", "matplotlib", "pandas", "numpy", "scipy", "pydrake", "pydantic", "yaml")
+PROGRAM = [sys.executable, "-m", "thesis_lib"]
+
+
+def help_of(words: list[str], capsys) -> str:
+    try:
+        assert main([*words, "--help"]) == 0
+    except SystemExit as stopped:
+        assert stopped.code == 0
+    return capsys.readouterr().out
+
+
+# --- help ---
+
+
+def test_help_names_every_command_and_what_it_needs_to_teach(capsys):
+    text = help_of([], capsys)
+    assert all(f"\n  {name} " in text for name in NAMES)
+    for part in ("examples:", "results/claims.html", "Exit codes: 0", "1 what was checked fails", "130"):
+        assert part in text
+    assert all(len(line) <= 120 for line in text.splitlines())
+
+
+@pytest.mark.parametrize("words", WORDS, ids=" ".join)
+def test_help_of_a_command_has_its_usage_and_an_example(words, capsys):
+    text = help_of(words, capsys)
+    assert f"usage: python -m thesis_lib {' '.join(words)}" in text
+    assert re.search(rf"example.*python -m thesis_lib {' '.join(words)}", text, re.S | re.I)
+
+
+def examples(text: str) -> list[list[str]]:
+    """Commands in a help text, without what they are piped into and what is said beside them."""
+    lines = re.findall(r"^ {2,8}python -m thesis_lib (.*)$", re.sub(r"\\\n +", "", text), re.M)
+    return [shlex.split(re.split(r" \| | {3,}", line)[0]) for line in lines]
+
+
+@pytest.mark.parametrize("words", [[], *WORDS], ids=lambda words: " ".join(words) or "all")
+def test_examples_in_the_help_are_accepted(words, capsys, monkeypatch):
+    class Accepted(Exception):
+        pass
+
+    def parse_args(self, argv):
+        argparse.ArgumentParser.parse_args(self, argv)
+        raise Accepted
+
+    lines = examples(help_of(words, capsys))
+    assert lines
+    monkeypatch.setattr(Parser, "parse_args", parse_args)
+    for line in lines:
+        with pytest.raises(Accepted):
+            main(line)
+
+
+def test_help_waits_for_no_heavy_package():
+    code = (
+        "import sys\nfrom thesis_lib.__main__ import main\n"
+        f"for words in {[words for words in WORDS if words != ['datasets', 'example']]} + [[]]:\n"
+        "    try: main([*words, '--help'])\n    except SystemExit: pass\n"
+        f"print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stderr == "[]\n" and "usage: python -m thesis_lib claims" in done.stdout
+
+
+# --- mistakes ---
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["datasets", "chek"], "did you mean check?"),
+        (["tables", "chapter6"], "did you mean chapter"),
+        (["predict"], "MODEL.json"),
+        (["claims", "check"], "--scale"),
+    ],
+)
+def test_wrong_use_says_what_is_wrong_how_it_goes_and_where_that_is_explained(words, says, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    out, err = capsys.readouterr()
+    assert stopped.value.code == 2 and out == ""
+    assert err.startswith("error: ") and says in err
+    assert f"usage: python -m thesis_lib {words[0]}" in err and "--help explains it" in err
+
+
+def test_a_missing_file_is_named_without_a_traceback(tmp_path, capsys):
+    @command
+    def opens(argv=None):
+        return len((tmp_path / "gone").read_text())
+
+    assert opens() == 2
+    assert capsys.readouterr().err == f"error: {tmp_path / 'gone'}: No such file or directory\n"
+
+
+# --- JSON ---
+
+
+def told(words: list[str], capsys, code: int = 0):
+    """What a command prints as JSON, with nothing beside it."""
+    assert main(words) == code
+    out, err = capsys.readouterr()
+    assert err == ""
+    return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+def test_effects_and_figures_are_json(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert {"name", "equation", "parameters"} <= told(["effects", "--json"], capsys)[0].keys()
+    figures = told(["figures", "--json"], capsys)
+    assert len({figure["figure"] for figure in figures}) == len(figures) > 40
+    one = told(["figures", "3-8", "--json", "--results", "nowhere"], capsys)
+    assert [file["made"] for file in one["files"]] == [False] * 3
+    assert set(one["caption"]) == {file["dataset"] for file in one["files"]}
+
+
+CLAIM = """
+schema: 1
+claims:
+  - id: table_3_1.mu
+    chapter: 3
+    location: Table 3.1
+    statement: The coefficient of friction of AP Poisson.
+    published: 0.062
+    source: {file: table.csv, where: {law: poisson}, column: mu}
+    check: {kind: abs, tolerance: 0.01, reason: rounding}
+"""
+FIGURE = """
+schema: 1
+figures:
+  figure_3_8: {file: figure_3_8.csv, keys: [law], columns: {error: {abs: 0.01, reason: rounding}}}
+"""
+
+
+def test_claims_check_is_json(tmp_path, capsys):
+    (tmp_path / "claims.yaml").write_text(CLAIM)
+    (tmp_path / "figures.yaml").write_text(FIGURE)
+    (tmp_path / "table.csv").write_text("law,mu\npoisson,0.5\n")
+    (tmp_path / "present.json").write_text("{}")
+    given = {"ledger": "claims.yaml", "figures": "figures.yaml", "present": "present.json", "results": ""}
+    given |= {"expected": "expected.yaml", "stored": "stored"}
+    options = [word for name, file in given.items() for word in (f"--{name}", str(tmp_path / file))]
+    content = told(["claims", "check", "--scale", "quick", *options, "--json"], capsys, code=1)
+    assert content["counts"] == {"reproduced": 0, "deviates": 1, "data not present": 0, "error": 0}
+    (claim,) = content["claims"]
+    assert (claim["id"], claim["status"], claim["ours"]) == ("table_3_1.mu", "deviates", "0.5")
+    assert content["changes"][0]["expected"] == "" and content["changes"][0]["found"] == "deviates"
+    assert [row["status"] for row in content["figures"]] == ["error"]
+
+
+# --- figures ---
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    return listed_figures()
+
+
+def test_every_figure_has_a_caption_a_title_and_a_rule_that_makes_it(figures):
+    rules = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
+    for figure in figures:
+        number = figure.name
+        assert figure.title and not re.search(r"[*{}]|thesis\.", figure.title), number
+        for dataset in figure.files:
+            text = figure.caption_text(dataset)
+            assert "{%" not in text and "**" not in text and "``" not in text, number
+        assert f'"{number.removeprefix("table_").replace("_", "-")}"' in rules or number in rules, number
+
+
+def test_captions_are_those_of_the_figure_and_the_dataset(figures):
+    names = [figure.name for figure in figures]
+    assert names.index("3-8") < names.index("3-10") < names.index("4-1")
+    for name, caption in (("3-8", "figure_3_8"), ("paired", "jenga_paired"), ("hidden", "hidden_effects")):
+        assert find_figure(name, figures).caption.stem == caption
+    eight = find_figure("3-8", figures)
+    assert "Figure 3-8 of the thesis (drops)." in eight.caption_text("drops")
+    assert eight.caption_text("drops") != eight.caption_text("planar_dice").replace("planar_dice", "drops")
+
+
+@pytest.mark.parametrize("asked", ["3-8", "3.8", "Figure 3-8", "figure_3_8.png", "fig. 3.8"])
+def test_a_figure_is_found_by_any_of_its_names(asked, figures):
+    assert find_figure(asked, figures).name == "3-8"
+
+
+def test_an_unknown_figure_is_refused_with_those_that_are_alike(figures, capsys):
+    with pytest.raises(UserError, match=r"no figure '3-88'; did you mean 3-8"):
+        find_figure("3-88", figures)
+    assert main(["figures", "3-8", "--dataset", "moon"]) == 2
+    assert "it has planar_impact, planar_dice, drops" in capsys.readouterr().err
+
+
+def test_the_list_and_one_figure_as_text(figures, tmp_path, capsys):
+    made = tmp_path / "chapter3/drops/figure_3_8.png"
+    made.parent.mkdir(parents=True)
+    made.touch()
+    assert main(["figures", "--results", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    assert f"{tmp_path}/chapter3/{{planar_impact,planar_dice,drops}}/figure_3_8.png" in text
+    assert "not made yet: planar_impact, planar_dice\n" in text
+    assert main(["figures", "3-8", "--results", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    assert f"{made}\n    snakemake --cores 2 results/chapter3/drops/figure_3_8.png\n" in text
+    assert "of the thesis (drops)" in text  # the dataset whose picture is there
+
+
+def test_figures_outside_the_repository_say_where_to_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["figures"]) == 2
+    assert "root folder of the repository" in capsys.readouterr().err
+
+
+# --- terminal, pipe, Ctrl-C ---
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def coloured(monkeypatch):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+
+
+def test_colours_are_on_a_terminal_only_and_not_against_the_users_wish(coloured, monkeypatch):
+    for stream, environment, expected in (
+        (Terminal(), {}, "\x1b[1;31merror:\x1b[0m no error: here\n"),
+        (Terminal(), {"NO_COLOR": "1"}, "error: no error: here\n"),
+        (Terminal(), {"TERM": "dumb"}, "error: no error: here\n"),
+        (io.StringIO(), {}, "error: no error: here\n"),
+    ):
+        with monkeypatch.context() as patch:
+            for name, value in environment.items():
+                patch.setenv(name, value)
+            print("error:", "no error: here", file=TerminalStream(stream))
+        assert stream.getvalue() == expected
+
+
+def test_codes_of_strangers_do_not_reach_the_terminal(coloured):
+    stream = Terminal()
+    print("a\x1b[31m: adequate", file=TerminalStream(stream))
+    assert stream.getvalue() == "a\\x1b[31m: \x1b[1madequate\x1b[0m\n"
+
+
+@pytest.fixture
+def clock():
+    class Clock:
+        now = 0.0
+
+        def __call__(self) -> float:
+            return self.now
+
+    return Clock()
+
+
+def test_progress_on_a_terminal_is_one_line_with_the_time_left(clock, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with Progress("drops", stages={"fitting": 0.25}, clock=clock) as say:
+        say("loading")
+        clock.now = 10.0
+        say("fitting 6 laws")
+        assert say.line() == "drops: fitting 6 laws, 10 s; about 30 s left"
+        clock.now = 20.0
+        say("30 of 40 drops")
+        assert say.line() == "drops: 30 of 40 drops, 20 s; about 7 s left"
+        clock.now = 60.0  # longer than forecast: no forecast
+        assert say.line() == "drops: 30 of 40 drops, 60 s"
+    shown = sys.stderr.getvalue()
+    assert "\n" not in shown and "\rdrops: loading, 0 s\x1b[K" in shown and shown.endswith("\r\x1b[K")
+
+
+def test_progress_in_a_log_is_a_line_now_and_then(monkeypatch, capsys):
+    monkeypatch.setattr("thesis_lib.progress.EVERY_LOG", 0.05)
+    with Progress("drops") as say:
+        say("fitting")
+        assert capsys.readouterr().err == ""
+        time.sleep(0.5)
+    lines = capsys.readouterr().err.splitlines()
+    assert 1 <= len(lines) <= 10 and set(lines) <= {"drops: fitting, 0 s", "drops: fitting, 1 s"}
+    with Progress("drops", quiet=True) as say:
+        say("fitting")
+        time.sleep(0.1)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_closed_pipe_is_silent():
+    process = subprocess.Popen(
+        [*PROGRAM, "effects"], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    process.stdout.close()  # before anything is written
+    assert process.stderr.read() == ""
+    assert process.wait() == 0
+
+
+LONG = """
+import sys, time
+from thesis_lib.command_line import command
+from thesis_lib.progress import Progress
+
+@command
+def main(argv=None):
+    with Progress("drops") as say:
+        say("fitting")
+        time.sleep(60.0)
+
+sys.exit(main())
+"""
+
+
+def test_ctrl_c_on_a_terminal_is_one_line_and_130():
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", LONG], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=theirs
+    )
+    os.close(theirs)
+    said = b""
+    while b"fitting" not in said:
+        said += os.read(ours, 1000)
+    process.send_signal(signal.SIGINT)
+    while b"\n" not in said:
+        said += os.read(ours, 1000)
+    os.close(ours)
+    assert process.wait(60) == 130
+    assert said.endswith(b"\r\x1b[Kinterrupted\r\n") and b"Traceback" not in said
+
+
+def test_modules_are_commands_too(capsys):
+    """`python -m thesis_lib.datasets` is `python -m thesis_lib datasets`; so are claims, tables and figures."""
+    from thesis_lib import tables
+    from thesis_lib.claims.__main__ import main as claims
+    from thesis_lib.datasets.__main__ import main as datasets
+
+    for name, alone in (
+        ("tables", tables.main),
+        ("claims", claims),
+        ("datasets", datasets),
+        ("figures", figure_list.main),
+    ):
+        with pytest.raises(SystemExit):
+            alone(["--help"])
+        assert capsys.readouterr().out == help_of([name], capsys)
