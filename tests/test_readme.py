@@ -95,6 +95,40 @@ def test_named_physics_table_is_that_of_the_stored_figure():
         assert [float(x) for x in row] == pytest.approx(list(found), abs=0.0006)
 
 
+DICE_NAMES = {
+    "law alone": "law",
+    "law + wrench residual (the thesis's way)": "residual_wrench",
+    "the critique's law": "critique",
+    "contacts that take time": "compliant",
+    "the same + residual": "compliant_residual",
+}
+
+
+def test_dice_table_is_that_of_the_stored_run():
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice.csv").set_index(["model", "quantity"])[
+        "value"
+    ]
+    said = re.findall(r"^\| ([^|]+?) \| (\S+) ± (\S+) \| (\d+) % \| (\S+) \|$", FINDINGS, re.M)
+    assert [row[0] for row in said] == list(DICE_NAMES)
+    for name, mean, std, face, score in said:
+        own = stored[DICE_NAMES[name]]
+        found = [own["mean"], own["std"], own["face_right"], own["log_score"]]
+        numbers = [float(x.replace("−", "-")) for x in (mean, std, face, score)]
+        assert numbers == pytest.approx([*found[:2], 100 * found[2], found[3]], abs=0.5)
+        assert numbers[:2] == pytest.approx(found[:2], abs=0.0051)
+        assert numbers[3] == pytest.approx(found[3], abs=0.0051)
+
+
+def test_calibration_sentence_is_that_of_the_stored_run():
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice_calibration.csv")
+    own = stored[stored["model"] == "compliant_residual"].set_index(["kind", "level"])["coverage"]
+    said = re.search(
+        r"the measured end in (\d+), (\d+) and (\d+) % .*of single contacts they hold (\d+) %", FINDINGS, re.S
+    )
+    found = [own["roll", level] for level in (0.5, 0.8, 0.95)] + [own["contact", 0.95]]
+    assert [int(x) for x in said.groups()] == [round(100 * x) for x in found]
+
+
 STUDY_NAMES = {
     "HMA": "hma",
     "MOR": "mor",
