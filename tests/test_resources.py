@@ -115,5 +115,8 @@ class TestCommand:
         assert "holds no benchmarks" in capsys.readouterr().err
 
 
-def test_the_stored_plan_can_be_read():
-    assert read_measured(Path(__file__).resolve().parents[1] / MEASURED)
+def test_every_rule_of_the_stored_plan_was_measured():
+    plan = read_measured(Path(__file__).resolve().parents[1] / MEASURED)
+    assert plan
+    for rule, scales in plan.items():
+        assert {"peak_mb", "cpu_s"} <= set(scales["quick"]), rule
