@@ -37,7 +37,11 @@ POLICY_STYLE = {
 }
 COLUMNS = (48, 100, 136)  # points right of the bars of figure 5-6, at which its columns of text end
 PANELS_ACROSS = 4
-PHASES = {"exploration": ("0.72", "exploration"), "learned": ("#56B4E9", "learned")}
+# how bars look: also apart where colour is lost
+PHASES = {
+    "exploration": {"color": "0.72", "hatch": "////", "edgecolor": "white", "linewidth": 0},
+    "learned": {"color": "#56B4E9"},
+}
 
 
 def policy_style(name: str) -> tuple[str, object, str, str]:
@@ -183,20 +187,20 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
         top = y
         for action in success["action"].unique():
             ticks.append((y + 0.19, action))
-            for offset, (phase, (color, _)) in zip((0.0, 0.38), PHASES.items()):
+            for offset, (phase, look) in zip((0.0, 0.38), PHASES.items()):
                 one = success[
                     (success[["position", "action", "phase"]] == [position, action, phase]).all(axis=1)
                 ]
                 for row in one.itertuples():
-                    _success_row(ax, row, y + offset, color)
+                    _success_row(ax, row, y + offset, look)
             y += 1.0
         _aside(ax, 0.0, -46, 0.5 * (top + y) - 0.3, position, fontsize=8, fontweight="bold")
         ax.axhline(y - 0.16, color="0.85", linewidth=0.7)
         y += 0.3
     for name, place in zip(("successes", "95 %", "thesis"), COLUMNS):
         _aside(ax, 1.0, place, -0.6, name, color=GREY, fontsize=7)
-    for color, label in PHASES.values():
-        ax.barh([np.nan], [np.nan], color=color, label=label)
+    for phase, look in PHASES.items():
+        ax.barh([np.nan], [np.nan], label=phase, **look)
     ax.plot([], [], "D", color="#D55E00", markersize=3.5, label="thesis, real robot")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=3)
     ax.set_yticks([place for place, _ in ticks], [text for _, text in ticks])
@@ -217,22 +221,24 @@ def figure_movable(fractions: pd.DataFrame, threshold: float) -> Drawn:
     """
     figure = new_figure(height=2.5)
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
-    colors = {"development": "#0072B2", "test": "#D55E00"}
+    looks = {"development": ("#0072B2", "o", "-"), "test": ("#D55E00", "s", (0, (5, 1.5)))}
     for ax in (left, right):
         ax.axhspan(PUBLISHED_MOVABLE - TOLERANCE, PUBLISHED_MOVABLE + TOLERANCE, color="0.92", zorder=0)
         ax.axhline(PUBLISHED_MOVABLE, color=GREY, linewidth=0.8, zorder=0)
     grid = np.sort(fractions["threshold_mm"].unique())
     nearest = grid[np.abs(grid - threshold).argmin()]
     for i, (name, part) in enumerate(fractions.groupby("set", sort=True)):
-        color = colors[name]
+        color, marker, dash = looks[name]
         for _, tower in part.groupby("tower"):
             left.plot(tower["threshold_mm"], tower["share"], color=color, linewidth=0.5, alpha=0.35)
         mean = part.groupby("threshold_mm")["share"].mean()
         n = part["tower"].nunique()
-        left.plot(mean.index, mean, color=color, marker="o", label=f"{name}: mean of {n} towers")
+        left.plot(
+            mean.index, mean, color=color, marker=marker, linestyle=dash, label=f"{name}: mean of {n} towers"
+        )
         own = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
         across = np.linspace(-0.16, 0.16, len(own)) if len(own) > 1 else np.zeros(1)
-        right.plot(i + across, np.sort(own), "o", color=color, markersize=3, alpha=0.5)
+        right.plot(i + across, np.sort(own), marker, color=color, markersize=3, alpha=0.5)
         half = _half_interval(own)
         right.errorbar(i + 0.32, own.mean(), half, fmt="D", color=color, markersize=4, capsize=2)
         right.text(i + 0.38, own.mean() + 0.004, f" {100 * own.mean():.0f} %", fontsize=7, color=color)
@@ -278,9 +284,9 @@ def _beside(ax: Axes, marks: list[tuple[str, float, str]]) -> None:
         )
 
 
-def _success_row(ax: Axes, row: tuple, y: float, color: str) -> None:
+def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
     """One bar with its interval, its counts at the right and the thesis's number as a mark."""
-    ax.barh(y, 100 * np.nan_to_num(row.share), height=0.34, color=color)
+    ax.barh(y, 100 * np.nan_to_num(row.share), height=0.34, **look)
     if row.attempts > 0:
         ax.plot([100 * row.low, 100 * row.high], [y, y], color=INK, linewidth=0.8)
     if np.isfinite(row.published):
