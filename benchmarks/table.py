@@ -1,6 +1,8 @@
 """The README's table of all benchmarks, from the rows that they wrote.
 
-    python -m benchmarks.table [--write README.md] [FOLDER]
+    python -m benchmarks.table [FOLDER]                      # prints all rows
+    python -m benchmarks.table --write docs/benchmarks.md    # puts them there
+    python -m benchmarks.table --short --write README.md     # the rows that say most (SHORT)
 
 Reads FOLDER/*.csv (results/benchmarks by default) and prints Markdown, or replaces what stands between
 `<!-- benchmarks -->` and `<!-- /benchmarks -->` in a file.  The caption tells processor, cores and the day on which the
@@ -11,6 +13,7 @@ import argparse
 import datetime
 import os
 import platform
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +28,21 @@ FOLDER = Path(__file__).resolve().parent.parent / "results/benchmarks"
 BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"
 # in this order; others follow by name
 ORDER = ("laws", "engines", "bandwidth", "identification", "ensemble", "arcs", "critique", "hidden_effects")
+
+# what the README shows: whole matches of "benchmark: measure"
+SHORT = re.compile(
+    r"laws: .*batched( over (plain|array) loop)?"
+    r"|engines: (MuJoCo, rollout in C|Drake, discrete update from Python|anitescu.*one call an impact) / .*"
+    r"|bandwidth: (memory bandwidth.*|mirtich over the floor.*|anitescu_potra_newton over the floor.*)"
+    r"|identification: .*"
+    r"|ensemble: mirtich, .*: (CPU time over ours|misfit above the lowest)"
+    r"|arcs: .*(ours: error over|scikit-learn: error over|scipy: error over|scipy: CPU time over).*"
+    r"|hidden_effects: .*"
+    r"|critique: .*"
+    r"|gaussian_processes: .*"
+    r"|pipeline: chapter3.*(overhead|least)"
+    r"|growth: .*exponent.*"
+)
 
 
 def processor() -> str:
@@ -98,10 +116,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m benchmarks.table", description="Markdown table of all benchmarks."
     )
     parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
-    parser.add_argument("--write", type=Path, metavar="README.md", help="replace the table in this file")
+    parser.add_argument("--short", action="store_true", help="only the rows that say most")
+    parser.add_argument("--write", type=Path, metavar="FILE.md", help="replace the table in this file")
     given = parser.parse_args(arguments)
     try:
-        table = markdown(*read_rows(given.folder))
+        rows, day = read_rows(given.folder)
+        if given.short:
+            names = rows["benchmark"] + ": " + rows["measure"]
+            rows = rows[names.map(lambda name: SHORT.fullmatch(name) is not None)]
+        table = markdown(rows, day)
         if given.write is None:
             print(table)
             return 0

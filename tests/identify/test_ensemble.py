@@ -7,6 +7,7 @@ import pytest
 from known_truth import falling_ellipses, with_outcome
 
 from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.identify import ensemble
 from thesis_lib.identify.cost import misfit, misfit_table, target_of
 from thesis_lib.identify.ensemble import MU_MAX, TOLERANCE, _bootstrap_weights, cost_grid, fit_ensemble
 
@@ -135,6 +136,16 @@ class TestFailedSolves:
         fit = fit_ensemble(self.failing(target, -1.0), target, "impulse")
         assert fit.n_failed == 10 and fit.n == 40
         assert abs(fit.mu - MU) < EXACT
+
+    @pytest.mark.parametrize("cells", [1, 40 * 7, 40 * 440])
+    def test_the_grid_in_pieces_gives_the_same(self, rng, monkeypatch, cells):
+        target = target_of(falling_ellipses(rng, 40, law="mirtich", mu=MU, epsilon=EPSILON, noise=0.2))
+        failing = self.failing(target, MU + 0.1)
+        whole = fit_ensemble(failing, target, "impulse")
+        monkeypatch.setattr(ensemble, "CELLS", cells)
+        pieces = fit_ensemble(failing, target, "impulse")
+        assert (pieces.mu, pieces.epsilon) == (whole.mu, whole.epsilon)
+        assert pieces.cost == pytest.approx(whole.cost, rel=1e-12) and pieces.n_failed == whole.n_failed
 
     def test_they_do_not_make_parameters_attractive(self, rng):
         """Where a fourth has no solution, the sum over the others is smaller; it must not win."""

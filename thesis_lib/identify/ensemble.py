@@ -17,6 +17,7 @@ MU_MAX = (
     1.0  # own choice: three times the friction of an inclined-plane test; a fit that ends here is reported
 )
 GRID = 21  # points a side
+CELLS = 5_000_000  # of the table held at a time: 40 MB
 TOLERANCE = 1e-6  # width of the final box in μ and ε: far below any standard error
 
 
@@ -101,11 +102,7 @@ def _zoom(
     limits = low.copy(), high.copy()
     for _ in range(30):
         mu, epsilon = np.linspace(low[0], high[0], GRID), np.linspace(low[1], high[1], GRID)
-        table = misfit_table(law, target, np.repeat(mu, GRID), np.tile(epsilon, GRID), metric)
-        failed = np.isnan(table)
-        # an impact without a solution counts as its worst misfit on the grid: it must not reward a parameter
-        table = np.where(failed, np.nanmax(table), table) if failed.any() else table
-        costs = table @ weights
+        costs, failures = _costs(law, target, metric, np.repeat(mu, GRID), np.tile(epsilon, GRID), weights)
         best = np.argmin(costs, axis=0)
         points = np.stack([mu[best // GRID], epsilon[best % GRID]], axis=1)
         cell = (high - low) / (GRID - 1)
@@ -116,4 +113,27 @@ def _zoom(
         if np.all(high - low <= until) or shrunk:
             break
     first = best[0]
-    return points, float(costs[first, 0] / weights[:, 0].sum()), int(failed[first].sum())
+    return points, float(costs[first, 0] / weights[:, 0].sum()), int(failures[first])
+
+
+def _costs(
+    law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted misfits (G, B) at the points mu, epsilon (G,), and impacts without a solution at each (G,).
+
+    An impact without a solution counts as the worst misfit of all: it must not reward a parameter.
+    """
+    costs, failures = [], []
+    missing, worst = [], 0.0
+    rows = max(1, CELLS // len(target))
+    for start in range(0, len(mu), rows):
+        part = slice(start, start + rows)
+        table = misfit_table(law, target, mu[part], epsilon[part], metric)
+        failed = np.isnan(table)
+        failures.append(failed.sum(axis=1))
+        if failed.any():
+            worst = max(worst, float(np.nanmax(table)))
+            table = np.where(failed, 0.0, table)
+        missing.append(failed @ weights if failed.any() else np.zeros((len(table), weights.shape[1])))
+        costs.append(table @ weights)
+    return np.concatenate(costs) + worst * np.concatenate(missing), np.concatenate(failures)
