@@ -39,6 +39,7 @@ SHORT = re.compile(
     r"|arcs: .*(ours: error over|scikit-learn: error over|scipy: error over|scipy: CPU time over).*"
     r"|hidden_effects: .*"
     r"|critique: .*"
+    r"|batch: (datasets|bad datasets|right|mean memory, dataset's).*"
     r"|gaussian_processes: .*"
     r"|pipeline: chapter3.*(overhead|least)"
     r"|growth: .*exponent.*"
