@@ -40,4 +40,5 @@ rule all:
         rules.critique.input,
         rules.critique_proof.output,
         rules.claims.output,
+        rules.findings.output,
         rules.provenance.output,

@@ -29,6 +29,7 @@ examples:
   python -m thesis_lib figures --json | jq -r '.[].files[].path'
 """
 WIDTH = 100
+FOUND = re.compile(r"\*\*Found in this run:\*\*\s+\.\. include:: results/(\S+)")
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ class ListedFigure:
         text = re.sub(r" \(figure[^)]*\)", "", text)
         return textwrap.shorten(text[:1].upper() + text[1:], 90, placeholder=" …")
 
-    def caption_text(self, dataset: str) -> str:
-        """The caption as plain text, a paragraph a line; "…" where only a run knows the number."""
+    def caption_text(self, dataset: str, results: Path | None = None) -> str:
+        """The caption as plain text, a paragraph a line, with what a run found if it is in `results`."""
         import jinja2
 
         class Unknown(jinja2.ChainableUndefined):
@@ -67,6 +68,7 @@ class ListedFigure:
         source = self.caption.read_text(encoding="utf-8")
         told = {"snakemake": {"wildcards": {"dataset": dataset}}}
         text = jinja2.Environment(undefined=Unknown).from_string(source).render(told)
+        text = FOUND.sub(lambda include: _found(results, include[1]), text)
         paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip()]
         return "\n\n".join(re.sub(r"(\*\*?|``?)(\S(?:.*?\S)?)\1", r"\2", part) for part in paragraphs)
 
@@ -116,6 +118,13 @@ def _caption(name: str) -> Path:
     raise UserError(f"{CAPTIONS} has no caption for {name}; write {paths[0]}.")
 
 
+def _found(results: Path | None, file: str) -> str:
+    """The finding that a caption includes; nothing where no run has made it."""
+    if results is None or not (results / file).is_file():
+        return ""
+    return f"Found in this run: {(results / file).read_text(encoding='utf-8')}"
+
+
 def _order(figure: ListedFigure) -> tuple:
     found = re.match(r"\d+-(\d+)(\w?)$", figure.name)
     return (figure.chapter, not found, int(found[1]) if found else 0, found[2] if found else figure.name)
@@ -148,7 +157,7 @@ def as_dictionary(figure: ListedFigure, results: Path) -> dict:
             {"dataset": dataset or None, "path": str(results / path), "made": (results / path).is_file()}
             for dataset, path in figure.files.items()
         ],
-        "caption": {dataset or "": figure.caption_text(dataset) for dataset in figure.files},
+        "caption": {dataset or "": figure.caption_text(dataset, results) for dataset in figure.files},
         "command": f"snakemake --cores 2 {' '.join(f'results/{path}' for path in figure.files.values())}",
     }
 
@@ -176,7 +185,7 @@ def figure_text(figure: ListedFigure, results: Path, dataset: str) -> str:
         lines.append(f"{results / path}{'' if (results / path).is_file() else '   not made yet'}")
         lines.append(f"    snakemake --cores 2 results/{path}")
     lines.append("beside each picture: the same as .pdf, its numbers as .csv")
-    for text in figure.caption_text(dataset).split("\n\n"):
+    for text in figure.caption_text(dataset, results).split("\n\n"):
         lines += ["", *textwrap.wrap(text, WIDTH)]
     return "\n".join(lines)
 

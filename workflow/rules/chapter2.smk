@@ -16,6 +16,8 @@ CH2_CLAIMED = [
     )
 ]  # what the ledger reads
 
+CH2_FOUND = [f"{CH2}/{name}.txt" for name in chapter2.FINDINGS]
+
 
 rule ch2_schematics:
     output:
@@ -373,6 +375,27 @@ rule ch2_hidden:
         "../scripts/ch2_hidden.py"
 
 
+rule ch2_findings:
+    input:
+        read_from(FINDINGS, CH2_FOUND),
+    output:
+        CH2_FOUND,
+    log:
+        "results/logs/ch2_findings.log",
+    benchmark:
+        "results/logs/benchmarks/ch2_findings.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("ch2_findings"),
+    params:
+        lib=code_of("findings"),
+    message:
+        "Chapter 2: what its figures and tables show"
+    script:
+        "../scripts/findings.py"
+
+
 rule chapter2:
     input:
         rules.ch2_hidden.output,
@@ -385,3 +408,4 @@ rule chapter2:
         rules.ch2_identifiability.output,
         rules.ch2_gather.output,
         rules.ch2_table_2_1.output,
+        rules.ch2_findings.output,

@@ -12,6 +12,17 @@ CH3_TABLES = {
 CH3_COMMON = "results/chapter3/common"
 CH3_WITH_TRAJECTORIES = [name for name in CH3_DATASETS if DATASETS[name].has_trajectories]
 
+CH3_FOUND = [
+    f"results/chapter3/{where}/{name}.txt"
+    for folders, findings in (
+        (["common"], chapter3.COMMON),
+        (CH3_WITH_TRAJECTORIES, chapter3.TRACKED),
+        (CH3_DATASETS, chapter3.EVERY),
+    )
+    for where in folders
+    for name in findings
+]
+
 
 rule ch3_identify:
     input:
@@ -196,6 +207,27 @@ rule ch3_figures:
         "../scripts/ch3_figures.py"
 
 
+rule ch3_findings:
+    input:
+        read_from(FINDINGS, CH3_FOUND),
+    output:
+        CH3_FOUND,
+    log:
+        "results/logs/ch3_findings.log",
+    benchmark:
+        "results/logs/benchmarks/ch3_findings.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("ch3_findings"),
+    params:
+        lib=code_of("findings"),
+    message:
+        "Chapter 3: what its figures and tables show"
+    script:
+        "../scripts/findings.py"
+
+
 rule chapter3:
     input:
         rules.ch3_published.output if "planar_impact" in CH3_DATASETS else [],
@@ -203,3 +235,4 @@ rule chapter3:
         expand(f"{CH3_COMMON}/figure_3_{{number}}.png", number=(1, 2, 3)),
         expand(f"{CH3}/figure_3_{{number}}.png", dataset=CH3_WITH_TRAJECTORIES, number=(5, 6)),
         expand(f"{CH3}/figure_3_{{number}}.png", dataset=CH3_DATASETS, number=range(7, 12)),
+        rules.ch3_findings.output,

@@ -25,6 +25,17 @@ CH4_DICE_FIGURES = {
 }
 CH4_LEARNED = ("curves", "errors", "summary", "convergence", "ratios")
 
+CH4_FOUND = [
+    f"results/chapter4/{dataset}/{name}.txt"
+    for datasets, findings in (
+        (CH4_DATASETS, chapter4.LEARNED),
+        (CH4_CRITICISED, chapter4.NAMED),
+        (CH4_DICE, chapter4.THROWN),
+    )
+    for dataset in datasets
+    for name in findings
+]
+
 
 rule ch4_schematics:
     output:
@@ -207,9 +218,31 @@ rule ch4_dice:
         "../scripts/ch4_dice.py"
 
 
+rule ch4_findings:
+    input:
+        read_from(FINDINGS, CH4_FOUND),
+    output:
+        CH4_FOUND,
+    log:
+        "results/logs/ch4_findings.log",
+    benchmark:
+        "results/logs/benchmarks/ch4_findings.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("ch4_findings"),
+    params:
+        lib=code_of("findings"),
+    message:
+        "Chapter 4: what its figures and tables show"
+    script:
+        "../scripts/findings.py"
+
+
 rule chapter4:
     input:
         rules.ch4_schematics.output,
         expand(f"{CH4}/figure_4_{{number}}.png", dataset=CH4_DATASETS, number=(5, 6)),
         expand(f"{CH4}/figure_named_physics.png", dataset=CH4_CRITICISED),
         expand(f"{CH4}/dice.csv", dataset=CH4_DICE),
+        rules.ch4_findings.output,

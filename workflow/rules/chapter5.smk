@@ -252,6 +252,27 @@ rule ch5_hidden:
         "../scripts/ch5_hidden.py"
 
 
+rule ch5_findings:
+    input:
+        read_from(FINDINGS, CH5_FOUND),
+    output:
+        CH5_FOUND,
+    log:
+        "results/logs/ch5_findings.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_findings.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_findings"),
+    params:
+        lib=code_of("findings"),
+    message:
+        "Chapter 5: what its figures and tables show"
+    script:
+        "../scripts/findings.py"
+
+
 rule chapter5:
     input:
         rules.ch5_diagrams.output,
@@ -260,3 +281,4 @@ rule chapter5:
         rules.ch5_model.output,
         rules.ch5_showcase.output,
         rules.ch5_hidden.output,
+        rules.ch5_findings.output,

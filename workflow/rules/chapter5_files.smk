@@ -37,6 +37,7 @@ CH5_CLAIMED = [
     )
 ]
 CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
+CH5_FOUND = [f"{CH5}/{name}.txt" for name in chapter5.FINDINGS]
 
 
 def ch5_learned_from(wildcards):

@@ -7,6 +7,8 @@ CLAIM_TABLES = [*CH2_CLAIMED, *CH4_CLAIMED, *CH5_CLAIMED] + [
 if "planar_impact" in CH3_DATASETS:
     CLAIM_TABLES += rules.ch3_published.output
 
+OTHER_FOUND = ["results/critique/proof/proof.txt", "results/claims.txt"]
+
 
 rule claims:
     input:
@@ -39,6 +41,27 @@ rule claims:
         "Comparing the results with what the thesis states"
     script:
         "../scripts/claims.py"
+
+
+rule findings:
+    input:
+        read_from(FINDINGS, OTHER_FOUND),
+    output:
+        OTHER_FOUND,
+    log:
+        "results/logs/findings.log",
+    benchmark:
+        "results/logs/benchmarks/findings.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("findings"),
+    params:
+        lib=code_of("findings"),
+    message:
+        "What the proof of the critique and the claims ledger show"
+    script:
+        "../scripts/findings.py"
 
 
 rule provenance:

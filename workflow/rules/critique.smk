@@ -3,6 +3,8 @@ from thesis_lib.provenance import folder_sha256
 
 CRITIQUE_DATASETS = [name for name in CONFIG.critique.datasets if DATASETS[name].present]
 
+CRITIQUE_FOUND = [f"results/critique/{name}/verdict.txt" for name in CRITIQUE_DATASETS]
+
 
 rule critique_dataset:
     input:
@@ -37,9 +39,31 @@ rule critique_dataset:
         "../scripts/critique.py"
 
 
+rule critique_findings:
+    input:
+        read_from(FINDINGS, CRITIQUE_FOUND),
+    output:
+        CRITIQUE_FOUND,
+    log:
+        "results/logs/critique_findings.log",
+    benchmark:
+        "results/logs/benchmarks/critique_findings.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("critique_findings"),
+    params:
+        lib=code_of("findings"),
+    message:
+        "Critique: what it found in each dataset"
+    script:
+        "../scripts/findings.py"
+
+
 rule critique:
     input:
         expand("results/critique/{dataset}/report.html", dataset=CRITIQUE_DATASETS),
+        rules.critique_findings.output,
 
 
 PROOF = "results/critique/proof"
