@@ -51,7 +51,7 @@ test-fuzz: setup  ## read 10,000 spoilt inputs (INPUTS, SEED): nothing but resul
 test-kill: setup  ## stop a one-minute pipeline at 20 random moments, in seven ways, and compare the results
 	$(BIN)/python -m tests.workflow.interruption --kills 20
 
-test-slurm: setup  ## run chapter 3 on a real Slurm of two nodes, one of which dies (root; apt: slurm-wlm, munge)
+test-slurm: setup  ## the quick pipeline on a real Slurm of two nodes, one of which dies (root; apt: slurm-wlm, munge)
 	TEST_SLURM=1 $(BIN)/python -m pytest -s tests/slurm
 
 BENCHMARKS := laws engines bandwidth identification ensemble arcs simulators programs critique hidden_effects \

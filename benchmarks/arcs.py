@@ -1,6 +1,6 @@
 """m/I of single drops: arc maximum likelihood against the Cramér-Rao bound, scipy and scikit-learn.
 
-    python -m benchmarks.arcs [--drops 40] [--snr 30] [--quick] [-o FILE.csv]
+    python -m benchmarks.arcs [--drops 160] [--snr 30] [--quick] [-o FILE.csv]
 
 Drops of block and ellipse as in Table 2.1, with noise on every position and velocity.
 
@@ -19,7 +19,7 @@ import time
 
 import numpy as np
 
-from benchmarks.results import Results, parser
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.identify.arcs_ml import EstimateStatus, estimate_ratio
 from thesis_lib.identify.cramer_rao import TrueImpacts, ratio_bound
 from thesis_lib.identify.table_2_1 import make_drops
@@ -80,9 +80,8 @@ def least_squares(
             q = q + h * later * dv
         return np.concatenate([(noisy.q - q) / noisy.sigma[0], (noisy.v - v) / noisy.sigma[1]]).ravel()
 
-    first = slice(
-        0, min(steps[0] + 1, SIDE)
-    )  # free flight: pose and velocity at the start from several samples
+    # free flight: pose and velocity at the start from several samples
+    first = slice(0, min(steps[0] + 1, SIDE))
     v0 = (noisy.v - count * free)[first].mean(axis=0)
     q0 = (noisy.q - h * (count * v0 + 0.5 * count * (count + 1) * free))[first].mean(axis=0)
     impulses = changes(body, h, noisy, steps)[:, :2]
@@ -141,15 +140,17 @@ def measure(shape: str, n: int, snr: float, results: Results) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    options = parser("arcs", "m/I of single drops against the Cramér-Rao bound, scipy and scikit-learn.")
-    options.add_argument("--drops", type=int, default=40, help="of each shape (40)")
-    options.add_argument("--snr", type=float, default=30.0, help="dB (30)")
-    given = options.parse_args(arguments)
+    parser = benchmark_parser(
+        "arcs", "m/I of single drops against the Cramér-Rao bound, scipy and scikit-learn."
+    )
+    parser.add_argument("--drops", type=int, default=160, help="of each shape (160)")
+    parser.add_argument("--snr", type=float, default=30.0, help="dB (30)")
+    options = parser.parse_args(arguments)
     results = Results("arcs")
     print(f"{'':23s}{'rms/bound':>10s}{'median':>12s}{'ms a drop':>12s}")
     for shape in SHAPES:
-        measure(shape, 3 if given.quick else given.drops, given.snr, results)
-    results.write(given.out)
+        measure(shape, 3 if options.quick else options.drops, options.snr, results)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ Source: J. McCalpin, Memory bandwidth and machine balance, IEEE TCCA Newsletter 
 
 import numpy as np
 
-from benchmarks.laws import BODY, PARAMETERS, falling_ellipses
-from benchmarks.results import Results, alternately, parser
+from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses
+from benchmarks.results import Results, alternately, benchmark_parser
 from thesis_lib.contact import LAWS, SIX_LAWS
 
 BYTES = 8 * (3 + 2 + 3 + 2) + 1  # v_pre, r, v_post, impulse; status is one byte
@@ -32,7 +32,7 @@ def measure(n: int, triad: int, rounds: int, results: Results) -> None:
     calls = {"triad": stream}
     sizes = {"large": n, "in cache": min(n, IN_CACHE)}
     for where, size in sizes.items():
-        v_pre, r = falling_ellipses(np.random.default_rng(0), size)
+        _, v_pre, r = falling_ellipses(np.random.default_rng(0), size)
         for name in SIX_LAWS:
             calls[f"{name} {where}"] = lambda law=LAWS[name], v_pre=v_pre, r=r: law(
                 v_pre, r, **BODY, **PARAMETERS
@@ -58,16 +58,16 @@ def measure(n: int, triad: int, rounds: int, results: Results) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    options = parser("bandwidth", "The impact laws against the machine's memory bandwidth.")
-    options.add_argument("-n", type=int, default=1_000_000, metavar="IMPACTS")
-    options.add_argument("--rounds", type=int, default=7)
-    given = options.parse_args(arguments)
-    n, triad, rounds = (20_000, 1 << 20, 2) if given.quick else (given.n, TRIAD, given.rounds)
+    parser = benchmark_parser("bandwidth", "The impact laws against the machine's memory bandwidth.")
+    parser.add_argument("-n", type=int, default=1_000_000, metavar="IMPACTS")
+    parser.add_argument("--rounds", type=int, default=7)
+    options = parser.parse_args(arguments)
+    n, triad, rounds = (20_000, 1 << 20, 2) if options.quick else (options.n, TRIAD, options.rounds)
     if n < 1 or rounds < 1:
-        options.error("IMPACTS and --rounds must be at least 1")
+        parser.error("IMPACTS and --rounds must be at least 1")
     results = Results("bandwidth")
     measure(n, triad, rounds, results)
-    results.write(given.out)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.results import Results, parser
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.critique.batch import criticise_folder, run_batch
 from thesis_lib.critique.isolated import MIB
 
@@ -141,27 +141,27 @@ def _resident() -> float:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    options = parser("batch", "Throughput and memory of the critique of many datasets.")
-    options.add_argument("--datasets", type=int, default=100, help="good ones; default: %(default)s")
-    options.add_argument("--drops", type=int, default=300, help="of each; default: %(default)s")
-    options.add_argument(
+    parser = benchmark_parser("batch", "Throughput and memory of the critique of many datasets.")
+    parser.add_argument("--datasets", type=int, default=100, help="good ones; default: %(default)s")
+    parser.add_argument("--drops", type=int, default=300, help="of each; default: %(default)s")
+    parser.add_argument(
         "--jobs", type=int, default=len(os.sched_getaffinity(0)), help="default: number of cores"
     )
-    options.add_argument("--time-limit", type=float, default=900.0, help="s a dataset; default: %(default)g")
-    options.add_argument(
+    parser.add_argument("--time-limit", type=float, default=900.0, help="s a dataset; default: %(default)g")
+    parser.add_argument(
         "--keep", type=Path, metavar="DIR", help="folder for data and results, to look at and to go on"
     )
-    given = options.parse_args(arguments)
-    if given.quick:
-        given.datasets, given.drops, given.time_limit = 2, 40, min(given.time_limit, 120.0)
+    options = parser.parse_args(arguments)
+    if options.quick:
+        options.datasets, options.drops, options.time_limit = 2, 40, min(options.time_limit, 120.0)
     with tempfile.TemporaryDirectory() as folder:
-        place = given.keep or Path(folder)
-        results = measure(place, given.datasets, given.drops, given.jobs, given.time_limit)
+        place = options.keep or Path(folder)
+        results = measure(place, options.datasets, options.drops, options.jobs, options.time_limit)
     print()
     for row in results.rows:
         unit = "" if row["unit"] == "1" else row["unit"]
         print(f"{row['measure']:44s}{row['value']:>10g} {unit:6s} {row['note']}")
-    results.write(given.out)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,7 @@ import time
 
 import numpy as np
 
-from benchmarks.results import Results
-from benchmarks.results import parser as benchmark_parser
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.impacts import Impacts

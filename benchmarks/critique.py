@@ -6,15 +6,13 @@ Counts user and system time of `python -m thesis_lib critique` as a whole, start
 """
 
 import json
-import os
 import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.results import Results
-from benchmarks.results import parser as benchmark_parser
+from benchmarks.results import Results, benchmark_parser
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -27,9 +25,9 @@ def measure(hidden: str, drops: int) -> dict[str, float | str]:
     """
     with tempfile.TemporaryDirectory() as folder:
         data, out = f"{folder}/example", f"{folder}/critique"
-        _run("thesis_lib.datasets", "example", "-o", data, "--hidden", hidden, "--drops", str(drops))
+        _run("datasets", "example", "-o", data, "--hidden", hidden, "--drops", str(drops))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        _run("thesis_lib", "critique", data, "-o", out, "-q")
+        _run("critique", data, "-o", out, "-q")
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         diagnosis = json.loads(Path(out, "diagnosis.json").read_text(encoding="utf-8"))
     return {
@@ -40,10 +38,9 @@ def measure(hidden: str, drops: int) -> dict[str, float | str]:
     }
 
 
-def _run(module: str, *arguments: str) -> None:
-    one_core = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", module, *arguments]
-    done = subprocess.run(command, cwd=ROOT, env=os.environ | one_core, capture_output=True, text=True)
+def _run(*arguments: str) -> None:
+    command = [sys.executable, "-m", "thesis_lib", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr[-3000:]}")
 

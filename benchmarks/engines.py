@@ -22,12 +22,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.laws import BODY, PARAMETERS
-from benchmarks.results import Results, alternately, parser, ratio
-from thesis_lib.bodies.shapes import Ellipse
+from benchmarks.impacts import AXES, BODY, PARAMETERS, falling_ellipses
+from benchmarks.results import Results, alternately, benchmark_parser, ratio
 from thesis_lib.contact import LAWS
 
-AXES = (0.035, 0.025)  # m
 DEPTH = 1e-5  # m by which the body is in the plane, so that every engine sees the contact
 STEP = 1e-3  # s
 LAW_NAMES = ("anitescu_potra_newton", "mirtich")  # the engines' kind of law; the slowest of ours
@@ -42,11 +40,8 @@ INCLUDES = {
 
 def states(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Poses q (n, 3) on the plane y = 0, velocities (n, 3) that approach it, contact points (n, 2)."""
-    theta = rng.uniform(-np.pi, np.pi, n)
-    r = Ellipse(semi_axes=AXES).contact_point(theta)
+    theta, v, r = falling_ellipses(rng, n)
     q = np.stack([np.zeros(n), -r[:, 1] - DEPTH, theta], axis=1)
-    v = rng.normal([0.0, -2.5, 0.0], [0.6, 0.2, 12.0], (n, 3))
-    v[v[:, 1] + r[:, 0] * v[:, 2] >= 0.0, 2] = 0.0
     return q, v, r
 
 
@@ -172,16 +167,16 @@ def measure(n: int, rounds: int, seconds: float, results: Results) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    options = parser("engines", "One impact by our laws against one step of MuJoCo and of Drake.")
-    options.add_argument("-n", type=int, default=500, metavar="STATES", help="states for the engines (500)")
-    options.add_argument("--rounds", type=int, default=7)
-    given = options.parse_args(arguments)
-    n, rounds, seconds = (20, 2, 0.0) if given.quick else (given.n, given.rounds, 0.1)
+    parser = benchmark_parser("engines", "One impact by our laws against one step of MuJoCo and of Drake.")
+    parser.add_argument("-n", type=int, default=500, metavar="STATES", help="states for the engines (500)")
+    parser.add_argument("--rounds", type=int, default=7)
+    options = parser.parse_args(arguments)
+    n, rounds, seconds = (20, 2, 0.0) if options.quick else (options.n, options.rounds, 0.1)
     if n < 1 or rounds < 1:
-        options.error("STATES and --rounds must be at least 1")
+        parser.error("STATES and --rounds must be at least 1")
     results = Results("engines")
     measure(n, rounds, seconds, results)
-    results.write(given.out)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

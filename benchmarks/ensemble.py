@@ -14,12 +14,12 @@ CPU time over ours, and by how much the misfit reached lies above the lowest of 
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.identification import SEARCH, START, measured_impacts, simulated_impacts
-from benchmarks.results import Results, parser
+from benchmarks.identification import START
+from benchmarks.impacts import add_impact_options, chosen_impacts
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.law import Law
 from thesis_lib.identify.cost import Target, misfit, target_of
@@ -115,22 +115,21 @@ def measure(name: str, target: Target, rounds: int, results: Results) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    options = parser("ensemble", "One (μ, ε) for many impacts: ours, scipy, scikit-learn.")
-    options.add_argument("--data", type=Path, nargs="*", default=SEARCH, metavar="DIR")
-    options.add_argument("-n", type=int, default=1718, help="impacts, at most (1718)")
-    options.add_argument("--laws", nargs="+", default=list(COMPARED), choices=list(LAWS), metavar="NAME")
-    options.add_argument("--rounds", type=int, default=3)
-    given = options.parse_args(arguments)
-    rng = np.random.default_rng(0)
-    measured = None if given.quick else measured_impacts(tuple(given.data))
-    impacts = simulated_impacts(rng, 50 if given.quick else given.n) if measured is None else measured
-    target = target_of(impacts.select(np.arange(min(given.n, len(impacts)))))
-    print(f"{len(target)} {'simulated' if measured is None else 'measured'} impacts, one core")
+    parser = benchmark_parser("ensemble", "One (μ, ε) for many impacts: ours, scipy, scikit-learn.")
+    add_impact_options(parser, 1718)
+    parser.add_argument("--laws", nargs="+", default=list(COMPARED), choices=list(LAWS), metavar="NAME")
+    parser.add_argument("--rounds", type=int, default=3)
+    options = parser.parse_args(arguments)
+    if options.quick:
+        options.n, options.simulated, options.laws, options.rounds = 50, True, options.laws[:1], 1
+    impacts, source = chosen_impacts(parser, options, np.random.default_rng(0))
+    target = target_of(impacts.select(np.arange(len(impacts))[: options.n]))
+    print(f"{len(target)} {source} impacts, one core")
     print(f"{'':56s}{'CPU s':>9s}{'/ ours':>9s}{'excess ‰':>12s}")
     results = Results("ensemble")
-    for name in given.laws[:1] if given.quick else given.laws:
-        measure(name, target, 1 if given.quick else given.rounds, results)
-    results.write(given.out)
+    for name in options.laws:
+        measure(name, target, options.rounds, results)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

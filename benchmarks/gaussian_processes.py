@@ -7,8 +7,8 @@ X1 of N impacts (the measured planar impacts if they are here, else simulated on
 likelihood on the same standardised data.  CPU seconds on one core, the log marginal likelihood reached (sum over the
 outputs, nats), and the least for any output that another method reached above it (`behind`).
 
-- ours: L-BFGS-B on the written-out gradient, S starts; without priors and robust rounds, so that
-  all climb the same hill;
+- ours: L-BFGS-B on the written-out gradient, S starts; without priors and robust rounds, so that all climb the same
+  hill;
 - scikit-learn: GaussianProcessRegressor with S starts, its own L-BFGS-B and gradient;
 - GPyTorch: ExactGP with automatic differentiation and Adam at a rate of 0.1, 100 steps, one start, all outputs in one
   batch: the way of its own tutorial.
@@ -17,18 +17,13 @@ outputs, nats), and the least for any output that another method reached above i
 import time
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
-from benchmarks.identification import SEARCH, measured_impacts, simulated_impacts
-from benchmarks.results import Results
-from benchmarks.results import parser as benchmark_parser
+from benchmarks.impacts import add_impact_options, chosen_impacts
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.residual.features import features, impulse_of
-from thesis_lib.residual.gaussian_process import (
-    GaussianProcessSettings,
-    fit_gaussian_process,
-)
+from thesis_lib.residual.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.marginal_likelihood import BOUNDS
 
 STEPS, RATE = 100, 0.1
@@ -108,16 +103,15 @@ def measure(x: np.ndarray, y: np.ndarray, starts: int) -> dict[str, dict[str, fl
 
 def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser("gaussian_processes", "Training of Gaussian processes.")
-    parser.add_argument("--data", type=Path, nargs="*", default=SEARCH, metavar="DIR")
-    parser.add_argument("-n", type=int, default=450, help="impacts")
+    add_impact_options(parser, 450)
     parser.add_argument("--starts", type=int, default=2)
     options = parser.parse_args(arguments)
     rng = np.random.default_rng(0)
     if options.quick:
-        options.n, options.starts = 30, 1
-    found = None if options.quick else measured_impacts(tuple(options.data))
-    impacts = simulated_impacts(rng, options.n) if found is None else found.sample(options.n, rng)
-    print(f"{len(impacts)} {'simulated' if found is None else 'measured'} impacts, {options.starts} starts")
+        options.n, options.simulated, options.starts = 30, True, 1
+    impacts, source = chosen_impacts(parser, options, rng)
+    impacts = impacts.sample(options.n, rng)
+    print(f"{len(impacts)} {source} impacts, {options.starts} starts")
     x, y = features(impacts, "X1"), impulse_of(impacts.dv, impacts, wrench=True)
     x, y = ((a - a.mean(axis=0)) / a.std(axis=0) for a in (x, y))
     with warnings.catch_warnings():

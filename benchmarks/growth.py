@@ -19,9 +19,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from benchmarks.identification import simulated_impacts
-from benchmarks.laws import BODY, PARAMETERS, falling_ellipses
-from benchmarks.results import Results, parser
+from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses, simulated_impacts
+from benchmarks.results import Results, benchmark_parser, exponent
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.identify.cost import target_of
@@ -38,15 +37,6 @@ def sizes(largest: int) -> list[int]:
     return [round(n) for n in 10.0 ** np.arange(2.0, np.log10(largest) + 1e-9, 0.5)]
 
 
-def exponent(n: Sequence[float], seconds: Sequence[float]) -> tuple[float, float]:
-    """Exponent p of seconds = a nᵖ, and half of its 95 % interval (NaN for two points)."""
-    from scipy.stats import linregress, t
-
-    line = linregress(np.log(n), np.log(seconds))
-    freedom = len(n) - 2
-    return float(line.slope), float(t.ppf(0.975, freedom) * line.stderr) if freedom > 0 else np.nan
-
-
 def cpu_of(call: Callable[[], object], seconds: float) -> float:
     """Median CPU seconds of a call, repeated for `seconds` in all."""
     taken: list[float] = []
@@ -59,7 +49,7 @@ def cpu_of(call: Callable[[], object], seconds: float) -> float:
 
 def law_calls(n: int) -> Callable[[], object]:
     """All six laws on n impacts."""
-    v_pre, r = falling_ellipses(np.random.default_rng(0), n)
+    _, v_pre, r = falling_ellipses(np.random.default_rng(0), n)
 
     def call() -> None:
         for name in SIX_LAWS:
@@ -117,23 +107,23 @@ def measure(
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    options = parser("growth", "Growth of the cost with the number of drops.")
-    options.add_argument("--largest", type=int, default=1_000_000, help="impacts (1000000)")
-    options.add_argument("--critique", type=int, nargs="+", default=[50, 100, 200, 400], metavar="DROPS")
-    given = options.parse_args(arguments)
-    if given.largest < 100 or min(given.critique) < 30:
-        options.error("at least 100 impacts, and 30 drops for the critique")
-    largest, seconds = (1_000, 0.0) if given.quick else (given.largest, SECONDS)
+    parser = benchmark_parser("growth", "Growth of the cost with the number of drops.")
+    parser.add_argument("--largest", type=int, default=1_000_000, help="impacts (1000000)")
+    parser.add_argument("--critique", type=int, nargs="+", default=[50, 100, 200, 400], metavar="DROPS")
+    options = parser.parse_args(arguments)
+    if options.largest < 100 or min(options.critique) < 30:
+        parser.error("at least 100 impacts, and 30 drops for the critique")
+    largest, seconds = (1_000, 0.0) if options.quick else (options.largest, SECONDS)
     results = Results("growth")
     for name, make in (("laws", law_calls), ("comparison", comparison)):
         measure(name, make, sizes(largest), seconds, results)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         results.add(f"{name}, peak memory", peak, "GB", f"of the process, up to {largest:,} impacts")
-    if not given.quick:
-        measure("critique", critique, given.critique, seconds, results)
-        largest = max(given.critique)
+    if not options.quick:
+        measure("critique", critique, options.critique, seconds, results)
+        largest = max(options.critique)
         results.add("critique, largest n", largest, "drops", "more would take minutes (10⁴) to days (10⁶)")
-    results.write(given.out)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

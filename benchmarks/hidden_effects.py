@@ -27,7 +27,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks.baselines import Trained, gaussian_process, sindy
-from benchmarks.results import Results, parser
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique import criticise
 from thesis_lib.critique.criticise import Critique
@@ -176,26 +176,28 @@ def summarise(found: dict[str, dict[str, list[Found]]], results: Results) -> Non
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    options = parser("hidden_effects", "Critique, PySINDy and Gaussian processes on the same hidden effects.")
-    options.add_argument("--causes", nargs="+", default=list(CAUSES), metavar="NAME")
-    options.add_argument("--seeds", type=int, default=2, help="datasets of each cause, and of nothing (2)")
-    options.add_argument("--drops", type=int, default=100)
-    given = options.parse_args(arguments)
-    if given.quick:
-        given.causes, given.seeds, given.drops = ["linear_drag"], 1, 30
+    parser = benchmark_parser(
+        "hidden_effects", "Critique, PySINDy and Gaussian processes on the same hidden effects."
+    )
+    parser.add_argument("--causes", nargs="+", default=list(CAUSES), metavar="NAME")
+    parser.add_argument("--seeds", type=int, default=2, help="datasets of each cause, and of nothing (2)")
+    parser.add_argument("--drops", type=int, default=100)
+    options = parser.parse_args(arguments)
+    if options.quick:
+        options.causes, options.seeds, options.drops = ["linear_drag"], 1, 30
     results = Results("hidden_effects")
     if not find_spec("pysindy"):
         note = "not installed: pip install -r benchmarks/requirements.txt"
         results.add("SINDy", np.nan, "1", note)
         print(f"PySINDy is {note}")
-    truths = given.causes if given.quick else [*given.causes, NOTHING]
+    truths = options.causes if options.quick else [*options.causes, NOTHING]
     found: dict[str, dict[str, list[Found]]] = {}
     for truth in truths:
-        for seed in range(SEED, SEED + given.seeds):
-            for method, one in compare(Case("mechanism", truth, seed, given.drops)).items():
+        for seed in range(SEED, SEED + options.seeds):
+            for method, one in compare(Case("mechanism", truth, seed, options.drops)).items():
                 found.setdefault(truth, {}).setdefault(method, []).append(one)
     summarise(found, results)
-    results.write(given.out)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

@@ -10,53 +10,20 @@ impacts of the sample in which one ends with an error above the other's by more 
 """
 
 import time
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.laws import BODY, falling_ellipses
-from benchmarks.results import Results
-from benchmarks.results import parser as benchmark_parser
+from benchmarks.impacts import add_impact_options, chosen_impacts
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.errors import UserError
 from thesis_lib.identify.cost import Target, misfit, target_of
 from thesis_lib.identify.individual import MU_MAX, fit_individual
 
-ROOT = Path(__file__).resolve().parent.parent
-SEARCH = (ROOT / "data/measured", ROOT.parent / "shared/data")
 ROUNDS = 3
 START = (0.1, 0.55)  # near the ensemble's parameters
 DIFFERENCE = 1e-6  # N s: a hundredth of the tolerance of table 3.2
-
-
-def simulated_impacts(rng: np.random.Generator, n: int) -> Impacts:
-    """n impacts like the experiment's: Wang-Mason with scattered (μ, ε) and noise."""
-    v_pre, r = falling_ellipses(rng, n)
-    mu, epsilon = rng.uniform(0.0, 0.25, n), rng.uniform(0.3, 0.8, n)
-    v_post = LAWS["wang_mason"](v_pre, r, **BODY, mu=mu, epsilon=epsilon).v_post
-    v_post += 0.05 * rng.standard_normal((n, 3)) / [1.0, 1.0, BODY["k_g"]]
-    rows, q = np.arange(n), np.zeros((n, 3))
-    return Impacts(rows, np.zeros(n, int), q, v_pre, v_post, r, BODY["k_g"], BODY["mass"])
-
-
-def measured_impacts(folders: tuple[Path, ...]) -> Impacts | None:
-    """The measured planar impacts, or None where they are not present."""
-    import tempfile
-
-    from thesis_lib.datasets.published import convert_published, find_measured
-    from thesis_lib.datasets.read import read_dataset
-
-    folder = find_measured("planar_impact", folders)
-    if folder is None:
-        return None
-    if (folder / "dataset.yaml").is_file():
-        return read_dataset(folder).stated_impacts()
-    with tempfile.TemporaryDirectory() as converted:
-        convert_published("planar_impact", folder, Path(converted) / "planar_impact")
-        return read_dataset(Path(converted) / "planar_impact").stated_impacts()
 
 
 def one_by_one(law: Law, target: Target, rows: np.ndarray) -> np.ndarray:
@@ -103,34 +70,18 @@ def main(arguments: list[str] | None = None) -> None:
         "identification",
         "CPU seconds of the individual identification of each law, and the ratio to scipy.optimize.",
     )
-    parser.add_argument("--data", type=Path, metavar="DIR", help="folder that holds the measured datasets")
-    parser.add_argument("-n", type=int, default=1718, metavar="N", help="impacts, at most (1718)")
+    add_impact_options(parser, 1718)
     parser.add_argument("--sample", type=int, default=60, metavar="S", help="impacts for scipy.optimize (60)")
-    parser.add_argument(
-        "--simulated", action="store_true", help="simulated impacts even if measured ones are here"
-    )
     parser.add_argument("--all", action="store_true", help="the variants as published, too")
     options = parser.parse_args(arguments)
     if options.quick:
         options.n, options.sample, options.simulated = 40, 3, True
-    if options.n < 1 or options.sample < 1:
-        parser.error("N and S must be at least 1")
+    if options.sample < 1:
+        parser.error("S must be at least 1")
 
     rng = np.random.default_rng(0)
-    folders = (options.data,) if options.data else SEARCH
-    try:
-        impacts = None if options.simulated else measured_impacts(folders)
-    except UserError as error:
-        parser.exit(2, f"{error}\n")
-    if options.data and impacts is None and not options.simulated:
-        parser.error(f"there are no planar impacts in {options.data}")
-    source = "simulated" if impacts is None else "measured"
-    impacts = (
-        simulated_impacts(rng, options.n)
-        if impacts is None
-        else impacts.select(np.arange(len(impacts))[: options.n])
-    )
-    target = target_of(impacts)
+    impacts, source = chosen_impacts(parser, options, rng)
+    target = target_of(impacts.select(np.arange(len(impacts))[: options.n]))
     rows = rng.choice(len(target), size=min(options.sample, len(target)), replace=False)
 
     print(

@@ -11,28 +11,15 @@ Three ways to resolve the same impacts, timed in turn in the same run, medians o
 
 import numpy as np
 
+from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses
 from benchmarks.plain_laws import PLAIN_LAWS, resolve_all
-from benchmarks.results import Results, alternately, parser, ratio
+from benchmarks.results import Results, alternately, benchmark_parser, ratio
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import contact_space
 
-BODY = {"mass": 0.0364, "k_g": 0.0192}  # the ellipse of the planar impact experiment
-PARAMETERS = {"mu": 0.15, "epsilon": 0.55}
 ARRAY_LOOP_SHARE = 0.05  # of the batch: one-row calls are slow, their time per impact does not depend on n
 SECONDS = 0.2  # at least, of each way over all rounds
 WAYS = ("batched", "formulas", "plain loop", "array loop")
-
-
-def falling_ellipses(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities (n, 3) and contact points (n, 2) like the experiment's: about 2.5 m/s down, all directions of slip."""
-    theta = rng.uniform(0.0, 2.0 * np.pi, n)
-    a, b = 0.035, 0.025
-    h = np.hypot(a * np.sin(theta), b * np.cos(theta))
-    r = np.stack([(a * a - b * b) * np.sin(theta) * np.cos(theta) / h, -h], axis=-1)
-    v_pre = rng.normal([0.0, -2.5, 0.0], [0.6, 0.2, 12.0], (n, 3))
-    approaching = v_pre[:, 1] + r[:, 0] * v_pre[:, 2] < 0.0
-    v_pre[~approaching, 2] = 0.0
-    return v_pre, r
 
 
 def measure(
@@ -78,24 +65,26 @@ def measure(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    options = parser("laws", "Impacts per second of each impact law on one core, and the ratio to loops.")
-    options.add_argument("-n", type=int, default=10_000, metavar="BATCH", help="impacts per batch (10000)")
-    options.add_argument("--rounds", type=int, default=5)
-    options.add_argument("--all", action="store_true", help="the variants as published, too")
-    given = options.parse_args(arguments)
-    n, rounds, seconds = (200, 1, 0.0) if given.quick else (given.n, given.rounds, SECONDS)
+    parser = benchmark_parser(
+        "laws", "Impacts per second of each impact law on one core, and the ratio to loops."
+    )
+    parser.add_argument("-n", type=int, default=10_000, metavar="BATCH", help="impacts per batch (10000)")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--all", action="store_true", help="the variants as published, too")
+    options = parser.parse_args(arguments)
+    n, rounds, seconds = (200, 1, 0.0) if options.quick else (options.n, options.rounds, SECONDS)
     if n < 1 or rounds < 1:
-        options.error("BATCH and --rounds must be at least 1")
+        parser.error("BATCH and --rounds must be at least 1")
 
-    v_pre, r = falling_ellipses(np.random.default_rng(0), n)
+    _, v_pre, r = falling_ellipses(np.random.default_rng(0), n)
     print(f"one core, batches of {n}; million impacts per CPU second")
     print(
         f"{'law':38s}{'batched':>12s}{'formulas':>12s}{'plain loop':>12s}{'ratio':>7s}{'array loop':>12s}{'ratio':>7s}"
     )
     results = Results("laws")
-    for name in LAWS if given.all else SIX_LAWS:
+    for name in LAWS if options.all else SIX_LAWS:
         measure(name, v_pre, r, rounds, seconds, results)
-    results.write(given.out)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

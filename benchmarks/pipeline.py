@@ -14,7 +14,6 @@ what was run last, whatever that was.
 import base64
 import json
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -25,11 +24,10 @@ from pathlib import Path
 
 import yaml
 
-from benchmarks.results import Results, parser
+from benchmarks.results import Results, benchmark_parser
+from tests.workflow.pipeline_copy import ROOT, copy_pipeline
 from thesis_lib.config import read_config
 
-ROOT = Path(__file__).resolve().parent.parent
-COPIED = ("Snakefile", "environment.txt", "config", "profiles", "thesis_lib", "workflow")
 CORES = 2
 SMALL = "datasets_present"  # one short job, for --quick
 # Snakemake as its command runs it; at its end it writes what it used itself, and what its jobs used
@@ -71,7 +69,7 @@ def read_jobs(folder: Path) -> list[Job]:
             record = json.loads(path.read_text(encoding="utf-8"))
             # long names are cut into folders, each marked with @ but the last
             name = "".join(path.relative_to(folder / ".snakemake/metadata").parts).replace("@", "")
-            output = base64.b64decode(name).decode()
+            output = base64.urlsafe_b64decode(name).decode()
             # several outputs of a job differ in nothing else that would tell it from other jobs of its rule
             records.setdefault((record["rule"], tuple(record["log"])), []).append((output, record))
     jobs = []
@@ -115,10 +113,7 @@ def measure(target: str, scale: str, results: Results) -> None:
         RuntimeError: the run failed.
     """
     with tempfile.TemporaryDirectory() as folder:
-        for name in COPIED:
-            source = ROOT / name
-            copy = shutil.copytree if source.is_dir() else shutil.copy2
-            copy(source, Path(folder) / name)
+        copy_pipeline(Path(folder))
         found = [str((ROOT / path).resolve()) for path in read_config(ROOT / "config/config.yaml").measured]
         overlay = Path(folder) / "benchmark.yaml"
         overlay.write_text(yaml.safe_dump({"measured": found}))
@@ -161,17 +156,17 @@ def stored(results: Results) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    options = parser(
+    parser = benchmark_parser(
         "pipeline", "CPU time of a target in a fresh copy, on two cores, against that of its jobs."
     )
-    options.add_argument("target", nargs="?", default="chapter3", help="rule (chapter3)")
-    options.add_argument("--scale", nargs="+", default=["default"], choices=["quick", "default", "full"])
-    given = options.parse_args(arguments)
+    parser.add_argument("target", nargs="?", default="chapter3", help="rule (chapter3)")
+    parser.add_argument("--scale", nargs="+", default=["default"], choices=["quick", "default", "full"])
+    options = parser.parse_args(arguments)
     results = Results("pipeline")
-    for scale in ["quick"] if given.quick else given.scale:
-        measure(SMALL if given.quick else given.target, scale, results)
+    for scale in ["quick"] if options.quick else options.scale:
+        measure(SMALL if options.quick else options.target, scale, results)
     stored(results)
-    results.write(given.out)
+    results.write(options.out)
 
 
 if __name__ == "__main__":

@@ -12,19 +12,13 @@ import time
 
 import numpy as np
 
-from benchmarks.results import Results
-from benchmarks.results import parser as benchmark_parser
+from benchmarks.results import Results, benchmark_parser, exponent
 from thesis_lib.identify.program_study import STUDIES, cases, study
 
 HEADER = (
     f"{'mechanism':10s}{'steps':>6s} {'program':12s}{'success':>9s}{'false':>6s}"
     f"{'Θ median':>10s}{'Θ worst':>10s}{'c median':>10s}{'c worst':>10s}{'CPU s':>9s}{'worst':>9s}"
 )
-
-
-def exponent(lengths: list[int], seconds: list[float]) -> float:
-    """Slope of log CPU seconds over log window length."""
-    return float(np.polyfit(np.log(lengths), np.log(seconds), 1)[0])
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -64,7 +58,7 @@ def main(arguments: list[str] | None = None) -> None:
         for name in options.programs:
             mine = [row for row in rows if row["mechanism"] == kind and row["name"] == name]
             if len(mine) > 1:
-                slope = exponent([row["n_steps"] for row in mine], [row["cpu_s_median"] for row in mine])
+                slope, _ = exponent([row["n_steps"] for row in mine], [row["cpu_s_median"] for row in mine])
                 print(f"{kind}, {name}: CPU time grows as the window length to the power {slope:.2f}")
                 success, starts = (sum(row[key] for row in mine) for key in ("n_success", "n_starts"))
                 longest = mine[-1]

@@ -7,7 +7,7 @@ Rows are benchmark, measure, value, unit, note; `--out results/benchmarks/<name>
 import argparse
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,12 +38,12 @@ class Results:
             write_table(pd.DataFrame(self.rows, columns=COLUMNS), path)
 
 
-def parser(name: str, description: str) -> argparse.ArgumentParser:
+def benchmark_parser(name: str, description: str) -> argparse.ArgumentParser:
     """Parser with the options that all benchmarks have: --quick and --out."""
-    made = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=description)
-    made.add_argument("--quick", action="store_true", help="tiny sizes: does it run, not how fast")
-    made.add_argument("-o", "--out", type=Path, metavar="FILE.csv", help="write the rows as CSV too")
-    return made
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=description)
+    parser.add_argument("--quick", action="store_true", help="tiny sizes: does it run, not how fast")
+    parser.add_argument("-o", "--out", type=Path, metavar="FILE.csv", help="write the rows as CSV too")
+    return parser
 
 
 def alternately(
@@ -74,3 +74,12 @@ def alternately(
 def ratio(times: Mapping[str, np.ndarray], slower: str, faster: str) -> float:
     """Median over the rounds of how many times as long `slower` takes."""
     return float(np.median(times[slower] / times[faster]))
+
+
+def exponent(n: Sequence[float], seconds: Sequence[float]) -> tuple[float, float]:
+    """Exponent p of seconds = a nᵖ, and half of its 95 % interval (NaN for two points)."""
+    from scipy.stats import linregress, t
+
+    line = linregress(np.log(n), np.log(seconds))
+    freedom = len(n) - 2
+    return float(line.slope), float(t.ppf(0.975, freedom) * line.stderr) if freedom > 0 else np.nan

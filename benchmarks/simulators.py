@@ -13,8 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.results import Results
-from benchmarks.results import parser as benchmark_parser
+from benchmarks.results import Results, benchmark_parser
 from thesis_lib.simulate import chapter2
 from thesis_lib.simulate.mechanism import Mechanism
 from thesis_lib.simulate.stepping import Record, simulate
@@ -33,14 +32,14 @@ def rate(run: Callable[[], Record], repeat: int) -> float:
     return 1.0 / best
 
 
-def in_contact(kind: str, steps: int) -> tuple[Mechanism, np.ndarray, np.ndarray, float]:
-    """Mechanism, start and friction of a motion that never leaves the ground, on one pair if it can."""
+def in_contact(kind: str) -> tuple[Mechanism, np.ndarray, np.ndarray]:
+    """Mechanism and start of a motion that never leaves the ground, on one pair if it can."""
     mechanism = getattr(chapter2, kind)(SETTINGS)
-    q, v, mu = np.zeros(3), np.zeros(3), SETTINGS.mu
+    q, v = np.zeros(3), np.zeros(3)
     q[1] = -mechanism.contacts(q).phi.min()
     if kind in ("disk", "ellipse"):
         v[[0, 2]] = 0.5 * q[1], -0.5  # rolls
-    return mechanism, q, v, mu
+    return mechanism, q, v
 
 
 def measure(kind: str, steps: int, repeat: int) -> dict[str, float]:
@@ -61,7 +60,7 @@ def measure(kind: str, steps: int, repeat: int) -> dict[str, float]:
     mu = SETTINGS.mu
     rates = {"drop": rate(lambda: simulate(mechanism, q, v, None, h, SETTINGS.steps, mu, epsilon), repeat)}
     if kind != "wheel":
-        _, q_c, v_c, _ = in_contact(kind, steps)
+        _, q_c, v_c = in_contact(kind)
         record = simulate(mechanism, q_c, v_c, None, h, steps, mu, 0.0)
         pairs = np.median((record.c_n > 0).sum(axis=1))
         name = "one_contact" if pairs == 1 else "two_contacts"

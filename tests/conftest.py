@@ -17,7 +17,7 @@ def _measured_folder(name: str) -> Path:
     if folder is None:
         pytest.skip(
             f"measured data {name} not present "
-            f"(python -m thesis_lib.datasets fetch {name.replace('_', '-')} gets them)"
+            f"(python -m thesis_lib datasets fetch {name.replace('_', '-')} gets them)"
         )
     return folder
 

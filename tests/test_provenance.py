@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.provenance import (
-    _processor,
     code_sha256,
     environment,
     file_sha256,
     folder_sha256,
     lib_hash,
+    processor,
     value_sha256,
 )
 
@@ -176,9 +176,8 @@ class TestEnvironment:
 
         packages = environment(requirements)["packages"]
         assert packages["numpy"] == np.__version__ and packages["no-such-package"] == "not installed"
-        assert {"scipy", "pydantic_core", "contourpy"} <= set(
-            packages
-        )  # what dependencies bring along counts, too
+        # what dependencies bring along counts, too
+        assert {"scipy", "pydantic_core", "contourpy"} <= set(packages)
 
     def test_machine_and_blas_are_told_without_paths(self, requirements):
         found = environment(requirements)
@@ -200,8 +199,8 @@ class TestEnvironment:
     def test_processor(self, tmp_path):
         lines = "processor\t: 0\nmodel name\t: A 1\nflags\t\t: fpu avx2 fma sse4_2 x\n"
         (tmp_path / "cpuinfo").write_text(2 * lines)
-        assert _processor(tmp_path / "cpuinfo") == {"model": "A 1", "vector": ["avx2", "fma", "sse4_2"]}
-        assert _processor(tmp_path / "none")["model"]
+        assert processor(tmp_path / "cpuinfo") == {"model": "A 1", "vector": ["avx2", "fma", "sse4_2"]}
+        assert processor(tmp_path / "none")["model"]
 
     def test_no_times(self, requirements):
         """Equal bytes whenever it is recorded."""

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from thesis_lib.command_line import Parser, command, near
 from thesis_lib.errors import UserError
+from thesis_lib.regular_file import is_file, read_bytes
 
 SPEC, CAPTIONS = Path("config/figures.yaml"), Path("workflow/report")
 DESCRIPTION = """\
@@ -29,6 +30,7 @@ examples:
   python -m thesis_lib figures --json | jq -r '.[].files[].path'
 """
 WIDTH = 100
+LONGEST = 10_000  # bytes of a finding
 FOUND = re.compile(r"\*\*Found in this run:\*\*\s+\.\. include:: results/(\S+)")
 
 
@@ -120,9 +122,9 @@ def _caption(name: str) -> Path:
 
 def _found(results: Path | None, file: str) -> str:
     """The finding that a caption includes; nothing where no run has made it."""
-    if results is None or not (results / file).is_file():
+    if results is None or not is_file(results / file):
         return ""
-    return f"Found in this run: {(results / file).read_text(encoding='utf-8')}"
+    return f"Found in this run: {read_bytes(results / file, LONGEST).decode('utf-8', 'replace')}"
 
 
 def _order(figure: ListedFigure) -> tuple:

@@ -16,9 +16,8 @@ import pandas as pd
 from thesis_lib.errors import CorruptFileError, UserError
 from thesis_lib.regular_file import FileProblem, MissingFile, read_bytes, regular_size
 
-FLOAT_FORMAT = (
-    "%.9g"  # finer than any measurement here, coarser than the last bits that differ between BLAS builds
-)
+# finer than any measurement here, coarser than the last bits that differ between BLAS builds
+FLOAT_FORMAT = "%.9g"
 MAX_TABLE = 200_000_000  # bytes; the largest table of a full run has 7 MB
 MAX_CELLS = 100_000_000  # of a Parquet table, whose size on disk says little
 MAX_HEADER = 100_000  # characters in the first line
@@ -123,9 +122,8 @@ def _named(path: Path) -> Iterator[None]:
         raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).") from error
     except FileProblem as error:
         raise CorruptFileError(f"{path} {error.what}; delete it and run again.") from error
-    except (
-        Exception
-    ) as error:  # the parsers' own errors are of many kinds, RecursionError and MemoryError among them
+    # the parsers' own errors are of many kinds, RecursionError and MemoryError among them
+    except Exception as error:
         reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
         kind = "valid JSON" if path.suffix == ".json" else f"a {path.suffix.lstrip('.').upper()} table"
         raise CorruptFileError(

@@ -100,7 +100,7 @@ def hold_lock() -> int:
     """The file descriptor of a lock on this folder; the kernel releases it when its holders are gone.
 
     Raises:
-        UserError: another run holds it, with its process.
+        UserError: another run holds it, with its process; or the file system knows no locks.
     """
     STATE.mkdir(exist_ok=True)
     lock = os.open(STATE / "pipeline.lock", os.O_RDWR | os.O_CREAT, 0o644)
@@ -115,6 +115,12 @@ def hold_lock() -> int:
                 os.close(lock)
                 raise UserError(_at_work([p.pid for p in _processes()[0]] or [runner])) from None
             time.sleep(0.1)
+        except OSError as error:
+            os.close(lock)
+            raise UserError(
+                f"The file system of {Path.cwd()} knows no file locks ({error.strerror}), so that two runs could meet; "
+                "work in a copy on a local disk, or call snakemake yourself."
+            ) from error
     os.ftruncate(lock, 0)
     os.pwrite(lock, str(os.getpid()).encode(), 0)
     return lock
@@ -135,7 +141,10 @@ def recover(unlock: Sequence[str]) -> None:
     if locked:
         done = subprocess.run(unlock, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         if done.returncode:
-            raise UserError(f"Snakemake's lock of a killed run cannot be released:\n{done.stdout.strip()}")
+            raise UserError(
+                "Snakemake's lock of a killed run cannot be released; mend what Snakemake says, or delete "
+                f"{STATE / 'locks'}:\n{done.stdout.strip()}"
+            )
     if orphans or locked:
         jobs = f"; {len(orphans)} of its processes were still running and have been ended" if orphans else ""
         _say(f"An earlier run was killed{jobs}. Nothing finished is lost; going on from there.")

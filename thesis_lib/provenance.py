@@ -19,14 +19,8 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 REGISTRIES = ("contact", "effects")
-VECTOR = {
-    "sse4_2",
-    "avx",
-    "avx2",
-    "fma",
-    "avx512f",
-    "avx512bw",
-}  # what BLAS and torch choose their kernels by
+# what BLAS and torch choose their kernels by
+VECTOR = {"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512bw"}
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
 
 
@@ -143,7 +137,7 @@ def environment(requirements: str | Path) -> dict:
     return {
         "python": sys.version.split()[0],
         "platform": platform.platform(),
-        "processor": _processor(),
+        "processor": processor(),
         "blas": _blas(),
         "packages": installed | {name: _version(name) for name in pinned},
         **_commit(root),
@@ -158,7 +152,8 @@ def _version(name: str) -> str:
         return "not installed"
 
 
-def _processor(file: Path = Path("/proc/cpuinfo")) -> dict:
+def processor(file: Path = Path("/proc/cpuinfo")) -> dict:
+    """`model` of the processor and its `vector` instructions, as far as the system (Linux: `file`) tells."""
     try:
         text = file.read_text(encoding="utf-8")
     except OSError:

@@ -27,242 +27,172 @@ class Shown:
     columns: tuple[str, ...]
 
 
+def _shown(file: str, title: str, columns: str) -> Shown:
+    return Shown(file, title, tuple(columns.split()))
+
+
 CHAPTERS: dict[str, tuple[Shown, ...]] = {
     "chapter2": (
-        Shown(
+        _shown(
             "chapter2/identifiability.csv",
             "What contact identifies of a body's m and I (section 2.3.3)",
-            ("case", "sigma_1", "sigma_2", "rank", "not_identified"),
+            "case sigma_1 sigma_2 rank not_identified",
         ),
-        Shown(
+        _shown(
             "chapter2/programs.csv",
             "Success of the programs from random starts, no noise (sections 2.3.2 and 2.4)",
-            (
-                "mechanism",
-                "n_steps",
-                "name",
-                "n_starts",
-                "n_success",
-                "n_false_claims",
-                "theta_error_max",
-                "force_error_max",
-            ),
+            "mechanism n_steps name n_starts n_success n_false_claims theta_error_max force_error_max",
         ),
-        Shown(
+        _shown(
             "chapter2/table_2_1.csv",
             "m/I from noisy drops (table 2.1)",
-            (
-                "shape",
-                "snr",
-                "method",
-                "n",
-                "n_failed",
-                "mean_error",
-                "mean_error_std",
-                "std",
-                "bound",
-                "error_over_bound",
-                "error_over_law_bound",
-                "thesis",
-            ),
+            "shape snr method n n_failed mean_error mean_error_std std bound error_over_bound "
+            "error_over_law_bound thesis",
         ),
-        Shown(
+        _shown(
             "chapter2/wheel_forces.csv",
             "Forces of the rimless wheel's first three spokes (figure 2-11)",
-            (
-                "method",
-                "order",
-                "n",
-                "n_failed",
-                "error_n_median",
-                "error_n_90",
-                "error_t_median",
-                "impulse_error_n_median",
-            ),
+            "method order n n_failed error_n_median error_n_90 error_t_median impulse_error_n_median",
         ),
-        Shown(
+        _shown(
             "chapter2/arm_summary.csv",
             "Forces and base parameters of arm and disk (figure 2-12)",
-            (
-                "quantity",
-                "method",
-                "n_trajectories",
-                "n_failed",
-                "error_median",
-                "error_90",
-                "share_1_percent",
-                "share_5_percent",
-            ),
+            "quantity method n_trajectories n_failed error_median error_90 share_1_percent share_5_percent",
         ),
-        Shown(
+        _shown(
             "chapter2/impact_force_summary.csv",
             "Impulse and peak force at impact (section 2.5, figure 2-15)",
-            (
-                "method",
-                "quantity",
-                "reference",
-                "unit",
-                "n",
-                "mean",
-                "mean_error",
-                "std",
-                "std_stated",
-                "coverage_95",
-                "thesis_mean_error",
-                "thesis_std",
-            ),
+            "method quantity reference unit n mean mean_error std std_stated coverage_95 thesis_mean_error "
+            "thesis_std",
         ),
-        Shown(
+        _shown(
             "chapter2/measured_ratio.csv",
             "m/I from measured impacts (section 2.5)",
-            ("dataset", "variant", "ratio", "std", "low", "high", "published", "n", "status"),
+            "dataset variant ratio std low high published n status",
         ),
-        Shown(
+        _shown(
             "chapter2/hidden_summary.csv",
             "Forces that the models of arm and wheel lack: hidden, found, added",
-            (
-                "mechanism",
-                "truth",
-                "snr_db",
-                "datasets",
-                "right",
-                "misfit_before",
-                "misfit_after",
-                "force_error_before",
-                "force_error_after",
-                "theta_error_before",
-                "theta_error_after",
-            ),
+            "mechanism truth snr_db datasets right misfit_before misfit_after force_error_before "
+            "force_error_after theta_error_before theta_error_after",
         ),
     ),
     "chapter3": (
-        Shown(
+        _shown(
             "chapter3/planar_impact/table_3_1.csv",
             "Ensemble parameters, best and worst, measured ellipse (table 3.1)",
-            (
-                *("variant", "weighting", "law", "mu", "mu_std", "epsilon", "epsilon_std"),
-                *("best", "best_std", "worst", "worst_std", "n_train", "n_held_out"),
-            ),
+            "variant weighting law mu mu_std epsilon epsilon_std best best_std worst worst_std n_train "
+            "n_held_out",
         ),
-        Shown(
+        _shown(
             "chapter3/planar_impact/table_3_2.csv",
             "Share of the outcomes that each law can predict, measured ellipse (table 3.2)",
-            ("variant", "weighting", "law", "tolerance", "fraction", "fraction_std", "n"),
+            "variant weighting law tolerance fraction fraction_std n",
         ),
-        Shown(
+        _shown(
             "chapter3/planar_impact/error_summary.csv",
             "Held-out error of laws and bounds, measured ellipse (figure 3-8)",
-            ("model", "mean", "mean_std", "median", "quantile_90", "n", "n_failed"),
+            "model mean mean_std median quantile_90 n n_failed",
         ),
     ),
     "chapter4": (
-        Shown(
+        _shown(
             "chapter4/planar_impact/learning_ratios.csv",
             "Learned contact models against the IRB Bound and the laws, 450 training impacts (figure 4-5)",
-            ("statement", "n", "value", "std"),
+            "statement n value std",
         ),
-        Shown(
+        _shown(
             "chapter4/planar_impact/learning_convergence.csv",
             "Training impacts until learned models have converged (figure 4-6)",
-            (
-                "model",
-                "n_converged",
-                "n_converged_low",
-                "n_converged_high",
-                "n_learned",
-                "n_learned_low",
-                "n_learned_high",
-            ),
+            "model n_converged n_converged_low n_converged_high n_learned n_learned_low n_learned_high",
         ),
-        Shown(
+        _shown(
             "chapter4/planar_impact/named_rungs.csv",
             "Named physics, then what is left to learn: ellipse",
-            ("model", "n", "mean", "low", "high", "n_failed"),
+            "model n mean low high n_failed",
         ),
-        Shown(
+        _shown(
             "chapter4/planar_dice/named_rungs.csv",
             "Named physics, then what is left to learn: dice",
-            ("model", "n", "mean", "low", "high", "n_failed"),
+            "model n mean low high n_failed",
         ),
-        Shown(
+        _shown(
             "chapter4/planar_dice/dice.csv",
             "Thrown dice: where they come to rest (figures 4-8 and section 4.4)",
-            ("model", "quantity", "value", "std", "low", "high", "std_splits", "splits"),
+            "model quantity value std low high std_splits splits",
         ),
-        Shown(
+        _shown(
             "chapter4/planar_dice/dice_first_contact.csv",
             "Beliefs after the first contact: Gaussian mixture and particles",
-            ("model", "belief", "quantity", "value", "std", "low", "high"),
+            "model belief quantity value std low high",
         ),
-        Shown(
+        _shown(
             "chapter4/planar_dice/dice_calibration.csv",
             "Calibration of beliefs over resting positions and contacts",
-            ("model", "kind", "level", "coverage", "low", "high", "passes", "n"),
+            "model kind level coverage low high passes n",
         ),
     ),
     "chapter5": (
-        Shown(
+        _shown(
             "chapter5/movable_summary.csv",
             "Movable blocks, development and test towers (section 5.4.4: 47 %)",
-            ("set", "threshold_mm", "mean", "low", "high", "n", "refused"),
+            "set threshold_mm mean low high n refused",
         ),
-        Shown(
+        _shown(
             "chapter5/fidelity.csv",
             "Agreement with half the time step, with the reduced tower, and with real extraction",
-            ("comparison", "quantity", "value", "n"),
+            "comparison quantity value n",
         ),
-        Shown(
+        _shown(
             "chapter5/study_curve.csv",
             "Consecutive extractions against samples (figure 5-5 B)",
-            ("policy", "size", "mean", "low", "high", "n", "refused"),
+            "policy size mean low high n refused",
         ),
-        Shown(
+        _shown(
             "chapter5/study_paired.csv",
             "The same towers: extractions of hma minus those of the others",
-            ("policy", "size", "rival", "rival_size", "difference", "low", "high", "n"),
+            "policy size rival rival_size difference low high n",
         ),
-        Shown(
+        _shown(
             "chapter5/study_needed.csv",
             "Samples that the mixture of regressions needs for the same",
-            ("policy", "of", "size", "needed", "needed_low", "needed_high"),
+            "policy of size needed needed_low needed_high",
         ),
-        Shown(
+        _shown(
             "chapter5/study_success.csv",
             "Successes of push, extract and place (figure 5-6)",
-            ("phase", "position", "action", "attempts", "successes", "share", "low", "high", "published"),
+            "phase position action attempts successes share low high published",
         ),
-        Shown(
+        _shown(
             "chapter5/model_agreement.csv",
             "Stuck or free after five steps, without truth in learning",
-            ("size", "set", "balanced_accuracy", "low", "high", "n_stuck", "n_free", "n_abstractions"),
+            "size set balanced_accuracy low high n_stuck n_free n_abstractions",
         ),
-        Shown(
+        _shown(
             "chapter5/model_abstractions.csv",
             "What each abstraction looks like",
-            ("size", "set", "abstraction", "share", "force", "move", "lag", "drag", "stuck", "stuck_share"),
+            "size set abstraction share force move lag drag stuck stuck_share",
         ),
-        Shown(
+        _shown(
             "chapter5/model_summary.csv",
             "Figure 5-7 in numbers",
-            ("quantity", "value", "low", "high", "n"),
+            "quantity value low high n",
         ),
-        Shown(
+        _shown(
             "chapter5/showcase_runs.csv",
             "The No-U-Turn sampler against the filter (figure 5-8)",
-            ("case", "step", "r_hat", "ess", "divergences", "belief_apart", "state_apart"),
+            "case step r_hat ess divergences belief_apart state_apart",
         ),
-        Shown(
+        _shown(
             "chapter5/unseen_summary.csv",
             "Effects that the learner has never seen",
-            (
-                *("effect", "p_value", "new_abstraction", "failing_abstraction", "relearned_samples"),
-                *("pushes_affected", "failing_affected", "pushes_others", "failing_others"),
-            ),
+            "effect p_value new_abstraction failing_abstraction relearned_samples pushes_affected "
+            "failing_affected pushes_others failing_others",
         ),
-        Shown(
+        _shown(
             "chapter5/unseen_errors.csv",
             "Error on other towers with the effect, before and after relearning",
-            ("effect", "stage", "group", "error", "low", "high", "n"),
+            "effect stage group error low high n",
         ),
     ),
 }

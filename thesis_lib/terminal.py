@@ -4,10 +4,6 @@ A terminal takes orders in its text (colours, the title of the window, the clipb
 writing direction make a line read as another.  Names of folders, columns and keys come from whoever made a dataset.
 """
 
-import contextlib
-import functools
-import sys
-from collections.abc import Callable
 from typing import TextIO
 
 LAYOUT = "\n\t"
@@ -37,17 +33,3 @@ class VisibleStream:
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._stream, name)
-
-
-def prints_visibly(main: Callable[..., int]) -> Callable[..., int]:
-    """Decorator of a command: stdout and stderr show what is not printable instead of passing it on."""
-
-    @functools.wraps(main)
-    def run(*args: object, **kwargs: object) -> int:
-        with (
-            contextlib.redirect_stdout(VisibleStream(sys.stdout)),  # pyright: ignore[reportArgumentType]
-            contextlib.redirect_stderr(VisibleStream(sys.stderr)),  # pyright: ignore[reportArgumentType]
-        ):
-            return main(*args, **kwargs)
-
-    return run

@@ -47,8 +47,10 @@ class Document:
     nodes: int = 0
 
     def refuse_repeated(self, path: str | Path) -> None:
-        """Raises:
-        UserError: keys stand twice, with their lines.
+        """Refuse what YAML would take the last of without a word.
+
+        Raises:
+            UserError: keys stand twice, with their lines.
         """
         if self.repeated:
             found = [

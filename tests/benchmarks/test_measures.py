@@ -6,9 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.growth import exponent, sizes
+from benchmarks.growth import sizes
 from benchmarks.hidden_effects import is_drag
 from benchmarks.pipeline import Job, critical_path, least_time, read_jobs
+from benchmarks.results import exponent
 
 ROUNDING = 1e-9
 

@@ -1,4 +1,4 @@
-"""The page and the Markdown summary: complete, escaped, well-formed, reproducible, without network or script."""
+"""The page: complete, escaped, well-formed, reproducible, without network or script."""
 
 import re
 from html.parser import HTMLParser
@@ -7,7 +7,7 @@ import pytest
 
 from thesis_lib.claims.evaluate import evaluate
 from thesis_lib.claims.ledger import Ledger
-from thesis_lib.claims.page import render_page, summary_markdown, write_page
+from thesis_lib.claims.page import render_page, write_page
 
 CHECK = {"kind": "abs", "tolerance": 0.01, "reason": "rounding & noise"}
 VOID = {"meta", "br", "hr", "img", "link", "wbr"}
@@ -111,17 +111,5 @@ def test_equal_results_give_equal_bytes(found, tmp_path):
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-def test_the_markdown_summary(found):
-    text = summary_markdown(found)
-    lines = text.splitlines()
-    assert "| 2 | 0 | 1 | 0 | 0 |" in lines
-    assert "| 3 | 9 | 0 | 1 | 1 |" in lines
-    rows = [line for line in lines if "Table" in line]
-    assert len(rows) == 2
-    assert all(len(re.findall(r"(?<!\\)\|", row)) == 6 for row in rows)
-    assert not re.search(r"(?<!\\)<", text)
-
-
 def test_an_empty_ledger_has_a_page():
     assert "0 claims" in render_page([])
-    assert "0 claims" in summary_markdown([])

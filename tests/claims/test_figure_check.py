@@ -219,7 +219,7 @@ def test_a_copy_edited_by_hand_fails(tmp_path, figure, change, words):
     write(change(pd.read_csv(tmp_path / "copy.csv")), tmp_path / "copy.csv")
     problems = check_figure(tmp_path / "a.csv", tmp_path / "copy.csv", figure)
     assert words in problems[0].text
-    assert "python -m thesis_lib.claims update" in problems[0].text
+    assert "python -m thesis_lib claims update" in problems[0].text
 
 
 class TestRowsThatMayChange:
@@ -274,7 +274,7 @@ def test_check_figures(folder):
     spec = spec_of(folder / "figures.yaml")
     status, finding = statuses(folder, spec)["figure_3_8", "drops"]
     assert status == "error"
-    assert "store it: python -m thesis_lib.claims update" in finding
+    assert "store it: python -m thesis_lib claims update" in finding
 
     update_figures(folder / "results", folder / "stored", spec, PRESENT)
     assert (folder / "stored/drops/figure_3_8.csv").is_file()

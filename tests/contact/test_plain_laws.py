@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 from impact_draws import reference_draw
 
-from benchmarks.laws import falling_ellipses, main
+from benchmarks.impacts import falling_ellipses
+from benchmarks.laws import main
 from benchmarks.plain_laws import PLAIN_LAWS, resolve_all
 from thesis_lib.contact import LAWS, SIX_LAWS
 
@@ -39,5 +40,5 @@ def test_benchmark_runs_and_writes_its_figures(tmp_path, capsys, monkeypatch):
 
 
 def test_benchmark_impacts_approach(rng):
-    v_pre, r = falling_ellipses(rng, 1000)
+    _, v_pre, r = falling_ellipses(rng, 1000)
     assert np.all(v_pre[:, 1] + r[:, 0] * v_pre[:, 2] < 0.0)

@@ -1,11 +1,20 @@
-"""Three small critiques, made once: nothing hidden, a mechanism hidden in drops, a law injected into impacts."""
+"""Three small critiques and a report, made once.
+
+Nothing is hidden, a mechanism is hidden in drops, a law is injected into impacts; the report is of the second.
+"""
+
+import copy
 
 import numpy as np
 import pytest
 from hidden_effects import ANISOTROPY, E_T, injected_impacts, simulated
+from report_pages import DIAGNOSIS, page_of
 
 from thesis_lib.critique.criticise import Critique, criticise
+from thesis_lib.critique.tables import tables as all_tables
+from thesis_lib.critique.where import where as all_regions
 from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.figures.critique_pictures import pictures
 
 
 @pytest.fixture(scope="session")
@@ -32,3 +41,17 @@ def impacts_dataset() -> Dataset:
 @pytest.fixture(scope="session")
 def hidden_impacts(impacts_dataset: Dataset) -> Critique:
     return criticise(impacts_dataset, rng=np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def made(hidden_drops):
+    """Critique of hidden drops, where it fails, its tables and its pictures."""
+    regions = all_regions(hidden_drops)
+    found = all_tables(hidden_drops, np.random.default_rng(0))
+    return hidden_drops, regions, found, pictures(hidden_drops, found, regions)
+
+
+@pytest.fixture(scope="session")
+def html(made):
+    """The page of the made-up diagnosis with those pictures."""
+    return page_of(made, copy.deepcopy(DIAGNOSIS))

@@ -1,4 +1,4 @@
-"""diagnosis.json says what the design's format asks for, and what it says is true."""
+"""diagnosis.json has all keys of its format, and what it says is true."""
 
 import json
 import math

@@ -8,7 +8,7 @@ from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import LAW, TRUTH, drops, observed
 
 from thesis_lib.critique.model import Model, states_at_impact
-from thesis_lib.critique.observations import MIN_FLIGHT, observe, pick
+from thesis_lib.critique.observations import MIN_FLIGHT, observe
 from thesis_lib.datasets.dataset import Dataset
 
 GRAVITY = 9.81
@@ -52,7 +52,7 @@ def errors() -> np.ndarray:
     late = o.t[real] - true["t"].to_numpy()
     found = np.zeros((len(real), 2, 3, 2))
     for side, (whole, suffix) in enumerate(zip(states_at_impact(Model(LAW), TRUTH, o), ("pre", "post"))):
-        state = pick(whole, real)
+        state = whole.select(real)
         for channel in range(3):
             a = -GRAVITY if channel == 1 else 0.0
             v = true[f"{SPEED[channel]}_{suffix}"].to_numpy()

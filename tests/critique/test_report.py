@@ -3,135 +3,23 @@
 import base64
 import copy
 import hashlib
-import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pandas as pd
 import pytest
+from report_pages import DIAGNOSIS, FAULT, Page, page_of, scripts
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import contact_space
-from thesis_lib.critique import report_effects, report_impacts, report_text
-from thesis_lib.critique.class_tests import velocities
-from thesis_lib.critique.elements import amount, estimate, interval, paragraph, percent, plus_minus
-from thesis_lib.critique.elements import table as html_table
+from thesis_lib.critique import report_effects, report_text
 from thesis_lib.critique.report import report_html
-from thesis_lib.critique.tables import tables as all_tables
 from thesis_lib.critique.where import where as all_regions
-from thesis_lib.critique.words import feature_text, plain_rule, reasons_listed
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique_numbers import ladder_table, rung_title
 from thesis_lib.figures.critique_pictures import NAMES, pictures
 
-VOID = {"meta", "br", "hr", "img", "link", "wbr"}
 EVIL = "<script>alert('x')</script> & \"quotes\""
-DIAGNOSIS = {
-    "schema": 1,
-    "dataset": "my_drops",
-    "n_impacts": 412,
-    "n_trials": 300,
-    "verdict": "effects",
-    "summary": ["AP Newton lacks tangential restitution.", "Use model.json."],
-    "base_model": {
-        "name": "anitescu_potra_newton",
-        "parameters": {
-            "mu": {"value": 0.15, "std": 0.004, "unit": "1"},
-            "epsilon": {"value": 0.6, "std": 0.004, "unit": "1"},
-        },
-    },
-    "augmented_model": {
-        "name": "anitescu_potra_newton",
-        "parameters": {
-            "mu": {"value": 0.15, "std": 0.004, "unit": "1"},
-            "epsilon": {"value": 0.6, "std": 0.004, "unit": "1"},
-        },
-    },
-    "effects": [
-        {
-            "name": "tangential_restitution",
-            "family": "contact_law",
-            "parameters": {"e_t": {"value": 0.41, "std": 0.02, "unit": "1"}},
-            "gain": {"held_out_log_score_per_impact": 1.83, "interval": [1.6, 2.1], "p_value": 0.001},
-            "indistinguishable_from": ["tangential_compliance"],
-            "clears": True,
-            "material_in": ["impact"],
-        }
-    ],
-    "error": {
-        **{"unit": "m/s", "base": 0.31, "augmented": 0.052, "irb_bound": 0.04, "noise_floor": 0.048},
-        "irb_bound_augmented": 0.04,
-        "explained_share": 0.985,
-        "worst": [],
-        "flight": {"unit": "sigma", "base": 3.1, "augmented": 1.02, "noise_floor": 1.0},
-    },
-    "remaining": {"structured": False, "channels": [], "p_value": 0.4, "depends_on": []},
-    "not_testable": [{"name": "linear_drag", "why": "no trajectories"}],
-    "left_out": {"share": 0.25, "reasons": {"second_hit": 100, "not_ballistic": 37}},
-    "detectable": [
-        {
-            "name": "tangential_restitution",
-            **{"smallest": {"e_t": 0.03}, "significant": {"e_t": 0.03}, "material": {"e_t": 0.01}},
-            "drops_for_half": 1200,
-        },
-        {
-            "name": "adhesion",
-            **{"smallest": {"v_s": 0.02}, "significant": {"v_s": 0.002}, "material": {"v_s": 0.02}},
-            "drops_for_half": None,
-        },
-    ],
-    "next_experiment": {
-        "why": "These two differ most when the body spins fast.",
-        "states": [{"vx": 0.4, "vy": -1.2, "omega": 8.0, "theta": 0.3}],
-    },
-}
-FAULT = {
-    "name": "mirrored_rotation",
-    "family": "measurement",
-    "parameters": {"mirrored": {"value": 1.0, "std": 0.0, "unit": "1"}},
-    "gain": {"held_out_log_score_per_impact": 4.2, "interval": [4.0, 4.5], "p_value": 0.001},
-    "indistinguishable_from": [],
-    "clears": True,
-    "material_in": ["impact"],
-}
-
-
-class Page(HTMLParser):
-    """Text, tags and headings; fails on tags that are not closed in order."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.open, self.tags, self.pieces, self.headings = [], [], [], []
-        self.feed(html)
-        self.close()
-        assert self.open == []
-        self.text = " ".join("".join(self.pieces).split())
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if re.fullmatch("h[1-6]", tag):
-            self.headings.append(int(tag[1]))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if not {"style", "script"} & set(self.open):
-            self.pieces.append(data)
-
-    def all(self, tag):
-        return [attrs for name, attrs in self.tags if name == tag]
-
-
-@pytest.fixture(scope="module")
-def made(hidden_drops):
-    regions = all_regions(hidden_drops)
-    found = all_tables(hidden_drops, np.random.default_rng(0))
-    return hidden_drops, regions, found, pictures(hidden_drops, found, regions)
 
 
 @pytest.fixture
@@ -139,25 +27,9 @@ def diagnosis():
     return copy.deepcopy(DIAGNOSIS)
 
 
-def page_of(made, diagnosis, **changes):
-    critique, regions, found, drawn = made
-    return report_html(
-        critique, diagnosis, changes.get("where", regions), found, changes.get("pictures", drawn)
-    )
-
-
-@pytest.fixture(scope="module")
-def html(made):
-    return page_of(made, copy.deepcopy(DIAGNOSIS))
-
-
 @pytest.fixture(scope="module")
 def page(html):
     return Page(html)
-
-
-def scripts(html):
-    return re.findall(r"<script([^>]*)>(.*?)</script>", html, re.S)
 
 
 def test_the_page_stands_alone(html):
@@ -300,60 +172,10 @@ def test_real_critiques_of_impacts_alone_and_of_nothing_hidden_are_told(
         assert "which no choice has seen" in text
 
 
-def test_rows_head_their_table_and_no_rows_give_no_table():
-    page = Page(html_table("c & d", ("a", "b"), [("x", "1 < 2")], numeric=(1,)))
-    assert "c & d" in page.text and "1 < 2" in page.text
-    assert [attrs["scope"] for attrs in page.all("th")] == ["col", "col", "row"]
-    assert html_table("c", ("a",), []) == ""
-
-
-def test_numbers_show_their_uncertainty():
-    assert estimate(0.2496, 0.0023) == "0.250 [0.245, 0.254]"
-    assert estimate(0.11994, 3e-5) == "0.11994 [0.11988, 0.12000]"
-    assert estimate(1.0, 0.0, "rad") == "1.00 rad"
-    assert estimate(4.995e-4, 1.3e-6, "m") == "0.500 [0.497, 0.502] mm"
-    assert estimate(1.8e-6, 1.2e-6, "m") == "0.00180 [−0.000552, 0.00415] mm"
-    assert amount(0.0358, "rad") == "35.8 mrad"
-    assert plus_minus(0.24961, 0.00233) == "0.2496 ± 0.0046"
-    assert interval(0.10859, 0.15625, "m/s") == "[0.109, 0.156] m/s"
-    assert interval(float("nan"), 1.0) == ""
-    assert amount(None, "m/s") == "unknown"
-    assert [percent(x) for x in (0.0, 1e-5, 0.0123, 0.5, 1.0)] == [
-        "0 %",
-        "less than 0.1 %",
-        "1.2 %",
-        "50 %",
-        "100 %",
-    ]
-
-
-def test_interval_digits_follow_the_width_not_the_value():
-    low, high = 0.6 + 1e-4 * np.array([-1.0, 1.0])
-    assert interval(low, high) == "[0.59990, 0.60010]"
-
-
 def test_missing_columns_of_a_table_are_an_error_not_a_gap(made, diagnosis):
     critique, regions, _, drawn = made
     with pytest.raises((AttributeError, KeyError)):
         report_html(critique, diagnosis, regions, {"comparison": pd.DataFrame({"model": ["mirtich"]})}, drawn)
-
-
-def test_rules_and_reasons_are_written_as_people_write_them():
-    assert plain_rule({"rule": "theta < -0.5 rad and |omega| > 3 rad/s"}) == "θ < −0.5 rad and |ω| > 3 rad/s"
-    counts = {"second_hit": 50, "not_ballistic": 49, "lost_frames": 1}
-    said = (
-        "50 × second hit too near to tell apart; 49 × no free flight on a side (held, rolling, bad track); "
-    )
-    assert reasons_listed(counts) == said + "1 for other reasons"
-    assert reasons_listed({}) == ""
-    assert feature_text("theta") == "body angle (theta)" and feature_text("mood") == "mood"
-
-
-def test_a_number_and_its_unit_stay_on_one_line():
-    assert (
-        paragraph("an error of 0.03 m/s, 3.2 % more") == "<p>an error of 0.03\u00a0m/s, 3.2\u00a0% more</p>"
-    )
-    assert paragraph("in 5 minutes") == "<p>in 5 minutes</p>"
 
 
 def test_what_the_user_switched_on_is_no_finding_and_no_fault(made, diagnosis):
@@ -474,77 +296,3 @@ def test_a_change_of_law_is_told_on_the_ladder_and_with_the_parameters(hidden_dr
     assert (
         f"(law now {LAWS[other].title})" in Page(report_effects.ladder_text(changed, diagnosis, rungs)).text
     )
-
-
-def impacts_in(html):
-    return json.loads(scripts(html)[0][1])["impacts"]
-
-
-def test_ellipses_and_lines_are_those_of_contact_space(made, html):
-    """A point of the ellipse keeps the energy, a step along a line keeps v_t = 0 or v_n = 0."""
-    critique, found = made[0], impacts_in(html)
-    o, mass = critique.observations, critique.source.mass
-    where = {(trial, impact): i for i, (trial, impact) in enumerate(zip(o.trial, o.found.impacts.impact))}
-    rows = [where[one["trial"], one["impact"]] for one in found]
-    assert sorted(rows) == list(range(len(o)))
-    v_pre, _, r = (array[rows] for array in velocities(critique.ladder[0][1], o))
-    space = contact_space(v_pre, r, mass=1e3 * mass, k_g=o.rig.k_g)  # impulses in mN s
-
-    def column(name):
-        return np.array([one[name] for one in found])
-
-    centre, angle = column("centre"), np.radians(column("angle"))
-    for turn in (0.0, 0.7, 2.0, 4.0):
-        a, b = column("axes").T * np.array([[np.cos(turn)], [np.sin(turn)]])
-        c_t = centre[:, 0] + np.cos(angle) * a - np.sin(angle) * b
-        c_n = centre[:, 1] + np.sin(angle) * a + np.cos(angle) * b
-        assert np.allclose(space.alpha(c_t, c_n), 1.0, atol=0.01)  # numbers have four digits
-    speed = np.hypot(space.v_t, space.v_n)
-    for line, component in (("sticking", 0), ("compression", 1)):
-        along = np.radians(column(line))
-        step = column("axes")[:, 1]
-        after = space.velocity_after(centre[:, 0] + step * np.cos(along), centre[:, 1] + step * np.sin(along))
-        assert np.all(np.abs(after[component]) < 0.01 * speed)
-
-
-def test_predictions_are_as_far_from_the_measured_impulse_as_their_errors(html):
-    """With the effects of the right law the predicted impulse comes near to the measured one."""
-    found = impacts_in(html)
-    away = {
-        name: np.mean([np.hypot(*np.subtract(one[name], one["measured"])) for one in found])
-        for name in ("base", "final")
-    }
-    errors = np.array([one["errors"] for one in found])
-    assert np.all(np.diff(errors[:, 0]) >= 0.0)  # the largest last, on top of the others
-    assert away["final"] < 0.5 * away["base"] and errors[:, 1].mean() < 0.5 * errors[:, 0].mean()
-
-
-def test_many_impacts_are_thinned_by_a_rule_and_the_page_stays_small(made, html):
-    error = np.random.default_rng(0).exponential(size=5000)
-    error[7] = np.nan
-    known = np.flatnonzero(np.isfinite(error))
-    shown = report_impacts.drawn_impacts(error, known)
-    assert len(shown) == len(set(shown)) == report_impacts.MOST
-    assert np.all(np.diff(error[shown]) >= 0.0)
-    assert error[shown[0]] == np.nanmin(error) and error[shown[-1]] == np.nanmax(error)
-    assert np.median(error[shown]) == pytest.approx(np.nanmedian(error), rel=0.02)
-    assert sorted(report_impacts.drawn_impacts(error, known[:50])) == sorted(known[:50])
-    part = report_impacts.explorer(made[0], made[1])
-    pictures_and_text = len(html) - len(part)
-    assert pictures_and_text + len(part) / len(impacts_in(html)) * report_impacts.MOST < 6e6
-
-
-def test_the_finding_about_impacts_is_counted(made):
-    errors = {"base": np.array([1.0] * 18 + [4.0, 7.0]), "final": np.array([0.5] * 15 + [2.0] * 5)}
-    said = report_impacts._finding(errors, np.arange(20))
-    assert "The 10 % of impacts with the largest errors hold 38 % of the sum" in said
-    assert "smaller in 85 % of the impacts" in said
-    assert "With the effects" not in report_impacts._finding({"base": errors["base"]}, np.arange(20))
-
-
-def test_impacts_without_a_prediction_are_not_drawn(made):
-    critique, regions, *_ = made
-    o = critique.observations
-    broken = replace(o, slope=np.where(np.arange(len(o))[:, None, None] == 3, np.nan, o.slope))
-    part = report_impacts.explorer(replace(critique, observations=broken), regions)
-    assert len(impacts_in(part)) == len(o) - 1 and "NaN" not in part and "nan" not in part

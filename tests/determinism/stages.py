@@ -6,7 +6,6 @@ Run in processes of their own, because the seed of Python's hashes and the kerne
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 TESTS = Path(__file__).resolve().parents[1]
 sys.path[:0] = [
@@ -15,24 +14,16 @@ sys.path[:0] = [
 ]
 SEED = 20190906
 
-if TYPE_CHECKING:
-    from thesis_lib.datasets.dataset import Dataset
-
-
-def _drops() -> "Dataset":
-    """Simulated as the pipeline does, written and read back."""
-    from small_critique import drops
-
-    return drops()
-
 
 def simulated(out: Path) -> None:
-    """Drops of our simulator, and the impacts that are found in them."""
+    """Drops of our simulator, written and read back, and the impacts that are found in them."""
+    from small_critique import drops
+
     from thesis_lib.columns import write_result
     from thesis_lib.datasets.detect import find_impacts
     from thesis_lib.datasets.write import write_dataset
 
-    dataset = _drops()
+    dataset = drops()
     write_dataset(dataset, out / "drops")
     write_result(find_impacts(dataset).impacts.to_table(), out / "impacts.csv")
 

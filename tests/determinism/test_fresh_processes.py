@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from test_sources_of_chance import TIMES
 
 HERE = Path(__file__).parent
 # kernels without AVX: other sums in another order, as on another processor
@@ -27,7 +27,6 @@ LOOSE = {
 }
 SEARCH = 0.2  # of the misfit of a random search stopped early: its path forks at comparisons; 0.05 seen
 EXACT = 1e-9  # m/s: an impact that a law explains exactly
-TIMES = re.compile(r"(^|_)(cpu|wall|elapsed|runtime|walltime|seconds|timestamp|date|datetime|clock)(_|$)")
 
 
 def run(out: Path, **environment: str) -> Path:
@@ -115,7 +114,7 @@ def test_differences_are_seen():
 
 
 @pytest.mark.slow
-def test_other_kernels_give_the_same_answer(one, tmp_path, record_property):
+def test_other_kernels_give_the_same_answer(one, tmp_path):
     other = run(tmp_path / "kernels", **OTHER_KERNELS)
     kernel = "from thesis_lib.provenance import _blas; print(*{one['kernel'] for one in _blas()})"
     done = subprocess.run(

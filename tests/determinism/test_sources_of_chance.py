@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.imported_names import ImportedNames
+
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted(path for name in ("thesis_lib", "workflow") for path in (ROOT / name).rglob("*.py"))
 TIMES = re.compile(r"(^|_)(cpu|wall|elapsed|runtime|walltime|seconds|timestamp|date|datetime|clock)(_|$)")
@@ -53,30 +55,15 @@ WAITING = {
 def chances(source: str) -> Iterator[tuple[int, str]]:
     """Line and name of each clock, unseeded draw and name of a machine."""
     tree = ast.parse(source)
-    names: dict[str, str] = {}
+    full_name = ImportedNames(tree).full
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                first = alias.name.split(".")[0]
-                names[alias.asname or first] = alias.name if alias.asname else first
-                if alias.name in MODULES:
-                    yield node.lineno, alias.name
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.update({alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names})
-            if node.module in MODULES:
-                yield node.lineno, node.module
-
-    def dotted(node: ast.expr) -> str:
-        if isinstance(node, ast.Name):
-            return names.get(node.id, node.id)
-        if isinstance(node, ast.Attribute) and (before := dotted(node.value)):
-            return f"{before}.{node.attr}"
-        return ""
-
-    for node in ast.walk(tree):
+            yield from ((node.lineno, alias.name) for alias in node.names if alias.name in MODULES)
+        elif isinstance(node, ast.ImportFrom) and node.module in MODULES:
+            yield node.lineno, node.module
         if not isinstance(node, ast.Call):
             continue
-        name = dotted(node.func)
+        name = full_name(node.func)
         if name in CLOCKS | CHANCE:
             yield node.lineno, name
         elif name.startswith("numpy.random."):

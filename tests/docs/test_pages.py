@@ -193,5 +193,5 @@ def test_effects_of_the_page_are_those_of_the_code():
 def test_the_first_tutorial_says_how_many_drops_are_needed():
     from thesis_lib.critique.criticise import MIN_IMPACTS, MIN_TRIALS
 
-    page = (DOCS / "tutorial_critique.md").read_text(encoding="utf-8")
-    assert f"{MIN_IMPACTS} usable impacts in {MIN_TRIALS} trials" in page
+    words = (DOCS / "tutorial_critique.md").read_text(encoding="utf-8").split()
+    assert f"{MIN_IMPACTS} usable impacts in {MIN_TRIALS} trials" in " ".join(words)

@@ -65,7 +65,7 @@ def read_results(folder: Path, out: Path) -> None:
 
 
 def jenga_samples() -> list[Sample]:
-    from thesis_lib.jenga.game import Attempt, Game, Trajectory, write_game
+    from thesis_lib.jenga.game import Attempt, Game, write_game
     from thesis_lib.jenga.samples import ACTION, CONTEXT, STATE
 
     n = np.arange(6)
@@ -76,8 +76,7 @@ def jenga_samples() -> list[Sample]:
     table = table.assign(
         **{f"a_{name}": 0.0 for name in ACTION}, **{f"c_{name}": 0.0 for name in CONTEXT}, truth=0
     )
-    push = Trajectory(3, [0.0, 0.0], [[0.0] * 7], [[0.0, 0.0]], [[0.0] * 7], [])
-    game = Game("rule", 1, 2, 54, [Attempt(3, 1, 0, pushed=1)], "done", trajectories=[push])
+    game = Game("rule", 1, 2, 54, [Attempt(3, 1, 0, pushed=1)], "done")
     with tempfile.TemporaryDirectory() as made:
         write_game(game, Path(made) / "game.json")
         content = (Path(made) / "game.json").read_bytes()

@@ -151,9 +151,7 @@ def test_forces_and_parameters_without_noise(records):
         np.testing.assert_allclose(found.theta, base_of(ARM), rtol=1e-8)
         for j in range(2):
             errors = force_errors((record.c_n[:, j], record.c_t[:, j]), (found.c_n[:, j], found.c_t[:, j]))
-            assert (
-                max(errors["force_error"], errors["impact_error"]) < 1e-4
-            )  # the target; 1e-10 is found
+            assert max(errors["force_error"], errors["impact_error"]) < 1e-4  # the target; 1e-10 is found
 
 
 def test_a_disk_in_flight_has_no_identifiable_inertia(records):
@@ -245,7 +243,7 @@ def test_forces_and_parameters_at_40_db_from_blind_starts():
     tables = arm_force_study(3, np.random.default_rng(11))
     summary = arm_force_summary(tables.forces, tables.parameters).set_index(["quantity", "method"])
     ours = summary.xs("ours", level="method")
-    assert (ours["error_median"] <= 0.05).all()  # the target
+    assert (ours["error_median"] <= 0.05).all()  # the target
     plain = summary.xs("plain", level="method")
     assert (
         plain.loc[["arm_force", "ground_force"], "error_median"] > 0.1

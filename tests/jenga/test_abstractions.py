@@ -42,7 +42,7 @@ def reference():
 def test_stuck_and_free_are_told_apart_without_truth(all_kinds: Hma) -> None:
     samples, _ = make_samples(4000, np.random.default_rng(5))
     found = agreement(all_kinds, samples, np.random.default_rng(6))
-    assert found.balanced_accuracy > 0.85  # 0.92 to 0.96 over training sets; the issue asks for 0.85
+    assert found.balanced_accuracy > 0.85  # 0.92 to 0.96 over training sets; the target is 0.85
     assert found.low < found.balanced_accuracy < found.high
     assert found.n_stuck + found.n_free == len(infer_first_steps(all_kinds, samples)[0])
 

@@ -12,7 +12,6 @@ from thesis_lib.jenga.movable import (
     hidden_label,
     is_movable,
     scan,
-    threshold_for,
     trial_push,
     try_to_extract,
 )
@@ -99,13 +98,11 @@ def test_movable_needs_both_to_follow_and_to_leave_the_tower_alone():
     ]
 
 
-def test_the_threshold_that_gives_a_share_is_found():
-    settings = MovableSettings()
-    moved = np.full(100, 6.0)
-    table = pd.DataFrame({"tower": 0, "moved": moved, "others": np.linspace(0.01, 3.0, 100)})
-    threshold = threshold_for(table, settings, share=0.47)
-    assert fractions(table, settings, [threshold])["movable"][0] == pytest.approx(0.47)
-    assert table["others"][46] <= threshold <= table["others"][47]
+def test_shares_of_movable_blocks_grow_with_the_threshold():
+    moved = np.array([6.0, 6.0, 6.0, 0.1])
+    table = pd.DataFrame({"tower": 3, "moved": moved, "others": [0.1, 0.6, 2.1, 0.0]})
+    shares = fractions(table, MovableSettings(), (0.5, 1.0, 3.0))
+    assert shares["movable"].tolist() == [0.25, 0.5, 0.75] and set(shares["tower"]) == {3}
 
 
 def test_a_scan_says_which_blocks_are_movable():

@@ -131,15 +131,6 @@ def test_one_wild_reading_does_not_settle_a_robust_belief() -> None:
     assert after["normal"][1] > 0.98 and after["robust"][1] < 0.8
 
 
-def test_contact_made_anew_takes_forces_as_read() -> None:
-    model = _linear(1, np.random.default_rng(7))
-    bank = KalmanBank(model, CONTEXT, NOISE)
-    bank.start(np.array([0.0, 0, 0, 2.0, 0, 0, 0]))
-    bank.restart(np.array([0.0, 0, 0, 0.1, 0, 0, 0]))
-    assert bank.mean[0, 3] == pytest.approx(0.1, abs=1e-4)
-    assert bank.cov[0, 0, 0] == pytest.approx(NOISE[0] / 2)
-
-
 def test_process_noise_is_what_readings_leave() -> None:
     var = np.array([1.0, 0.5, 0.1])
     np.testing.assert_allclose(process_variance(var, np.array([0.1, 0.1, 0.1])), [0.8, 0.3, 0.01])

@@ -1,5 +1,8 @@
 """No-U-Turn sampler against the exact answer: networks that are linear, so that the bank of filters is exact."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from pushes_for_tests import make_samples
@@ -9,7 +12,8 @@ from thesis_lib.jenga.bayesian_network import BayesianNetworks, layer_shapes
 from thesis_lib.jenga.hma import Hma
 from thesis_lib.jenga.learner import ADVANCE, Scaling
 from thesis_lib.jenga.learner_settings import LearnerSettings, NetworkSettings
-from thesis_lib.jenga.showcase_nuts import NutsSettings, agreement, sample_posterior
+from thesis_lib.jenga.nuts_settings import NutsSettings
+from thesis_lib.jenga.showcase_nuts import Sampler, agreement
 
 
 def linear_learner() -> Hma:
@@ -53,7 +57,7 @@ def test_sampler_agrees_with_the_exact_filter(steps: int) -> None:
     learner = linear_learner()
     readings, actions, context = _push(learner, 1, steps)
     settings = NutsSettings(warm_up=300, draws=500)
-    posterior = sample_posterior(learner, readings, actions, context, settings, np.random.default_rng(1))
+    posterior = Sampler(learner, settings).sample(readings, actions, context, np.random.default_rng(1))
     assert posterior.r_hat < 1.02 and posterior.ess > 200 and posterior.divergences == 0
     apart = agreement(learner, posterior, readings, actions, context)
     assert apart["belief"] < 0.05 and apart["state"] < 0.2
@@ -62,11 +66,13 @@ def test_sampler_agrees_with_the_exact_filter(steps: int) -> None:
 
 def test_readings_and_actions_must_fit() -> None:
     with pytest.raises(UserError, match="readings"):
-        sample_posterior(
-            linear_learner(),
-            np.zeros((3, 7)),
-            np.zeros((3, 2)),
-            np.zeros(2),
-            NutsSettings(),
-            np.random.default_rng(0),
+        Sampler(linear_learner(), NutsSettings()).sample(
+            np.zeros((3, 7)), np.zeros((3, 2)), np.zeros(2), np.random.default_rng(0)
         )
+
+
+def test_the_configuration_is_read_without_what_the_sampler_needs():
+    heavy = {"torch", "pandas", "scipy", "jax"}
+    code = f"import sys, thesis_lib.jenga.study_settings; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,29 +1,15 @@
-"""The pushes that are shown: the steered one that strayed most, frames, and both cases of a real tower."""
+"""What is shown: frames of a game, and both cases of pushes of a real tower."""
 
 import numpy as np
 import pytest
 
-from thesis_lib.jenga.game import Attempt, Game, Trajectory
+from thesis_lib.jenga.game import Game
 from thesis_lib.jenga.settings import Setup
 from thesis_lib.jenga.showcase import PICTURES, frames, straight_pushes
 
 
-def recorded(strays: dict[int, float], out: set[int]) -> Game:
-    """A game in which each block strays by so many mm; those in `out` came out."""
-    game = Game("hma", 1, 0, 45, [], "all tried")
-    for block, stray in strays.items():
-        states = np.zeros((12, 7))
-        states[:, 0] = states[:, 5] = np.arange(12)
-        states[6:, 1] = stray
-        game.attempts.append(Attempt(block, 3, 0, pushed=int(block in out)))
-        game.trajectories.append(
-            Trajectory(block, [9, 0], states.tolist(), np.zeros((12, 2)).tolist(), states.tolist())
-        )
-    return game
-
-
 def test_frames_are_spread_over_the_game_and_begin_with_the_untouched_tower():
-    game = recorded({4: 1.0}, {4})
+    game = Game("hma", 1, 0, 45, [], "all tried")
     poses = np.zeros((54, 7))
     game.frames = [["start", -1, poses.tolist()]] + [["extracted", b, poses.tolist()] for b in range(20)]
     game.sizes = np.ones((54, 3)).tolist()

@@ -10,6 +10,7 @@ from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.saved_model import SavedModel
 from thesis_lib.residual.bases import AugmentedBase, LawBase
+from thesis_lib.residual.belief import through_dynamics
 from thesis_lib.residual.feasible import feasible
 from thesis_lib.residual.features import velocity_after
 from thesis_lib.residual.gaussian_process import GaussianProcessSettings
@@ -47,7 +48,7 @@ def test_every_learner_says_what_it_must(name, trained, noisy):
     # v⁺ is that of the impulse, the covariance is one, and nothing after impact is looked at
     np.testing.assert_allclose(velocity_after(out.impulse, test), out.v_post, atol=1e-9)
     assert (np.linalg.eigvalsh(out.covariance) > -1e-12).all()
-    assert (np.linalg.eigvalsh(out.velocity_covariance) > -1e-9).all()
+    assert (np.linalg.eigvalsh(through_dynamics(out.jacobian, out.covariance)) > -1e-9).all()
     np.testing.assert_array_equal(out.feasible, feasible(test.v_pre, out.v_post, test.r, K_G))
     assert feasible(test.v_pre, out.v_projected, test.r, K_G).all()
     blind = replace(test, v_post=np.full_like(test.v_post, np.nan))
@@ -100,7 +101,7 @@ def test_learned_parameters_find_friction_that_changes():
 def test_standard_deviations_mean_what_they_say(name, trained, noisy):
     _, test = noisy
     out = trained[name].predict(test, noise=True)
-    std = np.sqrt(np.einsum("nii->ni", out.velocity_covariance))
+    std = np.sqrt(np.einsum("nii->ni", through_dynamics(out.jacobian, out.covariance)))
     inside = np.abs(test.v_post - out.v_post) <= 1.96 * std
     # 95 % within a binomial interval of 300 impacts, and what the linearisation costs
     assert 0.90 <= inside.mean() <= 0.99

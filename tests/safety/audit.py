@@ -25,9 +25,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = Path(__file__).with_name("audited.json")
-PIP_AUDIT = (
-    "pip-audit==2.10.1"  # in an environment of its own: it brings thirty packages that nothing here needs
-)
+# in an environment of its own: it brings thirty packages that nothing here needs
+PIP_AUDIT = "pip-audit==2.10.1"
 
 
 @dataclass

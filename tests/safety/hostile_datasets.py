@@ -42,12 +42,10 @@ def valid_folder(parent: Path, name: str = NAME, description: str = DESCRIPTION)
     )
     head = yaml.safe_load((folder / "dataset.yaml").read_text(encoding="utf-8"))
     write_header(folder, head | {"description": description})
-    (folder / "report.html").write_text(
-        "<script>alert(3)</script>"
-    )  # files beside the dataset's are not looked at
+    # files beside the dataset's are not looked at
+    (folder / "report.html").write_text("<script>alert(3)</script>")
     (folder / "conftest.py").write_text("open('pwned', 'w')")
-    target = parent / name
-    return folder.rename(target)
+    return folder.rename(parent / name)
 
 
 def write_header(folder: Path, content: object) -> None:

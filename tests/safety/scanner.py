@@ -24,6 +24,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.imported_names import ImportedNames
+
 RUN_CODE = {
     "pickle",
     "_pickle",
@@ -110,17 +112,8 @@ def _python_of_rules(source: str) -> tuple[str, dict[int, int]]:
 class _Scan:
     def __init__(self, path: str, tree: ast.Module):
         self.path, self.tree = path, tree
-        self.names: dict[str, str] = {}  # local name -> what was imported under it
+        self.full_name = ImportedNames(tree).full
         self.assigned: dict[str, ast.expr] = {}  # module-level constants
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Import):
-                for alias in node.names:
-                    self.names[alias.asname or alias.name.split(".")[0]] = (
-                        alias.name if alias.asname else alias.name.split(".")[0]
-                    )
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                for alias in node.names:
-                    self.names[alias.asname or alias.name] = f"{node.module}.{alias.name}"
         for node in tree.body:
             if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
                 self.assigned[node.targets[0].id] = node.value
@@ -136,7 +129,7 @@ class _Scan:
                     if f"{node.module}.{alias.name}" in YAML_UNSAFE:
                         yield self.finding(node, "yaml", f"{node.module}.{alias.name}")
             elif isinstance(node, ast.Attribute):
-                name = self.dotted(node)
+                name = self.full_name(node)
                 if name in YAML_UNSAFE:
                     yield self.finding(node, "yaml", name)
                 if node.attr in READERS:
@@ -149,22 +142,13 @@ class _Scan:
     def finding(self, node: ast.AST, rule: str, what: str) -> Finding:
         return Finding(self.path, node.lineno, rule, what)
 
-    def dotted(self, node: ast.expr) -> str:
-        """Full name of what an expression of names and dots refers to; '' for any other expression."""
-        if isinstance(node, ast.Name):
-            return self.names.get(node.id, node.id)
-        if isinstance(node, ast.Attribute):
-            before = self.dotted(node.value)
-            return f"{before}.{node.attr}" if before else ""
-        return ""
-
     def imported(self, node: ast.AST, name: str) -> Iterator[Finding]:
         for rule, modules in (("pickle", RUN_CODE), ("network", NETWORK), ("xml", XML)):
             if any(name == module or name.startswith(f"{module}.") for module in modules):
                 yield self.finding(node, rule, name)
 
     def called(self, node: ast.Call) -> Iterator[Finding]:
-        name = self.dotted(node.func)
+        name = self.full_name(node.func)
         keywords = {keyword.arg: keyword.value for keyword in node.keywords}
         first = node.args[0] if node.args else keywords.get("args")
         last = name.rpartition(".")[2] or getattr(node.func, "attr", "")
@@ -203,7 +187,7 @@ class _Scan:
             return False
         named = {node.attr for node in ast.walk(loader) if isinstance(node, ast.Attribute)}
         named |= {
-            self.dotted(node).rpartition(".")[2] for node in ast.walk(loader) if isinstance(node, ast.Name)
+            self.full_name(node).rpartition(".")[2] for node in ast.walk(loader) if isinstance(node, ast.Name)
         }
         named |= {str(node.value) for node in ast.walk(loader) if isinstance(node, ast.Constant)}
         return bool(named & SAFE_LOADERS) and named <= {*SAFE_LOADERS, "getattr", "yaml"}

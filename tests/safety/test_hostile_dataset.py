@@ -15,6 +15,7 @@ import pytest
 from hostile_datasets import BROKEN, DESCRIPTION, ESCAPES, NAME, ORDERS, broken_folder, valid_folder
 
 from thesis_lib.__main__ import main
+from thesis_lib.command_line import command
 from thesis_lib.datasets.__main__ import main as datasets_main
 from thesis_lib.terminal import VisibleStream, visible
 
@@ -228,16 +229,14 @@ def test_visible_text_prints_and_plain_text_stays(text):
 
 
 def test_a_command_that_prints_orders_shows_them(capsys):
-    from thesis_lib.terminal import prints_visibly
-
-    @prints_visibly
-    def command(text: str) -> int:
+    @command
+    def show(text: str) -> int:
         print(text)
         print(text, file=sys.stderr)
         assert isinstance(sys.stdout, VisibleStream) and sys.stdout.encoding
         return 3
 
-    assert command(f"{ESCAPES}, μ") == 3
+    assert show(f"{ESCAPES}, μ") == 3
     shown = capsys.readouterr()
     assert shown.out == shown.err == visible(ESCAPES) + ", μ\n"
     assert not isinstance(sys.stdout, VisibleStream)

@@ -3,20 +3,18 @@
     python -m tests.workflow.interruption [--kills 20] [--seed 0] [--cores 2] [--targets TARGET ...]
 
 A copy of the pipeline runs `one_minute.yaml` once in peace.  In a second copy it is stopped again and again, in turn
-in each of the ways of `WAYS`, at moments that are uniform over the duration of the first run, and started again by
-the same command.  After each stop every file under its final name must hold the very bytes of the undisturbed run,
-every result of a finished job must still be there untouched, and the runner must have said what happened; at the
-end all results must be equal.  A disk is filled where a small tmpfs can be mounted (Linux, root); elsewhere a limit
-on the size of files takes its place.
+in each of the ways of `ways_to_stop.py`, at moments that are uniform over the duration of the first run, and started
+again by the same command.  After each stop every file under its final name must hold the very bytes of the undisturbed
+run, every result of a finished job must still be there untouched, and the runner must have said what happened; at the
+end all results must be equal.  A disk is filled where a small tmpfs can be mounted (Linux, root); elsewhere a limit on
+the size of files takes its place.
 """
 
 import argparse
 import base64
 import contextlib
 import json
-import os
 import re
-import resource
 import shutil
 import signal
 import subprocess
@@ -31,13 +29,11 @@ import numpy as np
 import psutil
 
 from tests.workflow.pipeline_copy import ROOT, copy_pipeline
+from tests.workflow.ways_to_stop import OVERLAY, WAYS, Run, Way, job_of
 
-OVERLAY = "one_minute.yaml"
 TARGETS = ("chapter3", "chapter4", "critique", "ch2_schematics")
 RESULTS = ("results", "data/simulated")
 DISK = 400  # MB of the tmpfs; more than the runner asks to be free
-LIMIT = 600.0  # s until a run counts as hung
-POLL = 0.1  # s
 
 
 def results(folder: Path) -> dict[str, bytes]:
@@ -47,9 +43,8 @@ def results(folder: Path) -> dict[str, bytes]:
         for path in sorted((folder / top).rglob("*")):
             name = path.relative_to(folder).as_posix()
             if not name.startswith("results/logs/"):
-                with contextlib.suppress(
-                    FileNotFoundError, IsADirectoryError
-                ):  # an orphan renames it just now
+                # an orphan may rename it just now
+                with contextlib.suppress(FileNotFoundError, IsADirectoryError):
                     found[name] = path.read_bytes()
     return found
 
@@ -87,160 +82,6 @@ def finished(folder: Path) -> dict[str, int]:
 
     done = names("metadata") - names("incomplete")
     return {name: (folder / name).stat().st_mtime_ns for name in done if (folder / name).exists()}
-
-
-class Run:
-    """One start of the pipeline in a group of its own, as a terminal would start it."""
-
-    def __init__(self, folder: Path, targets: Sequence[str], cores: int):
-        self.output = Path(f"{folder}.{time.monotonic_ns()}.output")
-        environment = {
-            k: v for k, v in os.environ.items() if not k.startswith(("PYTHONPATH", "SNAKEMAKE", "MAKE"))
-        }
-        command = [
-            sys.executable,
-            "-m",
-            "thesis_lib.pipeline",
-            "--cores",
-            str(cores),
-            "--configfile",
-            OVERLAY,
-        ]
-        self.folder, self.start = folder, time.monotonic()
-        with self.output.open("w") as stream:
-            self.process = subprocess.Popen(
-                [*command, *targets],
-                cwd=folder,
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                preexec_fn=_as_in_a_terminal,
-            )
-
-    def jobs(self) -> list[psutil.Process]:
-        """Processes of its jobs, not those of an earlier run that live on."""
-        found = []
-        for process in psutil.process_iter():
-            with contextlib.suppress(psutil.Error, ProcessLookupError):
-                if os.getpgid(process.pid) == self.process.pid and _job(process):
-                    found.append(process)
-        return found
-
-    def snakemake(self) -> list[psutil.Process]:
-        with contextlib.suppress(psutil.Error):
-            return psutil.Process(self.process.pid).children()
-        return []
-
-    def wait(self, until: Callable[[], bool] = lambda: False, seconds: float = LIMIT) -> bool:
-        """Wait until the run has ended (False), or `until` says so or `seconds` have passed (True)."""
-        end = time.monotonic() + seconds
-        while self.process.poll() is None:
-            if until() or time.monotonic() >= end:
-                return True
-            time.sleep(POLL)
-        return False
-
-    def wait_for_job(self) -> bool:
-        return self.wait(lambda: bool(self.jobs()))
-
-    def end(self) -> int:
-        """Wait for the runner and return its exit code.
-
-        Raises:
-            RuntimeError: it hangs.
-        """
-        if self.wait():
-            os.killpg(self.process.pid, signal.SIGKILL)
-            raise RuntimeError(f"the run hangs:\n{self.text()[-3000:]}")
-        return self.process.returncode
-
-    def text(self) -> str:
-        return self.output.read_text(encoding="utf-8", errors="replace")
-
-
-def _as_in_a_terminal() -> None:
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)  # ignored under nohup and by jobs in the background
-
-
-def _job(process: psutil.Process) -> str | None:
-    match = re.search(r"\.snakemake/scripts/tmp\w+\.(\w+)\.py", " ".join(process.cmdline()))
-    return match and match[1]
-
-
-# ways to stop a run; each returns when the run has ended
-
-
-def kill_group(run: Run) -> None:
-    os.killpg(run.process.pid, signal.SIGKILL)
-
-
-def kill_snakemake(run: Run) -> None:
-    run.wait(lambda: bool(run.snakemake()))
-    for process in run.snakemake():
-        process.kill()
-    run.end()
-
-
-def interrupt(run: Run) -> None:
-    os.killpg(run.process.pid, signal.SIGINT)
-    run.end()
-
-
-def hang_up(run: Run) -> None:
-    os.killpg(run.process.pid, signal.SIGHUP)
-
-
-def kill_job(run: Run) -> None:
-    for job in run.jobs()[:1]:
-        job.kill()
-    run.end()
-
-
-def fill_disk(run: Run) -> None:
-    if not os.path.ismount(run.folder):
-        for process in [*run.jobs(), *run.snakemake()]:
-            with contextlib.suppress(ProcessLookupError):
-                resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (0, 0))
-        run.end()
-        return
-    with (run.folder / "ballast").open("wb", buffering=0) as stream, contextlib.suppress(OSError):
-        while True:
-            stream.write(bytes(2**16))
-    try:
-        run.end()
-        again = Run(run.folder, (), 1)  # with a disk that is still full
-        assert again.end() == 1 and "nearly full" in again.text(), again.text()
-    finally:
-        (run.folder / "ballast").unlink()
-
-
-def starve_job(run: Run) -> None:
-    for job in run.jobs()[:1]:
-        with contextlib.suppress(ProcessLookupError):
-            resource.prlimit(job.pid, resource.RLIMIT_AS, (2**20, 2**20))
-    run.end()
-
-
-@dataclass(frozen=True)
-class Way:
-    name: str
-    stop: Callable[[Run], None]
-    needs_job: bool = False  # strikes a job, so waits for one
-    says: str = ""  # what the runner must say if it fails
-
-
-WAYS = (
-    Way("kill -9 of all", kill_group),
-    Way("kill -9 of one job", kill_job, needs_job=True, says="killed from outside"),
-    Way("Ctrl-C", interrupt, says="Interrupted"),
-    Way("kill -9 of Snakemake", kill_snakemake, says="Snakemake itself was killed"),
-    Way("full disk", fill_disk, needs_job=True, says="disk is full|size of files"),
-    Way("terminal closed", hang_up),
-    Way("out of memory", starve_job, needs_job=True, says="out of memory|killed from outside|has stopped"),
-)
 
 
 @dataclass
@@ -297,14 +138,9 @@ class Study:
         self.duration = time.monotonic() - run.start
         self.expected = results(self.calm)
         self.faults += unreadable(self.calm)
-        jobs = len(
-            set(
-                re.findall(
-                    r"Finished jobid: (\d+)", next((self.calm / ".snakemake/log").iterdir()).read_text()
-                )
-            )
-        )
-        print(f"undisturbed: {self.duration:.0f} s, {jobs} jobs, {len(self.expected)} files", flush=True)
+        (log,) = (self.calm / ".snakemake/log").iterdir()
+        jobs = set(re.findall(r"Finished jobid: (\d+)", log.read_text()))
+        print(f"undisturbed: {self.duration:.0f} s, {len(jobs)} jobs, {len(self.expected)} files", flush=True)
 
     def compare(self, complete: bool) -> list[str]:
         """What differs from the undisturbed run; files may be missing or half-made (.part) unless `complete`."""
@@ -321,12 +157,8 @@ class Study:
     def round(self, ways: Sequence[Way]) -> int:
         """Stop one passage through the pipeline in these ways, as many as it takes; how many were used."""
         moments = np.sort(self.rng.uniform(0, self.duration, len(ways)))
-        at, redo, before, used = (
-            0.0,
-            0.0,
-            {},
-            0,
-        )  # position in the undisturbed run, s of work to be done again
+        at = redo = 0.0  # position in the undisturbed run, work to be done again (s of it)
+        before, used = {}, 0
         for moment, way in zip(moments, ways):
             run = self.start()
             if at < self.until_job:
@@ -357,7 +189,7 @@ class Study:
         ages, running = [0.0], []
         for job in run.jobs():
             with contextlib.suppress(psutil.Error):
-                running.append(_job(job) or "?")
+                running.append(job_of(job) or "?")
                 ages.append(time.time() - job.create_time())
         kill = Kill(moment, way.name, tuple(sorted(running)))
         self.kills.append(kill)
@@ -424,11 +256,8 @@ def study(kills: int, seed: int, targets: Sequence[str], cores: int = 2, ways: S
         done = Study(top, targets, cores, rng)
         done.undisturbed()
         mounted = stack.enter_context(small_disk(done.folder))
-        print(
-            "a full disk is",
-            f"a tmpfs of {DISK} MB" if mounted else "a limit on the size of files",
-            flush=True,
-        )
+        disk = f"a tmpfs of {DISK} MB" if mounted else "a limit on the size of files"
+        print(f"a full disk is {disk}", flush=True)
         done.prepare(done.folder)
         stack.callback(_end_all, top)
         left = [ways[i % len(ways)] for i in range(kills)]

@@ -1,6 +1,5 @@
 """The runner of the pipeline: one at a time, clears away what a killed run left, and says what went wrong."""
 
-import ast
 import os
 import shutil
 import subprocess
@@ -10,28 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.workflow import interruption
+from tests.workflow.interruption import study
 from tests.workflow.pipeline_copy import ROOT
+from tests.workflow.ways_to_stop import WAYS
 from thesis_lib import pipeline
 from thesis_lib.errors import UserError
 from thesis_lib.files import write_text
 
 SLOW_JOB = "import time; print('up', flush=True); time.sleep(60)"
-# what writes a file -> allowed outside `with atomic(...)` in these modules, because
-WRITERS = {
-    "to_csv": {"thesis_lib/critique/command_model.py"},  # standard output
-    "to_parquet": set(),
-    "savefig": {"thesis_lib/critique/elements.py"},  # into memory, for the page
-    "np.save": set(),
-    "np.savez": set(),
-    "np.savez_compressed": set(),
-    "torch.save": set(),
-    "json.dump": set(),
-    "write_text": {"thesis_lib/critique/isolated.py"},  # into /proc
-    "write_bytes": {"thesis_lib/datasets/fetch.py"},  # into a temporary folder
-    "copyfile": set(),
-    "copy2": set(),
-}
 
 
 @pytest.fixture
@@ -193,35 +178,9 @@ def test_exit_code_is_that_of_snakemake(folder, capsys):
     os.close(lock)
 
 
-def test_results_have_the_mode_that_the_user_chose(tmp_path):
-    before = os.umask(0o027)
-    try:
-        write_text("", tmp_path / "a.csv")
-    finally:
-        os.umask(before)
-    assert (tmp_path / "a.csv").stat().st_mode & 0o777 == 0o640
-
-
-def test_every_result_is_written_under_a_temporary_name_first():
-    strays = []
-    for path in [*(ROOT / "thesis_lib").rglob("*.py"), *(ROOT / "workflow/scripts").glob("*.py")]:
-        tree, name = ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix()
-        safe = {
-            id(inner)
-            for node in ast.walk(tree)
-            if isinstance(node, ast.With) and "atomic(" in "".join(ast.unparse(item) for item in node.items)
-            for inner in ast.walk(node)
-        }
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and id(node) not in safe:
-                words = {node.func.attr, ast.unparse(node.func)} & set(WRITERS)
-                strays += [f"{name}:{node.lineno} {word}" for word in words if name not in WRITERS[word]]
-    assert strays == []
-
-
 @pytest.mark.slow
 def test_pipeline_survives_interruptions():
-    ways = [way for way in interruption.WAYS if way.name in ("kill -9 of Snakemake", "full disk", "Ctrl-C")]
-    done = interruption.study(3, 0, ("ch4_schematics", "results/impacts/drops/summary.json"), ways=ways)
+    ways = [way for way in WAYS if way.name in ("kill -9 of Snakemake", "full disk", "Ctrl-C")]
+    done = study(3, 0, ("ch4_schematics", "results/impacts/drops/summary.json"), ways=ways)
     assert len(done.kills) == 3 and {kill.way for kill in done.kills} == {way.name for way in ways}
     assert done.faults == []

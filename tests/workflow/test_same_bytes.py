@@ -19,7 +19,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def command(folder: Path, *arguments: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", *arguments],
+        [sys.executable, "-m", "thesis_lib", *arguments],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
@@ -31,13 +31,13 @@ def command(folder: Path, *arguments: str) -> None:
 
 @pytest.mark.slow
 def test_command_and_pipeline_write_the_same_bytes(checkout, snakemake):
-    command(checkout, "thesis_lib.datasets", "example", "-o", f"data/measured/{NAME}", "--drops", "40")
+    command(checkout, "datasets", "example", "-o", f"data/measured/{NAME}", "--drops", "40")
     (checkout / "overlay.yaml").write_text(f"critique: {{datasets: [{NAME}]}}\n")
     done = snakemake(
         checkout, "--cores", "1", "--configfile", "overlay.yaml", "--", f"results/critique/{NAME}/report.html"
     )
     assert done.returncode == 0, done.stdout
-    command(checkout, "thesis_lib", "critique", f"data/measured/{NAME}", "-o", "by_command", "-q")
+    command(checkout, "critique", f"data/measured/{NAME}", "-o", "by_command", "-q")
     piped, commanded = files(checkout / "results/critique" / NAME), files(checkout / "by_command")
     assert set(piped) == set(commanded)
     assert {"report.html", "diagnosis.json", "comparison.csv", "ladder.png", "model.json"} <= set(piped)

@@ -9,8 +9,8 @@
 | `expected`      | the statuses committed per scale; a change in either direction fails the check            |
 | `figure_format` | the format of config/figures.yaml: the columns of each figure's CSV and their tolerances  |
 | `figure_check`  | figures' CSVs against small stored copies                                                 |
-| `page`          | results/claims.html and a Markdown summary                                                |
+| `page`          | results/claims.html                                                                       |
 
-`python -m thesis_lib.claims --help` says how to check, update and print.  A run of the pipeline does not fail on
+`python -m thesis_lib claims --help` says how to check, update and print.  A run of the pipeline does not fail on
 an honest deviation from the thesis; continuous integration fails when a status changes.
 """

@@ -20,7 +20,7 @@ from thesis_lib.errors import UserError
 from thesis_lib.files import write_table
 
 AGREES, DIFFERS, NO_DATA, ERROR = "agrees", "differs", "data not present", "error"
-REMEDY = "if this is intended: python -m thesis_lib.claims update"
+REMEDY = "if this is intended: python -m thesis_lib claims update"
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[Pr
         UserError: one of the files is missing or cannot be read.
     """
     if not Path(stored).is_file():
-        raise UserError(f"{stored} does not exist; store it: python -m thesis_lib.claims update")
+        raise UserError(f"{stored} does not exist; store it: python -m thesis_lib claims update")
     cells, copy = Cells.read(csv), Cells.read(stored)
     problems = _form(cells, figure) or _copy_form(copy, figure)
     if problems:

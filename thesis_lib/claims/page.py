@@ -1,4 +1,4 @@
-"""results/claims.html and a Markdown summary: the ledger as a person reads it.
+"""results/claims.html: the ledger as a person reads it.
 
 The page needs no network and no script.  Statuses are told by word and sign, with colour only as a help, and it prints
 in black and white.
@@ -56,32 +56,9 @@ def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> 
     write_text(render_page(results, scale), path)
 
 
-def summary_markdown(results: Sequence[Result]) -> str:
-    """Counts by chapter, then what deviates or could not be compared, in Markdown."""
-    lines = [summary_line(results), "", "| chapter | reproduced | deviates | data not present | error |"]
-    lines.append("|---|---:|---:|---:|---:|")
-    for number, group in _by_chapter(results):
-        counts = count_statuses(group)
-        lines.append(f"| {number} | " + " | ".join(str(counts[status]) for status in Status) + " |")
-    worth_a_look = [r for r in results if r.status in (Status.DEVIATES, Status.ERROR)]
-    if worth_a_look:
-        lines += ["", "| where | claim | published | ours | status |", "|---|---|---|---|---|"]
-        for r in worth_a_look:
-            status = f"{SIGNS[r.status]} {r.status}: {r.reason}"
-            cells = (r.claim.location, r.claim.statement, r.published, r.ours, status)
-            lines.append("| " + " | ".join(map(_markdown_cell, cells)) + " |")
-    return "\n".join(lines) + "\n"
-
-
 def _by_chapter(results: Sequence[Result]) -> list[tuple[int, list[Result]]]:
     ordered = sorted(results, key=lambda r: r.claim.chapter)  # stable: the ledger's order within a chapter
     return [(number, list(group)) for number, group in groupby(ordered, key=lambda r: r.claim.chapter)]
-
-
-def _markdown_cell(text: str) -> str:
-    for sign in "\\`*_<>|":  # what Markdown would read as markup
-        text = text.replace(sign, "\\" + sign)
-    return " ".join(text.split())
 
 
 def _bar(results: Sequence[Result]) -> str:

@@ -69,7 +69,6 @@ def project_on_cut_disc(
     candidates the feasible one that is nearest.  The set is never empty: it holds the impulse of a frictionless
     plastic impact.
     """
-    up = np.broadcast_to([0.0, 1.0], target.shape)
     away = target - centre
     length = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
     on_circle = centre + radius[:, None] * away / length
@@ -84,9 +83,8 @@ def project_on_cut_disc(
     candidates += [np.stack([centre[:, 0] + half, zero], -1), np.stack([centre[:, 0] - half, zero], -1)]
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         crossing = np.sum(normal * centre, axis=1) / normal[:, 0]
-    near = (
-        np.abs(crossing - centre[:, 0]) <= 2.0 * radius
-    )  # parallel lines cross nowhere, or too far to matter
+    # parallel lines cross nowhere, or too far to matter
+    near = np.abs(crossing - centre[:, 0]) <= 2.0 * radius
     candidates.append(np.stack([np.where(near, crossing, 0.0), zero], axis=-1))
 
     z = np.stack(candidates)  # (9, n, 2)
@@ -95,7 +93,7 @@ def project_on_cut_disc(
     feasible = (
         (np.linalg.norm(offset, axis=-1) <= radius + slack)
         & (np.sum(normal * offset, axis=-1) >= -slack)
-        & (np.sum(up * z, axis=-1) >= -slack)
+        & (z[..., 1] >= -slack)
     )
     distance = np.where(feasible, np.linalg.norm(z - target, axis=-1), np.inf)
     nearest = np.take_along_axis(z, np.argmin(distance, axis=0)[None, :, None], axis=0)[0]

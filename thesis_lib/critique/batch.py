@@ -23,9 +23,8 @@ from thesis_lib.critique.isolated import Outcome, Task, run_isolated
 from thesis_lib.errors import UserError
 
 STATE = ".batch"
-FILES = tuple(
-    f"{stem}{suffix}" for stem in ("trajectories", "impacts") for suffix in (".csv", ".parquet")
-)  # any one of them makes a folder a dataset, if a bad one
+# any one of them makes a folder a dataset, if a bad one
+FILES = tuple(f"{stem}{suffix}" for stem in ("trajectories", "impacts") for suffix in (".csv", ".parquet"))
 INPUTS = ("dataset.yaml", *FILES)
 PRELOAD = (
     "thesis_lib.critique.output",
@@ -113,11 +112,9 @@ def run_batch(
     Raises:
         UserError: names collide, an effect is unknown, or another batch writes into `out`.
     """
-    from thesis_lib.effects import EFFECTS
+    from thesis_lib.effects import require_known
 
-    for name in effects or ():
-        if name not in EFFECTS:
-            raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")
+    require_known(effects or ())
     out = Path(out)
     named = _names(paths, out)
     with _only_one(out):

@@ -25,7 +25,7 @@ import pandas as pd
 
 from thesis_lib.columns import write_result
 from thesis_lib.files import write_json, write_text
-from thesis_lib.pages import page
+from thesis_lib.pages import page, table
 from thesis_lib.terminal import visible
 
 COLUMNS = (
@@ -95,7 +95,7 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
     effects = "; ".join(
         f"{name}: {count}" for name, count in sorted(named.items(), key=lambda x: (-x[1], x[0]))
     )
-    verdicts = _table(
+    verdicts = table(
         "Verdicts; held-out errors of the law alone and with the effects, against noise, in m/s",
         ("dataset", "verdict", "effects", "impacts", "law alone", "with effects", "noise floor"),
         [
@@ -107,13 +107,12 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
             ]
             for row in done
         ],
-        first_number=3,
+        numeric=range(3, 7),
     )
-    failures = _table(
+    failures = table(
         "Datasets without a verdict; each links to its log",
         ("dataset", "reason"),
         [[_link(row["dataset"], f"{row['dataset']}.log"), escape(row["reason"])] for row in failed],
-        first_number=2,
     )
     content = "\n".join(
         [
@@ -124,27 +123,6 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
         ]
     )
     return page(f"Critique of {total} datasets", content)
-
-
-def _table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]], first_number: int) -> str:
-    """A table of cells that are HTML already: the first of a row heads it, those from `first_number` on are numbers."""
-    if not rows:
-        return ""
-
-    def cell(i: int, tag: str, content: str) -> str:
-        kind = ' class="number"' if i >= first_number else ""
-        return f"<{tag}{kind}>{content}</{tag.split()[0]}>"
-
-    head = "".join(cell(i, 'th scope="col"', name) for i, name in enumerate(columns))
-    lines = (
-        "".join(cell(i, "td" if i else 'th scope="row"', text) for i, text in enumerate(row)) for row in rows
-    )
-    body = "\n".join(f"<tr>{line}</tr>" for line in lines)
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">\n<table>\n'
-        f"<caption>{escape(caption)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n"
-        "</table>\n</div>"
-    )
 
 
 def _link(name: str, path: str) -> str:

@@ -50,11 +50,7 @@ def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.
     """Measured v_pre and v_post (n, 3), and the contact point r (n, 2) that the shape has at the measured angle."""
     before, after = states_at_impact(fitted.model, fitted.values, observations)
     r = observations.rig.shape.contact_point(before.theta) + observations.offset
-    return (
-        np.stack([before.vx, before.vy, before.omega], axis=1),
-        np.stack([after.vx, after.vy, after.omega], axis=1),
-        r,
-    )
+    return before.v, after.v, r
 
 
 def _noise(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:

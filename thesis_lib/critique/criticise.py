@@ -22,7 +22,7 @@ from thesis_lib.critique.settings import CritiqueSettings
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.impacts import V_POST, V_PRE
 from thesis_lib.datasets.samples import ArcSettings
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import require_known
 from thesis_lib.errors import UserError
 
 MIN_TRIALS = 10
@@ -34,7 +34,7 @@ class Critique:
     """Everything that the critique found of one dataset.
 
     Attributes:
-        dataset: its name; settings, seedless.
+        dataset: its name; settings: how it was criticised.
         observations, training, held_out: all impacts, and the two parts.
         discovery: law and effects, chosen on training trials.
         ladder: (label, fit, held-out judgement) without effects and after each one.
@@ -64,7 +64,7 @@ class Critique:
 
     @property
     def verdict(self) -> str:
-        """adequate, effects or unexplained (design: format 3.2)."""
+        """adequate, effects or unexplained, as in diagnosis.json."""
         if self.is_structured:
             return "unexplained"
         return "effects" if any(step.clears for step in self.discovery.steps) else "adequate"
@@ -132,9 +132,7 @@ def _criticise(
     effects: Sequence[str] | None,
     say: Callable[[str], None],
 ) -> Critique:
-    for name in effects or ():
-        if name not in EFFECTS:
-            raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")
+    require_known(effects or ())
     _refuse_constant(dataset)
     say("finding impacts")
     observations = observe(dataset, arcs)
@@ -185,7 +183,7 @@ def _irb(fitted: Fit, observations: Observations) -> float:
         for state in (before, after)
     ]
     _, r_x, r_y, k_g = seen[0]
-    v_pre, v_post = (np.stack([one.vx, one.vy, one.omega], 1) for one, *_ in seen)
+    v_pre, v_post = (state.v for state, *_ in seen)
     return float(irb_bound(v_pre, v_post, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g).error.mean())
 
 
@@ -224,7 +222,7 @@ def _split(
         raise UserError(
             f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
             f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {said}"
-            "Measure more drops, or look at what detection says (python -m thesis_lib.datasets check)."
+            "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
         )
     chosen = rng.permutation(trials)
     count = max(2, round(settings.held_out_share * len(trials)))

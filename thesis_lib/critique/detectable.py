@@ -28,9 +28,7 @@ from thesis_lib.effects.effect import Parameter
 
 POWER = 0.8416  # standard deviations: the normal quantile of 80 %
 ABOVE_ZERO = 1.96  # standard deviations: a gain whose 95 % interval lies above zero
-MEDIAN_STD = 1.17 / np.sqrt(
-    2.0
-)  # times the root of n: relative standard error of a root mean square from a median
+MEDIAN_STD = 1.17 / np.sqrt(2.0)  # times √n: relative standard error of a root mean square from a median
 BISECTIONS = 30
 SMALLEST_SHARE = 1e-6  # of a parameter's range: sizes below it are as good as nothing
 

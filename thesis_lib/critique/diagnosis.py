@@ -1,6 +1,6 @@
-"""diagnosis.json: the verdict, what is missing, what could not be told, and what to measure next (design 3.2).
+"""diagnosis.json: the verdict, what is missing, what could not be told, and what to measure next.
 
-Beside the keys of the design it holds
+`diagnosis` shows all keys; not all of them say themselves what they hold:
 
 | where           | key                 | meaning                                                                     |
 |-----------------|---------------------|-----------------------------------------------------------------------------|

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from thesis_lib.critique.law_drops import REST
+from thesis_lib.critique.law_drops import REST, Releases
 from thesis_lib.critique.model import Model
 from thesis_lib.critique.saved_model import SavedModel
 from thesis_lib.datasets.dataset import Dataset
@@ -33,7 +33,6 @@ from thesis_lib.errors import UserError
 from thesis_lib.simulate.drake_clock import Clock, fly
 from thesis_lib.simulate.drake_plant import drop_plant
 from thesis_lib.simulate.mechanisms import CompliantContact, Mechanisms
-from thesis_lib.simulate.release import Release
 
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
@@ -43,7 +42,7 @@ MAX_TOUCHES = 50  # of one drop; a body at rest touches no more often, it is slo
 
 def simulate_augmented_in_drake(
     model: SavedModel,
-    release: Release,
+    release: Releases,
     n: int,
     *,
     duration: float = 0.6,
@@ -122,11 +121,8 @@ class _Drops:
     """Drake's simulator of the free body, and the model that acts on it."""
 
     def __init__(self, saved: SavedModel, body: Body) -> None:
-        effects = saved.model.effects
-        law = saved.model.law
         # the camera's faults act on what is recorded, and on nothing else
-        self.camera = Model(law, tuple(e for e in effects if e.family == "measurement"))
-        self.inner = Model(law, tuple(e for e in effects if e.family != "measurement"))
+        self.camera, self.inner = saved.model.camera_and_body()
         self.saved, self.rig = saved, saved.believed
         self._trial = [0]
         air = _Air(self.inner, saved, self._trial) if self.inner.effects else None
@@ -139,10 +135,7 @@ class _Drops:
 
         def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
             # effects that look at a velocity in flight do not exist: the gap is one of poses
-            state, left = _state(q, np.zeros_like(q), t, trial), np.zeros(len(t))
-            for effect, p in self.inner.own(self.saved.values):
-                left = effect.gap(left, state, p, self.rig)
-            return self.rig.shape.gap(q[:, 1], q[:, 2], self.rig.height) - left
+            return self.inner.gap(_state(q, np.zeros_like(q), t, trial), self.saved.values, self.rig)
 
         for _ in range(MAX_TOUCHES):
             times, q_path, v_path, landed = fly(self.clock, gap, t, q, v, samples[samples > t + 1e-12])
@@ -158,7 +151,7 @@ class _Drops:
             r_x = self.rig.shape.contact_point(q[2:3])[0, 0]
             if before.vy[0] + r_x * before.omega[0] > -REST:
                 break
-            v = np.array([after.vx[0], after.vy[0], after.omega[0]])
+            v = after.v[0]
         return pd.concat(legs, ignore_index=True)
 
     def _seen(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> pd.DataFrame:
@@ -168,4 +161,4 @@ class _Drops:
 
 
 def _state(q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> State:
-    return State(*q.T, *v.T, np.full(len(t), trial), t)  # pyright: ignore[reportCallIssue]
+    return State.of(q, v, np.full(len(t), trial), t)

@@ -9,6 +9,7 @@ from html import escape
 import numpy as np
 from matplotlib.figure import Figure
 
+from thesis_lib import pages
 from thesis_lib.figures.critique_numbers import handy_unit, number
 from thesis_lib.figures.style import house_style
 
@@ -49,30 +50,12 @@ def heading(title: str) -> str:
 def table(
     caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()
 ) -> str:
-    """A table whose first column heads its rows; `numeric` columns are set to the right.
+    """A table of text whose first column heads its rows; `numeric` columns are set to the right.
 
     '' where there are no rows.
     """
-    numeric = set(numeric)  # pyright: ignore[reportAssignmentType]
-
-    def kind(i: int) -> str:
-        return ' class="number"' if i in numeric else ""
-
-    head = "".join(f'<th scope="col"{kind(i)}>{escape(name)}</th>' for i, name in enumerate(columns))
-    body = []
-    for row in rows:
-        first, *rest = row
-        cells = "".join(
-            f"<td{kind(i)}>{_bound(escape(str(cell)))}</td>" for i, cell in enumerate(rest, start=1)
-        )
-        body.append(f'<tr><th scope="row">{escape(str(first))}</th>{cells}</tr>')
-    if not body:
-        return ""
-    lines = "\n".join(body)
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">\n<table>\n'
-        f"<caption>{escape(caption)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{lines}\n</tbody>\n</table>\n</div>"
-    )
+    cells = ([escape(str(first)), *(_bound(escape(str(one))) for one in rest)] for first, *rest in rows)
+    return pages.table(caption, columns, cells, numeric)
 
 
 def picture(figure: Figure, caption: str) -> str:
@@ -111,11 +94,11 @@ def interval(low: float | None, high: float | None, unit: str = "") -> str:
     return f"[{number(low, digits)}, {number(high, digits)}]{unit}"
 
 
-def estimate(value: float, std: float, unit: str = "", factor: float = 1.96) -> str:
+def estimate(value: float, std: float, unit: str = "") -> str:
     """A value with its 95 % interval and unit; a value without uncertainty stands alone."""
     if not np.isfinite(std) or std == 0.0:
         return amount(value, unit)
-    low, high = value - factor * std, value + factor * std
+    low, high = value - 1.96 * std, value + 1.96 * std
     scale, unit = handy_unit(max(abs(low), abs(high)), unit)
     value, low, high = scale * value, scale * low, scale * high
     digits = _digits(low, high)

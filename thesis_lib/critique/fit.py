@@ -8,7 +8,7 @@ is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residua
 rounds: the weights (ν + m)/(ν + d²) make it a maximum-likelihood fit at fixed S.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,9 +30,8 @@ NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; parameters move by less than a tenth of their error in the third
 STEPS = 12  # Levenberg-Marquardt steps a round
 ENOUGH = 1e-3  # nats of gain in a step below which a round ends: a twentieth of a standard error
-LEAST_CURVATURE = (
-    0.1  # of the likelihood, over that of a normal one; heavier tails than Student's t have less
-)
+# of the likelihood, over that of a normal one; heavier tails than Student's t have less
+LEAST_CURVATURE = 0.1
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
 
@@ -153,7 +152,13 @@ def _fit_from(model: Model, observations: Observations, start: dict[str, float],
     return Fit(model, values, std, covariance, sigma_m, score, len(observations))
 
 
-def _levenberg_marquardt(residuals, x, low, high, step) -> np.ndarray:
+def _levenberg_marquardt(
+    residuals: Callable[[np.ndarray], np.ndarray],
+    x: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    step: np.ndarray,
+) -> np.ndarray:
     """Minimise |residuals(x)|² within bounds."""
     r = residuals(x)
     cost, damping = r @ r, 1e-3
@@ -165,7 +170,6 @@ def _levenberg_marquardt(residuals, x, low, high, step) -> np.ndarray:
             moved[i] += h
             J[:, i] = (residuals(moved) - r) / h
         JtJ, g = J.T @ J, J.T @ r
-        improved = False
         for _ in range(6):
             # parameters at a bound that want to leave the box stay there
             held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
@@ -177,14 +181,14 @@ def _levenberg_marquardt(residuals, x, low, high, step) -> np.ndarray:
             d[move] = -np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g[move], rcond=None)[0]
             new = np.clip(x + d, low, high)
             r_new = residuals(new)
-            if r_new @ r_new < cost:
-                improved = True
+            cost_new = r_new @ r_new
+            if cost_new < cost:
                 break
             damping *= 10.0
-        if not improved:
+        else:
             return x
-        gain = cost - r_new @ r_new  # pyright: ignore[reportOperatorIssue]
-        x, r, cost, damping = new, r_new, r_new @ r_new, max(damping / 10.0, 1e-8)  # pyright: ignore[reportOperatorIssue]
+        gain = cost - cost_new
+        x, r, cost, damping = new, r_new, cost_new, max(damping / 10.0, 1e-8)
         if gain < ENOUGH:
             return x
     return x

@@ -114,13 +114,13 @@ def cross_validate(fitted: Fit, observations: Observations, folds: np.ndarray) -
         return float(np.average(values, weights=weights))
 
     return Judgement(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
+        **{
+            name: np.concatenate([getattr(part, name) for part in parts])
             for name in ("trial", "flight_trial", "score", "flight_score", "error")
-        ),
-        {name: mean([part.sigmas[name] for part in parts]) for name in channels},  # pyright: ignore[reportCallIssue]
-        mean([part.floor for part in parts]),  # pyright: ignore[reportCallIssue]
-        mean([part.excess for part in parts]),  # pyright: ignore[reportCallIssue]
+        },
+        sigmas={name: mean([part.sigmas[name] for part in parts]) for name in channels},
+        floor=mean([part.floor for part in parts]),
+        excess=mean([part.excess for part in parts]),
     )
 
 

@@ -6,6 +6,7 @@ the model's map of the true state.  So an effect acts here in every place in whi
 """
 
 from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -14,15 +15,22 @@ from thesis_lib.critique.model import Model
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.header import Body, Header, Noise
 from thesis_lib.effects.effect import Rig, State
-from thesis_lib.simulate.release import Release
 
 SUBSTEPS = 4  # in a sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m in a flight
 REST = 0.15  # m/s; a body slower than this at an impact is taken to have come to rest, and its record ends
 
 
+class Releases(Protocol):
+    """Where drops begin: a distribution, or the measured releases of a dataset."""
+
+    def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Poses, above the surface, and velocities (n, 3)."""
+        ...
+
+
 def simulate_law_drops(
     body: Body,
-    release: Release,
+    release: Releases,
     n: int,
     model: Model,
     values: Mapping[str, float],
@@ -35,20 +43,18 @@ def simulate_law_drops(
 ) -> Dataset:
     """Trajectories of n drops, as a user would have measured them."""
     rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0)
-    measurement = tuple(e for e in model.effects if e.family == "measurement")
-    inner = Model(model.law, tuple(e for e in model.effects if e.family != "measurement"))
-    camera = Model(model.law, measurement)
+    camera, inner = model.camera_and_body()
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
     trial, zero = np.arange(n), np.zeros(n)
-    state = State(*q.T, *v.T, trial, zero)  # pyright: ignore[reportCallIssue]
+    state = State.of(q, v, trial, zero)
     samples = round(duration * rate) + 1
     h = 1.0 / (rate * SUBSTEPS)
     alive = np.ones(n, bool)
     pose = np.full((n, samples, 3), np.nan)
     for k in range(samples):
         seen = camera.to_measured(state, camera.own(values), rig)
-        pose[alive, k] = np.stack([seen.x, seen.y, seen.theta], axis=1)[alive]
+        pose[alive, k] = seen.q[alive]
         for _ in range(SUBSTEPS):
             state = _step(inner, values, rig, state, h, alive)
     sigma = np.array([noise.position or 0.0, noise.position or 0.0, noise.angle or 0.0])
@@ -78,27 +84,8 @@ def simulate_law_drops(
 def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.ndarray) -> State:
     """Midpoint rule over times h (n,)."""
     a = model.acceleration(s, values, rig)
-    half = _advance(s, a, 0.5 * h)
-    return _advance(s, model.acceleration(half, values, rig), h)
-
-
-def _advance(s: State, a: np.ndarray, h: np.ndarray) -> State:
-    return s.moved(
-        x=s.x + h * s.vx + 0.5 * h * h * a[:, 0],
-        y=s.y + h * s.vy + 0.5 * h * h * a[:, 1],
-        theta=s.theta + h * s.omega + 0.5 * h * h * a[:, 2],
-        vx=s.vx + h * a[:, 0],
-        vy=s.vy + h * a[:, 1],
-        omega=s.omega + h * a[:, 2],
-        t=s.t + h,
-    )
-
-
-def _gap(model: Model, values: Mapping[str, float], rig: Rig, s: State) -> np.ndarray:
-    left = np.zeros(len(s.x))
-    for effect, p in model.own(values):
-        left = effect.gap(left, s, p, rig)
-    return rig.shape.gap(s.y, s.theta, rig.height) - left
+    half = s.flown(a, 0.5 * h)
+    return s.flown(model.acceleration(half, values, rig), h)
 
 
 def _step(
@@ -109,13 +96,13 @@ def _step(
     left = np.full(n, h)
     for _ in range(3):  # impacts of one body within a millisecond
         end = _fly(model, values, rig, s, left)
-        hits = alive & (_gap(model, values, rig, end) < 0.0) & (left > 0.0)
+        hits = alive & (model.gap(end, values, rig) < 0.0) & (left > 0.0)
         if not hits.any():
             return end
         low, high = np.zeros(n), left.copy()
         for _ in range(40):
             middle = 0.5 * (low + high)
-            below = _gap(model, values, rig, _fly(model, values, rig, s, middle)) < 0.0
+            below = model.gap(_fly(model, values, rig, s, middle), values, rig) < 0.0
             low, high = np.where(below, low, middle), np.where(below, middle, high)
         at = _fly(model, values, rig, s, np.where(hits, low, left))
         after = model.predict(at, values, rig)

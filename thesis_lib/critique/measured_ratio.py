@@ -34,7 +34,7 @@ Sources: thesis section 2.5; W. A. Fuller, Measurement Error Models, Wiley 1987,
 1.1 and 2.3; P. J. Huber, E. M. Ronchetti, Robust Statistics, Wiley 2009, doi 10.1002/9780470434697.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,8 +44,9 @@ from thesis_lib.critique.impact_settings import MeasuredRatio
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.detect import find_impacts
 from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.datasets.quality import has_flag
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Effect, Rig, State
+from thesis_lib.effects.effect import Rig, State
 from thesis_lib.errors import UserError
 from thesis_lib.randomness import streams
 
@@ -105,7 +106,7 @@ class ImpactLink:
     Args:
         impacts: with or without covariance.
         rig: shape and believed radius of gyration.
-        variant: names of effects, those of `VARIANTS`.
+        variant: names of effects, as in `SMOOTH` and `CORNERED`.
 
     Raises:
         UserError: poses or velocities that are not finite.
@@ -116,14 +117,15 @@ class ImpactLink:
             raise UserError(
                 "m/I cannot be estimated: poses or velocities of some impacts are not finite. Remove them."
             )
-        self.rig, self.effects = rig, [EFFECTS[name] for name in variant]
-        self.free = [(e, e.parameters[0]) for e in self.effects if e.parameters[0].discrete is None]
+        self.rig = rig
+        effects = [EFFECTS[name] for name in variant]
+        self.free = [(e, e.parameters[0]) for e in effects if e.parameters[0].discrete is None]
         # a contact point that the dataset gives belongs to the angle that it gives
         self.offset = impacts.r - rig.shape.contact_point(impacts.q[:, 2])
         self.has_cov = impacts.cov is not None
-        cov = impacts.cov if self.has_cov else _equal_noise(len(impacts), rig.k_g)
+        self.cov = _equal_noise(len(impacts), rig.k_g) if impacts.cov is None else impacts.cov
         self.theta = impacts.q[:, 2]
-        self.dv, self.cov, self.trial = impacts.dv, cov, impacts.trial
+        self.dv, self.trial = impacts.dv, impacts.trial
         if "mirrored_rotation" in variant:
             sign = np.array([1.0, 1.0, -1.0] * 3)
             self.theta, self.dv = -self.theta, self.dv * sign[:3]
@@ -150,19 +152,16 @@ class ImpactLink:
 
     def contact(self, p: np.ndarray, turn: float = 0.0) -> np.ndarray:
         """Contact point r (n, 2) in m, the body turned further by `turn`."""
-        values = {effect.name: {one.name: value} for (effect, one), value in zip(self.free, p[1:])}
+        own = [(effect, {one.name: value}) for (effect, one), value in zip(self.free, p[1:])]
         theta = self.theta + turn
         zero = np.zeros_like(theta)
         state = State(zero, zero, theta, zero, zero, zero, self.trial, zero)
-        for effect in self._with_parameters(values):
-            state = effect.to_true(state, values[effect.name], self.rig)
+        for effect, values in own:
+            state = effect.to_true(state, values, self.rig)
         r_x, r_y = self.rig.shape.contact_point(state.theta).T + self.offset.T
-        for effect in self._with_parameters(values):
-            r_x, r_y = effect.contact_point(r_x, r_y, state, values[effect.name], self.rig)
+        for effect, values in own:
+            r_x, r_y = effect.contact_point(r_x, r_y, state, values, self.rig)
         return np.stack([r_x, r_y], axis=-1)
-
-    def _with_parameters(self, values: Mapping[str, Mapping[str, float]]) -> list[Effect]:
-        return [effect for effect in self.effects if effect.name in values]
 
     def sides(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lever L (n,) in m²/s and Δω (n,) in rad/s."""
@@ -181,7 +180,7 @@ class ImpactLink:
     def residual(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """u and σ of (2), (n,) each."""
         g, gradient = self.relation(p)
-        sigma = np.sqrt(np.einsum("ni,nij,nj->n", gradient, self.cov, gradient))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        sigma = np.sqrt(np.einsum("ni,nij,nj->n", gradient, self.cov, gradient))
         return g / sigma, sigma
 
 
@@ -280,7 +279,7 @@ def measured_ratio(
     """
     settings = settings or MeasuredRatio()
     found = find_impacts(dataset)
-    bent = np.array([BENT in str(flag).split(";") for flag in found.impacts.flags], dtype=bool)
+    bent = has_flag(found.impacts, BENT)
     impacts, left_out = found.impacts.select(~bent), int(bent.sum()) + len(found.left_out)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     variants = CORNERED if EFFECTS["rounded_corners"].applies_to(rig) else SMOOTH
@@ -298,7 +297,7 @@ def measured_ratio(
 
 def absent(name: str) -> pd.DataFrame:
     """The row of `measured_ratio` for a published set that is not there, with what to do."""
-    status = f"not present; python -m thesis_lib.datasets fetch {name.replace('_', '-')} gets it"
+    status = f"not present; python -m thesis_lib datasets fetch {name.replace('_', '-')} gets it"
     return pd.DataFrame([{"dataset": name, "variant": AS_PUBLISHED, "status": status}]).reindex(
         columns=list(COLUMNS)
     )

@@ -66,13 +66,12 @@ class Remaining:
 
     Attributes:
         structured: misfit beyond noise by both thresholds; p_value: of |z|² against its χ² distribution.
-        depends_on: coordinates and velocities that it depends on, on the training trials; dependence_p: the least.
+        depends_on: coordinates and velocities that it depends on, on the training trials.
     """
 
     structured: bool
     p_value: float
     depends_on: tuple[str, ...]
-    dependence_p: float
 
 
 @dataclass(frozen=True)
@@ -162,8 +161,8 @@ def criticise_mechanism(
         # a named effect that explains it all, if too small a one to matter, leaves nothing unexplained
         structured = structured and _structure(applied(held, minor), s)[0]
     # a description of the whole, which needs many windows and chooses nothing
-    on, p_on = dependence(weak, fitted.z, s.alpha, rng) if structured else ((), 1.0)
-    remaining = Remaining(structured, p_value, on, p_on)
+    depends_on = dependence(weak, fitted.z, s.alpha, rng)[0] if structured else ()
+    remaining = Remaining(structured, p_value, depends_on)
     below = minor.effects[-1].name if minor else ""
     verdict = "unexplained" if remaining.structured else "effects" if steps else "adequate"
     return MechanismCritique(

@@ -31,11 +31,7 @@ def window_means(weak: WeakForm, values: np.ndarray) -> np.ndarray:
 def dependence(
     weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator
 ) -> tuple[tuple[str, ...], float]:
-    """Coordinates and velocities ("d" before the name) that z (N,) depends on, at most three, and the least p-value.
-
-    The strength is the sum of squares between eighths of the feature's range, a free coordinate at a time; its null
-    permutes the windows, and p counts all features.
-    """
+    """Coordinates and velocities ("d" before the name) that z (N,) depends on, at most three, and the least p-value."""
     names = [f"{prefix}{name}" for prefix in ("", "d") for name in weak.model.coordinates]
     features = window_means(weak, np.concatenate([weak.motion.q, weak.motion.v], axis=1))
     cells = np.stack(

@@ -1,4 +1,4 @@
-"""diagnosis.json of a mechanism's critique: keys as for impacts (design 3.2), and these beside them.
+"""diagnosis.json of a mechanism's critique: keys as for impacts (see diagnosis.py), and these beside them.
 
 | where           | key                                | meaning |
 |---|---|---|

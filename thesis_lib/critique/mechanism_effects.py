@@ -103,7 +103,7 @@ def _gravity(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
     )
     still = np.zeros_like(motion.v)
     shares = [model.regressor(motion.q, still, still, unit) @ model.parameters for unit in np.eye(2)]
-    return sum(np.asarray(c)[..., None] * share for c, share in zip(change, shares))  # pyright: ignore[reportReturnType]
+    return sum((np.asarray(c)[..., None] * share for c, share in zip(change, shares)), np.zeros(1))
 
 
 def _payload(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:

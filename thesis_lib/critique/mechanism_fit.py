@@ -54,7 +54,13 @@ class ForceFit:
 
 @dataclass(frozen=True)
 class ForceScan:
-    """Score tests of candidates; as `score_test.Scan`, with `cosines` (c, c) of the columns' spaces."""
+    """Score tests of candidates, with the attributes of `score_test.Scan` and the columns of its effects.
+
+    Attributes:
+        gain: nats, by candidate; null: (draws,) the largest gain of all candidates in noise alone.
+        basis: (N, n_p) orthonormal, of the columns that each candidate adds; shift: (N,) P z, the share of z in them.
+        information: (n_p, n_p) of the candidate's parameters, the effects that are on being fitted too.
+    """
 
     gain: dict[str, float]
     null: np.ndarray

@@ -99,14 +99,14 @@ class BelievedArm(BelievedModel):
             "disk.I",
         )
         self.roller = (arm.disk_radius, (1,))
-        length = arm.link_lengths[1]
+        self._first_length, length = arm.link_lengths
         self.payload = np.concatenate([np.zeros(4), [1.0, length, 0.0, length**2], np.zeros(4)])
 
     def regressor(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
     ) -> np.ndarray:
         g = self.gravity if gravity is None else gravity
-        l1 = self.mechanism.link_lengths[0]  # pyright: ignore[reportAttributeAccessIssue]
+        l1 = self._first_length
         n = len(q)
         zero = np.zeros(n)
         cos, sin = np.cos(q[:, 0]), np.sin(q[:, 0])

@@ -39,6 +39,7 @@ from thesis_lib.critique.mechanism_effects import Motion
 from thesis_lib.critique.mechanism_model import BelievedModel
 from thesis_lib.critique.mechanism_settings import WindowSettings
 from thesis_lib.errors import UserError
+from thesis_lib.simulate.mechanism import Contacts
 from thesis_lib.simulate.noise_snr import add_noise
 from thesis_lib.simulate.stepping import Record
 
@@ -138,22 +139,22 @@ class WeakForm:
         active = contacts.phi + closing <= reach
         # and a step before, because a driven arm closes a gap faster than gravity
         active[:-1] |= active[1:]
-        cuts = np.flatnonzero((active[1:] != active[:-1]).any(axis=1)) + 1
+        cuts = (np.flatnonzero((active[1:] != active[:-1]).any(axis=1)) + 1).tolist()
         found = []
         for a, b in zip([0, *cuts], [*cuts, len(q)]):
             if b - a < settings.min_window:
-                self.left_out["too short"] += b - a  # pyright: ignore[reportArgumentType]
+                self.left_out["too short"] += b - a
                 continue
             parts = max(1, round((b - a) / settings.window))
-            ends = np.linspace(a, b, parts + 1).round().astype(int)
-            pairs = tuple(np.flatnonzero(active[a]))
-            J = np.concatenate([contacts.J_n[:, list(pairs)], contacts.J_t[:, list(pairs)]], axis=1)
+            ends = np.linspace(a, b, parts + 1).round().astype(int).tolist()
+            pairs = tuple(np.flatnonzero(active[a]).tolist())
+            J = _jacobians(contacts, pairs)
             for start, stop in pairwise(ends):
                 dependent, why = _dependent(J[start:stop])
                 if why:
                     self.left_out[why] += stop - start
                 else:
-                    found.append(_Window(i, start, stop, pairs, dependent))  # pyright: ignore[reportArgumentType]
+                    found.append(_Window(i, start, stop, pairs, dependent))
         return found
 
     def _group(self, windows: list[_Window]) -> None:
@@ -177,8 +178,7 @@ class WeakForm:
         out = np.zeros((len(q), nv, nv))
         for (active, dependent), at in self._groups.items():
             free = [c for c in range(nv) if c not in dependent]
-            contacts = self.model.contacts(q[at])
-            J = np.concatenate([contacts.J_n[:, list(active)], contacts.J_t[:, list(active)]], axis=1)
+            J = _jacobians(self.model.contacts(q[at]), active)
             N = np.zeros((len(at), len(free), nv))
             N[:, np.arange(len(free)), free] = 1.0
             if dependent:
@@ -239,14 +239,15 @@ class WeakForm:
                 up[which], down[which] = up[which] + shift, down[which] - shift
                 slopes[which, :, :, channel] = (balance(*up) - balance(*down)) / (2.0 * NUDGE)
         self._factors = []
-        ends = np.append(self.starts, n)
+        ends = np.append(self.starts, n).tolist()
         for i, t in enumerate(trials):
             where = np.flatnonzero(self.trial == i)
             if not len(where):
                 continue
             G = np.zeros((2, len(where), len(t.q), nv))
             for row, r in enumerate(where):
-                at = np.arange(ends[self.window[r]], ends[self.window[r] + 1])  # pyright: ignore[reportArgumentType, reportCallIssue]
+                window = int(self.window[r])
+                at = np.arange(ends[window], ends[window + 1])
                 k, slot = step[at], self._slot[r]
                 G[0, row, k] += slopes[0, at, slot]
                 G[1, row, k] += slopes[1, at, slot]
@@ -255,6 +256,11 @@ class WeakForm:
             # a channel without noise may leave a row without any; its scale keeps the factor defined
             S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
             self._factors.append((where, np.linalg.cholesky(S)))
+
+
+def _jacobians(contacts: Contacts, pairs: tuple[int, ...]) -> np.ndarray:
+    """Normal and tangential rows (n, 2 p, nv) of the given contact pairs."""
+    return np.concatenate([contacts.J_n[:, list(pairs)], contacts.J_t[:, list(pairs)]], axis=1)
 
 
 def _dependent(J: np.ndarray) -> tuple[tuple[int, ...], str]:

@@ -153,11 +153,8 @@ class Model:
         for effect, p in own:
             a = effect.acceleration(a, true, p, rig)
         # the camera's map is linear in the velocity: its difference quotient is exact
-        later = true.moved(
-            vx=true.vx + _H * a[:, 0], vy=true.vy + _H * a[:, 1], omega=true.omega + _H * a[:, 2]
-        )
-        one, two = self.to_measured(true, own, rig), self.to_measured(later, own, rig)
-        return np.stack([two.vx - one.vx, two.vy - one.vy, two.omega - one.omega], axis=1) / _H
+        later = true.with_velocity(true.v + _H * a)
+        return (self.to_measured(later, own, rig).v - self.to_measured(true, own, rig).v) / _H
 
     def arc(
         self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig
@@ -168,7 +165,21 @@ class Model:
         parts = [part for effect, p in own if (part := effect.arc(tau, true, p, rig)) is not None]
         return sum(parts[1:], parts[0]) if parts else None
 
+    def gap(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+        """Gap (n,) m between the true body and surface: that of the believed shape, less what effects take of it."""
+        left = np.zeros(len(true.x))
+        for effect, p in self.own(values):
+            left = effect.gap(left, true, p, rig)
+        return rig.shape.gap(true.y, true.theta, rig.height) - left
+
+    def camera_and_body(self) -> tuple["Model", "Model"]:
+        """The model of the camera (measurement effects only), and that of what happens (all others)."""
+        camera = tuple(e for e in self.effects if e.family == "measurement")
+        body = tuple(e for e in self.effects if e.family != "measurement")
+        return Model(self.law, camera), Model(self.law, body)
+
     def own(self, values: Mapping[str, float]) -> list[tuple[Effect, dict[str, float]]]:
+        """The effects in order, each with the parameters p that its hooks take."""
         return [
             (effect, {p.name: values[f"{effect.name}.{p.name}"] for p in effect.parameters})
             for effect in self.effects
@@ -176,12 +187,14 @@ class Model:
 
     @staticmethod
     def to_true(state: State, own: Sequence, rig: Rig) -> State:
+        """True state behind a measured one; `own` as the method of that name gives it."""
         for effect, p in reversed(own):
             state = effect.to_true(state, p, rig)
         return state
 
     @staticmethod
     def to_measured(state: State, own: Sequence, rig: Rig) -> State:
+        """What the camera makes of a true state."""
         for effect, p in own:
             state = effect.to_measured(state, p, rig)
         return state
@@ -201,20 +214,19 @@ def states_at_impact(
     o, value, slope = observations, observations.value, observations.slope
     sides = []
     for side in (0, 1):
-        state = State(*value[:, side].T, *slope[:, side].T, o.trial, o.t)  # pyright: ignore[reportCallIssue]
+        state = State.of(value[:, side], slope[:, side], o.trial, o.t)
         if o.arcs:
             a = model.acceleration(state, values, o.rig)
             if model.has_varying_flight:
                 v = slope[:, side] - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
-                a = model.acceleration(State(*value[:, side].T, *v.T, o.trial, o.t), values, o.rig)  # pyright: ignore[reportCallIssue]
+                a = model.acceleration(state.with_velocity(v), values, o.rig)
             q = value[:, side] - o.bow[:, side, :1] * a
             v = slope[:, side] - o.bow[:, side, 1:] * a
-            state = State(*q.T, *v.T, o.trial, o.t)  # pyright: ignore[reportCallIssue]
+            state = State.of(q, v, o.trial, o.t)
             beyond = model.arc(o.nodes[:, side], state, values, o.rig)
             if beyond is not None:
                 line = o.weights[:, side] @ beyond
-                q, v = q - line[:, 0], v - line[:, 1]
-                state = State(*q.T, *v.T, o.trial, o.t)  # pyright: ignore[reportCallIssue]
+                state = State.of(q - line[:, 0], v - line[:, 1], o.trial, o.t)
         sides.append(state)
     return sides[0], sides[1]
 
@@ -240,11 +252,7 @@ def impact_residuals(
             jump = effect.meet(jump, before, after, p)
         residual += [after.x - before.x - jump[:, 0], after.y - before.y - jump[:, 1]]
         residual += [after.theta - before.theta - jump[:, 2]]
-        true = model.to_true(before, own, rig)
-        left = np.zeros(len(o))
-        for effect, p in own:
-            left = effect.gap(left, true, p, rig)
-        residual.append(rig.shape.gap(true.y, true.theta, rig.height) - left)
+        residual.append(model.gap(model.to_true(before, own, rig), values, rig))
     return np.stack(residual, axis=1)
 
 
@@ -257,10 +265,8 @@ def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights
         first, total = predicted, 0.0
         for node, weight in zip(*_PARABOLA):
             tau = 0.5 * node * flights.span[:, None]
-            v = np.stack([state.vx, state.vy, state.omega], axis=1) + tau * first
-            total = total + weight * model.acceleration(
-                state.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2]), values, rig
-            )
+            later = state.with_velocity(state.v + tau * first)
+            total = total + weight * model.acceleration(later, values, rig)
         predicted = total
     tau = flights.span[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
     beyond = model.arc(tau, flights.state, values, rig)

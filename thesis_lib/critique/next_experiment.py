@@ -52,13 +52,13 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     final = critique.ladder[-1][1]
     pairs = _pairs(critique)
     if pairs:
-        found = None
+        found: dict = {}
         for chosen, other in pairs:
             tried = _told_apart(critique, final, chosen, other, rng)
             if tried["states"]:
                 return tried
             found = found or tried
-        return found  # pyright: ignore[reportReturnType]
+        return found
     scan = critique.discovery.last_scan
     ranked = [
         name
@@ -145,7 +145,7 @@ def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
     misfit = _misfits(critique, final, channels)
     width = np.where(np.ptp(drawn, axis=0) > 0, np.ptp(drawn, axis=0), 1.0)
     apart = drawn[:, None] - measured[None]
-    apart[..., 3] = np.remainder(apart[..., 3] + np.pi, 2.0 * np.pi) - np.pi
+    apart[..., 3] = _within_a_turn(apart[..., 3])
     near = np.argsort(np.sum((apart / width) ** 2, axis=2), axis=1, kind="stable")[:, :NEIGHBOURS]
     left = np.sqrt(np.mean(misfit[near] ** 2, axis=1))
     rows = _pick(drawn, left)
@@ -192,12 +192,16 @@ def _states(
         t=np.full(len(drawn), np.median(o.t)),
     )
     one, two = (fitted.model.predict(state, fitted.values, rig) for fitted in (final, rival))
-    d = np.stack([one.vx - two.vx, one.vy - two.vy, one.omega - two.omega], axis=1)
+    d = one.v - two.v
     # the median keeps single impacts at a kink of the law from making all others look alike
     S = np.median(residual_covariance(final.model, final.values, o, o.t_std)[:, :3, :3], axis=0)
     S = S + final.sigma_m**2 * np.diag([1.0, 1.0, 1.0 / rig.k_g**2])
     difference = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", d, np.linalg.inv(S), d), 0.0))
     return drawn, np.nan_to_num(difference)
+
+
+def _within_a_turn(theta: np.ndarray) -> np.ndarray:
+    return np.remainder(theta + np.pi, 2.0 * np.pi) - np.pi
 
 
 def _reachable(critique: Critique, final: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -210,7 +214,7 @@ def _reachable(critique: Critique, final: Fit, rng: np.random.Generator) -> tupl
     # a release decides its first impact; the spin that bodies have after a bounce is beyond most hands and launchers
     measured = measured[np.unique(o.trial, return_index=True)[1]]
     # bodies turn many times: only the angle within a turn is a state
-    measured[:, 3] = np.remainder(measured[:, 3] + np.pi, 2.0 * np.pi) - np.pi
+    measured[:, 3] = _within_a_turn(measured[:, 3])
     low, high = np.quantile(measured, [0.01, 0.99], axis=0)
     half = 0.5 * REACH * (high - low)
     low, high = 0.5 * (low + high) - half, 0.5 * (low + high) + half

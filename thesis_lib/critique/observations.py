@@ -15,9 +15,10 @@ Flights that are long enough also give their acceleration, from a parabola throu
 | C            | `cov`              |               | (n, 2, 3, 2, 2) | of (value, slope), by side and channel |
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from numpy.polynomial.legendre import legvander
 
 from thesis_lib.datasets.dataset import Dataset
@@ -30,11 +31,6 @@ MIN_FLIGHT = 12  # samples: a shorter flight's acceleration is noise
 MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds a hit that was not seen
 NODES = 8  # a path that turns by 2.5 rad in a window of 0.1 s is then a polynomial to 1e-6 of its size
 GUARD = 1e-3  # s; samples this near to an impact may fall into the contact
-
-
-def pick(state: State, rows: np.ndarray) -> State:
-    """The bodies at `rows`."""
-    return State(*(getattr(state, item.name)[rows] for item in fields(State)))
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Flights:
 
     def select(self, rows: np.ndarray) -> "Flights":
         """The flights at `rows`."""
-        return Flights(pick(self.state, rows), self.acceleration[rows], self.variance[rows], self.span[rows])
+        return Flights(self.state.select(rows), self.acceleration[rows], self.variance[rows], self.span[rows])
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,7 @@ class Observations:
         arcs: whether there are trajectories, so that poses before and after are measured separately.
         flights: accelerations, or none.
         noise_known: whether `cov` comes from measurements or statements; else only the scatter is known.
-        impacts: the underlying impacts, for figures and tables.
+        found: what detection made of the dataset, for figures and tables; its impacts are these n.
     """
 
     rig: Rig
@@ -120,7 +116,7 @@ def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observatio
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     if dataset.trajectories is None or dataset.impacts is not None:
         return _from_impacts(found, rig)
-    return _from_trajectories(dataset, found, rig, settings)
+    return _from_trajectories(dataset.trajectories, found, rig)
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
@@ -129,40 +125,33 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
     value = np.stack([impacts.q, impacts.q], axis=1)
     slope = np.stack([impacts.v_pre, impacts.v_post], axis=1)
     cov = np.zeros((n, 2, 3, 2, 2))
-    known = impacts.cov is not None
-    if known:
-        variance = np.einsum("nii->ni", impacts.cov)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    if impacts.cov is not None:
+        variance = np.einsum("nii->ni", impacts.cov)
         cov[:, 0, :, 0, 0] = cov[:, 1, :, 0, 0] = variance[:, 0:3]
         cov[:, 0, :, 1, 1], cov[:, 1, :, 1, 1] = variance[:, 3:6], variance[:, 6:9]
-    offset = impacts.r - rig.shape.contact_point(impacts.q[:, 2])
     none = np.zeros(0)
-    flights = Flights(State(*(none,) * 8), np.zeros((0, 3)), np.zeros((0, 3)), none)
-    t = np.where(np.isfinite(impacts.t), impacts.t, 0.0)
     return Observations(
-        rig,
-        impacts.trial,
-        t,
-        value,
-        slope,
-        np.zeros((n, 2, 2)),
-        cov,
-        np.zeros((n, 2, NODES)),
-        np.zeros((n, 2, 2, NODES)),
-        np.zeros(n),
-        offset,
-        False,
-        flights,
-        known,
-        found,
+        rig=rig,
+        trial=impacts.trial,
+        t=np.where(np.isfinite(impacts.t), impacts.t, 0.0),
+        value=value,
+        slope=slope,
+        bow=np.zeros((n, 2, 2)),
+        cov=cov,
+        nodes=np.zeros((n, 2, NODES)),
+        weights=np.zeros((n, 2, 2, NODES)),
+        t_std=np.zeros(n),
+        offset=impacts.r - rig.shape.contact_point(impacts.q[:, 2]),
+        arcs=False,
+        flights=Flights(State(*(none,) * 8), np.zeros((0, 3)), np.zeros((0, 3)), none),
+        noise_known=impacts.cov is not None,
+        found=found,
     )
 
 
-def _from_trajectories(
-    dataset: Dataset, found: FoundImpacts, rig: Rig, settings: ArcSettings
-) -> Observations:
-    table = dataset.trajectories
-    trial, t = table["trial"].to_numpy(), table["t"].to_numpy(float)  # pyright: ignore[reportOptionalSubscript]
-    q = table[["x", "y", "theta"]].to_numpy(float)  # pyright: ignore[reportOptionalSubscript]
+def _from_trajectories(table: pd.DataFrame, found: FoundImpacts, rig: Rig) -> Observations:
+    trial, t = table["trial"].to_numpy(), table["t"].to_numpy(float)
+    q = table[["x", "y", "theta"]].to_numpy(float)
     order = np.lexsort((t, trial))
     order = order[~found.masked]
     trial, t, q = trial[order], t[order], q[order]
@@ -181,23 +170,22 @@ def _from_trajectories(
     flights = _flights(trial, t, q, *where, sigma**2 * colour)
     enough = np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(value).all(axis=(1, 2))
     rows = np.flatnonzero(enough)
-    offset = np.zeros((len(rows), 2))
     return Observations(
-        rig,
-        impacts.trial[rows],
-        impacts.t[rows],
-        value[rows],
-        slope[rows],
-        bow[rows],
-        cov[rows],
-        nodes[rows],
-        weights[rows],
-        t_std[rows],
-        offset,
-        True,
-        flights,
-        True,
-        replace(found, impacts=impacts.select(rows)),
+        rig=rig,
+        trial=impacts.trial[rows],
+        t=impacts.t[rows],
+        value=value[rows],
+        slope=slope[rows],
+        bow=bow[rows],
+        cov=cov[rows],
+        nodes=nodes[rows],
+        weights=weights[rows],
+        t_std=t_std[rows],
+        offset=np.zeros((len(rows), 2)),
+        arcs=True,
+        flights=flights,
+        noise_known=True,
+        found=replace(found, impacts=impacts.select(rows)),
     )
 
 
@@ -344,8 +332,7 @@ def _flights(
     straight = (chi2.sum(1) / (3.0 * (n[rows] - 3.0))) < MAX_CHI2
     rows, fitted, inverse = rows[straight], fitted[straight], inverse[straight]
     mid = (total(t) / np.maximum(n, 1))[rows]
-    pose, speed = fitted[:, 0], fitted[:, 1]
-    state = State(*pose.T, *speed.T, trial[start[rows]], mid)  # pyright: ignore[reportCallIssue]
+    state = State.of(fitted[:, 0], fitted[:, 1], trial[start[rows]], mid)
     first, final = np.full(m, np.inf), np.full(m, -np.inf)
     np.minimum.at(first, label, t)
     np.maximum.at(final, label, t)

@@ -1,4 +1,4 @@
-"""The folder that a critique writes (design 3.2): the same bytes from the command line and from the pipeline.
+"""The folder that a critique writes: the same bytes from the command line and from the pipeline.
 
     impacts.csv  comparison.csv  errors.csv  ladder.csv  budget.csv   tables, explained in thesis_lib/columns.yaml
     where.json  diagnosis.json  model.json                            schema 1 each; model.json predicts

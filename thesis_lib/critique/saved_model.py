@@ -219,12 +219,10 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
                     f"{where}This model depends on {name} ({', '.join(model.effects)}): "
                     f"add the column {name} to the states."
                 )
-    before = np.stack([state.vx, state.vy, state.omega], axis=1)
-    status = np.where((after == before).all(axis=1), "not_approaching", "ok")
+    status = np.where((after == state.v).all(axis=1), "not_approaching", "ok")
     status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
     return states.assign(**dict(zip(POST, after.T)), status=status)
 
 
 def _after(model: SavedModel, state: State) -> np.ndarray:
-    out = model.model.predict(state, model.values, model.believed)
-    return np.stack([out.vx, out.vy, out.omega], axis=1)
+    return model.model.predict(state, model.values, model.believed).v

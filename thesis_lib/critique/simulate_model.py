@@ -20,11 +20,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thesis_lib.critique.law_drops import Releases, simulate_law_drops
 from thesis_lib.critique.model import states_at_impact
-from thesis_lib.critique.observations import Observations, observe, pick
+from thesis_lib.critique.observations import Observations, observe
 from thesis_lib.critique.saved_model import SavedModel
 from thesis_lib.datasets.dataset import Dataset
 from thesis_lib.datasets.header import Body, Noise, Surface
+from thesis_lib.effects.effect import State
 from thesis_lib.errors import UserError
 from thesis_lib.simulate.mechanisms import PROOF_RELEASE, RIG_NOISE
 from thesis_lib.simulate.release import Release
@@ -78,7 +80,7 @@ def simulate_model(
         raise UserError(f"There is no engine {engine!r}; known are {', '.join(ENGINES)}.")
     rate, noise = RATE, RIG_NOISE
     if like is None:
-        releases: Release | MeasuredReleases = proof_releases(model)
+        releases: Releases = proof_releases(model)
         duration = DURATION * math.sqrt(9.81 / model.rig.gravity)
         n = n or 50
     else:
@@ -115,7 +117,7 @@ def measured_releases(
     """
     o = observations
     first = np.flatnonzero(o.found.impacts.impact == 0)
-    before = pick(states_at_impact(model.model, model.values, o)[0], first)
+    before = states_at_impact(model.model, model.values, o)[0].select(first)
     a = model.model.acceleration(before, model.values, o.rig)
     if o.arcs:
         times = like.trajectories.groupby("trial")["t"].agg(["min", "max"])  # pyright: ignore[reportOptionalMemberAccess]
@@ -124,12 +126,9 @@ def measured_releases(
     else:
         T = np.maximum(-before.vy, 0.0) / o.rig.gravity
         duration = float(T.max(initial=0.0)) + AFTER_FALL
-    q = np.stack([before.x, before.y, before.theta], axis=1)
-    v = np.stack([before.vx, before.vy, before.omega], axis=1)
+    q, v = before.q, before.v
     q, v = q - v * T[:, None] + 0.5 * a * T[:, None] ** 2, v - a * T[:, None]
-    start = replace(
-        before, **dict(zip(("x", "y", "theta", "vx", "vy", "omega"), [*q.T, *v.T])), t=np.zeros(len(T))
-    )
+    start = State.of(q, v, before.trial, np.zeros(len(T)))
     true = model.model.to_true(start, model.model.own(model.values), o.rig)
     above = true.y - o.rig.height
     good = np.isfinite(above) & (model.rig.shape.gap(above, true.theta) > 0.0)
@@ -139,7 +138,7 @@ def measured_releases(
             "out, or give a dataset whose trials begin in free fall with a body of this size."
         )
     q = np.stack([true.x, above, true.theta], axis=1)[good]
-    return MeasuredReleases(q, np.stack([true.vx, true.vy, true.omega], axis=1)[good]), duration
+    return MeasuredReleases(q, true.v[good]), duration
 
 
 def _noise(like: Dataset, observations: Observations) -> Noise:
@@ -153,19 +152,17 @@ def _noise(like: Dataset, observations: Observations) -> Noise:
 
 def _in_ours(
     model: SavedModel,
-    releases: Release | MeasuredReleases,
+    releases: Releases,
     n: int,
     duration: float,
     rate: float,
     noise: Noise,
     rng: np.random.Generator,
 ) -> Dataset:
-    from thesis_lib.critique.law_drops import simulate_law_drops
-
     rig = model.rig
     made = simulate_law_drops(
         Body(shape=rig.shape, radius_of_gyration=rig.radius_of_gyration),
-        releases,  # pyright: ignore[reportArgumentType]
+        releases,
         n,
         model.model,
         model.values,
@@ -183,7 +180,7 @@ def _in_ours(
 
 def _in_drake(
     model: SavedModel,
-    releases: Release | MeasuredReleases,
+    releases: Releases,
     n: int,
     duration: float,
     rate: float,
@@ -199,7 +196,7 @@ def _in_drake(
         ) from error
     return simulate_augmented_in_drake(
         model,
-        releases,  # pyright: ignore[reportArgumentType]
+        releases,
         n,
         duration=duration,
         rate=rate,

@@ -196,8 +196,9 @@ def _law(content: Mapping, key: str) -> str:
 
 def _floor(error: Mapping) -> str:
     floor = error["noise_floor"]
-    known = floor is not None and np.isfinite(floor)
-    return f" (noise floor {_speed(floor)})" if known else " (noise unknown)"  # pyright: ignore[reportArgumentType]
+    if floor is None or not np.isfinite(floor):
+        return " (noise unknown)"
+    return f" (noise floor {_speed(floor)})"
 
 
 def _named(effect: Mapping) -> str:

@@ -27,32 +27,25 @@ def synthesise(
     if o.arcs:
         # the body touches: put its measured height where the model's gap wants it
         true = model.to_true(before, own, rig)
-        left = np.zeros(len(o))
-        for effect, p in own:
-            left = effect.gap(left, true, p, rig)
-        lift = left - rig.shape.gap(true.y, true.theta, rig.height)
-        raised = model.to_measured(true.moved(y=true.y + lift), own, rig)
+        raised = model.to_measured(true.moved(y=true.y - model.gap(true, values, rig)), own, rig)
         before = before.moved(y=raised.y)
     after = model.predict(before, values, rig, o.offset)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]
-    after = after.moved(
-        vx=after.vx + jitter[:, 0], vy=after.vy + jitter[:, 1], omega=after.omega + jitter[:, 2]
-    )
+    after = after.with_velocity(after.v + jitter)
     value, slope = np.empty_like(o.value), np.empty_like(o.slope)
     for side, state in enumerate((before, after)):
-        pose = np.stack([state.x, state.y, state.theta], axis=1)
-        speed = np.stack([state.vx, state.vy, state.omega], axis=1)
+        pose, speed = state.q, state.v
         if side == 1 and o.arcs:
             jump = np.zeros((len(o), 3))
             for effect, p in own:
                 jump = effect.meet(jump, before, after, p)
             # the camera sees the pose of before, and a jump: what `after` holds of it counts once
-            pose = np.stack([before.x, before.y, before.theta], axis=1) + jump
+            pose = before.q + jump
         if o.arcs:
             a = model.acceleration(state, values, rig)
             if model.has_varying_flight:
                 v = speed + ARC_MEAN * o.bow[:, side, 1:] * a
-                a = model.acceleration(state.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2]), values, rig)
+                a = model.acceleration(state.with_velocity(v), values, rig)
             beyond = model.arc(o.nodes[:, side], state, values, rig)
             if beyond is not None:
                 line = o.weights[:, side] @ beyond

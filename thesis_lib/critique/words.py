@@ -45,10 +45,10 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
-def alternatives_listed(names: Sequence[str], last: str = "or") -> str:
+def alternatives_listed(names: Sequence[str]) -> str:
     """a or b; of more than `NAMED` the first ones and how many more."""
     names, more = list(names[:NAMED]), len(names) - NAMED
-    return listed([*names, f"{more} more"] if more > 0 else names, last)
+    return listed([*names, f"{more} more"] if more > 0 else names, "or")
 
 
 def reasons_listed(reasons: Mapping[str, int]) -> str:

@@ -23,7 +23,7 @@ from thesis_lib.datasets.noise import (
     noise_warnings,
     stated_sigma,
 )
-from thesis_lib.datasets.plausible import contradictions
+from thesis_lib.datasets.plausible_shape import contradictions
 from thesis_lib.datasets.quality import assess_arcs, flag_physics, has_flag_text
 from thesis_lib.datasets.samples import ArcSettings, Samples, make_samples
 from thesis_lib.datasets.spikes import add_weak_hits, detect, find_glitches

@@ -78,7 +78,7 @@ def fetch(
             reason = getattr(error, "reason", None) or error
             raise UserError(
                 f"{name.replace('_', '-')} could not be downloaded ({reason}). Check the network, or get the files on "
-                f"another machine and run: python -m thesis_lib.datasets fetch {name.replace('_', '-')} --from DIR"
+                f"another machine and run: python -m thesis_lib datasets fetch {name.replace('_', '-')} --from DIR"
             ) from error
         say(f"checking and converting {len(files)} files")
         return convert_files(name, files, out_dir)

@@ -25,10 +25,8 @@ ABOUT_G = (
     0.5,
     2.0,
 )  # |ÿ|/g that passes for a flight: y may be scaled a little wrong, lengths are judged elsewhere
-SMALLEST_WINDOW, LARGEST_WINDOW = (
-    5,
-    1000,
-)  # samples; two degrees of freedom are needed to see that it is a parabola
+SMALLEST_WINDOW = 5  # samples; two degrees of freedom are needed to see that it is a parabola
+LARGEST_WINDOW = 1000
 PARABOLA = 3.0  # reduced chi² of a window that may pass for a parabola
 NOISE_FLOOR = 1e-6  # m; simulated poses have no noise, but finitely many digits
 CLEARLY = 5.0  # windows that fall up for each that falls down; a true flight has none, small hits give a few

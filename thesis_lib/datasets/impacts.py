@@ -1,7 +1,7 @@
 """Impacts as arrays: what every law, fit and figure takes.
 
 One row is one impact: the pose q = (x, y, θ) at the instant of impact, the velocities v = (v_x, v_y, ω) just
-before and just after, and the contact point r = (r_x, r_y) from the body origin (design: dataset format 3.1).
+before and just after, and the contact point r = (r_x, r_y) from the body origin, as in impacts.csv.
 """
 
 from collections.abc import Sequence

@@ -82,5 +82,5 @@ def locate(name: str, search: Sequence[str | Path]) -> Located:
     raise UserError(
         f"There is no dataset {name!r}: no dataset.yaml in {places}. Known by name are "
         f"{', '.join((*SOURCES, *SIMULATED))}; a dataset of your own is a folder in one of those that are searched "
-        "(measured: in the configuration; python -m thesis_lib.datasets init makes one from a log file)."
+        "(measured: in the configuration; python -m thesis_lib datasets init makes one from a log file)."
     )

@@ -103,9 +103,8 @@ def misfits(
     d, dv = free.value[:, 1] - free.value[:, 0], free.slope[:, 1] - free.slope[:, 0]
     safe = np.maximum(free.count, 1.0)
     leverage = (1.0 / safe + free.mean**2 / np.where(free.spread > 0, free.spread, 1.0)).sum(1)
-    bow = lines_through(
-        side, tau, 0.5 * tau[..., None] ** 2
-    ).value  # what acceleration does to a line at τ = 0
+    # what acceleration does to a line at τ = 0
+    bow = lines_through(side, tau, 0.5 * tau[..., None] ** 2).value
     variance_d = np.where(leverage > 0, leverage, 1.0)[:, None] / weight + ((stray * bow) ** 2).sum(1)
     inverse = 1.0 / variance_d
     shift = -(d * dv * inverse).sum(1) / np.maximum((dv * dv * inverse).sum(1), 1e-300)

@@ -30,8 +30,9 @@ _LONG_ARC_SAMPLES = 16  # used alone if there are enough: short ones are rattle,
 _MAX_LAG1 = 0.8  # beyond, an arc of 25 samples holds too little to tell noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
 CONTRADICTED = (
-    2.0  # ratio of stated noise to that of the arcs, which is known to 10 %, beyond which it is not believed
+    2.0  # ratio of stated noise to that of the arcs, known to 10 %, beyond which it is not believed
 )
+MAD_TO_STD = 1.482602218505602
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
 
@@ -71,7 +72,7 @@ def noise_from_differences(samples: Samples) -> np.ndarray:
     """
     same = (samples.run[3:] == samples.run[:-3]) if len(samples) > 3 else np.zeros(0, bool)
     third = np.abs(np.diff(samples.q, n=3, axis=0))[same]
-    scale = 1.482602218505602 / np.sqrt(20.0)  # MAD to sigma; variance of (1, −3, 3, −1) is 20 σ²
+    scale = MAD_TO_STD / np.sqrt(20.0)  # the variance of (1, −3, 3, −1) is 20 σ²
     columns = [column[column > 0] for column in third.T]
     return np.array([scale * np.median(c) if len(c) else np.nan for c in columns])
 
@@ -133,7 +134,7 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) ->
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
         return np.zeros(3)
-    found = (1.482602218505602 * np.median(np.abs(fits.curvature[long]), axis=0)) ** 2
+    found = (MAD_TO_STD * np.median(np.abs(fits.curvature[long]), axis=0)) ** 2
     noise = np.median(1.0 / fits.bow2[long], axis=0)[..., None] * sigma**2 * colour
     # the variance from a median has the relative error 2.3/√n; below a clear excess there is nothing to add
     clear = found > noise * (1.3 + 3.0 * 2.3 / np.sqrt(long.sum()))

@@ -14,18 +14,19 @@ away θ in degrees.  Source: energy balance of the planar body (thesis section 3
 
 import numpy as np
 
+from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
-from thesis_lib.datasets.plausible import (
+from thesis_lib.datasets.known_body import (
     LARGEST_HEIGHT,
     LARGEST_SPEED,
     METRES,
-    OR_HEIGHT,
     RADIANS,
     TO_RAD,
-    UPWARDS,
     Body,
-    contradictions,
+    report_sunk,
+    sunk,
 )
+from thesis_lib.datasets.plausible_shape import contradictions
 from thesis_lib.datasets.validate import Report, Table
 
 FITS_BETTER = 5.0  # degrees explain contact points this many times better than radians
@@ -38,13 +39,8 @@ def check_impacts(table: Table, body: Body, report: Report) -> None:
     data = table.data
     q, v_pre, v_post = (data[list(names)].to_numpy(float) for names in (POSE, V_PRE, V_POST))
     below = q[:, 1] < body.height
-    if np.mean(below) > 0.5:
-        report.error(
-            table.file,
-            f"column y, {table.rows(below)}",
-            f"the body's centre is below the surface ({body.height:g} m) in most rows",
-            UPWARDS + OR_HEIGHT,
-        )
+    if wrong := sunk(below, body):
+        report_sunk(table, below, wrong, report)
     fast = {name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])}
     if fast := {name: value for name, value in fast.items() if value > LARGEST_SPEED}:
         name, value = next(iter(fast.items()))
@@ -54,11 +50,12 @@ def check_impacts(table: Table, body: Body, report: Report) -> None:
             f"looks like mm/s or cm/s (median of {name}: {value:.4g})",
             "give velocities in m/s: divide by 1000 if they are in mm/s",
         )
-    if body.extent is None:
+    shape, k_g = body.shape, body.k_g
+    if shape is None or k_g is None:
         return
     if body.oversized:  # contact points and inertia of such a shape say nothing
         return
-    high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / body.extent
+    high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / shape.extent
     if high > LARGEST_HEIGHT:
         report.error(
             table.file,
@@ -66,42 +63,49 @@ def check_impacts(table: Table, body: Body, report: Report) -> None:
             f"looks like millimetres (y {q[:, 1].min():.4g} to {q[:, 1].max():.4g}: {high:.0f} times the body's size)",
             METRES,
         )
-    if body.shape is not None and _check_size(table, q, body, report):
+    if _check_size(table, q, shape, body.height, report):
         return  # angles and inertia are judged by the shape
     if not fast and high <= LARGEST_HEIGHT:
-        _check_impact_angles(table, q, v_pre, v_post, body, report)
+        _check_impact_angles(table, q, v_pre, v_post, shape, k_g, body.height, report)
 
 
-def _check_size(table: Table, q: np.ndarray, body: Body, report: Report) -> bool:
+def _check_size(table: Table, q: np.ndarray, shape: Shape, height: float, report: Report) -> bool:
     """Whether shape or height of the surface is contradicted by the contact points, or by the poses without them."""
     if "r_x" in table.data and "r_y" in table.data:
         r_y = table.data["r_y"].to_numpy(float)
-        if np.median(np.abs(r_y)) > LARGEST_HEIGHT * body.extent:  # pyright: ignore[reportOperatorIssue]
+        if np.median(np.abs(r_y)) > LARGEST_HEIGHT * shape.extent:
             return False  # millimetres, which is told below
-        q = np.column_stack([q[:, 0], body.height - r_y, q[:, 2]])
-    elif np.quantile(np.abs(q[:, 1] - body.height), 0.1) > LARGEST_HEIGHT * body.extent:  # pyright: ignore[reportOperatorIssue]
+        q = np.column_stack([q[:, 0], height - r_y, q[:, 2]])
+    elif np.quantile(np.abs(q[:, 1] - height), 0.1) > LARGEST_HEIGHT * shape.extent:
         return False
-    wrong = contradictions(body.shape, body.height, q)  # pyright: ignore[reportArgumentType]
+    wrong = contradictions(shape, height, q)
     # poses that fit as degrees tell of the angle, not of the shape
-    if wrong and contradictions(body.shape, body.height, q * [1.0, 1.0, TO_RAD]):  # pyright: ignore[reportArgumentType]
+    if wrong and contradictions(shape, height, q * [1.0, 1.0, TO_RAD]):
         report.errors.extend(wrong)
         return True
     return False
 
 
 def _check_impact_angles(
-    table: Table, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: Body, report: Report
+    table: Table,
+    q: np.ndarray,
+    v_pre: np.ndarray,
+    v_post: np.ndarray,
+    shape: Shape,
+    k_g: float,
+    height: float,
+    report: Report,
 ) -> None:
     data = table.data
     stated = data[["r_x", "r_y"]].to_numpy(float) if {"r_x", "r_y"} <= set(data.columns) else None
-    if stated is not None and np.median(np.linalg.norm(stated, axis=1)) > LARGEST_HEIGHT * body.extent:  # pyright: ignore[reportOperatorIssue]
+    if stated is not None and np.median(np.linalg.norm(stated, axis=1)) > LARGEST_HEIGHT * shape.extent:
         report.error(table.file, "columns r_x, r_y", "look like millimetres (far outside the body)", METRES)
         return
 
     def misfit(theta: np.ndarray) -> float:
-        r = body.shape.contact_point(theta)  # pyright: ignore[reportOptionalMemberAccess]
-        error = q[:, 1] + r[:, 1] - body.height if stated is None else np.linalg.norm(stated - r, axis=1)
-        return float(np.median(np.abs(error))) / body.extent  # pyright: ignore[reportOperatorIssue]
+        r = shape.contact_point(theta)
+        error = q[:, 1] + r[:, 1] - height if stated is None else np.linalg.norm(stated - r, axis=1)
+        return float(np.median(np.abs(error))) / shape.extent
 
     as_given, as_degrees = misfit(q[:, 2]), misfit(q[:, 2] * TO_RAD)
     spread = float(np.ptp(q[:, 2]))
@@ -114,14 +118,14 @@ def _check_impact_angles(
             RADIANS,
         )
 
-    r = body.shape.contact_point(q[:, 2]) if stated is None else stated  # pyright: ignore[reportOptionalMemberAccess]
+    r = shape.contact_point(q[:, 2]) if stated is None else stated
 
     def v_n(v: np.ndarray) -> np.ndarray:  # < 0: the contact point approaches the surface
         return v[:, 1] + r[:, 0] * v[:, 2]
 
     # E = ½(v_x² + v_y² + k²ω²) drops in an impact
     def gains(factor: float) -> float:
-        scale = np.array([1.0, 1.0, factor * body.k_g])  # pyright: ignore[reportOperatorIssue]
+        scale = np.array([1.0, 1.0, factor * k_g])
         return float(np.mean(np.sum((v_post * scale) ** 2, axis=1) > np.sum((v_pre * scale) ** 2, axis=1)))
 
     if gains(1.0) > 0.5 > 2.0 * gains(TO_RAD):

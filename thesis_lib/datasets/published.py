@@ -157,7 +157,7 @@ def convert_files(name: str, files: dict[str, Path], out_dir: str | Path) -> Pat
             more = f" and {len(bad) - 4} more" if len(bad) > 4 else ""
             raise UserError(
                 f"Files of {name} are {what}: {', '.join(bad[:4])}{more}. Nothing was written. "
-                f"Get them again: python -m thesis_lib.datasets fetch {name.replace('_', '-')}"
+                f"Get them again: python -m thesis_lib datasets fetch {name.replace('_', '-')}"
             )
     return {"planar_impact": _convert_impact, "planar_dice": _convert_dice}[name](content, Path(out_dir))
 

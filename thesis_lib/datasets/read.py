@@ -7,6 +7,7 @@ from thesis_lib.datasets import plausible, plausible_impacts
 from thesis_lib.datasets.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
 from thesis_lib.datasets.header_file import FILE, load_header, salvage_shape
 from thesis_lib.datasets.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
+from thesis_lib.datasets.known_body import Body
 from thesis_lib.datasets.tables import load_table
 from thesis_lib.datasets.validate import DatasetError, Problem, Report, check_impacts, check_trajectories
 
@@ -66,7 +67,7 @@ def _read(folder: Path, name: str, report: Report) -> Dataset | None:
 
     if header is not None:
         plausible.check_header(header, FILE, report)
-    body = plausible.Body.of(header, salvage_shape(raw))
+    body = Body.of(header, salvage_shape(raw))
     if trajectories is not None:
         check_trajectories(trajectories, None if header is None else header.rate, report)
         plausible.check_trajectories(trajectories, body, report)

@@ -125,7 +125,6 @@ def convert_logs(
     surface_height: float = 0.0,
     delimiter: str = ",",
     per_trial_files: bool = False,
-    description: str = "",
 ) -> Conversion:
     """A dataset of trajectories from logs with a header line each.
 
@@ -198,8 +197,7 @@ def convert_logs(
     step = median_step(poses)
     content = {
         "schema": 1,
-        "description": description
-        or f"converted from {Path(files[0]).name}"
+        "description": f"converted from {Path(files[0]).name}"
         + (f" and {len(files) - 1} more" if len(files) > 1 else ""),
         "body": {
             "shape": shape,

@@ -78,12 +78,11 @@ class Table:
         return row_text(self.data.index.to_numpy()[np.asarray(mask)] + self.first_row)
 
 
-def row_text(rows: Sequence[int] | np.ndarray, total: int | None = None) -> str:
-    """Row numbers in words; `total` where `rows` are only the first few."""
-    total = len(rows) if total is None else total
+def row_text(rows: Sequence[int] | np.ndarray) -> str:
+    """Row numbers in words."""
     shown = ", ".join(str(int(row)) for row in rows[:SHOWN])
-    more = f" and {total - SHOWN} more" if total > SHOWN else ""
-    return f"row{'s' if total != 1 else ''} {shown}{more}"
+    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    return f"row{'s' if len(rows) != 1 else ''} {shown}{more}"
 
 
 def trial_text(trials: np.ndarray) -> str:

@@ -1,12 +1,10 @@
 """`python -m thesis_lib.docs`: write the reference pages in docs/ from the code, or say which are out of step."""
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from thesis_lib.errors import UserError
-from thesis_lib.terminal import prints_visibly
+from thesis_lib.command_line import FAILED, Parser, command
 
 EPILOG = """\
 examples:
@@ -16,12 +14,11 @@ examples:
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def build_parser() -> Parser:
+    parser = Parser(
         prog="python -m thesis_lib.docs",
         description="Write the parts of the pages in docs/ that come from the code.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit code 1 if a page is out of step"
@@ -33,20 +30,16 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-@prints_visibly
+@command
 def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     from thesis_lib.docs.pages import stale_pages
 
-    try:
-        stale = stale_pages(args.docs)
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    stale = stale_pages(args.docs)
     if args.check:
         for path in stale:
             print(f"{path} is out of step with the code; python -m thesis_lib.docs writes it anew")
-        return 1 if stale else 0
+        return FAILED if stale else 0
     from thesis_lib.files import write_text
 
     for path, text in stale.items():

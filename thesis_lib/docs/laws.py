@@ -5,13 +5,16 @@ import sys
 from thesis_lib.contact import LAWS, Law, Promise
 from thesis_lib.docs.markdown import docstring, table
 
-SUFFIX = "_as_published"
-
 
 def text() -> str:
     """All laws in the order of the thesis's Table 3.1, then others."""
-    names = [name for name in LAWS if not name.endswith(SUFFIX)]
-    return "\n\n".join([promises_table(), *(_entry(LAWS[name]) for name in names)])
+    own = [law for law in LAWS.values() if not law.as_published]
+    return "\n\n".join([promises_table(), *map(_entry, own)])
+
+
+def published_twin(law: Law) -> Law | None:
+    """The same law as its authors' code has it, where that differs."""
+    return LAWS.get(f"{law.name}_as_published")
 
 
 def promises_table() -> str:
@@ -30,7 +33,7 @@ def _kept(law: Law, promise: Promise) -> str:
 
 def _entry(law: Law) -> str:
     module = sys.modules[law.impulse.__module__]
-    published = LAWS.get(f"{law.name}{SUFFIX}")
+    published = published_twin(law)
     names = f"`{law.name}`" + (f" and `{published.name}`" if published else "")
     unit = (
         f" μ of the latter has the unit {published.mu_unit}."

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.contact import LAWS, Law
 from thesis_lib.docs.effects import sizes_text
-from thesis_lib.docs.laws import SUFFIX
+from thesis_lib.docs.laws import published_twin
 from thesis_lib.docs.signatures import signature
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.figures.style import GREY, INK, ImpulseAxis, house_style, new_figure
@@ -115,7 +115,7 @@ def draw_reach(law: Law) -> Figure:
     figure = new_figure(4.6, 2.6)
     ax = figure.add_subplot()
     draw_ellipse(ax, space, unit, labels=True)
-    published = LAWS.get(f"{law.name}{SUFFIX}")
+    published = published_twin(law)
     for one, look in (
         (law, {"color": "#0072B2"}),
         (published, {"color": "#D55E00", "linestyle": (0, (5, 1.5))}),

@@ -85,7 +85,7 @@ def impact_change(effect: Effect, state: State) -> np.ndarray:
     """Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact in m/s."""
     rig, (with_it, values) = rig_for(effect), _model(effect)
     one, two = Model(LAW).predict(state, values, rig), with_it.predict(state, values, rig)
-    return np.stack([two.vx - one.vx, two.vy - one.vy, rig.k_g * (two.omega - one.omega)], axis=1)
+    return (two.v - one.v) * [1.0, 1.0, rig.k_g]
 
 
 def flight_change(effect: Effect, state: State) -> np.ndarray:
@@ -153,19 +153,7 @@ def _flown(model: Model, values: dict[str, float], rig: Rig, t: np.ndarray) -> n
     state = states(rig, v_n=np.array([2.5]))
     poses = []
     for h in np.diff(t, append=t[-1]):
-        poses.append([state.x[0], state.y[0], state.theta[0]])
-        half = _moved(state, model.acceleration(state, values, rig), 0.5 * h)
-        state = _moved(state, model.acceleration(half, values, rig), h)
+        poses.append(state.q[0])
+        half = state.flown(model.acceleration(state, values, rig), 0.5 * h)
+        state = state.flown(model.acceleration(half, values, rig), h)
     return np.array(poses)
-
-
-def _moved(s: State, a: np.ndarray, h: float) -> State:
-    return s.moved(
-        x=s.x + h * s.vx + 0.5 * h * h * a[:, 0],
-        y=s.y + h * s.vy + 0.5 * h * h * a[:, 1],
-        theta=s.theta + h * s.omega + 0.5 * h * h * a[:, 2],
-        vx=s.vx + h * a[:, 0],
-        vy=s.vy + h * a[:, 1],
-        omega=s.omega + h * a[:, 2],
-        t=s.t + h,
-    )

@@ -4,9 +4,11 @@ To add one, add a file with a class derived from `Effect` and an instance of it 
 """
 
 import pkgutil
+from collections.abc import Iterable
 from importlib import import_module
 
 from thesis_lib.effects.effect import FAMILIES, Effect
+from thesis_lib.errors import UserError
 
 
 def _load() -> dict[str, Effect]:
@@ -24,4 +26,12 @@ def _load() -> dict[str, Effect]:
 
 EFFECTS: dict[str, Effect] = _load()
 
-__all__ = ["EFFECTS", "Effect"]
+
+def require_known(names: Iterable[str]) -> None:
+    """Raises UserError if one of the names is no effect's."""
+    for name in names:
+        if name not in EFFECTS:
+            raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")
+
+
+__all__ = ["EFFECTS", "Effect", "require_known"]

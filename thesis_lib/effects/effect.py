@@ -23,7 +23,7 @@ Masses are 1 throughout: planar impacts need the radius of gyration only.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -77,9 +77,45 @@ class State:
     trial: np.ndarray
     t: np.ndarray
 
+    @classmethod
+    def of(cls, q: np.ndarray, v: np.ndarray, trial: np.ndarray, t: np.ndarray) -> "State":
+        """The state with poses q and velocities v (n, 3)."""
+        return cls(q[:, 0], q[:, 1], q[:, 2], v[:, 0], v[:, 1], v[:, 2], trial, t)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Poses (n, 3)."""
+        return np.stack([self.x, self.y, self.theta], axis=1)
+
+    @property
+    def v(self) -> np.ndarray:
+        """Velocities (n, 3)."""
+        return np.stack([self.vx, self.vy, self.omega], axis=1)
+
     def moved(self, **changes: np.ndarray) -> "State":
         """The same with some arrays replaced."""
         return replace(self, **changes)
+
+    def with_velocity(self, v: np.ndarray) -> "State":
+        """The same poses with velocities v (n, 3)."""
+        return self.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2])
+
+    def flown(self, a: np.ndarray, h: np.ndarray | float) -> "State":
+        """The state after times h (n,) of constant acceleration a (n, 3)."""
+        return State(
+            x=self.x + h * self.vx + 0.5 * h * h * a[:, 0],
+            y=self.y + h * self.vy + 0.5 * h * h * a[:, 1],
+            theta=self.theta + h * self.omega + 0.5 * h * h * a[:, 2],
+            vx=self.vx + h * a[:, 0],
+            vy=self.vy + h * a[:, 1],
+            omega=self.omega + h * a[:, 2],
+            trial=self.trial,
+            t=self.t + h,
+        )
+
+    def select(self, rows: np.ndarray) -> "State":
+        """The bodies at `rows`."""
+        return State(*(getattr(self, item.name)[rows] for item in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -111,7 +147,7 @@ class Effect:
         name: file name and key, a standard term.
         family: one of `FAMILIES`.
         title: in figures and reports.
-        equation: in plain text with the symbols of design's table.
+        equation: in plain text with the symbols of the glossary.
         parameters: see `Parameter`.
         channels: what it changes: impact (velocity after impact), meet (pose before against pose after), touch
             (gap at impact), flight (acceleration between impacts).

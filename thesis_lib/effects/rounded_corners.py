@@ -70,9 +70,8 @@ def _corners(vertices):
     corners = np.array(_hull(vertices))
     along = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(along[:, 0], along[:, 1])
-    after = (
-        np.stack([along[:, 1], -along[:, 0]], axis=-1) / length[:, None]
-    )  # normal of the side that follows
+    # normal of the side that follows
+    after = np.stack([along[:, 1], -along[:, 0]], axis=-1) / length[:, None]
     before = np.roll(after, 1, axis=0)
     share = 1.0 + np.sum(before * after, axis=1)
     inward = -(before + after) / share[:, None]

@@ -92,6 +92,7 @@ def figure_2_2(fall: RodFall) -> Drawn:
     time.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.05), ncols=3)
 
     steps = np.arange(settled + 1)
+    outline = np.stack([outline_at(fall.body, q) for q in record.q[steps]])
     rows = [
         pd.DataFrame(
             {
@@ -103,7 +104,6 @@ def figure_2_2(fall: RodFall) -> Drawn:
                 "mode": [MODE_LOOK[Mode(mode)][1] for mode in fall.modes[np.minimum(steps, len(t) - 2), end]],
             }
         )
-        for outline in [np.stack([outline_at(fall.body, q) for q in record.q[steps]])]
         for end, pair in enumerate(("left end", "right end"))
     ]
     return figure, pd.concat([sketch.table(), *rows], ignore_index=True)

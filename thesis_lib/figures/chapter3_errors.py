@@ -16,7 +16,7 @@ import pandas as pd
 from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.datasets.impacts import Impacts
 from thesis_lib.errors import UserError
-from thesis_lib.figures.densities import local_mean, reflected_density
+from thesis_lib.figures.densities import error_curves, local_mean
 from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.style import PANELS, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.identify.cost import target_of
@@ -44,21 +44,16 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
     figure.get_layout_engine().set(wspace=0.08)
     axes = figure.subplots(2, 2, sharex="col", sharey="col")
     grid = np.linspace(0.0, _upper(wide), GRID)
-    shares = (np.arange(GRID) + 0.5) / GRID
     parts = []
     for row, (variant, laws) in zip(axes, VARIANTS.items()):
         values = {name: wide[name].to_numpy() for name in laws}
         values["best_post_hoc"] = best_post_hoc(np.stack(list(values.values()), axis=1))[1]
         values["irb_bound"] = wide["irb_bound"].to_numpy()
         for name, error in values.items():
-            finite = np.sort(error[np.isfinite(error)])
-            if not len(finite):
+            if not np.isfinite(error).any():
                 raise UserError(f"{name} has no finite held-out error; look at errors.csv and its status.")
             look = style_of(name)
-            density = reflected_density(error, grid, lower=0.0)
-            # quantiles of all impacts: shares beyond those solved stay empty
-            at = np.minimum((shares * len(error)).astype(int), len(finite) - 1)
-            quantile = np.where(shares * len(error) < len(finite), finite[at], np.nan)
+            density, quantile, shares = error_curves(error, grid)
             row[0].plot(grid, density, **look.line)
             row[1].plot(quantile, shares, **look.line)
             parts += [

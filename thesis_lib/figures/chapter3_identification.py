@@ -22,9 +22,8 @@ from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style,
 SETTLED = 100  # impacts after which the thesis finds the parameters converged
 SUBSET_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)))
 GRID = 200  # points of a density
-SHOWN_SHARE = (
-    0.99  # of individual μ within the axis; the rest, often at the limit of the box, is counted in a note
-)
+# of individual μ within the axis; the rest, often at the limit of the box, is counted in a note
+SHOWN_SHARE = 0.99
 
 
 @house_style

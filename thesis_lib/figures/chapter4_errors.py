@@ -17,7 +17,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.errors import UserError
-from thesis_lib.figures.densities import reflected_density
+from thesis_lib.figures.densities import error_curves
 from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE, LineStyle
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
@@ -77,7 +77,7 @@ def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
     everywhere = (law, "best_post_hoc", "irb_bound")
     drawn = [name for names in CLASSES.values() for name in names if name in values]
     top = 1.15 * float(np.nanmax([np.nanquantile(values[name], 0.97) for name in (*drawn, *everywhere)]))
-    grid, shares = np.linspace(0.0, top, GRID), (np.arange(GRID) + 0.5) / GRID
+    grid = np.linspace(0.0, top, GRID)
     figure = new_figure(height=5.4)
     axes = figure.subplots(2, 2, sharex="col", sharey="col")
     parts = []
@@ -85,10 +85,7 @@ def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
         for name in (*everywhere, *(name for name in names if name in values)):
             error, look = values[name], _style(name)
             line = look.line | ({"linewidth": 1.0} if name in everywhere else {})
-            density = reflected_density(error, grid, lower=0.0)
-            finite = np.sort(error[np.isfinite(error)])
-            at = np.minimum((shares * len(error)).astype(int), len(finite) - 1)
-            quantile = np.where(shares * len(error) < len(finite), finite[at], np.nan)
+            density, quantile, shares = error_curves(error, grid)
             row[0].plot(grid, density, **line)
             row[1].plot(quantile, shares, **line)
             curves = (

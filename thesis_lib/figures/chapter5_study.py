@@ -21,7 +21,7 @@ from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.jenga.render import PLACED, PUSHED, colours_of, strip_figure, tower_figure
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
-PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; issue's own tolerance
+PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; own choice of what counts as reproduced
 STACKED = 10e-3  # m: a block that lies so much higher than at first was placed on top
 POLICY_STYLE = {
     "hma": ("#D55E00", "-", "o", "HMA"),

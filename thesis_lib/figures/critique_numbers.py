@@ -41,18 +41,20 @@ FEATURE_LABEL = {
 CHANNELS = ("flight", "meet", "touch")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = {
-    **{
-        "mu": "μ",
-        "epsilon": "ε",
-        "eps": "ε",
-        "phi": "φ",
-        "theta": "θ",
-        "omega": "ω",
-        "eta": "η",
-        "zeta": "ζ",
-        "rho": "ρ",
-    },
-    **{"tau": "τ", "alpha": "α", "beta": "β", "gamma": "γ", "kappa": "κ", "eta": "η", "zeta": "ζ"},
+    "mu": "μ",
+    "epsilon": "ε",
+    "eps": "ε",
+    "phi": "φ",
+    "theta": "θ",
+    "omega": "ω",
+    "eta": "η",
+    "zeta": "ζ",
+    "rho": "ρ",
+    "tau": "τ",
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "kappa": "κ",
 }
 
 

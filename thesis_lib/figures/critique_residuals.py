@@ -175,14 +175,14 @@ def features_to_show(shares: pd.DataFrame) -> list[str]:
 
 def residuals_sentence(shown: Residuals) -> str:
     """The strongest dependence, before and after."""
-    told = _strongest(shown, "residual")
+    told = _strongest(shown)
     return told or "The residuals of the base law depend on no single feature of the state"
 
 
 def flights_sentence(critique: Critique, shown: Residuals) -> str:
     """By how much flights miss the prediction, and on what that depends most."""
     first, last = (float(np.sqrt(critique.ladder[i][2].sigmas["flight"])) for i in (0, -1))
-    told = _strongest(shown, "residual") or "The residuals in flight depend on no single feature of the state"
+    told = _strongest(shown) or "The residuals in flight depend on no single feature of the state"
     if not np.isfinite(first):  # no flight is held out
         return told
     text = f"Held-out flights miss the base law by {number(first, 2)} times the noise"
@@ -191,7 +191,7 @@ def flights_sentence(critique: Critique, shown: Residuals) -> str:
     return f"{text}. {told}"
 
 
-def _strongest(shown: Residuals, noun: str) -> str:
+def _strongest(shown: Residuals) -> str:
     """Which component depends most on which feature; '' where none depends on any."""
     shares = shown.shares
     component, name = shares.stack().idxmax()
@@ -199,7 +199,7 @@ def _strongest(shown: Residuals, noun: str) -> str:
     if share < LITTLE:
         return ""
     words = shown.labels[name].split(" (")[0].replace("$", "").replace(r"\omega", "ω").replace(r"\theta", "θ")
-    text = f"The {component} {noun} depends most on the {words}: {100 * share:.0f}\u00a0% of its variance"
+    text = f"The {component} residual depends most on the {words}: {100 * share:.0f}\u00a0% of its variance"
     if "after" in shown.values:
         i = list(shown.components).index(component)
         left = dependence(shown.values["after"][:, i], shown.table[name].to_numpy(float))

@@ -27,9 +27,8 @@ from thesis_lib.figures.critique_numbers import (
 from thesis_lib.figures.style import INK, Drawn, house_style, new_figure
 
 Box = tuple[float, float, float, float]
-DARK = (
-    0.95  # quantile of the errors at which the colour scale ends, so that a few bad impacts do not bleach it
-)
+# quantile of the errors at which the colour scale ends, so that a few bad impacts do not bleach it
+DARK = 0.95
 REGION_COLORS = ("#CC0000", "#0072B2", "black")
 
 
@@ -178,8 +177,7 @@ def region_text(region: Mapping) -> str:
 def where_sentence(critique: Critique, regions: Sequence[Mapping]) -> str:
     """Where the base law fails, and whether that is still so with the effects."""
     if not regions:
-        text = "The error of the base law is spread over all states: no rule marks a region in which it is larger"
-        return text
+        return "The error of the base law is spread over all states: no rule marks a region in which it is larger"
     text = f"The base law fails most where {plain_rule(regions[0])}"
     ratio = regions[0]["ratio"]
     if ratio is not None and ratio > 1.0:

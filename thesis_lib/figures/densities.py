@@ -9,9 +9,8 @@ integrates to one inside; without them an error density would seem to fall towar
 
 import numpy as np
 
-TRIM = (
-    0.01  # share at either end that the bandwidth does not see: single wild impacts must not smear the peak
-)
+# share at either end that the bandwidth does not see: single wild impacts must not smear the peak
+TRIM = 0.01
 
 
 def reflected_density(
@@ -30,6 +29,22 @@ def reflected_density(
     total = sum(np.exp(-0.5 * ((grid[:, None] - copy) / h) ** 2).sum(axis=1) for copy in mirrors)
     inside = (grid >= lower) & (grid <= upper)
     return np.where(inside, total / (len(values) * h * np.sqrt(2.0 * np.pi)), 0.0)
+
+
+def error_curves(error: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Density and quantiles of errors (n,) >= 0, in their unit; a failed solve (NaN) counts as infinite.
+
+    Returns:
+        density (G,) at `grid` (G,), of the finite errors; quantiles (G,), NaN beyond the share that was solved; and
+        the shares (G,) of all errors that lie below them.
+
+    Raises:
+        ValueError: no finite error at all.
+    """
+    finite, shares = np.sort(error[np.isfinite(error)]), (np.arange(len(grid)) + 0.5) / len(grid)
+    density = reflected_density(error, grid, lower=0.0)
+    at = np.minimum((shares * len(error)).astype(int), len(finite) - 1)
+    return density, np.where(shares * len(error) < len(finite), finite[at], np.nan), shares
 
 
 def bandwidth(values: np.ndarray) -> float:

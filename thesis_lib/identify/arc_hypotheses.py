@@ -33,19 +33,16 @@ from thesis_lib.identify.arc_statistics import ArcStatistics, ArcSums
 from thesis_lib.identify.segmentation import floored
 
 STEP_WINDOW = 2  # steps to each side of the segmentation's that are tried
-MANY_IMPACTS = (
-    4  # with more, one step to each side is tried: the hypotheses grow as 5 to the number of impacts
-)
-OPEN = 25.0  # χ² by which a hypothesis may be worse than the best and still be tried: weights of e^-12 do not count
+# with more, one step to each side is tried: the hypotheses grow as 5 to the number of impacts
+MANY_IMPACTS = 4
+# χ² by which a hypothesis may be worse than the best and still be tried: weights of e^-12 do not count
+OPEN = 25.0
 MAX_HYPOTHESES = 3000  # per number of impacts; the best by χ²_free are kept
 DOUBLE_HIT_STEPS = 8  # how far apart the two hits of a split impact are looked for
 P_SPLIT = 0.02  # probability of a larger χ² under which a split is tried
-SLIDE_COST = (
-    8.0  # χ² that letting impacts slide has to save: it adds μ, known afterwards to about 1 % of its range
-)
-CONE_SLACK = (
-    1.2  # a sticking impact with |Δv_x| above this times μ Δv_y contradicts the μ of the sliding ones
-)
+SLIDE_COST = 8.0  # χ² that letting impacts slide has to save: it adds μ, known then to about 1 % of its range
+# a sticking impact with |Δv_x| above this times μ Δv_y contradicts the μ of the sliding ones
+CONE_SLACK = 1.2
 SPLIT_GAIN = 20.0  # χ² a split has to save: three unknowns more, looked for at about a hundred places
 
 

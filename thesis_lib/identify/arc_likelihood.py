@@ -51,9 +51,8 @@ CONVERGED = 1e-6  # Newton step in standard deviations of the arcs
 SPEED_FLOOR = 0.05  # m/s; |v_n| in the gap's scale: a trial value of zero would make (3) infinite
 SLIDE_FORWARD, STICK, SLIDE_BACK = 1, 0, -1  # modes: sign of c_t of an impact that slides
 _BACKTRACK = (1.0, 0.5, 0.2, 0.05)  # fractions of a Newton step that are tried
-_SOFT_PRIOR = (
-    1e-12  # information added to η, of its own: an unknown that no row holds (μ if all stick) stays put
-)
+# information added to η, of its own: an unknown that no row holds (μ if all stick) stays put
+_SOFT_PRIOR = 1e-12
 
 
 @dataclass(frozen=True)

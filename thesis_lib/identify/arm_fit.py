@@ -54,8 +54,6 @@ KICK = (0.05, 3.0)  # sizes of kicks in standard errors, smallest and largest
 # of what a coordinate may change by itself, over which differences are taken, in turn; 0 for derivatives
 SHARES = (1.0, 0.0, 0.3)
 SILENT = 1e-8  # share of the largest information below which a direction counts as not determined
-
-
 DEFAULT_FIT = ArmFitSettings()
 
 

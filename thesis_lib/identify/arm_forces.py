@@ -33,7 +33,7 @@ from thesis_lib.identify.arm_parameters import NAMES, base_of, regressor
 from thesis_lib.identify.arm_settings import ArmStudy
 from thesis_lib.identify.arm_shooting import ArmData, measured
 from thesis_lib.identify.base_parameters import base_parameters
-from thesis_lib.identify.contact_window import ContactWindow, window_of
+from thesis_lib.identify.contact_window import ALLOWANCE, ContactWindow, States, window_of
 from thesis_lib.identify.identifiability import projected
 from thesis_lib.identify.mode_qp import solve_mode_qp
 from thesis_lib.simulate.arm_disk import ArmDisk
@@ -45,12 +45,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 IMPACT = 10.0  # times the median force over contact, above which a step is an impact
-# m/s², what a contact may accelerate within a step before it counts as closed, where free acceleration is unknown:
-# three times gravity; a gap of h² times this is 0.7 mm
-ALLOWANCE = 30.0
 METHODS = ("exact", "plain", "ours")
-
-
 DEFAULT_STUDY = ArmStudy()
 
 
@@ -96,19 +91,6 @@ class ArmForceTables:
     cpu_s: np.ndarray
 
 
-@dataclass(frozen=True)
-class _States:
-    """States with the contacts computed from them, as `window_of` takes them."""
-
-    h: float
-    q: np.ndarray
-    v: np.ndarray
-    f_ext: np.ndarray
-    phi: np.ndarray
-    J_n: np.ndarray
-    J_t: np.ndarray
-
-
 def arm_window(
     arm: ArmDisk,
     q: np.ndarray,
@@ -133,12 +115,11 @@ def arm_window(
     Raises:
         UserError: a value is not finite.
     """
-    contacts = arm.contacts_of(q[:-1])
+    states = States.of(arm, h, q, v, f_ext)
     gap_tolerance, v_tolerance = ALLOWANCE * h**2, 1e-9
     if sigma is not None:
-        gap_tolerance += tolerances * float(np.sqrt(np.mean((contacts.J_n * sigma[0]) ** 2 @ np.ones(5))))
-        v_tolerance += tolerances * float(np.sqrt(np.mean((contacts.J_t * sigma[1]) ** 2 @ np.ones(5))))
-    states = _States(h, q, v, f_ext, contacts.phi, contacts.J_n, contacts.J_t)
+        gap_tolerance += tolerances * float(np.sqrt(np.mean((states.J_n * sigma[0]) ** 2 @ np.ones(5))))
+        v_tolerance += tolerances * float(np.sqrt(np.mean((states.J_t * sigma[1]) ** 2 @ np.ones(5))))
     return window_of(
         states,
         regressor(arm, q[:-1], v[:-1], np.diff(v, axis=0) / h),

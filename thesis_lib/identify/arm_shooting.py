@@ -33,15 +33,13 @@ import numpy as np
 from thesis_lib.errors import UserError
 from thesis_lib.identify.arm_parameters import from_free
 from thesis_lib.identify.arm_stepping import Copies, simulate_copies
+from thesis_lib.identify.segmentation import MAD
 from thesis_lib.simulate.arm_disk import ArmDisk
 
 STEP = 1e-6  # of a parameter's or a state's scale: forward differences, whose rounding is then 1e-8
-DAMPING = np.array(
-    [0.02, 0.3, 4.0, 60.0]
-)  # factors on the damping that are tried side by side in an iteration
+DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that an iteration tries side by side
 LARGEST_STEP = 1.5  # of a logarithm: no parameter changes by more than a factor of 4.5 in an iteration
 CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off there
-_MAD = 0.6744897501960817  # of a normal distribution over its standard deviation
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
     """
     slack = np.diff(q, axis=0) - h * v[1:]
     second = np.abs(np.diff(v, n=2, axis=0))
-    return np.stack([slack.std(axis=0) / np.sqrt(2.0), np.median(second, axis=0) / (_MAD * np.sqrt(6.0))])
+    return np.stack([slack.std(axis=0) / np.sqrt(2.0), np.median(second, axis=0) / (MAD * np.sqrt(6.0))])
 
 
 def noise_of_residuals(r: np.ndarray) -> np.ndarray:
@@ -128,7 +126,7 @@ def noise_of_residuals(r: np.ndarray) -> np.ndarray:
     pass as noise.
     """
     d = np.diff(r, axis=0) / np.sqrt(2.0)
-    scale = np.median(np.abs(d), axis=0) / _MAD
+    scale = np.median(np.abs(d), axis=0) / MAD
     within = np.abs(d) <= CLIP * scale
     return np.sqrt(
         np.sum(np.where(within, d, 0.0) ** 2, axis=0) / np.maximum(within.sum(axis=0), 1) / CLIPPED

@@ -7,16 +7,13 @@ factorisation with column pivoting
 
 separates as many independent columns b as Y has rank r from the dependent ones d.  Θ are the base parameters; each is
 one independent parameter plus multiples of dependent ones.  What is left, null(Y), are the changes of π that no
-force would notice.  How well a window excites the base parameters is the persistence of excitation,
-
-    α = smallest eigenvalue of (1/T) ∫ Y_b' Y_b dt.
+force would notice.
 
 | on paper     | in code       | unit    | shape  |  |
 | ------------ | ------------- | ------- | ------ | --- |
 | π            | `names`       | kg ...  | (n,)   | all inertial parameters |
 | Θ            | `theta`       | kg ...  | (r,)   | base parameters |
 | [1 R_1⁻¹R_2] | `combination` | Θ per π | (r, n) | Θ = combination π |
-| α            | `excitation`  | of Y'Y  |        | persistence of excitation, columns in the given units |
 
 Sources: M. Gautier, J. Robotic Systems 8 (1991), doi 10.1002/rob.4620080405; W. Khalil, F. Bennis, Int. J. Robotics
 Research 14 (1995), doi 10.1177/027836499501400105.
@@ -34,9 +31,8 @@ from thesis_lib.errors import UserError
 # to be of use 1e-6
 RANK_TOLERANCE = 1e-9
 COEFFICIENT_TOLERANCE = 1e-7  # below it a coefficient of a combination is rounding
-NEGLIGIBLE_COLUMN = (
-    1e-12  # norm of a column, relative to the largest one, below which a parameter has no effect
-)
+# norm of a column, relative to the largest one, below which a parameter has no effect
+NEGLIGIBLE_COLUMN = 1e-12
 
 
 @dataclass(frozen=True)
@@ -66,11 +62,6 @@ class BaseParameters:
     def base_names(self) -> tuple[str, ...]:
         """(r,) each base parameter as a sum, for example "link1.I + 0.25 link2.m"."""
         return tuple(linear_combination(row, self.names) for row in self.combination)
-
-    @property
-    def null_names(self) -> tuple[str, ...]:
-        """(n − r,) each change without effect, as a sum of parameters."""
-        return tuple(linear_combination(column, self.names) for column in self.null_space.T)
 
     def theta(self, parameters: np.ndarray) -> np.ndarray:
         """Base parameters (r,) of inertial parameters (n,)."""
@@ -130,12 +121,6 @@ def base_parameters(Y: np.ndarray, names: Sequence[str], tolerance: float = RANK
     found = np.linalg.svd(A, compute_uv=False)
     values[: len(found)] = found
     return BaseParameters(tuple(names), columns, combination, null_space, values)
-
-
-def excitation(Y: np.ndarray) -> float:
-    """Persistence of excitation α of a regressor (m, nv, n): smallest eigenvalue of the mean of Y'Y over the window."""
-    gram = np.einsum("kvi,kvj->ij", Y, Y) / len(Y)
-    return float(max(np.linalg.eigvalsh(gram)[0], 0.0))
 
 
 def linear_combination(coefficients: np.ndarray, names: Sequence[str]) -> str:

@@ -28,20 +28,28 @@ doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from thesis_lib.errors import UserError
 from thesis_lib.identify.regressor import FREE_BODY_PARAMETERS, free_body_regressor
 from thesis_lib.simulate.contact_modes import TOUCH
+from thesis_lib.simulate.mechanism import Mechanism
+from thesis_lib.simulate.stepping import Record
 
 V_TOLERANCE = 1e-9  # m/s: far above the rounding of a time step (1e-15), far below any sliding that matters
 GAP_TOLERANCE = 1e-9  # m: the same for gaps
+# m/s², what a contact may accelerate within a step before it counts as closed, where free acceleration is unknown:
+# three times gravity; a gap of h² times this is 0.7 mm
+ALLOWANCE = 30.0
 
 
-class RecordLike(Protocol):
-    """The part of a simulated or measured record that a window is cut from; see simulate/stepping.py."""
+@dataclass(frozen=True)
+class States:
+    """States and known forces with the contacts computed from them: what a window is cut from.
+
+    A simulated `stepping.Record` has these attributes, too, with shapes and units as there.
+    """
 
     h: float
     q: np.ndarray
@@ -50,6 +58,12 @@ class RecordLike(Protocol):
     phi: np.ndarray
     J_n: np.ndarray
     J_t: np.ndarray
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, h: float, q: np.ndarray, v: np.ndarray, f_ext: np.ndarray) -> "States":
+        """Those of measured states q, v (m+1, nv) and forces f_ext (m, nv) of a mechanism."""
+        at = mechanism.contacts_of(q[:-1])
+        return cls(h, q, v, f_ext, at.phi, at.J_n, at.J_t)
 
 
 @dataclass(frozen=True)
@@ -104,6 +118,16 @@ class ContactWindow:
         """Largest known generalised force over the window, the unit of contact forces; 1 where there is none."""
         largest = float(np.abs(self.f).max(initial=0.0))
         return largest if largest > 0.0 else 1.0
+
+    @property
+    def gap_scale(self) -> float:
+        """L, largest gap of the window in m; 1 where all are closed."""
+        return float(self.gap.max(initial=0.0)) or 1.0
+
+    @property
+    def speed_scale(self) -> float:
+        """V, largest sliding speed of the window in m/s; 1 where nothing slides."""
+        return float(np.abs(self.v_t).max(initial=0.0)) or 1.0
 
     @property
     def touching(self) -> np.ndarray:
@@ -161,7 +185,7 @@ def expected_gap(
 
 
 def window_of(
-    record: RecordLike,
+    record: Record | States,
     Y: np.ndarray,
     a_free: np.ndarray,
     mu: float,
@@ -212,7 +236,7 @@ def window_of(
 
 
 def free_body_window(
-    record: RecordLike,
+    record: Record | States,
     mu: float,
     *,
     gravity: tuple[float, float] = (0.0, -9.81),

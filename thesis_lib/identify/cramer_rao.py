@@ -31,9 +31,8 @@ from thesis_lib.identify.arc_statistics import ArcSums
 from thesis_lib.identify.segmentation import check_states, without_gravity
 from thesis_lib.simulate.stepping import Record
 
-SLIDE_SHARE = (
-    1.0 - 1e-6
-)  # of μ c_n that |c_t| reaches when an impact slides; sticking ones miss it by far more
+# of μ c_n that |c_t| reaches when an impact slides; sticking ones miss it by far more
+SLIDE_SHARE = 1.0 - 1e-6
 
 
 @dataclass(frozen=True)

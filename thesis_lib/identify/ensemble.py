@@ -13,9 +13,8 @@ import numpy as np
 from thesis_lib.contact.law import Law
 from thesis_lib.identify.cost import Metric, Target, misfit_table
 
-MU_MAX = (
-    1.0  # own choice: three times the friction of an inclined-plane test; a fit that ends here is reported
-)
+# own choice: three times the friction of an inclined-plane test; a fit that ends here is reported
+MU_MAX = 1.0
 GRID = 21  # points a side
 CELLS = 5_000_000  # of the table held at a time: 40 MB
 TOLERANCE = 1e-6  # width of the final box in μ and ε: far below any standard error

@@ -55,28 +55,22 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Reco
     """The cases by name, each with its motion and its window in unknown (m, I)."""
     rolling, square = disk(settings), block(settings)
     fast, still = (4.0, 0.0, 3.0), (0.0, 0.0, 0.0)
-    high = np.array([0.0, 3.0, 0.4])
-    flat, tilted = np.array([0.0, 0.8, 0.0]), np.array([0.0, 0.95, 0.35])
-    h, mu, epsilon = settings.h, settings.mu, settings.epsilon
+    high, flat, tilted = (0.0, 3.0, 0.4), (0.0, 0.8, 0.0), (0.0, 0.95, 0.35)
+
+    def released(q: tuple, v: tuple, force: Callable | None) -> tuple[Record, float]:
+        arguments = (settings.h, STEPS, settings.mu, settings.epsilon)
+        return simulate(square, np.array(q), np.array(v), force, *arguments), settings.mu
+
     motions = {
         "disk slides, no force": (_balanced(rolling, LOW_FRICTION, fast, None), LOW_FRICTION),
         "disk slides, force": (_balanced(rolling, LOW_FRICTION, fast, push), LOW_FRICTION),
         "disk rolls, no force": (_balanced(rolling, HIGH_FRICTION, still, None), HIGH_FRICTION),
         "disk rolls, force": (_balanced(rolling, HIGH_FRICTION, still, push), HIGH_FRICTION),
-        "flight, no force": (
-            simulate(square, high, np.array([1.0, 0.0, 2.0]), None, h, STEPS, mu, epsilon),
-            mu,
-        ),
-        "flight, force": (simulate(square, high, np.array([1.0, 0.0, 2.0]), push, h, STEPS, mu, epsilon), mu),
-        "square lands tilted, no force": (
-            simulate(square, tilted, np.zeros(3), None, h, STEPS, mu, epsilon),
-            mu,
-        ),
-        "square lands tilted, force": (
-            simulate(square, tilted, np.zeros(3), push, h, STEPS, mu, epsilon),
-            mu,
-        ),
-        "square lands flat, no force": (simulate(square, flat, np.zeros(3), None, h, STEPS, mu, epsilon), mu),
+        "flight, no force": released(high, (1.0, 0.0, 2.0), None),
+        "flight, force": released(high, (1.0, 0.0, 2.0), push),
+        "square lands tilted, no force": released(tilted, still, None),
+        "square lands tilted, force": released(tilted, still, push),
+        "square lands flat, no force": released(flat, still, None),
     }
     return {
         name: (

@@ -38,9 +38,8 @@ from thesis_lib.identify.base_parameters import linear_combination
 from thesis_lib.identify.contact_window import ContactWindow
 
 FLOOR = 1e-9  # m/s², rad/s²: accelerations that are only the rounding of a velocity difference over a step
-RANK_TOLERANCE = (
-    1e-8  # of a singular value, relative to the largest: far above rounding, useless in practice below
-)
+# of a singular value, relative to the largest: far above rounding, useless in practice below
+RANK_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True)

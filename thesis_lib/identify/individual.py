@@ -26,19 +26,17 @@ from thesis_lib.contact.law import Law
 from thesis_lib.identify.cost import BLOCK, Metric, Target, misfit, misfit_of_impulse
 
 MU_MAX = 2.0  # own choice: above the friction of dry solids, and above nearly every μ_s of the chapter's data
-STUCK = 1e-3  # of the impulse: a change below a tenth of any measurement's noise; path-wise laws never stop changing
-COARSE = (
-    65,
-    33,
-)  # points in μ and ε of the first profile; with half of each one impact in 300 ends beside its minimum
+# of the impulse: a change below a tenth of any measurement's noise; path-wise laws never stop changing
+STUCK = 1e-3
+# points in μ and ε of the first profile; with half of each one impact in 300 ends beside its minimum
+COARSE = (65, 33)
 DENSE = (33, 9)  # points of the second profile, over two gaps of the first in μ and six in ε
 STARTS = 2  # minima of the first profile that are followed
 SAME = 1e-9  # of the misfit of no impulse at all: differences below it are rounding
 FINE = 5  # points a side of the pattern; it halves
 ROUNDS = 20  # leaves a pattern of 1e-9 in μ
-STEPS = np.array([1.0, 0.5, 0.1])[
-    :, None
-]  # shares of the linearised step that are tried: the model has kinks
+# shares of the linearised step that are tried: the model has kinks
+STEPS = np.array([1.0, 0.5, 0.1])[:, None]
 
 
 @dataclass(frozen=True)

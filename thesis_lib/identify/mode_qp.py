@@ -79,20 +79,18 @@ class Edges:
 def edges_of(
     window: ContactWindow, program: Program, *, reach: float = REACH, w_n: float = 1.0, w_t: float = 1.0
 ) -> Edges:
-    """Edges that a program admits on a window, with their prices; gap and velocity are priced per L and V.
+    """Edges that a program admits on a window, with their prices; gap and slip are priced per scale of the window.
 
     Args:
         reach: m, contacts with a larger gap have none.
         w_n, w_t: weights of the products of gap and of friction, dimensionless.
     """
-    L = float(window.gap.max(initial=0.0)) or 1.0
-    V = float(np.abs(window.v_t).max(initial=0.0)) or 1.0
     step, pair = np.nonzero(window.gap <= reach)
     step, pair, sign = np.repeat(step, 2), np.repeat(pair, 2), np.tile([1.0, -1.0], len(step))
     gap, v = window.gap[step, pair], window.v_t[step, pair]
     direction = window.J_n[step, pair] + sign[:, None] * window.mu * window.J_t[step, pair]
     slip = np.abs(v) + sign * v
-    price = w_n * gap / L + w_t * window.mu * slip / V
+    price = w_n * gap / window.gap_scale + w_t * window.mu * slip / window.speed_scale
     edges = Edges(step, pair, sign, direction, price)
     if program == "2.12":
         return edges[(gap == 0.0) & (slip == 0.0)]

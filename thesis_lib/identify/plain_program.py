@@ -26,10 +26,8 @@ from thesis_lib.simulate.mechanism import PlanarFreeBody
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
 EXACT = 1e-9  # m, m/s: the same without noise, well above rounding
-SEARCH = (
-    0.01,
-    100.0,
-)  # range of m/I times the extent squared: 1 has all mass at the extent, 100 at a tenth of it
+# range of m/I times the extent squared: 1 has all mass at the extent, 100 at a tenth of it
+SEARCH = (0.01, 100.0)
 _GRID, _REFINEMENTS = 121, 6  # points per search; each refinement narrows to the two cells around the best
 
 

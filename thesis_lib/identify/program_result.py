@@ -85,9 +85,7 @@ def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.nda
     """Natural residual of all complementarity conditions of a window, dimensionless; see the module's text."""
     if not c_n.size:
         return 0.0
-    F = window.force_scale
-    L = float(window.gap.max(initial=0.0)) or 1.0
-    V = float(np.abs(window.v_t).max(initial=0.0)) or 1.0
+    F, L, V = window.force_scale, window.gap_scale, window.speed_scale
     speed = np.abs(window.v_t)
     pairs = (
         (window.gap / L, c_n / F),

@@ -26,7 +26,7 @@ import numpy as np
 from thesis_lib.errors import UserError
 from thesis_lib.identify.base_parameters import base_parameters
 from thesis_lib.identify.chapter2_settings import Programs
-from thesis_lib.identify.contact_window import ContactWindow, free_body_window, window_of
+from thesis_lib.identify.contact_window import ALLOWANCE, ContactWindow, free_body_window, window_of
 from thesis_lib.identify.identifiability import require_identifiable
 from thesis_lib.identify.mode_qp import REACH, Program, solve_mode_qp
 from thesis_lib.identify.program_result import ProgramResult
@@ -34,24 +34,19 @@ from thesis_lib.identify.programs import ContactProgram, Products
 from thesis_lib.identify.regressor import PlantRegressor
 from thesis_lib.randomness import streams
 from thesis_lib.simulate.chapter2 import (
+    BODIES,
     DEFAULT,
     Chapter2Bodies,
     arm_disk,
     arm_trajectories,
-    block,
-    ellipse,
     releases,
 )
-from thesis_lib.simulate.chapter2 import wheel as rimless_wheel
 from thesis_lib.simulate.stepping import Record, simulate
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SUCCESS = 1e-6  # of parameters and forces, relative
-# m/s², what a contact may accelerate within a step before it counts as closed, where free acceleration is unknown:
-# three times gravity; a gap of h² times this is 0.7 mm
-ALLOWANCE = 30.0
 # with 0.4 the disk hardly ever slides on the ground, and rolling shows only the sum m + I/R² of its parameters
 ARM_MU = 0.2
 ARM_BODIES = ("link_1", "link_2", "disk")
@@ -127,7 +122,7 @@ def cases(
 
 
 def _drops(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
-    body = {"block": block, "ellipse": ellipse, "wheel": rimless_wheel}[kind](settings)
+    body = BODIES[kind](settings)
     surface = settings.wheel if kind == "wheel" else settings
     while True:
         q, v = releases(kind, 1, rng, settings)
@@ -148,7 +143,7 @@ def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> Case:
     if kind == "arm_disk":
         window, theta = _arm_window(record, settings)
         return Case(window, theta, record.c_n, record.c_t)
-    body = {"block": block, "ellipse": ellipse, "wheel": rimless_wheel}[kind](settings)
+    body = BODIES[kind](settings)
     mu = settings.wheel.mu if kind == "wheel" else settings.mu
     gravity = tuple(body.gravity(record.q[0])[:2] / body.mass)
     window = free_body_window(record, mu, gravity=gravity, known={"m": body.mass})

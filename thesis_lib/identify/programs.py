@@ -45,13 +45,8 @@ if TYPE_CHECKING:
 
 Solver = Literal["auto", "snopt", "ipopt"]
 Products = Literal["relaxed", "strict"]
-RELAXATION = (
-    1e-1,
-    1e-3,
-    1e-5,
-    1e-7,
-    1e-10,
-)  # bounds of the products in scaled units; the last is the solvers' zero
+# bounds of the products in scaled units; the last: the solvers' zero
+RELAXATION = (1e-1, 1e-3, 1e-5, 1e-7, 1e-10)
 START_RANGE = np.log(10.0)  # a random start of Θ is within a factor of ten of the typical size
 VANISHING = 1e-12  # of the force scale: equations with smaller coefficients say nothing
 # SNOPT's "Scale option" to try in turn, for products and for dynamics as constraints.  Without scaling by nonlinear
@@ -156,10 +151,8 @@ class ContactProgram:
         self.reach, self.w_n, self.w_t = reach, w_n, w_t
         self.step, self.pair = np.nonzero(window.gap <= reach)
         self.F, self.T = window.force_scale, parameter_scale(window)
-        self.L = float(window.gap.max(initial=0.0)) or 1.0
-        self.V = float(np.abs(window.v_t).max(initial=0.0)) or 1.0
-        self.gap = window.gap[self.step, self.pair] / self.L
-        self.v = window.v_t[self.step, self.pair] / self.V
+        self.gap = window.gap[self.step, self.pair] / window.gap_scale
+        self.v = window.v_t[self.step, self.pair] / window.speed_scale
 
     def warm_point(self, tolerance: float = RESIDUAL_TOLERANCE) -> Point:
         """The convex program's answer."""

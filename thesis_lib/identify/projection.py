@@ -20,50 +20,35 @@ Source: thesis section 2.3.2, approach 3, figure 2-5.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from thesis_lib.errors import UserError
-from thesis_lib.identify.contact_window import RecordLike, expected_gap
+from thesis_lib.identify.contact_window import States, expected_gap
+from thesis_lib.simulate.mechanism import Mechanism
+from thesis_lib.simulate.stepping import Record
 
-ITERATIONS = (
-    20  # Newton's steps; three or four are needed for a body, more only if contacts contradict each other
-)
+# Newton's steps; three or four are needed for a body, more only if contacts contradict each other
+ITERATIONS = 20
 CLOSED = 1e-12  # m, gap at which Newton's steps end
 
 
-class Contacted(Protocol):
-    """What projection needs of a mechanism: `contacts_of`, see simulate/mechanism.py."""
-
-    def contacts_of(self, q: np.ndarray) -> "object":
-        """Gaps and Jacobians (phi, J_n, J_t) at poses (n, nq)."""
-
-
 @dataclass(frozen=True)
-class ProjectedRecord:
-    """A record moved to the contact manifold.
+class ProjectedRecord(States):
+    """States moved to the contact manifold.
 
     Attributes:
-        h, q, v, f_ext, phi, J_n, J_t: as of a record.
         closed: (m, p) contacts that were projected; hand them to the window.
         moved: (m,) distance in the metric by which each pose was moved.
     """
 
-    h: float
-    q: np.ndarray
-    v: np.ndarray
-    f_ext: np.ndarray
-    phi: np.ndarray
-    J_n: np.ndarray
-    J_t: np.ndarray
     closed: np.ndarray
     moved: np.ndarray
 
 
 def project_to_contact(
-    record: RecordLike,
-    mechanism: Contacted,
+    record: Record | States,
+    mechanism: Mechanism,
     *,
     a_free: np.ndarray,
     gap_tolerance: float,

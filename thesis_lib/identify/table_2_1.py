@@ -32,14 +32,14 @@ from thesis_lib.identify.arcs_ml import EstimateStatus, estimate_ratio
 from thesis_lib.identify.chapter2_settings import Table21
 from thesis_lib.identify.cramer_rao import TrueImpacts, ratio_bound, true_impacts
 from thesis_lib.identify.plain_program import impact_least_squares, plain_ratio
-from thesis_lib.simulate.chapter2 import DEFAULT, Chapter2Bodies, block, ellipse, releases
+from thesis_lib.identify.segmentation import MAD
+from thesis_lib.simulate.chapter2 import BODIES, DEFAULT, Chapter2Bodies, releases
 from thesis_lib.simulate.mechanism import PlanarFreeBody
 from thesis_lib.simulate.noise_snr import add_noise
 from thesis_lib.simulate.stepping import Record, simulate
 
 Method = Literal["plain", "least_squares", "arcs", "arcs_gap", "arcs_law"]
 METHODS: tuple[Method, ...] = ("plain", "least_squares", "arcs", "arcs_gap", "arcs_law")
-BODIES = {"block": block, "ellipse": ellipse}
 # table 2.1: mean error and its standard deviation in 1/m², and the mean error in percent; by SNR in dB
 THESIS = {
     "block": {
@@ -206,8 +206,8 @@ def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
                 "std_over_bound": error.std() / bound,
                 "error_over_bound": _rms(error / used["bound"]),
                 "error_over_law_bound": _rms(error / used["law_bound"]),
-                # 0.6745 is the median of |N(0, 1)|: 1 for an efficient estimator, whatever the tails
-                "median_over_bound": scaled.median() / 0.6744897501960817,
+                # 1 for an efficient estimator, whatever the tails
+                "median_over_bound": scaled.median() / MAD,
                 "std_stated": _rms(used["std"]),
                 "mean_ratio_error": unit * error.mean(),
                 "std_ratio_error": unit * error.std(),

@@ -38,24 +38,20 @@ S. J. Julier, J. K. Uhlmann, Proceedings of the IEEE 92 (2004) 401, doi 10.1109/
 
 from dataclasses import dataclass
 from enum import StrEnum
-from types import SimpleNamespace
 
 import numpy as np
 
 from thesis_lib.errors import UserError
-from thesis_lib.identify.contact_window import free_body_window
+from thesis_lib.identify.contact_window import States, free_body_window
 from thesis_lib.identify.mode_qp import Program, solve_mode_qp
 from thesis_lib.identify.program_result import ProgramResult
-from thesis_lib.identify.segmentation import check_states, floored
+from thesis_lib.identify.segmentation import MAD, check_states, floored
 from thesis_lib.simulate.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping import Record, simulate
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
-INERTIAS = (
-    0.1,
-    0.3,
-    0.9,
-)  # I / (m l²) of the starts: all that a wheel with its mass inside the tips can have
+# I / (m l²) of the starts: all that a wheel with its mass inside the tips can have
+INERTIAS = (0.1, 0.3, 0.9)
 FIRST_SAMPLES = 10  # through which the start's parabola goes: a tenth of the time on one spoke
 INERTIA_RANGE = (1e-3, 1e3)  # I / (m l²) beyond which nothing more changes
 KEPT = 2  # starts of the grid that are fitted
@@ -64,7 +60,7 @@ MIN_SAMPLES = 20  # fewer leave too few differences to judge the noise by
 LAGS = 5  # autocorrelations tested; a wrong model leaves residuals that stay for tens of samples
 P_WHITE = 1e-4  # probability of a larger Q under which a fit is not believed
 CHI2_SIGMAS = 5.0  # standard deviations by which χ²/n may exceed 1
-_MAD, _ROOT_20 = 0.6744897501960817, np.sqrt(20.0)  # median of |N(0, 1)|; norm of (1, -3, 3, -1)
+_ROOT_20 = np.sqrt(20.0)  # norm of (1, -3, 3, -1)
 
 
 class WheelStatus(StrEnum):
@@ -122,7 +118,7 @@ def _std(deviations: np.ndarray) -> np.ndarray:
 
 def noise_of_third_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Standard deviations (2, 3) of the noise on q and v, each (m+1, 3), of a smooth motion with a few impacts."""
-    third = [np.median(np.abs(np.diff(a, n=3, axis=0)), axis=0) / (_MAD * _ROOT_20) for a in (q, v)]
+    third = [np.median(np.abs(np.diff(a, n=3, axis=0)), axis=0) / (MAD * _ROOT_20) for a in (q, v)]
     return floored(np.stack(third), q, v)
 
 
@@ -149,10 +145,7 @@ def plain_forces(
         UserError: the states have a wrong shape or are not finite.
     """
     _check(h, q, v)
-    at = wheel.contacts_of(q[:-1])
-    states = SimpleNamespace(
-        h=h, q=q, v=v, f_ext=np.zeros((len(q) - 1, 3)), phi=at.phi, J_n=at.J_n, J_t=at.J_t
-    )
+    states = States.of(wheel, h, q, v, np.zeros((len(q) - 1, 3)))
     gravity = tuple(wheel.gravity(q[0])[:2] / wheel.mass)
     if sigma is None:
         return solve_mode_qp(free_body_window(states, mu, gravity=gravity, known={"m": wheel.mass}), program)

@@ -29,11 +29,10 @@ import torch
 
 from thesis_lib.jenga.learner_settings import NetworkSettings
 
-# Log variances of scaled outputs: a sixtieth to ten standard deviations of a training change
+# log variances of scaled outputs: a sixtieth to ten standard deviations of a training change
 LOG_VAR = (-8.0, 4.6)
-START_STD = (
-    0.05  # of q, times the prior's: networks start nearly deterministic and widen where data are silent
-)
+# of q, times the prior's: networks start nearly deterministic and widen where data are silent
+START_STD = 0.05
 N_OUT = 7
 
 Layers = list[torch.Tensor]
@@ -102,11 +101,6 @@ class BayesianNetworks:
             nets.log_std.append(torch.full((k, rows, columns), float(np.log(std))))
         nets.redraw(gen)
         return nets
-
-    @property
-    def n_networks(self) -> int:
-        """K."""
-        return self.mean[0].shape[0]
 
     def redraw(self, gen: torch.Generator) -> None:
         """New fixed draws of the weights."""

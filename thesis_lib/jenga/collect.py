@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.jenga.health import check, check_standing
+from thesis_lib.jenga.health import check_standing, settled_tower
 from thesis_lib.jenga.movable import hidden_label
 from thesis_lib.jenga.primitives import Gripper
 from thesis_lib.jenga.reduced import reduce
@@ -22,9 +22,11 @@ from thesis_lib.jenga.robot import Robot
 from thesis_lib.jenga.samples import RANGE, STATE, Samples, join
 from thesis_lib.jenga.sensing import MM, Sensor
 from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.tower import REACHABLE, Tower, TowerError
+from thesis_lib.jenga.study_settings import SampleChoice, TowerChoice
+from thesis_lib.jenga.tower import REACHABLE, TowerError
 
 SIDEWAYS, YAW, SEEN = (STATE.index(name) for name in ("y", "yaw", "tower"))
+APART = 1000  # seeds from one training set to the next
 REFUSED = 3  # towers in a row: then it is the settings, not the tower
 ATTEMPT = ("tower", "block", "layer", "side", "truth", "steps", "pushed", "extracted", "placed", "reason")
 
@@ -36,8 +38,7 @@ class _Run:
         self.seed, self.rng, self.setup = seed, rng, setup
         self.rows: list[tuple] = []
         self.attempts: list[tuple] = []
-        self.tower = Tower(seed, setup.tower, setup.robot).settle()
-        check(self.tower, setup.health)
+        self.tower = settled_tower(seed, setup)
 
     def explore(self, limit: int, blocks: Sequence[int]) -> None:
         for block in self.rng.permutation(blocks):
@@ -66,19 +67,8 @@ class _Run:
             fell = outcome.ends_run
             reason = outcome.reason or reason
         steps = len(self.rows) - first
-        self.attempts.append(
-            (
-                self.seed,
-                block,
-                *where,
-                truth,
-                steps,
-                int(reason == "goal" or extracted >= 0),
-                extracted,
-                placed,
-                reason,
-            )
-        )
+        pushed = int(reason == "goal" or extracted >= 0)
+        self.attempts.append((self.seed, block, *where, truth, steps, pushed, extracted, placed, reason))
         if reduced:
             return True
         if not fell:
@@ -181,3 +171,13 @@ def collect(
     joined = join(parts)
     joined.check_resistance()
     return joined, pd.concat(tables, ignore_index=True)
+
+
+def collect_named(
+    name: str, most: int, setup: Setup, towers: TowerChoice, choice: SampleChoice, seed: int
+) -> tuple[Samples, pd.DataFrame]:
+    """Samples of "set_0", "set_1", ... (`most` of each) or of "held_out", and what became of the blocks tried."""
+    if name == "held_out":
+        return collect(choice.held_out, towers.first_held_out + 1, seed, setup, choice.per_tower)
+    first = towers.first_training + int(name.split("_")[1]) * APART
+    return collect(most, first, seed, setup, choice.per_tower)

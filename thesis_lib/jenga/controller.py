@@ -83,7 +83,7 @@ def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray
 class Learned:
     """A `policies.Policy`: the controller on a fitted learner.
 
-    learner: fitted.  settings: weights and sizes.  name: default the learner's.
+    learner: fitted.  settings: weights and sizes.  name: default the learner's.  belief: (K,), of the block pushed.
     """
 
     SEES_TOWER: ClassVar[bool] = False
@@ -99,7 +99,7 @@ class Learned:
 
     def start(self, block: int, context: np.ndarray) -> None:
         self.context, self.contact, self.steps = context, 0.0, 0
-        self._belief = self._first = self.learner.initial_belief(context[None])[0]
+        self.belief = self._first = self.learner.initial_belief(context[None])[0]
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
         sequences = self.sequences()
@@ -114,10 +114,7 @@ class Learned:
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
         self.steps += 1
         step = (state[None], np.array([[action.offset, action.heading]]), self.context[None])
-        self._belief = self.learner.update(self._belief[None], *step, next_state[None])[0]
-
-    def belief(self) -> np.ndarray:
-        return self._belief
+        self.belief = self.learner.update(self.belief[None], *step, next_state[None])[0]
 
     def sequences(self) -> np.ndarray:
         """The action sequences (n, H, 2) of this step; the first is straight where the finger is."""
@@ -139,7 +136,7 @@ class Learned:
     def costs(self, state: np.ndarray, sequences: np.ndarray) -> np.ndarray:
         """J (n,) of the sequences (n, H, 2) from a reading (7,)."""
         settings = self.settings
-        states, weights = rollout(self.learner, state, self.context, self._belief, sequences)
+        states, weights = rollout(self.learner, state, self.context, self.belief, sequences)
         cost = (weights * branch_costs(states, settings)).sum(axis=1)
         scale = np.array([max(settings.offset, 1e-9), max(settings.heading, 1e-9)])
         cost += settings.effort * ((sequences / scale) ** 2).sum(axis=2).mean(axis=1)
@@ -150,7 +147,7 @@ class Learned:
         """Growth of p(no move) since before contact; 0 for a learner that has no such abstraction."""
         if self.no_move is None or not self.settings.no_move:
             return 0.0
-        first, now = (float(belief[self.no_move].sum()) for belief in (self._first, self._belief))
+        first, now = (float(belief[self.no_move].sum()) for belief in (self._first, self.belief))
         return max(0.0, (now - first) / max(1.0 - first, 1e-9))
 
     def _pairs(self) -> np.ndarray:

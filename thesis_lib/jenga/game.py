@@ -27,23 +27,17 @@ import pandas as pd
 
 from thesis_lib.errors import CorruptFileError, UserError
 from thesis_lib.files import read_json, write_json
-from thesis_lib.jenga.health import check
+from thesis_lib.jenga.health import settled_tower
 from thesis_lib.jenga.movable import hidden_label
 from thesis_lib.jenga.policies import FORCE, SEEN, Policy, Retract
-from thesis_lib.jenga.primitives import Gripper
+from thesis_lib.jenga.primitives import FELL_FROM_TOP, Gripper
 from thesis_lib.jenga.robot import Robot
 from thesis_lib.jenga.samples import UNKNOWN
 from thesis_lib.jenga.sensing import MM, Sensor
 from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.tower import REACHABLE, Tower, TowerError
+from thesis_lib.jenga.tower import REACHABLE, TowerError
 
-ALL_TRIED, DROPPED, TOPPLED, FELL_FROM_TOP, REFUSED = (
-    "all tried",
-    "block dropped",
-    "tower toppled",
-    "fell from the top",
-    "refused",
-)
+ALL_TRIED, DROPPED, TOPPLED, REFUSED = "all tried", "block dropped", "tower toppled", "refused"
 SCHEMA = 1
 NOT_TRIED = -1
 
@@ -72,23 +66,10 @@ class Attempt:
 
 
 @dataclass
-class Trajectory:
-    """One push as the policy saw it: states, next_states (t, 7), actions (t, 2), beliefs (t, K), K = 0 without any;
-    beliefs are those after the push.  Shapes and units as in `samples`."""
-
-    block: int
-    context: list
-    states: list = field(default_factory=list)
-    actions: list = field(default_factory=list)
-    next_states: list = field(default_factory=list)
-    beliefs: list = field(default_factory=list)
-
-
-@dataclass
 class Game:
     """A finished game.
 
-    end: why it ended.  error: of a refused one.  trajectories: of the blocks asked for.  frames: (title, block,
+    blocks: how many were to be tried.  end: why it ended.  error: of a refused one.  frames: (title, block,
     poses (54, 7)) after each block that came out, first the untouched tower; `sizes` (54, 3), m, go with them.
     """
 
@@ -99,7 +80,6 @@ class Game:
     attempts: list[Attempt]
     end: str
     error: str = ""
-    trajectories: list[Trajectory] = field(default_factory=list)
     frames: list = field(default_factory=list)
     sizes: list = field(default_factory=list)
 
@@ -143,8 +123,7 @@ class _Play:
 
     def __init__(self, seed: int, policy: Policy, setup: Setup, base_seed: int, label: bool):
         self.seed, self.policy, self.setup, self.base_seed, self.label = seed, policy, setup, base_seed, label
-        self.tower = Tower(seed, setup.tower, setup.robot).settle()
-        check(self.tower, setup.health)
+        self.tower = settled_tower(seed, setup)
         self.gripper = Gripper(self.tower)
         self.places = self.stream("place")
         if policy.SEES_TOWER:
@@ -154,17 +133,15 @@ class _Play:
     def stream(self, name: str) -> np.random.Generator:
         return _stream(self.base_seed, self.seed, name)
 
-    def try_block(self, attempt: Attempt, record: Trajectory | None) -> str:
+    def try_block(self, attempt: Attempt) -> str:
         """Push and, if it comes out, extract and place; why the run ends, or nothing."""
         tower, policy, block = self.tower, self.policy, attempt.block
-        context = np.array([tower.layers_above(block), float(tower.is_side(block))])
-        if record is not None:
-            record.context = context.tolist()
+        context = tower.context(block)
         if self.label:
             attempt.truth = hidden_label(tower, block, self.setup.movable)
         policy.start(block, context)
         robot = Robot(tower, Sensor(self.setup.sensing, self.stream(f"readings {block}")))
-        attempt.reason = self._push(robot, attempt, context, record)
+        attempt.reason = self._push(robot, attempt, context)
         distance, angle = tower.perturbation(block, robot.start_poses)
         attempt.damage = round(MM * distance, 4)
         if attempt.reason in (DROPPED, TOPPLED):
@@ -172,17 +149,13 @@ class _Play:
         robot.retract()
         if attempt.reason != "goal":
             return self._fallen(block)
-        limits = tower.robot_settings
-        harmless = distance <= limits.damage_distance and angle <= np.radians(limits.damage_angle)
-        attempt.pushed = int(harmless)
+        attempt.pushed = int(not tower.robot_settings.is_damage(distance, angle))
         return self._extract_and_place(attempt)
 
-    def _push(self, robot: Robot, attempt: Attempt, context: np.ndarray, record: Trajectory | None) -> str:
+    def _push(self, robot: Robot, attempt: Attempt, context: np.ndarray) -> str:
         """Until there is a reason to stop, which is returned."""
-        policy, reading = self.policy, None
+        policy, reading = self.policy, robot.start(attempt.block)
         while True:
-            if reading is None:
-                reading = robot.start(attempt.block)
             action = policy.act(reading, context)
             if isinstance(action, Retract):
                 return action.reason
@@ -191,12 +164,6 @@ class _Play:
             attempt.steps += 1
             attempt.peak_force = max(attempt.peak_force, round(float(reading[FORCE]), 4))
             attempt.perturbation = max(attempt.perturbation, round(float(reading[SEEN]), 4))
-            if record is not None:
-                belief = policy.belief()
-                record.states.append(_rounded(before))
-                record.actions.append(_rounded([action.offset, action.heading]))
-                record.next_states.append(_rounded(reading))
-                record.beliefs.append([] if belief is None else _rounded(belief))
             if ended := self._fallen(attempt.block):
                 return ended
             if robot.reached_goal():
@@ -233,13 +200,12 @@ def play(
     *,
     blocks: int = len(REACHABLE),
     label: bool = False,
-    record: tuple[int, ...] = (),
     frames: bool = False,
 ) -> Game:
     """Play the tower of `seed`, trying at most `blocks` blocks.
 
     label: ask for the hidden label of each block before it is touched (6 pushes more each; for evaluation only).
-    record: blocks whose trajectories are kept.  frames: keep the poses after each block that came out.
+    frames: keep the poses after each block that came out.
     A tower that cannot be used, or whose simulation breaks down while it stands, gives a refused game.
     """
     setup = setup or Setup()
@@ -255,10 +221,7 @@ def play(
             block = int(block)
             attempt = Attempt(block, int(tower.layer[block]), int(tower.is_side(block)))
             game.attempts.append(attempt)
-            trajectory = Trajectory(block, []) if block in record else None
-            if trajectory is not None:
-                game.trajectories.append(trajectory)
-            ended = playing.try_block(attempt, trajectory)
+            ended = playing.try_block(attempt)
             if frames and (attempt.extracted == 1 or ended):
                 game.frames.append([ended or "extracted", block, _rounded(tower.poses())])
             if ended:
@@ -306,7 +269,6 @@ def read_game(path: str | Path) -> Game:
         if value.pop("schema") != SCHEMA:
             raise ValueError("another version of the file")
         value["attempts"] = [Attempt(**attempt) for attempt in value["attempts"]]
-        value["trajectories"] = [Trajectory(**one) for one in value["trajectories"]]
-        return Game(**value)
+        return Game(**{item.name: value[item.name] for item in fields(Game)})
     except (KeyError, TypeError, ValueError) as error:
         raise CorruptFileError(f"{path} is not a game ({error}); delete it and play again.") from error

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.jenga.settings import HealthSettings
+from thesis_lib.jenga.settings import HealthSettings, Setup
 from thesis_lib.jenga.tower import BLOCKS, LAYERS, PER_LAYER, Tower, TowerError
 
 
@@ -27,8 +27,18 @@ class Health:
     lowest: float
     highest: float
     drift: float
-    drift_max: float
     iterations: int
+
+
+def settled_tower(seed: int, setup: Setup) -> Tower:
+    """The tower of a seed, at rest and checked.
+
+    Raises:
+        TowerError: it did not pass its checks.
+    """
+    tower = Tower(seed, setup.tower, setup.robot).settle()
+    check(tower, setup.health)
+    return tower
 
 
 def height_range(tower: Tower, settings: HealthSettings) -> tuple[float, float]:
@@ -64,7 +74,7 @@ def check(tower: Tower, settings: HealthSettings | None = None) -> Health:
             f"{name} does not rest: its blocks drift by {1e6 * drift:.1f} µm/s (median), allowed "
             f"{1e6 * settings.drift:.1f}. Settle it longer (`settling`)."
         )
-    return Health(tower.seed, tower.height, lowest, highest, drift, float(speeds.max()), iterations)
+    return Health(tower.seed, tower.height, lowest, highest, drift, iterations)
 
 
 def check_standing(tower: Tower, handled: int | None = None) -> None:

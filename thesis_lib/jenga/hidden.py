@@ -21,11 +21,11 @@ import pandas as pd
 
 from thesis_lib.errors import UserError
 from thesis_lib.jenga.abstractions import PredictiveCheck, predictive_check, with_new_abstraction
-from thesis_lib.jenga.collect import explore_tower
+from thesis_lib.jenga.collect import APART, explore_tower
 from thesis_lib.jenga.hma import Hma
 from thesis_lib.jenga.learner import MIN_SAMPLES, SEEN, push_groups
 from thesis_lib.jenga.model_study import filtered
-from thesis_lib.jenga.players import APART, learner_of
+from thesis_lib.jenga.players import learner_of
 from thesis_lib.jenga.samples import Samples, join
 from thesis_lib.jenga.settings import HiddenEffects, Setup
 from thesis_lib.jenga.study import interval

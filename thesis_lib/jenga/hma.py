@@ -37,6 +37,7 @@ from thesis_lib.jenga.learner import (
     LEVELS,
     MIN_SAMPLES,
     SMALLEST,
+    Learner,
     Prediction,
     Scaling,
     bayes,
@@ -45,7 +46,6 @@ from thesis_lib.jenga.learner import (
     step_features,
     windows,
 )
-from thesis_lib.jenga.learner_settings import LearnerSettings
 from thesis_lib.jenga.mixture import WindowMixture, describe, fit_mixture, names_of, push_posterior
 from thesis_lib.jenga.samples import STATE, Samples
 
@@ -55,33 +55,25 @@ PRIOR_PUSHES = 2.0  # pushes' worth of π in the initial belief
 
 
 @dataclass
-class Hma:
-    """The paper's learner; a `Learner`."""
+class Hma(Learner):
+    """The paper's learner.
 
-    settings: LearnerSettings = field(default_factory=LearnerSettings)
+    Once fitted: mixture (None in one shot), networks, noise, resp (module's table); first (K,), belief before contact;
+    look and names of the abstractions, of `mixture.describe` and `mixture.names_of`.
+    """
+
     name: str = "hma"
 
-    scaling: Scaling = field(init=False, repr=False)
     mixture: WindowMixture | None = field(init=False, repr=False, default=None)
     networks: BayesianNetworks = field(init=False, repr=False)
-    shares: np.ndarray = field(init=False, repr=False)
     noise: np.ndarray = field(init=False, repr=False)
     resp: np.ndarray = field(init=False, repr=False)
     first: np.ndarray = field(init=False, repr=False)
-    look: dict = field(init=False, repr=False)
-    names: list = field(init=False, repr=False)
-
-    @property
-    def n_abstractions(self) -> int:
-        """K."""
-        return len(self.shares)
+    look: dict[str, np.ndarray] = field(init=False, repr=False)
+    names: list[str] = field(init=False, repr=False)
 
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Hma":
-        """Learn from samples of whole pushes in order; see the module.
-
-        Raises:
-            UserError: too few samples.
-        """
+        """See the module; errors as in `Learner.fit`."""
         config = self.settings
         self.scaling = Scaling.of(samples, config.window.force_scale, config.context)
         features = windows(samples, config.window)

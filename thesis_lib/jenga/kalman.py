@@ -74,12 +74,6 @@ class KalmanBank:
         self.mean = np.tile(observation, (k, 1))
         self.cov = np.tile(np.diag(self.noise), (k, 1, 1))
 
-    def restart(self, observation: np.ndarray, forces: tuple[int, ...] = (3, 4)) -> None:
-        """A reading (7,) after contact was made at a new place: `forces` are as read, whatever was believed."""
-        free = np.zeros(7)
-        free[list(forces)] = 1e6
-        self._update(self.mean, self.cov + np.diag(free), observation)
-
     def step(self, action: np.ndarray, observation: np.ndarray) -> np.ndarray:
         """Belief (K,) after `action` (2,) and the reading (7,) that follows it."""
         mean, jacobian, var = self._linearised(action)

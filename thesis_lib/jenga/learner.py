@@ -29,22 +29,21 @@ else one stick-slip jump would settle a belief for good.
 Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/scirobotics.aav3123.
 """
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 
 from thesis_lib.errors import UserError
-from thesis_lib.jenga.learner_settings import BeliefSettings, WindowSettings
+from thesis_lib.jenga.learner_settings import BeliefSettings, LearnerSettings, WindowSettings
 from thesis_lib.jenga.samples import STATE, Samples
 
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
 SEEN = (X, Y, YAW, F_N, F_T, TOWER)  # dimensions whose prediction counts in the belief
 FEATURES = ("force", "rise", "move", "lag", "drag")
-LEVELS = (
-    "force",
-    "lag",
-)  # of these a window takes the mean over its steps, of the others the change per step
+# of these a window takes the mean over its steps, of the others the change per step
+LEVELS = ("force", "lag")
 CLIP = 4.0
 MIN_SAMPLES = 20
 LAG_START = 3.0  # mm; lag as a share of the advance starts softly: the first poses of a push are the noisiest
@@ -65,46 +64,6 @@ class Prediction:
         mean = np.einsum("nk,nkd->nd", self.weight, self.mean)
         spread = (self.mean - mean[:, None]) ** 2
         return mean, np.einsum("nk,nkd->nd", self.weight, self.var + spread)
-
-
-class Learner(Protocol):
-    """A learner of the push dynamics; see the module's table for shapes and units."""
-
-    name: str
-
-    @property
-    def n_abstractions(self) -> int:
-        """K."""
-        ...
-
-    def fit(self, samples: Samples, rng: np.random.Generator) -> "Learner":
-        """Learn, and return itself.
-
-        Raises:
-            UserError: fewer than `MIN_SAMPLES` samples.
-        """
-        ...
-
-    def predict(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> Prediction:
-        """Next state for each abstraction."""
-        ...
-
-    def initial_belief(self, context: np.ndarray) -> np.ndarray:
-        """Belief (n, K) before contact."""
-        ...
-
-    def update(
-        self,
-        belief: np.ndarray,
-        state: np.ndarray,
-        action: np.ndarray,
-        context: np.ndarray,
-        next_state: np.ndarray,
-    ) -> np.ndarray:
-        """Belief (n, K) after `next_state` was observed."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -154,6 +113,55 @@ class Scaling:
     def next_state(self, state: Any, outputs: Any) -> Any:
         """Inverse of `outputs`; shapes that broadcast to (…, 7)."""
         return state + self.drift + self.change * outputs
+
+
+@dataclass
+class Learner(ABC):
+    """A learner of the push dynamics; see the module's table for shapes and units.
+
+    scaling, and shares (K,) of the abstractions, are there once it is fitted.
+    """
+
+    settings: LearnerSettings = field(default_factory=LearnerSettings)
+    name: str = ""
+
+    scaling: Scaling = field(init=False, repr=False)
+    shares: np.ndarray = field(init=False, repr=False)
+
+    @property
+    def n_abstractions(self) -> int:
+        """K."""
+        return len(self.shares)
+
+    @abstractmethod
+    def fit(self, samples: Samples, rng: np.random.Generator) -> Self:
+        """Learn from samples of whole pushes in order, and return itself.
+
+        Raises:
+            UserError: fewer than `MIN_SAMPLES` samples.
+        """
+
+    @abstractmethod
+    def predict(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> Prediction:
+        """Next reading for each abstraction."""
+
+    def initial_belief(self, context: np.ndarray) -> np.ndarray:
+        """Belief (n, K) before contact: the shares."""
+        return np.tile(self.shares, (len(context), 1))
+
+    def update(
+        self,
+        belief: np.ndarray,
+        state: np.ndarray,
+        action: np.ndarray,
+        context: np.ndarray,
+        next_state: np.ndarray,
+    ) -> np.ndarray:
+        """Belief (n, K) after `next_state` was observed."""
+        out = self.predict(state, action, context, belief)
+        return bayes(out.weight, log_likelihood(out.mean, out.var, next_state, self.settings.belief))
 
 
 def raw_inputs(

@@ -111,9 +111,8 @@ def fit_mixture(
         tol=1e-2,
         random_state=int(rng.integers(2**31)),
     )
-    with (
-        warnings.catch_warnings()
-    ):  # a bound that still creeps after 300 steps is no failure of the clustering
+    with warnings.catch_warnings():
+        # a bound that still creeps after 300 steps is no failure of the clustering
         warnings.simplefilter("ignore")
         process.fit(scaled)
     keep = process.weights_ >= min(settings.min_weight, process.weights_.max())

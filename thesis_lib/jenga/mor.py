@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thesis_lib.jenga.learner import Prediction, Scaling, bayes, log_likelihood, mix, push_numbers
-from thesis_lib.jenga.learner_settings import ExpertSettings, LearnerSettings
+from thesis_lib.jenga.learner import Learner, Prediction, Scaling, bayes, mix, push_numbers
+from thesis_lib.jenga.learner_settings import ExpertSettings
 from thesis_lib.jenga.samples import Samples
 
 SMALLEST_VAR = 1e-3  # of scaled changes: an expert of a handful of samples must not fit them exactly
@@ -105,28 +105,19 @@ def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, 
 
 
 @dataclass
-class Mor:
-    """Mixture of linear regressions; a `Learner`."""
+class Mor(Learner):
+    """Mixture of linear regressions, whose abstractions are the experts.
 
-    settings: LearnerSettings = field(default_factory=LearnerSettings)
+    Once fitted: experts; scores, the held-out log likelihood (nats a sample) of each number of experts.
+    """
+
     name: str = "mor"
 
-    scaling: Scaling = field(init=False, repr=False)
     experts: Experts = field(init=False, repr=False)
-    shares: np.ndarray = field(init=False, repr=False)
     scores: dict[int, float] = field(init=False, repr=False)
 
-    @property
-    def n_abstractions(self) -> int:
-        """K."""
-        return len(self.shares)
-
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Mor":
-        """Learn; `scores` keeps the held-out log likelihood (nats a sample) of each number of experts.
-
-        Raises:
-            UserError: too few samples.
-        """
+        """See the module; errors as in `Learner.fit`."""
         config = self.settings.experts
         self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
         x = with_one(self.scaling.inputs(samples.state, samples.action, samples.context))
@@ -158,19 +149,3 @@ class Mor:
         prior = mix(belief, self.settings.belief.stay, self.shares)
         # belief and gate both hold the experts' shares: once is enough
         return Prediction(mean, var, bayes(prior / self.shares, self.experts.log_gate(x)))
-
-    def initial_belief(self, context: np.ndarray) -> np.ndarray:
-        """Belief (n, K) before contact: the experts' shares."""
-        return np.tile(self.shares, (len(context), 1))
-
-    def update(
-        self,
-        belief: np.ndarray,
-        state: np.ndarray,
-        action: np.ndarray,
-        context: np.ndarray,
-        next_state: np.ndarray,
-    ) -> np.ndarray:
-        """Belief (n, K) after `next_state` was observed."""
-        out = self.predict(state, action, context, belief)
-        return bayes(out.weight, log_likelihood(out.mean, out.var, next_state, self.settings.belief))

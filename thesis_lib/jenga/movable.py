@@ -16,16 +16,14 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.jenga.health import check
 from thesis_lib.jenga.primitives import Gripper
 from thesis_lib.jenga.robot import Robot
 from thesis_lib.jenga.samples import FREE, STATE, STUCK
 from thesis_lib.jenga.sensing import Sensor
-from thesis_lib.jenga.settings import MovableSettings, RobotSettings, SensingSettings, TowerSettings
+from thesis_lib.jenga.settings import MovableSettings, SensingSettings
 from thesis_lib.jenga.tower import REACHABLE, Tower
 
 X, F_N, TOWER = (STATE.index(name) for name in ("x", "f_n", "tower"))
-THRESHOLDS = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)  # mm
 
 
 def silent_robot(tower: Tower) -> Robot:
@@ -75,26 +73,8 @@ def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(
     return table.assign(movable=is_movable(table["moved"], table["others"], settings).astype(int))
 
 
-def scan_seed(
-    seed: int,
-    settings: MovableSettings | None = None,
-    tower: TowerSettings | None = None,
-    robot: RobotSettings | None = None,
-) -> pd.DataFrame:
-    """`scan` of the settled and checked tower of a seed.
-
-    Raises:
-        TowerError: the tower does not stand.
-    """
-    built = Tower(seed, tower, robot).settle()
-    check(built)
-    return scan(built, settings or MovableSettings())
-
-
-def fractions(
-    table: pd.DataFrame, settings: MovableSettings, thresholds: Sequence[float] = THRESHOLDS
-) -> pd.DataFrame:
-    """Share of movable blocks of each tower against the threshold (mm): tower, threshold, movable."""
+def fractions(table: pd.DataFrame, settings: MovableSettings, thresholds: Sequence[float]) -> pd.DataFrame:
+    """Share of movable blocks of each tower of a `scan` against the threshold (mm): tower, threshold, movable."""
     rows = []
     for threshold in thresholds:
         chosen = settings.model_copy(update={"threshold": 1e-3 * threshold})
@@ -102,14 +82,6 @@ def fractions(
         share = pd.Series(movable).groupby(table["tower"].to_numpy()).mean()
         rows += [(seed, threshold, value) for seed, value in share.items()]
     return pd.DataFrame(rows, columns=["tower", "threshold", "movable"])
-
-
-def threshold_for(table: pd.DataFrame, settings: MovableSettings, share: float = 0.47) -> float:
-    """The threshold (mm) at which `share` of the blocks is movable: the middle of the range where that holds."""
-    grid = np.linspace(0.2, 3.0, 281)
-    found = fractions(table, settings, grid).groupby("threshold")["movable"].mean()
-    off = (found - share).abs()
-    return float(off.index[np.isclose(off, off.min())].to_numpy().mean())
 
 
 def try_to_extract(tower: Tower, block: int) -> tuple[bool, str]:
@@ -121,9 +93,7 @@ def try_to_extract(tower: Tower, block: int) -> tuple[bool, str]:
     robot, gripper = silent_robot(tower), Gripper(tower)
 
     def damage() -> str:
-        distance, angle = tower.perturbation(block, start)
-        limits = tower.robot_settings
-        hurt = distance > limits.damage_distance or angle > np.radians(limits.damage_angle)
+        hurt = tower.robot_settings.is_damage(*tower.perturbation(block, start))
         return "tower damaged" if hurt else ""
 
     robot.start(block)

@@ -18,8 +18,8 @@ import numpy as np
 import torch
 
 from thesis_lib.jenga.bayesian_network import Layers, forward, layer_shapes
-from thesis_lib.jenga.learner import Prediction, Scaling
-from thesis_lib.jenga.learner_settings import LearnerSettings, NetworkSettings
+from thesis_lib.jenga.learner import Learner, Prediction, Scaling
+from thesis_lib.jenga.learner_settings import NetworkSettings
 from thesis_lib.jenga.samples import Samples
 
 
@@ -49,26 +49,16 @@ def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettin
 
 
 @dataclass
-class Network:
-    """Feed-forward network; a `Learner` with K = 1."""
+class Network(Learner):
+    """Feed-forward network: K = 1, so that its belief is always 1.  Once fitted: layers (module's table)."""
 
-    settings: LearnerSettings = field(default_factory=LearnerSettings)
     name: str = "network"
 
-    scaling: Scaling = field(init=False, repr=False)
     layers: Layers = field(init=False, repr=False)
 
-    @property
-    def n_abstractions(self) -> int:
-        """1."""
-        return 1
-
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Network":
-        """Learn.
-
-        Raises:
-            UserError: too few samples.
-        """
+        """See the module; errors as in `Learner.fit`."""
+        self.shares = np.ones(1)
         self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
         self.layers = train_plain(
             self.scaling.inputs(samples.state, samples.action, samples.context),
@@ -88,18 +78,3 @@ class Network:
         var = self.scaling.change**2 * torch.exp(log_var).double().numpy()
         mean = self.scaling.next_state(state, mean.double().numpy())
         return Prediction(mean[:, None], var[:, None], belief)
-
-    def initial_belief(self, context: np.ndarray) -> np.ndarray:
-        """Ones (n, 1)."""
-        return np.ones((len(context), 1))
-
-    def update(
-        self,
-        belief: np.ndarray,
-        state: np.ndarray,
-        action: np.ndarray,
-        context: np.ndarray,
-        next_state: np.ndarray,
-    ) -> np.ndarray:
-        """Ones (n, 1): there is nothing to infer."""
-        return belief

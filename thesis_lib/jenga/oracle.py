@@ -47,9 +47,6 @@ class Oracle:
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
         pass
 
-    def belief(self) -> np.ndarray | None:
-        return None
-
 
 def would_succeed(tower: Tower, block: int, push: Push, damage: float) -> bool:
     """Whether repeating `push` brings the block out, and the gripper extracts it, with other blocks moved by at most

@@ -5,42 +5,46 @@ hma_one_shot learns abstractions and transitions jointly.  The others do not lea
 oracle.  (PPO is trained in `ppo`.)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from thesis_lib.errors import UserError
-from thesis_lib.jenga.collect import collect
-from thesis_lib.jenga.controller import Learned
-from thesis_lib.jenga.hma import Hma
-from thesis_lib.jenga.mor import Mor
-from thesis_lib.jenga.network import Network
 from thesis_lib.jenga.oracle import Oracle
 from thesis_lib.jenga.policies import AlwaysPush, Exploration, Policy, Rule
 from thesis_lib.jenga.samples import Samples
-from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.study_settings import Chapter5, SampleChoice, TowerChoice
+from thesis_lib.jenga.study_settings import Chapter5
 
-APART = 1000  # seeds from one training set to the next
+if TYPE_CHECKING:  # those who learn need torch, which takes longer to import than a rule to play a block
+    from thesis_lib.jenga.controller import Learned
+    from thesis_lib.jenga.hma import Hma
+    from thesis_lib.jenga.learner import Learner
 
 
-def learner_of(name: str, settings: Chapter5) -> Hma | Mor | Network:
-    """An unfitted learner: hma, hma_without_cost (the same), hma_one_shot, mor or network.
+def learner_of(name: str, settings: Chapter5) -> "Learner":
+    """An unfitted learner; hma_without_cost is hma.
 
     Raises:
         UserError: there is no such learner.
     """
-    makers: dict[str, Callable] = {"hma": Hma, "mor": Mor, "network": Network}
-    kind = name.split("_")[0]
-    if kind not in makers or name not in (*makers, "hma_without_cost", "hma_one_shot"):
-        raise UserError(
-            f"there is no learner {name}; known are {', '.join(makers)}, hma_without_cost, hma_one_shot."
-        )
+    from thesis_lib.jenga.hma import Hma
+    from thesis_lib.jenga.mor import Mor
+    from thesis_lib.jenga.network import Network
+
+    learners: dict[str, type[Learner]] = {
+        "hma": Hma,
+        "mor": Mor,
+        "network": Network,
+        "hma_without_cost": Hma,
+        "hma_one_shot": Hma,
+    }
+    if name not in learners:
+        raise UserError(f"there is no learner {name}; known are {', '.join(learners)}.")
     own = settings.learner
     if name == "hma_one_shot":
         own = own.model_copy(update={"one_shot": True})
-    return makers[kind](own)
+    return learners[name](own)
 
 
 def policy_of(
@@ -60,6 +64,8 @@ def policy_of(
     }
     if name in fixed:
         return fixed[name]()
+    from thesis_lib.jenga.controller import Learned
+
     learner = learner_of(name, settings)
     if samples is None or len(samples) < size:
         have = 0 if samples is None else len(samples)
@@ -70,27 +76,17 @@ def policy_of(
     return Learned(learner.fit(samples.first(size), rng), controller, name)
 
 
-def learned_policy(name: str, samples: Samples, settings: Chapter5, rng: np.random.Generator) -> Learned:
+def learned_policy(name: str, samples: Samples, settings: Chapter5, rng: np.random.Generator) -> "Learned":
     """The controller on a learner fitted to all `samples`; errors as in `policy_of`."""
     return policy_of(name, samples, len(samples), settings, rng)
 
 
 def fitted(
     sets: Sequence[Samples], settings: Chapter5, rng: np.random.Generator
-) -> dict[tuple[int, int], Hma]:
+) -> "dict[tuple[int, int], Hma]":
     """HMA of every size and set, by (size, number of the set)."""
     return {
         (size, i): learner_of("hma", settings).fit(samples.first(size), rng)
         for size in settings.games.sizes
         for i, samples in enumerate(sets)
     }
-
-
-def collect_named(
-    name: str, most: int, setup: Setup, towers: TowerChoice, choice: SampleChoice, seed: int
-) -> tuple[Samples, pd.DataFrame]:
-    """Samples of "set_0", "set_1", ... (`most` of each) or of "held_out", and what became of the blocks tried."""
-    if name == "held_out":
-        return collect(choice.held_out, towers.first_held_out + 1, seed, setup, choice.per_tower)
-    first = towers.first_training + int(name.split("_")[1]) * APART
-    return collect(most, first, seed, setup, choice.per_tower)

@@ -40,7 +40,6 @@ class Retract:
     reason: str = "gave up"
 
 
-RETRACT = Retract()
 STRAIGHT = Push()
 Action = Push | Retract
 
@@ -67,10 +66,6 @@ class Policy(Protocol):
         """Readings (7,) before (contact made) and after the push that was asked for."""
         ...
 
-    def belief(self) -> np.ndarray | None:
-        """Probabilities (K,) of the abstractions, for the record; None without any."""
-        ...
-
 
 class _Plain:
     """A policy without memory."""
@@ -85,9 +80,6 @@ class _Plain:
 
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
         pass
-
-    def belief(self) -> np.ndarray | None:
-        return None
 
 
 class AlwaysPush(_Plain):

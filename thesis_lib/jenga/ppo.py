@@ -98,9 +98,6 @@ class PpoPolicy:
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
         """Nothing is learned while it plays."""
 
-    def belief(self) -> None:
-        """None: it has no abstractions."""
-
 
 def train_ppo(
     checkpoints: Sequence[int],

@@ -29,6 +29,7 @@ SLIPPED = 10e-3  # m that a block may move in the jaws before it counts as lost
 JAW = 16  # the bit of contype and conaffinity that is the jaws' own
 HAND = ("hand_x", "hand_y", "hand_z", "hand_turn")
 JAWS = ("jaw_left", "jaw_right")
+LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,13 @@ class Gripper:
         inside = self._in_hand()
         self._pull(u * distance, distance / self.settings.pull_speed)
         if np.linalg.norm(self._in_hand() - inside) > SLIPPED or not self._touching():
-            reason = "lost from the jaws"
+            reason = LOST
         else:
             reason = self._damage(block, before)
         # a block that hangs askew in the jaws is not one that fell; all others are judged
-        ends = tower.toppled(block) or (reason == "lost from the jaws" and tower.dropped(block))
+        ends = tower.toppled(block) or (reason == LOST and tower.dropped(block))
         outcome = Outcome(reason == "", reason, *tower.perturbation(block, before), ends)
-        if reason == "lost from the jaws":
+        if reason == LOST:
             self._let_go()
         return outcome
 
@@ -105,13 +106,13 @@ class Gripper:
         tower.simulate(RESTING)
         tower.layer[block], tower.place[block] = layer, place
         low = pose[2] - tower.position(block)[2]
-        reason = "fell from the top" if low > tower.settings.topple_drop / 2 else self._damage(block, before)
+        reason = FELL_FROM_TOP if low > tower.settings.topple_drop / 2 else self._damage(block, before)
         tower.reference[block] = tower.poses()[block]
         return Outcome(
             reason == "",
             reason,
             *tower.perturbation(block, before),
-            reason == "fell from the top" or tower.toppled(block),
+            reason == FELL_FROM_TOP or tower.toppled(block),
         )
 
     def forget(self) -> None:
@@ -184,10 +185,7 @@ class Gripper:
     def _damage(self, block: int, before: np.ndarray) -> str:
         if self.tower.toppled(block):
             return "tower toppled"
-        distance, angle = self.tower.perturbation(block, before)
-        if distance > self.settings.damage_distance or angle > np.radians(self.settings.damage_angle):
-            return "tower damaged"
-        return ""
+        return "tower damaged" if self.settings.is_damage(*self.tower.perturbation(block, before)) else ""
 
     def _target(self, block: int, layer: int, place: int) -> np.ndarray:
         """x, y, z and turn of a block just above its place, from where the layer below it lies."""

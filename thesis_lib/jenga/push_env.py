@@ -31,7 +31,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from thesis_lib.jenga.health import check
+from thesis_lib.jenga.health import settled_tower
 from thesis_lib.jenga.policies import Action, Push, Retract
 from thesis_lib.jenga.ppo_settings import EpisodeSettings, RewardSettings
 from thesis_lib.jenga.reduced import reduce
@@ -111,9 +111,7 @@ class PushEnv(gymnasium.Env):
 
     def build(self, seed: int) -> Tower:
         """The settled tower of `seed`; errors as in `health.check`."""
-        tower = Tower(seed, self.setup.tower, self.setup.robot).settle()
-        check(tower, self.setup.health)
-        return tower
+        return settled_tower(seed, self.setup)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         """The first reading of a new push, finger at the centre of the block; a seed starts all randomness anew.
@@ -155,8 +153,7 @@ class PushEnv(gymnasium.Env):
         if fell or p > self.reward.limit:
             return self._end(reward, FELL if fell else DRAGGED)
         if robot.reached_goal():
-            limits = tower.robot_settings
-            if distance > limits.damage_distance or angle > np.radians(limits.damage_angle):
+            if tower.robot_settings.is_damage(distance, angle):
                 return self._end(reward, DAMAGED)
             return self._end(reward + self.reward.extraction, GOAL)
         if robot.at_end():

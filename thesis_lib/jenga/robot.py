@@ -23,7 +23,7 @@ import numpy as np
 from thesis_lib.errors import UserError
 from thesis_lib.jenga.samples import RADIUS_OF_GYRATION
 from thesis_lib.jenga.sensing import MM, Sensor
-from thesis_lib.jenga.tower import PER_LAYER, Tower
+from thesis_lib.jenga.tower import PER_LAYER, REACHABLE, Tower
 from thesis_lib.jenga.tower_model import PARKED
 
 GAP = 1e-3  # m before the face at which an approach starts
@@ -62,9 +62,9 @@ class Robot:
             UserError: the block cannot be reached.
             TowerError: the simulation broke down.
         """
-        if not 0 <= block < 45 or block not in self.tower.present:
+        if block not in REACHABLE or block not in self.tower.present:
             raise UserError(
-                f"block {block} cannot be pushed: choose one of 0 to 44 that stands in the tower."
+                f"block {block} cannot be pushed: choose one of 0 to {REACHABLE[-1]} that stands in the tower."
             )
         self.block = block
         self.u, self.v = push_axes(block)
@@ -93,9 +93,8 @@ class Robot:
         if abs(here[1] - offset) <= self.settings.recontact:
             return self._seen
         pressed = max(self.force @ self.u, 0.0) / self.settings.stiffness
-        wanted = self._tip_place(
-            offset
-        )  # before lifting: a block that springs back is pressed to where it was
+        # before lifting: a block that springs back is pressed to where it was
+        wanted = self._tip_place(offset)
         self._move(self.arm - (pressed + self.settings.clearance) * self.u, LIFT_TIME)
         self._move(wanted - self.settings.clearance * self.u, LIFT_TIME)
         self._move(wanted + pressed * self.u, LIFT_TIME)
@@ -157,8 +156,8 @@ class Robot:
         return self._seen
 
     def context(self) -> np.ndarray:
-        """Layers above the block and whether it is a side block, (2,); see `samples.CONTEXT`."""
-        return np.array([self.tower.layers_above(self.block), float(self.tower.is_side(self.block))])
+        """`Tower.context` of the block that is pushed, (2,)."""
+        return self.tower.context(self.block)
 
     def out(self, block: int) -> float:
         """How far a block stands out of where it belongs, m, along its push."""

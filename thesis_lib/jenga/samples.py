@@ -32,10 +32,7 @@ FREE, STUCK, UNKNOWN = 0, 1, -1
 
 # Outside these a block has left the tower or the tower has left the robot: nothing that a push of 45 mm can give.
 RANGE = {
-    "x": (
-        -6.0,
-        60.0,
-    ),  # mm: the push is 45 mm at most; a block's own slide and the camera's noise come on top
+    "x": (-6.0, 60.0),  # mm: 45 pushed at most; a block's own slide and the camera's noise come on top
     "y": (-25.0, 25.0),  # mm: one width sideways
     "yaw": (-25.0, 25.0),  # mm: 62 degrees
     "f_n": (-1.0, 12.0),  # N: the whole tower weighs 8 N; the pusher's limit is lower
@@ -47,7 +44,8 @@ RANGE = {
     "layer": (0.0, 60.0),  # layers above: no more than blocks
     "side": (0.0, 1.0),
 }
-RESISTANCE = 0.5  # N; a tower that stands has blocks that resist more (a layer's weight alone gives 0.35 N of friction)
+# N; a tower that stands has blocks that resist more (a layer's weight alone gives 0.35 N of friction)
+RESISTANCE = 0.5
 ENOUGH = 100  # samples in which at least one must meet that resistance
 
 

@@ -1,5 +1,7 @@
 """Settings of tower, robot, sensing and collection (SI in the simulator; "own choice" where the thesis is silent)."""
 
+import math
+
 from pydantic import Field
 
 from thesis_lib.settings import Section
@@ -119,6 +121,10 @@ class RobotSettings(Section):
     damage_angle: float = Field(
         15.0, gt=0, description="degrees of any other block that count as damage; thesis"
     )
+
+    def is_damage(self, distance: float, angle: float) -> bool:
+        """Whether another block displaced by `distance` (m) and turned by `angle` (rad) counts as damage."""
+        return distance > self.damage_distance or angle > math.radians(self.damage_angle)
 
 
 class SensingSettings(Section):

@@ -19,12 +19,13 @@ from thesis_lib.jenga.hma import Hma
 from thesis_lib.jenga.kalman import KalmanBank
 from thesis_lib.jenga.learner import F_N, TOWER, X
 from thesis_lib.jenga.movable import hidden_label
+from thesis_lib.jenga.nuts_settings import NutsSettings
 from thesis_lib.jenga.policies import Policy
 from thesis_lib.jenga.robot import Robot
 from thesis_lib.jenga.samples import FREE, STUCK
 from thesis_lib.jenga.sensing import Sensor
 from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.showcase_nuts import NutsSettings, agreement, sample_posterior
+from thesis_lib.jenga.showcase_nuts import Sampler, agreement
 from thesis_lib.jenga.study_settings import Chapter5
 from thesis_lib.jenga.tower import REACHABLE, Tower
 
@@ -88,7 +89,7 @@ def showcase_table(
         f_n_pred, x_pred.  A row per run: case, step, r_hat, ess, divergences, belief and state apart from the filter.
     """
     rows, runs = [], []
-    mean = learner.at_mean()
+    mean, sampler = learner.at_mean(), Sampler(learner, nuts)
     for case, push in pushes.items():
         readings, actions, context = push["readings"], push["actions"], push["context"]
         bank = KalmanBank(mean, context, learner.noise)
@@ -101,7 +102,7 @@ def showcase_table(
             sampled = np.full(k, np.nan)
             if step % every == 0:
                 part = readings[: step + 1], actions[:step], context
-                posterior = sample_posterior(learner, *part, nuts, rng)
+                posterior = sampler.sample(*part, rng)
                 sampled = posterior.belief
                 apart = agreement(learner, posterior, *part)
                 runs.append(

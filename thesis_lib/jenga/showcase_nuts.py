@@ -26,26 +26,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from thesis_lib.errors import UserError
 from thesis_lib.jenga.bayesian_network import LOG_VAR, N_OUT
 from thesis_lib.jenga.hma import Hma
 from thesis_lib.jenga.kalman import KalmanBank, process_variance
 from thesis_lib.jenga.learner import ADVANCE, SEEN
-from thesis_lib.settings import Section
+from thesis_lib.jenga.nuts_settings import NutsSettings
 
 LEAST_CURVATURE = 0.5
-
-
-class NutsSettings(Section):
-    """The sampler (own choices; the thesis says Hamiltonian Monte Carlo only)."""
-
-    chains: int = Field(4, ge=4, description="chains, run side by side")
-    warm_up: int = Field(300, ge=50, description="steps of adaptation, thrown away")
-    draws: int = Field(300, ge=50, description="draws of each chain")
-    target_accept: float = Field(0.85, gt=0.5, lt=1, description="acceptance that the step size aims at")
-    max_tree_depth: int = Field(8, ge=4, le=10, description="doublings of a trajectory at most")
 
 
 @dataclass(frozen=True)
@@ -83,111 +72,135 @@ def log_transitions(layers: list, scaling: Any, noise: Any, states: Any, actions
     return -0.5 * ((states[1:, dims] - mean) ** 2 / var + jnp.log(2 * jnp.pi * var)).sum()
 
 
-def sample_posterior(
-    learner: Hma,
-    readings: np.ndarray,
-    actions: np.ndarray,
-    context: np.ndarray,
-    settings: NutsSettings,
-    rng: np.random.Generator,
-) -> Posterior:
-    """Posterior given readings z_0 … z_t (t + 1, 7), actions (t, 2) and context (2,) of one push.
+class Sampler:
+    """Samples posteriors with one learner; pushes of the same length share what JAX compiles, which takes longer than
+    the draws."""
 
-    Raises:
-        UserError: readings and actions that do not fit each other, or no step.
-    """
-    if len(actions) < 1 or len(readings) != len(actions) + 1:
-        raise UserError(
-            f"showcase: {len(readings)} readings need {len(readings) - 1} actions (at least 1), got {len(actions)}."
+    def __init__(self, learner: Hma, settings: NutsSettings):
+        import jax
+        import jax.numpy as jnp
+
+        self.learner, self.settings = learner, settings
+        self._layers = [jnp.asarray(w) for w in learner.networks.arrays()]
+        self._dims = jnp.array(SEEN)
+        self._sigma = jnp.sqrt(jnp.asarray(learner.noise))[self._dims]
+        self._value = jax.jit(jax.value_and_grad(lambda *of: -self._log_joint(*of)))
+        self._curvature = jax.jit(jax.hessian(lambda *of: -self._log_joint(*of)))
+        self._draw = jax.jit(self._chains)
+
+    def sample(
+        self, readings: np.ndarray, actions: np.ndarray, context: np.ndarray, rng: np.random.Generator
+    ) -> Posterior:
+        """Posterior given readings z_0 … z_t (t + 1, 7), actions (t, 2) and context (2,) of one push.
+
+        Raises:
+            UserError: readings and actions that do not fit each other, or no step.
+        """
+        if len(actions) < 1 or len(readings) != len(actions) + 1:
+            raise UserError(
+                f"showcase: {len(readings)} readings need {len(readings) - 1} actions (at least 1), "
+                f"got {len(actions)}."
+            )
+        import jax
+        import jax.numpy as jnp
+        from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
+
+        contexts = jnp.broadcast_to(jnp.asarray(context), (len(actions), 2))
+        push = (jnp.asarray(readings), jnp.asarray(actions), contexts)
+        prior = jnp.log(jnp.asarray(self.learner.initial_belief(context[None])[0]))
+        shape = (len(readings), len(SEEN))
+        key = jax.random.key(int(rng.integers(2**31)))
+        samples, diverging = self._draw(key, prior, push, *self._laplace(push, shape[0] * shape[1]))
+        drawn = {name: np.asarray(value, float) for name, value in samples.items()}
+        belief = drawn["c"]
+        # a probability that never leaves 0 or 1 has no variance and so neither R̂ nor ESS
+        moving = belief.std(axis=(0, 1)) > 1e-4
+        all_of = np.concatenate([drawn["e"], belief[..., moving]], axis=2)
+        ess_belief = np.where(moving, effective_sample_size(belief + 0.0), np.inf)
+        mean, std, sigma = readings.copy(), np.zeros_like(readings), np.asarray(self._sigma)
+        shift = drawn["e"].mean(axis=(0, 1))
+        mean[:, SEEN] += shift.reshape(shape) * sigma
+        std[:, SEEN] = np.sqrt(drawn["square"].mean(axis=(0, 1)) - shift**2).reshape(shape) * sigma
+        return Posterior(
+            belief=belief.mean(axis=(0, 1)),
+            belief_error=belief.std(axis=(0, 1)) / np.sqrt(np.maximum(ess_belief, 1.0)),
+            state_mean=mean,
+            state_std=std,
+            r_hat=float(np.max(split_gelman_rubin(all_of))),
+            ess=float(np.min(effective_sample_size(all_of))),
+            divergences=int(np.asarray(diverging).sum()),
         )
-    import jax
-    import jax.numpy as jnp
-    import numpyro
-    from jax.scipy.special import logsumexp
-    from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 
-    layers = [jnp.asarray(w) for w in learner.networks.arrays()]
-    prior = jnp.log(jnp.asarray(learner.initial_belief(context[None])[0]))
-    dims = jnp.array(SEEN)
-    z, a = jnp.asarray(readings), jnp.asarray(actions)
-    c = jnp.broadcast_to(jnp.asarray(context), (len(actions), 2))
-    sigma = jnp.sqrt(jnp.asarray(learner.noise))[dims]
-    shape = z[:, dims].shape
-    size = shape[0] * shape[1]
-
-    def log_joint(weights: list, e: Any) -> Any:
+    def _log_joint(self, e: Any, weights: list, push: tuple) -> Any:
         """log p(z, s | k) up to a constant, e (size,)."""
-        states = z.at[:, dims].add(sigma * e.reshape(shape))
-        return log_transitions(weights, learner.scaling, learner.noise, states, a, c) - 0.5 * (e**2).sum()
-
-    mode, root, log_det = _laplace(log_joint, layers, size)
-
-    def model() -> None:
-        u = numpyro.sample("u", numpyro.distributions.Normal(0.0, 1.0).expand(mode.shape).to_event(2))
-        e = mode + jnp.einsum("kij,kj->ki", root, u)
-        joint = prior + jax.vmap(log_joint)(layers, e) + log_det + 0.5 * (u**2).sum(axis=1)
-        numpyro.factor("abstraction", logsumexp(joint))
-        belief = numpyro.deterministic("c", jax.nn.softmax(joint))
-        numpyro.deterministic("e", belief @ e)
-        numpyro.deterministic("square", belief @ e**2)
-
-    kernel = numpyro.infer.NUTS(
-        model, target_accept_prob=settings.target_accept, max_tree_depth=settings.max_tree_depth
-    )
-    mcmc = numpyro.infer.MCMC(
-        kernel,
-        num_warmup=settings.warm_up,
-        num_samples=settings.draws,
-        num_chains=settings.chains,
-        chain_method="vectorized",
-        progress_bar=False,
-    )
-    mcmc.run(jax.random.key(int(rng.integers(2**31))), extra_fields=("diverging",))
-    drawn = {name: np.asarray(value, float) for name, value in mcmc.get_samples(group_by_chain=True).items()}
-    belief = drawn["c"]
-    # a probability that never leaves 0 or 1 has no variance and so neither R̂ nor ESS
-    moving = belief.std(axis=(0, 1)) > 1e-4
-    all_of = np.concatenate([drawn["e"], belief[..., moving]], axis=2)
-    ess_belief = np.where(moving, effective_sample_size(belief + 0.0), np.inf)
-    mean, std = readings.copy(), np.zeros_like(readings)
-    shift = drawn["e"].mean(axis=(0, 1))
-    mean[:, SEEN] += (shift.reshape(shape)) * np.asarray(sigma)
-    std[:, SEEN] = np.sqrt(drawn["square"].mean(axis=(0, 1)) - shift**2).reshape(shape) * np.asarray(sigma)
-    return Posterior(
-        belief=belief.mean(axis=(0, 1)),
-        belief_error=belief.std(axis=(0, 1)) / np.sqrt(np.maximum(ess_belief, 1.0)),
-        state_mean=mean,
-        state_std=std,
-        r_hat=float(np.max(split_gelman_rubin(all_of))),
-        ess=float(np.min(effective_sample_size(all_of))),
-        divergences=int(np.asarray(mcmc.get_extra_fields()["diverging"]).sum()),
-    )
-
-
-def _laplace(log_joint: Any, layers: list, size: int) -> tuple[Any, Any, Any]:
-    """Mode (K, size), root of the covariance (K, size, size) and its log determinant (K,) for each network."""
-    import jax
-    import jax.numpy as jnp
-    from scipy.optimize import minimize
-
-    value = jax.jit(jax.value_and_grad(lambda e, weights: -log_joint(weights, e)))
-    curvature = jax.jit(jax.hessian(lambda e, weights: -log_joint(weights, e)))
-    modes, roots, dets = [], [], []
-    for k in range(layers[0].shape[0]):
-        own = [w[k] for w in layers]
-        found = minimize(
-            lambda e, own=own: tuple(np.asarray(part, float) for part in value(jnp.asarray(e), own)),
-            np.zeros(size),
-            jac=True,
-            method="L-BFGS-B",
+        z, actions, contexts = push
+        states = z.at[:, self._dims].add(self._sigma * e.reshape(len(z), len(SEEN)))
+        learner = self.learner
+        return (
+            log_transitions(weights, learner.scaling, learner.noise, states, actions, contexts)
+            - 0.5 * (e**2).sum()
         )
-        values, vectors = np.linalg.eigh(np.asarray(curvature(jnp.asarray(found.x), own), float))
-        # readings alone give 1; networks bend, and where they bend the wrong way ψ may be wider but not without end
-        deviation = 1.0 / np.sqrt(np.maximum(values, LEAST_CURVATURE))
-        modes.append(found.x)
-        roots.append(vectors * deviation)
-        dets.append(np.log(deviation).sum())
-    return jnp.asarray(np.array(modes)), jnp.asarray(np.array(roots)), jnp.asarray(np.array(dets))
+
+    def _laplace(self, push: tuple, size: int) -> tuple[Any, Any, Any]:
+        """Mode (K, size), root of the covariance (K, size, size) and its log determinant (K,) for each network."""
+        import jax.numpy as jnp
+        from scipy.optimize import minimize
+
+        modes, roots, dets = [], [], []
+        for k in range(self._layers[0].shape[0]):
+            own = [w[k] for w in self._layers]
+            found = minimize(
+                lambda e, own=own: tuple(
+                    np.asarray(part, float) for part in self._value(jnp.asarray(e), own, push)
+                ),
+                np.zeros(size),
+                jac=True,
+                method="L-BFGS-B",
+            )
+            values, vectors = np.linalg.eigh(
+                np.asarray(self._curvature(jnp.asarray(found.x), own, push), float)
+            )
+            # readings alone give 1; networks bend, and where they bend the wrong way ψ may be wider but not without end
+            deviation = 1.0 / np.sqrt(np.maximum(values, LEAST_CURVATURE))
+            modes.append(found.x)
+            roots.append(vectors * deviation)
+            dets.append(np.log(deviation).sum())
+        return jnp.asarray(np.array(modes)), jnp.asarray(np.array(roots)), jnp.asarray(np.array(dets))
+
+    def _chains(
+        self, key: Any, prior: Any, push: tuple, mode: Any, root: Any, log_det: Any
+    ) -> tuple[dict, Any]:
+        """Draws of u by NUTS: what is computed from each (chains, draws, …), and which diverged."""
+        import jax
+        import jax.numpy as jnp
+        import numpyro
+        from jax.scipy.special import logsumexp
+
+        def model() -> None:
+            u: Any = numpyro.sample(
+                "u", numpyro.distributions.Normal(0.0, 1.0).expand(mode.shape).to_event(2)
+            )
+            e = mode + jnp.einsum("kij,kj->ki", root, u)
+            terms = jax.vmap(lambda own, weights: self._log_joint(own, weights, push))(e, self._layers)
+            joint = prior + terms + log_det + 0.5 * (u**2).sum(axis=1)
+            numpyro.factor("abstraction", logsumexp(joint))
+            belief = numpyro.deterministic("c", jax.nn.softmax(joint))
+            numpyro.deterministic("e", belief @ e)
+            numpyro.deterministic("square", belief @ e**2)
+
+        settings = self.settings
+        mcmc = numpyro.infer.MCMC(
+            numpyro.infer.NUTS(
+                model, target_accept_prob=settings.target_accept, max_tree_depth=settings.max_tree_depth
+            ),
+            num_warmup=settings.warm_up,
+            num_samples=settings.draws,
+            num_chains=settings.chains,
+            chain_method="vectorized",
+            progress_bar=False,
+        )
+        mcmc.run(key, extra_fields=("diverging",))
+        return mcmc.get_samples(group_by_chain=True), mcmc.get_extra_fields()["diverging"]
 
 
 def agreement(

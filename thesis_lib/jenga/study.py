@@ -80,13 +80,13 @@ def attempts_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
 
 def interval(values: np.ndarray) -> tuple[float, float, float]:
     """Mean and the ends of its 95 % interval by Student's t; NaN ends for a single value."""
-    from scipy.stats import t
+    from scipy.special import stdtrit  # scipy.stats takes a second to import
 
     values = np.asarray(values, float)
     mean, n = float(values.mean()), len(values)
     if n < 2:
         return mean, np.nan, np.nan
-    half = float(t.ppf(0.5 + LEVEL / 2, n - 1)) * float(values.std(ddof=1)) / np.sqrt(n)
+    half = float(stdtrit(n - 1, 0.5 + LEVEL / 2)) * float(values.std(ddof=1)) / np.sqrt(n)
     return mean, mean - half, mean + half
 
 
@@ -102,18 +102,8 @@ def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
         counts = part["extractions"].dropna().to_numpy()
         if len(counts):
             mean, low, high = interval(counts)
-            rows.append(
-                (
-                    policy,
-                    size,
-                    mean,
-                    standard_error(counts),
-                    low,
-                    high,
-                    len(counts),
-                    int(part["refused"].sum()),
-                )
-            )
+            refused = int(part["refused"].sum())
+            rows.append((policy, size, mean, standard_error(counts), low, high, len(counts), refused))
     return pd.DataFrame(rows, columns=["policy", "size", "mean", "std", "low", "high", "n", "refused"])
 
 
@@ -145,7 +135,7 @@ def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
 def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
     """Attempts and successes of push, extract and place (figure 5-6): exploration against hma at `size` samples.
 
-    Columns phase, position, action, attempts, successes, share, low, high (Wilson, 95 %), published (share).
+    Columns phase, position, action, attempts, successes, share, std, low, high (Wilson, 95 %), published (share).
     """
     from scipy.stats import binomtest
 
@@ -157,7 +147,7 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
             for i, (action, column) in enumerate(zip(ACTIONS, ("pushed", "extracted", "placed"))):
                 tried = part[part[column] >= 0]
                 n, k = len(tried), int((tried[column] == 1).sum())
-                low, high = (np.nan, np.nan)
+                low, high = np.nan, np.nan
                 if n:
                     low, high = binomtest(k, n).proportion_ci(LEVEL, method="wilson")
                 told, right = PUBLISHED[phase][position][i]

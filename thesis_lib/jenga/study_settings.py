@@ -4,9 +4,9 @@ from pydantic import Field
 
 from thesis_lib.jenga.controller_settings import ControllerSettings, PlaySettings
 from thesis_lib.jenga.learner_settings import LearnerSettings
+from thesis_lib.jenga.nuts_settings import NutsSettings
 from thesis_lib.jenga.ppo_settings import PpoSettings
 from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.showcase_nuts import NutsSettings
 from thesis_lib.settings import Section
 
 

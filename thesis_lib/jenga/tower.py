@@ -148,12 +148,8 @@ class Tower:
         self.simulate(self.settings.settling * 2.0 / 3.0)
         model.dof_damping[:] = undamped
         self.simulate(self.settings.settling / 3.0)
-        self.mark()
-        return self
-
-    def mark(self) -> None:
-        """From now on falls are judged against the present poses."""
         self.reference = self.poses()
+        return self
 
     def save(self) -> Snapshot:
         """The present state; `load` continues from it exactly."""
@@ -233,6 +229,10 @@ class Tower:
     def is_side(self, block: int) -> bool:
         """Whether a block lies at the side of its layer."""
         return bool(self.place[block] != 1)
+
+    def context(self, block: int) -> np.ndarray:
+        """Layers above a block and whether it is a side block, (2,); see `samples.CONTEXT`."""
+        return np.array([self.layers_above(block), float(self.is_side(block))])
 
 
 def _warnings(data: mujoco.MjData) -> dict[str, int]:

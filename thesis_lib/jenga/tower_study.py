@@ -15,12 +15,12 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.errors import UserError
-from thesis_lib.jenga.health import check
+from thesis_lib.jenga.health import settled_tower
 from thesis_lib.jenga.movable import agreement, fractions, scan
 from thesis_lib.jenga.reduced import compare, faithfulness
 from thesis_lib.jenga.settings import MovableSettings, Setup
 from thesis_lib.jenga.study import interval
-from thesis_lib.jenga.tower import REACHABLE, Tower, TowerError
+from thesis_lib.jenga.tower import REACHABLE, TowerError
 
 SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
 THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
@@ -94,17 +94,6 @@ def fidelity(
     )
     say("real extraction: done")
     return pd.DataFrame(rows, columns=["comparison", "quantity", "value", "n"])
-
-
-def settled_tower(seed: int, setup: Setup) -> Tower:
-    """A tower at rest that passed its checks.
-
-    Raises:
-        TowerError: it did not.
-    """
-    tower = Tower(seed, setup.tower, setup.robot).settle()
-    check(tower, setup.health)
-    return tower
 
 
 def settled(setup: Setup, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

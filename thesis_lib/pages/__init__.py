@@ -6,6 +6,7 @@ policy in the head lets the browser run that script and no other, and load nothi
 
 import base64
 import hashlib
+from collections.abc import Collection, Iterable, Sequence
 from html import escape
 from pathlib import Path
 
@@ -36,4 +37,26 @@ def page(title: str, content: str, *, script: str = "", kind: str = "") -> str:
         '<a class="skip" href="#main">Skip to the content</a>\n'
         f'<header><h1>{name}</h1></header>\n<main id="main">\n{content}\n</main>\n'
         f"{code}</body>\n</html>\n"
+    )
+
+
+def table(
+    caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Collection[int] = ()
+) -> str:
+    """A table of cells that are HTML already, in a frame that scrolls by itself; '' where there are no rows.
+
+    The first cell of a row heads it; `numeric` columns are set to the right.
+    """
+    kinds = [' class="number"' if i in numeric else "" for i in range(len(columns))]
+    head = "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for name, kind in zip(columns, kinds))
+    body = []
+    for first, *rest in rows:
+        cells = "".join(f"<td{kind}>{cell}</td>" for cell, kind in zip(rest, kinds[1:]))
+        body.append(f'<tr><th scope="row">{first}</th>{cells}</tr>')
+    if not body:
+        return ""
+    lines = "\n".join(body)
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">\n<table>\n'
+        f"<caption>{escape(caption)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{lines}\n</tbody>\n</table>\n</div>"
     )

@@ -81,20 +81,19 @@ class AugmentedBase:
     def predict(self, impacts: Impacts) -> np.ndarray:
         """Measured velocity after impact, (n, 3)."""
         m = self.model
-        return _velocity(m.model.predict(_state(impacts), m.values, m.believed, self._offset(impacts)))
+        return m.model.predict(_state(impacts), m.values, m.believed, self._offset(impacts)).v
 
     def seen(self, impacts: Impacts) -> Impacts:
         """Impacts with true pose, velocities, contact point and radius of gyration."""
         m = self.model
         before, r_x, r_y, k_g = m.model.contact(_state(impacts), m.values, m.believed, self._offset(impacts))
         after, *_ = m.model.contact(_state(impacts, impacts.v_post), m.values, m.believed)
-        q = np.stack([before.x, before.y, before.theta], axis=1)
         # covariances are of the measured quantities
         return replace(
             impacts,
-            q=q,
-            v_pre=_velocity(before),
-            v_post=_velocity(after),
+            q=before.q,
+            v_pre=before.v,
+            v_post=after.v,
             r=np.stack([r_x, r_y], 1),
             k_g=k_g,
             cov=None,
@@ -105,10 +104,10 @@ class AugmentedBase:
         m = self.model
         own = m.model.own(m.values)
         state, *_ = m.model.contact(_state(impacts), m.values, m.believed)
-        after = state.moved(vx=v_post[:, 0], vy=v_post[:, 1], omega=v_post[:, 2])
+        after = state.with_velocity(v_post)
         for effect, p in reversed(own):
             after = effect.from_contact(after, p, m.believed)
-        return _velocity(m.model.to_measured(after, own, m.believed))
+        return m.model.to_measured(after, own, m.believed).v
 
     def _offset(self, impacts: Impacts) -> np.ndarray:
         """Contact points as given minus those of the shape, (n, 2) m: what measured points add to the shape."""
@@ -122,8 +121,4 @@ ROUNDED = 1e-6  # of the body's size: tables hold nine digits
 
 def _state(impacts: Impacts, v: np.ndarray | None = None) -> State:
     v = impacts.v_pre if v is None else v
-    return State(*impacts.q.T, *v.T, impacts.trial.astype(float), np.nan_to_num(impacts.t))
-
-
-def _velocity(state: State) -> np.ndarray:
-    return np.stack([state.vx, state.vy, state.omega], axis=1)
+    return State.of(impacts.q, v, impacts.trial.astype(float), np.nan_to_num(impacts.t))

@@ -41,11 +41,6 @@ class GaussianMixture:
     cov: np.ndarray
     weight: np.ndarray
 
-    @classmethod
-    def single(cls, mean: np.ndarray, cov: np.ndarray) -> "GaussianMixture":
-        """One Gaussian with mean (d,) and covariance (d, d)."""
-        return cls(np.asarray(mean, float)[None], np.asarray(cov, float)[None], np.ones(1))
-
     @property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean (d,) and covariance (d, d) of the mixture."""

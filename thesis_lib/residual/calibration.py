@@ -12,7 +12,7 @@ For a vector with a Gaussian prediction N(m, S) in d dimensions, u = χ²_d(z), 
 of a level is the ellipsoid u ≤ level.  The interval of a coverage is Wilson's at 95 %; held-out outcomes of one trial
 hang together, so where `groups` are given the interval is a bootstrap over them.
 
-A level passes if |coverage − level| is at most 3 points or the level lies within the interval (the issue's criterion).
+A level passes if |coverage − level| is at most `MARGIN` or the level lies within the interval (own criterion).
 
 | on paper | in code | unit      | shape  |                                   |
 |----------|---------|-----------|--------|-----------------------------------|

@@ -34,9 +34,8 @@ import numpy as np
 
 from thesis_lib.residual.flight import ThrownBody, first_touch, fly
 
-DT = (
-    1e-4  # s; a contact of 3 ms has 30 steps, which halving changes by less than the contacts scatter (tests)
-)
+# s; a contact of 3 ms has 30 steps, which halving changes by less than the contacts scatter (tests)
+DT = 1e-4
 CLEAR = 1e-4  # m, gap above which a corner has left the surface even if it comes back
 KEPT = 0.75  # share of bodies still in contact below which the others are put aside
 _ROUNDS = 12  # of flight and contact until the time asked for

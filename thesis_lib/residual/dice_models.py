@@ -261,5 +261,6 @@ def throw_starts(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> Throws:
+    """The ends of throws from measured poses and velocities (n, 3), by one of the thrower's two contacts."""
     model = thrower.model
     return simulate_throws(model.body, model.seen(q), v, contact, model.mu, settings.throw, rng)

@@ -15,8 +15,9 @@ Every model has a belief: its start is drawn from the covariance of the measured
 (laws scatter in proportion to c_n, the compliant models in proportion to the speed, by training residuals).  Each is
 also thrown once without uncertainty, as in the thesis.
 
-    error = (x measured − x expected)/side, x expected the mean of the belief;    face right: that of the most likely
-    side score = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
+    error      = (x measured − x expected)/side,  x expected the mean of the belief
+    face right = the side that is down is the most likely one of the belief
+    score      = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
 
 Published: 750 throws, of which 500 are public.  Friction of the slowest contacts and of sliding, of the compliant
 models only, is the value with the least mean |error| of training throws, from a grid; the other models slide with
@@ -73,10 +74,20 @@ from thesis_lib.residual.propagation import LearnedImpact
 class DiceStudy:
     """Everything that one split says.
 
-    `table`: a row per model; `throws`: a row per model and held-out throw; `limit`: the same for the limit of noise;
-    `difficulty`: a row per model; `rates`: rejections; `parameters`: of all models; `laws`: training errors of
-    the six laws on isolated impacts, of which the least was taken; `contact_pits`: a row per held-out contact (isolated
-    impacts for the learned impacts) with its PIT and misfit.
+    Attributes:
+        releases, contacts: all that were measured, training and held out.
+        train: trials of the training throws, ascending.
+        outcomes: held-out throws of each model, by its name.
+        table: a row per model and quantity.
+        throws: a row per model and held-out throw.
+        limit: the same for the limit of noise.
+        difficulty: a row per model and spread.
+        rates: samples drawn and rejected, a row per model.
+        parameters: of all models.
+        laws: training errors of the six laws on isolated impacts, of which the least was taken.
+        contact_pits: a row per held-out contact (isolated impacts for the learned impacts) with its PIT and misfit.
+        first, first_table: scores of the beliefs over the state after the first contact, and their summary.
+        counts: throws, contacts and impacts used and left out.
     """
 
     releases: Releases
@@ -246,7 +257,6 @@ def throw_held_out(
         out.face.reshape(shape),
         certain,
         spread,
-        int((~out.settled).sum()),
     )
 
 

@@ -1,7 +1,8 @@
 """Tables of the study of dice: a row per throw, per model, and how well the spread of a belief grades difficulty.
 
-    error = (x measured − x expected)/side, x expected the mean of the belief;    face right: that of the most likely
-    side score = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
+    error      = (x measured − x expected)/side,  x expected the mean of the belief
+    face right = the side that is down is the most likely one of the belief
+    score      = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
 
 Intervals are the central 95 % of a bootstrap over throws.  Every column is explained in thesis_lib/columns.yaml.
 """
@@ -38,7 +39,6 @@ class Outcome:
     face: np.ndarray
     certain: Throws
     after_first: np.ndarray
-    unsettled: int
 
 
 def contact_pits(thrower: Thrower, contacts: Contacts, settings: DiceStudySettings) -> pd.DataFrame:
@@ -92,7 +92,7 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
 
 
 def throw_rows(outcome: Outcome, releases: Releases, side: float, rng: np.random.Generator) -> pd.DataFrame:
-    """A row for each held-out throw; see thesis_lib/columns.py."""
+    """A row for each held-out throw; see thesis_lib/columns.yaml."""
     model = outcome.thrower.model
     face = model.face(releases.end[:, 2])
     x = releases.end[:, 0]

@@ -24,6 +24,8 @@ The coordinates s are an own choice.
 
 import numpy as np
 
+from thesis_lib.contact.space import velocity_error
+
 TOLERANCE = 1e-9  # of the speed before impact: rounding
 # share of the half ball's radius that targets keep from its boundary, where s is infinite
 MARGIN = 1e-3
@@ -31,12 +33,12 @@ MARGIN = 1e-3
 
 def penetrates(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
     """Mask (n,): the contact point still moves into the surface after impact."""
-    return v_post[:, 1] + r[:, 0] * v_post[:, 2] < -TOLERANCE * _speed(v_pre, k_g)
+    return v_post[:, 1] + r[:, 0] * v_post[:, 2] < -TOLERANCE * velocity_error(v_pre, k_g)
 
 
 def gains_energy(v_pre: np.ndarray, v_post: np.ndarray, k_g: float) -> np.ndarray:
     """Mask (n,): the kinetic energy after impact is above that before it."""
-    return _speed(v_post, k_g) > (1.0 + TOLERANCE) * _speed(v_pre, k_g)
+    return velocity_error(v_post, k_g) > (1.0 + TOLERANCE) * velocity_error(v_pre, k_g)
 
 
 def feasible(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
@@ -135,7 +137,3 @@ def _frame(r: np.ndarray, k_g: float) -> np.ndarray:
 
 def _radius_squared(v_pre: np.ndarray, frame: np.ndarray, k_g: float, wrench: bool) -> np.ndarray:
     return np.sum(coordinates(v_pre, frame, k_g)[:, : 3 if wrench else 2] ** 2, axis=1)
-
-
-def _speed(v: np.ndarray, k_g: float) -> np.ndarray:
-    return np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2 + (k_g * v[:, 2]) ** 2)

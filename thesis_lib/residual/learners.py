@@ -22,7 +22,7 @@ training impacts that the law can explain within `RANGE` (all, if fewer than `FE
 0 ≤ ε ≤ 1.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -41,9 +41,8 @@ from thesis_lib.residual.gaussian_process import (
 )
 from thesis_lib.residual.in_range import TrainingRange
 
-RANGE = (
-    0.02  # m/s in the kinetic metric: misfit of the best (μ, ε) up to which an outcome counts as the law's
-)
+# m/s in the kinetic metric: misfit of the best (μ, ε) up to which an outcome counts as the law's
+RANGE = 0.02
 FEWEST = 5
 IDENTITY = LawBase("")  # the frame of a learner without a base
 
@@ -67,16 +66,6 @@ class Prediction:
     feasible: np.ndarray
     v_projected: np.ndarray
     in_range: np.ndarray
-
-    @property
-    def velocity_covariance(self) -> np.ndarray:
-        """A Σ Aᵀ, (n, 3, 3) (equation 4.14)."""
-        return self.jacobian @ self.covariance @ np.swapaxes(self.jacobian, 1, 2)
-
-    @property
-    def v_rejected(self) -> np.ndarray:
-        """(n, 3) with NaN where the prediction is not feasible."""
-        return np.where(self.feasible[:, None], self.v_post, np.nan)
 
 
 class Trained(Protocol):
@@ -298,8 +287,6 @@ class TrainedLaw:
 
 def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
     """The base's velocity after impact (n, 3) as the contact sees it."""
-    from dataclasses import replace
-
     return base.seen(replace(impacts, v_post=base.predict(impacts))).v_post
 
 

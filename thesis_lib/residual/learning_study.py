@@ -28,6 +28,7 @@ from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.saved_model import SavedModel
 from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.identify.impact_study import split_trials
 from thesis_lib.randomness import generator
 from thesis_lib.residual.bases import AugmentedBase, LawBase
 from thesis_lib.residual.learners import ImpulseLearner, LawLearner, Learner, Prediction, learners
@@ -245,9 +246,7 @@ def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) 
 
 def _split(impacts: Impacts, share: float, rng: np.random.Generator) -> tuple[Impacts, Impacts]:
     """Training impacts in the random order of their trials, and held-out impacts."""
-    trials = np.unique(impacts.trial)
-    out = rng.choice(trials, size=int(np.clip(round(share * len(trials)), 1, len(trials) - 1)), replace=False)
-    held = np.isin(impacts.trial, out)
+    held = split_trials(impacts.trial, share, rng)
     return _in_random_order(impacts.select(~held), rng), impacts.select(held)
 
 

@@ -1,10 +1,11 @@
-"""What a camera reports of true poses: its faults, and the wobble of a body out of its plane.
+"""What a camera reports of true poses: its faults, its noise, and the wobble of a body out of its plane.
 
     x_m = (1 + s) x + d t,   y_m = (1 + s) y,   θ_m(t) = ± θ(t − lag) + δ
 
-A body that wobbles out of its plane after an impact shows its tracked frame displaced along a direction fixed in the
-body, by  a Δv_n cos(β − axis) exp(−t/T) sin(2π f t)  with t since the impact and β the place that was hit: a lever out
-of the plane that differs from place to place.  θ is displaced by half that over the radius of gyration.
+A body that wobbles out of its plane after an impact shows its tracked frame displaced along the line on which its x
+axis lay at the impact, by  a Δv_n cos(β − axis) exp(−t/T) sin(2π f t)  with t since the impact and β the place that was
+hit: a lever out of the plane that differs from place to place.  θ is displaced by half that over the radius of
+gyration.
 
 All arrays in SI units; poses (n, samples, 3) are x, y, θ of the body's origin.
 """
@@ -12,6 +13,8 @@ All arrays in SI units; poses (n, samples, 3) are x, y, θ of the body's origin.
 import numpy as np
 import pandas as pd
 
+from thesis_lib.datasets.header import Noise
+from thesis_lib.datasets.impacts import POSE
 from thesis_lib.simulate.mechanisms import Mechanisms
 
 
@@ -46,3 +49,17 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
     y = (1.0 + m.length_scale) * poses[..., 1]
     theta = (-lagged_theta if m.mirrored else lagged_theta) + m.angle_offset
     return np.stack([x, y, theta], axis=-1)
+
+
+def with_noise(poses: np.ndarray, noise: Noise | None, rng: np.random.Generator) -> np.ndarray:
+    """Poses (n, samples, 3) with Gaussian noise; numbers are drawn also for what has none, so that streams agree."""
+    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
+    return poses + rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
+
+
+def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
+    """Long table of poses (n, samples, 3); samples after the end of a recording (NaN) do not exist."""
+    n = len(poses)
+    table = pd.DataFrame({"trial": np.repeat(np.arange(n), len(times)), "t": np.tile(times, n)})
+    table[list(POSE)] = poses.reshape(-1, 3)
+    return table.dropna(subset=list(POSE)).reset_index(drop=True)

@@ -14,6 +14,7 @@ inertial parameters, however much it slips on the arm; a landing that slips adds
 """
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -31,9 +32,8 @@ from thesis_lib.simulate.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping import Record, simulate
 
 Kind = Literal["block", "ellipse", "disk", "rod", "wheel"]
-MAX_TRIES = (
-    50  # trajectories drawn for one of the arm that is kept; more mean that the settings fit no contact
-)
+# trajectories drawn for one of the arm that is kept; more mean that the settings fit no contact
+MAX_TRIES = 50
 FILTERS = ("not solved", "too fast", "arm below the ground", "too little contact")
 
 
@@ -134,8 +134,7 @@ class Chapter2Bodies(Section):
     @cached_property
     def ratios(self) -> dict[str, float]:
         """True m/I in 1/m² of the free bodies."""
-        kinds = {"block": block, "ellipse": ellipse, "disk": disk, "rod": rod, "wheel": wheel}
-        bodies = {name: make(self) for name, make in kinds.items()}
+        bodies = {name: make(self) for name, make in BODIES.items()}
         return {name: body.mass / body.inertia for name, body in bodies.items()}
 
 
@@ -172,6 +171,15 @@ def wheel(settings: Chapter2Bodies = DEFAULT) -> RimlessWheel:
     """Rimless wheel on its slope, a contact pair per spoke (thesis figure 2-8)."""
     w = settings.wheel
     return RimlessWheel(w.spokes, w.length, w.mass, w.inertia, w.slope, settings.gravity)
+
+
+BODIES: dict[str, Callable[[Chapter2Bodies], PlanarFreeBody]] = {
+    "block": block,
+    "ellipse": ellipse,
+    "disk": disk,
+    "rod": rod,
+    "wheel": wheel,
+}
 
 
 def arm_disk(settings: Chapter2Bodies = DEFAULT) -> ArmDisk:
@@ -211,8 +219,7 @@ def releases(
     if kind not in spreads:
         raise UserError(f"There are releases of {', '.join(spreads)} and wheel; got {kind!r}.")
     q, v = spreads[kind].draw(n, rng)
-    body = {"block": block, "ellipse": ellipse, "disk": disk, "rod": rod}[kind](settings)
-    if n and body.contacts_of(q).phi.min() < 0.0:
+    if n and BODIES[kind](settings).contacts_of(q).phi.min() < 0.0:
         raise UserError(
             f"A release of the {kind} from {spreads[kind].height.low} m can reach into the surface; raise the lower "
             f"end of {kind}_release.height."
@@ -235,16 +242,13 @@ class ArmTrajectories:
     left_out: dict[str, int]
 
 
-def arm_trajectories(
-    n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT, hidden: object = None
-) -> ArmTrajectories:
+def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT) -> ArmTrajectories:
     """Draw starts and torques until n trajectories have enough contact with arm and ground at once.
 
     Args:
         n: trajectories to keep.
         rng: draws start and torques.
         settings: of chapter 2.
-        hidden: force that acts but is not recorded, as in `simulate`.
 
     Raises:
         UserError: fewer than one in `MAX_TRIES` draws is kept.
@@ -261,7 +265,7 @@ def arm_trajectories(
             )
         q, v, torque = _start(arm, a, settings.h, rng)
         tried += 1
-        record = simulate(arm, q, v, torque, settings.h, a.steps, a.mu, a.epsilon, hidden=hidden)  # pyright: ignore[reportArgumentType]
+        record = simulate(arm, q, v, torque, settings.h, a.steps, a.mu, a.epsilon)
         reason = _left_out(arm, record, a)
         if reason:
             reasons[reason] += 1

@@ -29,7 +29,7 @@ import pandas as pd
 from thesis_lib.datasets.header import Body, Header, Noise
 from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
 from thesis_lib.errors import UserError
-from thesis_lib.simulate.camera import reported, wobble
+from thesis_lib.simulate.camera import as_trajectories, reported, with_noise, wobble
 from thesis_lib.simulate.compliant_forces import Mechanics, Memory
 from thesis_lib.simulate.mechanisms import CompliantContact, Mechanisms
 from thesis_lib.simulate.release import Release
@@ -115,8 +115,7 @@ def simulate_compliant_drops(
     if m.time_lag:
         late = drops.poses_at(np.maximum(lagged, 0.0))[..., 2] + np.minimum(lagged, 0.0) * velocity[:, 2:]
     poses = reported(poses, late, samples, m)
-    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    poses = poses + noise_rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
+    poses = with_noise(poses, noise, noise_rng)
     header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
     return CompliantDrops(header, as_trajectories(poses, samples), impacts, drops.trials(pose, velocity))
 
@@ -276,7 +275,7 @@ class _Drops:
         r_x, r_y = self.mechanics.points(q[:, 2])
         lowest, every = r_y.argmin(axis=1), np.arange(len(rows))
         r = np.stack([r_x[every, lowest], r_y[every, lowest]], axis=-1) + self.mechanics.origin(q[:, 2])
-        shell, loose = self.mechanics.shell, self.mechanics.mass - self.mechanics.shell  # pyright: ignore[reportOptionalOperand]
+        shell, loose = self.mechanics.shell, self.mechanics.mass - self.mechanics.shell
         weights = 0.5 * np.array([shell, shell, self.mechanics.inertia, loose, loose])
         self._rows.append(
             {"trial": rows, "t": t, "duration": self.t[rows] - t, "separated": separated}
@@ -320,22 +319,12 @@ def _ticks(samples: np.ndarray, lagged: np.ndarray, rate: float) -> np.ndarray:
     return ticks[np.r_[True, np.diff(ticks) > 1e-9]]
 
 
-def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
-    """Long table of poses (n, samples, 3); samples after the end of a recording (NaN) do not exist."""
-    n = len(poses)
-    table = pd.DataFrame({"trial": np.repeat(np.arange(n), len(times)), "t": np.tile(times, n)})
-    table[list(POSE)] = poses.reshape(-1, 3)
-    return table[np.isfinite(poses.reshape(-1, 3)).all(axis=1)].reset_index(drop=True)  # pyright: ignore[reportReturnType]
-
-
 def check_request(body: Body, release: Release, m: Mechanisms, positive: dict[str, float]) -> None:
     """Refuse what cannot be simulated; `positive` holds what must be above zero, by name.
 
     Raises:
         UserError: see `simulate_compliant_drops`.
     """
-    if body.mass is None:
-        raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
     for name, value in positive.items():
         if not 0 < value < np.inf:
             raise UserError(f"Simulated drops need a positive {name}; got {value}.")

@@ -57,6 +57,9 @@ class Mechanics:
         gravity: believed, m/s².
         n: drops.
         phase: (n,) phase in rad of the vibrating plate in each drop.
+
+    Raises:
+        UserError: the body has no mass.
     """
 
     def __init__(
@@ -68,12 +71,14 @@ class Mechanics:
         n: int,
         phase: np.ndarray,
     ) -> None:
+        if body.mass is None:
+            raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
         m = mechanisms
         self.hidden, self.contact, self.phase = m, contact, phase
         self.mass = body.mass
-        self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)  # pyright: ignore[reportOptionalOperand]
-        self.shell = body.mass * (1.0 - m.loose_mass)  # pyright: ignore[reportOptionalOperand]
-        self.stiffness = contact.stiffness(body.mass)  # pyright: ignore[reportArgumentType]
+        self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
+        self.shell = body.mass * (1.0 - m.loose_mass)
+        self.stiffness = contact.stiffness(body.mass)
         self.com = np.array([m.com_offset_x, m.com_offset_y])
         g = gravity + m.gravity_error
         self.gravity = g * np.array([np.sin(m.tilt), -np.cos(m.tilt)])

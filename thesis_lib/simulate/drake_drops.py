@@ -26,7 +26,7 @@ import pandas as pd
 from thesis_lib.datasets.header import Body, Header, Noise
 from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
 from thesis_lib.errors import UserError
-from thesis_lib.simulate.camera import reported, wobble
+from thesis_lib.simulate.camera import as_trajectories, reported, with_noise, wobble
 from thesis_lib.simulate.compliant import (
     LONGEST,
     MAX_CONTACTS,
@@ -34,7 +34,6 @@ from thesis_lib.simulate.compliant import (
     TRUTH,
     V_SLOW,
     CompliantDrops,
-    as_trajectories,
     check_request,
 )
 from thesis_lib.simulate.compliant_forces import Mechanics
@@ -45,9 +44,8 @@ if TYPE_CHECKING:
     from thesis_lib.simulate.drake_clock import Clock
 
 FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm unseen within it
-ACCURACY = (
-    1e-4  # relative, of Drake's error control; a tenth of it moves velocities after impact by 0.01 mm/s
-)
+# relative, of Drake's error control; a tenth of it moves velocities after impact by 0.01 mm/s
+ACCURACY = 1e-4
 LOOKS = 4  # in a contact time, at which Python looks whether the contact has ended
 WEAR_NODES = 5  # pads between which those of worn plates are interpolated
 
@@ -111,8 +109,7 @@ def simulate_drake_drops(
         shown = wobble(impacts, samples, n, m, body.radius_of_gyration)
         poses, late = poses + shown, late + shown[..., 2]
     poses = reported(poses, late, samples, m)
-    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    poses = poses + noise_rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
+    poses = with_noise(poses, noise, noise_rng)
     header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
     states = dict(zip((*POSE, "vx", "vy", "omega"), [*pose.T, *velocity.T]))
     count = np.bincount(impacts["trial"], minlength=n)
@@ -245,7 +242,7 @@ class _Drops:
             return np.r_[q[:2] - c, q[2]], np.r_[v[:2] - v[2] * np.array([-c[1], c[0]]), v[2]]
 
         pose, pre = body(q0, v0)
-        c = p1 - p0 - mech.mass * mech.gravity * (t1 - t0)  # pyright: ignore[reportOptionalOperand]
+        c = p1 - p0 - mech.mass * mech.gravity * (t1 - t0)
         self._rows.append(
             {"trial": trial, "impact": impact, "t": t0, "duration": t1 - t0, "separated": separated}
             | dict(zip((*POSE, *V_PRE, *V_POST), np.r_[pose, pre, body(q1, v1)[1]]))

@@ -57,9 +57,8 @@ from thesis_lib.simulate.compliant_forces import rounded_centres
 from thesis_lib.simulate.mechanisms import CompliantContact, Mechanisms
 from thesis_lib.simulate.viscoelastic_pad import Pad, design
 
-STICTION = (
-    2e-3  # m/s; slip below which friction is not full: a tenth of what the rig resolves of one velocity
-)
+# m/s; slip below which friction is not full: a tenth of what the rig resolves of one velocity
+STICTION = 2e-3
 SHARP = 1e-6  # m; radius of the sphere that stands for a sharp corner
 HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
 SKID_SHARE = 0.03  # of the body's mass; lighter ones need more time steps and change little

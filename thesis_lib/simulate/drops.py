@@ -34,11 +34,13 @@ from enum import IntEnum
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.shapes import Ellipse, Shape
+from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.header import Body, Header, Noise
 from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
 from thesis_lib.errors import UserError
+from thesis_lib.simulate.camera import as_trajectories, with_noise
 from thesis_lib.simulate.lcp import ContactImpulse, LcpStatus, impact
+from thesis_lib.simulate.mechanisms import ELLIPSE_BODY as ELLIPSE_BODY
 from thesis_lib.simulate.plant import PlanarPlant, planar_body
 from thesis_lib.simulate.release import Release
 
@@ -47,11 +49,6 @@ GAP_TOL = 1e-13  # m; accepted |φ_n| at contact: the rounding of a pose of abou
 V_LEAVING = 1e-9  # m/s; a body on the surface that is faster than this upwards is leaving it
 MAX_IMPACTS = 20  # in one step, of one drop
 MAX_NEWTON = 80  # bisection alone needs 50
-
-# the chapter's ellipse; k² as in the authors' code, m (a² + b²) / 5, not that of a uniform plate
-ELLIPSE_BODY = Body(
-    shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=math.sqrt(3.7e-4)
-)
 
 IMPACT_TRUTH = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", "c_n")
 IMPACT_TRUTH += ("energy_change", "residual", "status")
@@ -123,19 +120,18 @@ def simulate_drops(
     simulation = _Simulation(body, q, v, np.broadcast_to(mu, n), np.broadcast_to(epsilon, n), gravity)
 
     substeps = math.ceil(1.0 / (rate * dt) - 1e-9)
-    samples = int(duration * rate + 1e-9) + 1
-    poses = np.empty((n, samples, 3))
+    times = np.arange(int(duration * rate + 1e-9) + 1) / rate
+    poses = np.empty((n, len(times), 3))
     poses[:, 0] = q
-    for k in range(1, samples):
+    for k in range(1, len(times)):
         for i in range(substeps):
             simulation.step(((k - 1) + i / substeps) / rate, 1.0 / (rate * substeps))
         poses[:, k] = np.where(simulation.alive[:, None], simulation.q, np.nan)
 
-    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    poses += noise_rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
+    poses = with_noise(poses, noise, noise_rng)
     text = f"{n} simulated drops (Anitescu-Potra LCP with Newton restitution)"
     header = Header(schema=1, description=text, body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
-    return Drops(header, _trajectories(poses, rate), simulation.impacts(), simulation.trials(q, v))
+    return Drops(header, as_trajectories(poses, times), simulation.impacts(), simulation.trials(q, v))
 
 
 class _Simulation:
@@ -274,15 +270,6 @@ class _Simulation:
         count = np.bincount(self.impacts()["trial"], minlength=len(q))
         table = {"trial": np.arange(len(q))} | dict(zip((*POSE, "vx", "vy", "omega"), [*q.T, *v.T]))
         return pd.DataFrame(table | {"impacts": count, "t_support": self.t_support, "status": self.status})
-
-
-def _trajectories(poses: np.ndarray, rate: float) -> pd.DataFrame:
-    """Long table of poses (n, samples, 3); samples after a failure (NaN) do not exist."""
-    n, samples, _ = poses.shape
-    times = np.arange(samples) / rate
-    table = pd.DataFrame({"trial": np.repeat(np.arange(n), samples), "t": np.tile(times, n)})
-    table[list(POSE)] = poses.reshape(-1, 3)
-    return table[table["x"].notna()].reset_index(drop=True)
 
 
 def _check(body: Body, release: Release, mu: np.ndarray, epsilon: np.ndarray, positive: dict) -> None:

@@ -26,8 +26,14 @@ from thesis_lib.errors import UserError
 from thesis_lib.randomness import generator
 from thesis_lib.simulate.camera import reported
 from thesis_lib.simulate.compliant import CompliantDrops, simulate_compliant_drops
-from thesis_lib.simulate.drops import ELLIPSE_BODY
-from thesis_lib.simulate.mechanisms import CAUSES, PROOF_RELEASE, RIG_NOISE, SQUARE, Mechanisms
+from thesis_lib.simulate.mechanisms import (
+    CAUSES,
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    Mechanisms,
+)
 
 NOTHING = "nothing"
 NEW_IMPACTS = "new_impacts.csv"
@@ -142,7 +148,7 @@ def _mechanisms(hidden: str, size: float | None) -> Mechanisms:
         return Mechanisms(mirrored=True)
     value = CAUSES[hidden].size if size is None else size
     try:
-        return Mechanisms(**{hidden: value})  # pyright: ignore[reportArgumentType]
+        return Mechanisms.model_validate({hidden: value})
     except ValidationError as error:
         raise UserError(
             f"A size of {value:g} is not possible for {hidden} "

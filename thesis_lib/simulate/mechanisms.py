@@ -25,7 +25,7 @@ from typing import Any
 
 from pydantic import Field
 
-from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.datasets.header import Body, Noise
 from thesis_lib.settings import Section
 from thesis_lib.simulate.release import Release, Spread
@@ -177,6 +177,10 @@ PROOF_RELEASE = Release(
     omega=Spread(low=-15.0, high=15.0),
 )
 RIG_NOISE = Noise(position=3e-4, angle=3e-3)  # m, rad: a good motion capture system at 250 Hz
+# ellipse of chapter 3; k² as in the authors' code, m (a² + b²) / 5, not that of a uniform plate
+ELLIPSE_BODY = Body(
+    shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=math.sqrt(3.7e-4)
+)
 # where corners matter; elsewhere the chapter's ellipse
 SQUARE = Body(
     shape=Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))),

@@ -2,9 +2,9 @@
 
 from pydantic import Field
 
-from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.datasets.header import Body, Noise
 from thesis_lib.settings import Section
+from thesis_lib.simulate.mechanisms import ELLIPSE_BODY
 from thesis_lib.simulate.release import Release
 
 
@@ -13,7 +13,7 @@ class SimulatedDrops(Section):
 
     n: int = Field(2000, ge=1, description="drops, as many as the thesis measured")
     body: Body = Field(
-        Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=0.019235384061671346),
+        ELLIPSE_BODY,
         description="ellipse of chapter 3; k² = 3.7e-4 m² as in the authors' code",
     )
     mu: float = Field(0.1, ge=0, description="own choice, near table 3.1")

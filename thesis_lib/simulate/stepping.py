@@ -26,7 +26,7 @@ are constant go many steps at a time.
 | h        | `h`          | s      |         | time step                                         |
 | f_ext    | `f_ext`      | N, N m | (m, nv) | known external force; neither gravity nor contact |
 | c_n, c_t | `c_n`, `c_t` | N      | (m, p)  | contact forces, impulse over h                    |
-| v_reb    | `v_rebound`  | m/s    |         | slowest rebound that happens                      |
+| v_reb    | `V_REBOUND`  | m/s    |         | slowest rebound that happens                      |
 | v_rec    | `V_RECOVER`  | m/s    |         | fastest recovery of a penetration                 |
 
 Sources: D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39 (1996); M. Anitescu, F. A. Potra, Nonlinear
@@ -48,9 +48,8 @@ V_REBOUND = 0.05
 # m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
 V_RECOVER = 0.1
 MAX_START_DEPTH = 1e-6  # m; rounding of a pose that is meant to touch
-MAX_FLIGHT = (
-    256  # steps looked ahead in flight at once: beyond that most of the work is thrown away at a contact
-)
+# steps looked ahead in flight at once: beyond that most of the work is thrown away at a contact
+MAX_FLIGHT = 256
 
 Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
@@ -117,7 +116,6 @@ def step_lcp(
     h: float,
     mu: np.ndarray | float,
     epsilon: np.ndarray | float,
-    v_rebound: float = V_REBOUND,
 ) -> tuple[np.ndarray, np.ndarray, StepSolution]:
     """One step from state (q, v) under f_ext (nv,).
 
@@ -127,7 +125,6 @@ def step_lcp(
         f_ext: (nv,) external force in N, N m.
         h: s.
         mu, epsilon: friction and restitution coefficients, scalars or (p,).
-        v_rebound: m/s, rebounds up to this speed do not happen.
 
     Returns:
         q and v (nv,) after the step, NaN where it has no solution, and the contact impulses c_n, c_t (p,) in N s with
@@ -137,7 +134,7 @@ def step_lcp(
     M_inv = np.linalg.inv(mechanism.mass_matrix(q))
     v_free = v + h * (M_inv @ (mechanism.gravity(q) + f_ext - mechanism.bias(q, v)))
     mu, epsilon = np.broadcast_to(mu, p), np.broadcast_to(epsilon, p)
-    out = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)
+    out = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, V_REBOUND, V_RECOVER)
     return q + h * out.v, out.v, out
 
 
@@ -152,7 +149,6 @@ def simulate(
     epsilon: np.ndarray | float,
     *,
     hidden: Force | None = None,
-    v_rebound: float = V_REBOUND,
 ) -> Record:
     """Simulate `steps` steps from (q0, v0).
 
@@ -165,7 +161,6 @@ def simulate(
         steps: their number m, at least 1.
         mu, epsilon: friction and restitution coefficients, scalars or (p,).
         hidden: force as a function of (t, q, v) that acts but does not appear in the record's f_ext.
-        v_rebound: m/s, rebounds up to this speed do not happen.
 
     Raises:
         UserError: a shape, a coefficient or the time step is wrong, or the start is not finite or deep in the surface.
@@ -189,7 +184,7 @@ def simulate(
     out.q[0], out.v[0] = q0, v0
     coefficients = np.broadcast_to(np.asarray(mu, float), p), np.broadcast_to(np.asarray(epsilon, float), p)
     force = torque if callable(torque) else None
-    reached = _run(mechanism, out, force, hidden, *coefficients, v_rebound)
+    reached = _run(mechanism, out, force, hidden, *coefficients)
     if reached:
         contacts = mechanism.contacts_of(out.q[:reached])
         out.phi[:reached], out.J_n[:reached], out.J_t[:reached] = contacts.phi, contacts.J_n, contacts.J_t
@@ -203,20 +198,20 @@ def _run(
     hidden: Force | None,
     mu: np.ndarray,
     epsilon: np.ndarray,
-    v_rebound: float,
 ) -> int:
     """Fill the record step by step; returns the number of steps from whose start a state is known."""
     h, steps = out.h, out.steps
     constant = mechanism.constant
-    M_inv = np.linalg.inv(mechanism.mass_matrix(out.q[0])) if constant else None
-    # M⁻¹ (g + f_ext), known in advance where neither depends on the state
-    known = constant and force is None and hidden is None
-    acceleration = (mechanism.gravity(out.q[0]) + out.f_ext) @ M_inv.T if known else None  # pyright: ignore[reportOptionalMemberAccess]
+    M_inv = np.linalg.inv(mechanism.mass_matrix(out.q[0]))
+    acceleration = None
+    if constant and force is None and hidden is None:
+        # M⁻¹ (g + f_ext), known in advance as neither depends on the state
+        acceleration = (mechanism.gravity(out.q[0]) + out.f_ext) @ M_inv.T
     k, ahead = 0, 8
     q, v = out.q[0], out.v[0]
     while k < steps:
-        if known:
-            v_free = v + h * acceleration[k]  # pyright: ignore[reportOptionalSubscript]
+        if acceleration is not None:
+            v_free = v + h * acceleration[k]
         else:
             if force is not None:
                 out.f_ext[k] = force(k * h, q, v)
@@ -227,7 +222,7 @@ def _run(
                 total = total - mechanism.bias(q, v)
                 M_inv = np.linalg.inv(mechanism.mass_matrix(q))
             v_free = v + h * (M_inv @ total)
-        step = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, v_rebound, V_RECOVER)  # pyright: ignore[reportArgumentType]
+        step = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, V_REBOUND, V_RECOVER)
         q, v = q + h * step.v, step.v
         out.q[k + 1], out.v[k + 1] = q, v
         k += 1
@@ -243,8 +238,8 @@ def _run(
                 )
                 return k
             ahead = 8
-        elif known and k < steps:
-            n = _fly(mechanism, out, acceleration, k, ahead)  # pyright: ignore[reportArgumentType]
+        elif acceleration is not None and k < steps:
+            n = _fly(mechanism, out, acceleration, k, ahead)
             k, ahead = k + n, min(2 * ahead, MAX_FLIGHT)
             q, v = out.q[k], out.v[k]
     return k

@@ -28,9 +28,8 @@ import numpy as np
 from thesis_lib.errors import UserError
 
 LAYER_SHARE = 0.15  # p/m: lighter changes nothing but the time steps that the dampers need
-SPREAD = (
-    0.4  # effective mass over m of a square at its worst; asked for of every body: it keeps the dampers small
-)
+# effective mass over m of a square at its worst; asked for of every body: it keeps the dampers small
+SPREAD = 0.4
 ELASTIC = 0.998  # from here on there is no pad: its springs would be a thousand times the contact's
 SOFTEST = 0.25  # ε below it would need a pad that is mostly damper
 MASSES = 5  # effective masses at which ε is asked for

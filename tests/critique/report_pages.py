@@ -1,0 +1,116 @@
+"""A made-up diagnosis, the page that reports it, and what a browser would read of that page."""
+
+import re
+from html.parser import HTMLParser
+
+from thesis_lib.critique.report import report_html
+
+VOID = {"meta", "br", "hr", "img", "link", "wbr"}
+DIAGNOSIS = {
+    "schema": 1,
+    "dataset": "my_drops",
+    "n_impacts": 412,
+    "n_trials": 300,
+    "verdict": "effects",
+    "summary": ["AP Newton lacks tangential restitution.", "Use model.json."],
+    "base_model": {
+        "name": "anitescu_potra_newton",
+        "parameters": {
+            "mu": {"value": 0.15, "std": 0.004, "unit": "1"},
+            "epsilon": {"value": 0.6, "std": 0.004, "unit": "1"},
+        },
+    },
+    "augmented_model": {
+        "name": "anitescu_potra_newton",
+        "parameters": {
+            "mu": {"value": 0.15, "std": 0.004, "unit": "1"},
+            "epsilon": {"value": 0.6, "std": 0.004, "unit": "1"},
+        },
+    },
+    "effects": [
+        {
+            "name": "tangential_restitution",
+            "family": "contact_law",
+            "parameters": {"e_t": {"value": 0.41, "std": 0.02, "unit": "1"}},
+            "gain": {"held_out_log_score_per_impact": 1.83, "interval": [1.6, 2.1], "p_value": 0.001},
+            "indistinguishable_from": ["tangential_compliance"],
+            "clears": True,
+            "material_in": ["impact"],
+        }
+    ],
+    "error": {
+        **{"unit": "m/s", "base": 0.31, "augmented": 0.052, "irb_bound": 0.04, "noise_floor": 0.048},
+        "irb_bound_augmented": 0.04,
+        "explained_share": 0.985,
+        "worst": [],
+        "flight": {"unit": "sigma", "base": 3.1, "augmented": 1.02, "noise_floor": 1.0},
+    },
+    "remaining": {"structured": False, "channels": [], "p_value": 0.4, "depends_on": []},
+    "not_testable": [{"name": "linear_drag", "why": "no trajectories"}],
+    "left_out": {"share": 0.25, "reasons": {"second_hit": 100, "not_ballistic": 37}},
+    "detectable": [
+        {
+            "name": "tangential_restitution",
+            **{"smallest": {"e_t": 0.03}, "significant": {"e_t": 0.03}, "material": {"e_t": 0.01}},
+            "drops_for_half": 1200,
+        },
+        {
+            "name": "adhesion",
+            **{"smallest": {"v_s": 0.02}, "significant": {"v_s": 0.002}, "material": {"v_s": 0.02}},
+            "drops_for_half": None,
+        },
+    ],
+    "next_experiment": {
+        "why": "These two differ most when the body spins fast.",
+        "states": [{"vx": 0.4, "vy": -1.2, "omega": 8.0, "theta": 0.3}],
+    },
+}
+FAULT = {
+    "name": "mirrored_rotation",
+    "family": "measurement",
+    "parameters": {"mirrored": {"value": 1.0, "std": 0.0, "unit": "1"}},
+    "gain": {"held_out_log_score_per_impact": 4.2, "interval": [4.0, 4.5], "p_value": 0.001},
+    "indistinguishable_from": [],
+    "clears": True,
+    "material_in": ["impact"],
+}
+
+
+class Page(HTMLParser):
+    """Text, tags and headings; fails on tags that are not closed in order."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.pieces, self.headings = [], [], [], []
+        self.feed(html)
+        self.close()
+        assert self.open == []
+        self.text = " ".join("".join(self.pieces).split())
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"style", "script"} & set(self.open):
+            self.pieces.append(data)
+
+    def all(self, tag):
+        return [attrs for name, attrs in self.tags if name == tag]
+
+
+def page_of(made, diagnosis, **changes):
+    critique, regions, found, drawn = made
+    return report_html(
+        critique, diagnosis, changes.get("where", regions), found, changes.get("pictures", drawn)
+    )
+
+
+def scripts(html):
+    return re.findall(r"<script([^>]*)>(.*?)</script>", html, re.S)

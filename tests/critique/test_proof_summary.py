@@ -1,0 +1,212 @@
+"""Results of the proof held against the targets, and those that miss by name."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from stored_proof import OUTSIDE, error, figure_of, many, parameter, put, refuse
+
+from thesis_lib.critique.proof import NOTHING, Case, truths
+from thesis_lib.critique.proof_results import kind_of, wilson
+from thesis_lib.critique.proof_summary import TARGETS, median_interval, report, summary, tables
+from thesis_lib.critique.proof_table import confusion, misses
+
+LAWS_RIGHT, MECHANISMS_RIGHT, SMALL, ADEQUATE, PAIRS, UNEXPLAINED, COVERAGE, MISFIT = (
+    target.figure for target in TARGETS
+)
+
+
+class TestSummary:
+    def test_without_results_every_figure_is_not_run(self, tmp_path):
+        table = summary(tmp_path)
+        assert set(table["met"]) == {"not run"} and (table["n"] == 0).all() and table["measured"].isna().all()
+        assert list(dict.fromkeys(table["figure"])) == [target.figure for target in TARGETS]
+        assert len(TARGETS) == 8
+
+    def test_targets_are_those_that_were_set(self, tmp_path):
+        said = summary(tmp_path).drop_duplicates("figure")[["at_least", "aim"]].to_numpy().tolist()
+        assert said == [
+            ["95 %", "99 %"],
+            ["85 %", "95 %"],
+            ["70 %", "90 %"],
+            ["95 %", "99 %"],
+            ["80 %", "95 %"],
+            ["80 %", "95 %"],
+            ["90 %", "94-96 %"],
+            ["≤ 1.2", "≤ 1.05"],
+        ]
+
+    @pytest.mark.parametrize(
+        ("right", "met"), [(100, "aim"), (99, "aim"), (98, "at least"), (95, "at least"), (94, "missed")]
+    )
+    def test_a_share_meets_its_aim_its_least_or_neither(self, tmp_path, right, met):
+        many(tmp_path, "law", "wear", right, 100 - right)
+        row = figure_of(tmp_path, LAWS_RIGHT, "law")
+        assert (row["n"], row["measured"], row["met"]) == (100, right / 100, met)
+        assert (row["low"], row["high"]) == pytest.approx(wilson(right, 100))
+        assert row["group_size"] == 1.0
+
+    def test_mechanisms_are_pooled_and_each(self, tmp_path):
+        many(tmp_path, "mechanism", "tilt", 9, 1)
+        many(tmp_path, "drake", "tilt", 2, 8)
+        measured = {
+            s: figure_of(tmp_path, MECHANISMS_RIGHT, s) for s in ("mechanism + drake", "mechanism", "drake")
+        }
+        assert [row["measured"] for row in measured.values()] == pytest.approx([0.55, 0.9, 0.2])
+        assert [row["met"] for row in measured.values()] == ["missed", "at least", "missed"]
+        assert figure_of(tmp_path, LAWS_RIGHT, "law")["met"] == "not run"
+
+    def test_other_sizes_drops_and_noises_do_not_count(self, tmp_path):
+        for size in ({"ratio": 6.0}, {"ratio": 1.5}, {"noise": 5.0}, {"drops": 300}):
+            many(tmp_path, "mechanism", "tilt", 3, 0, **size)
+        assert set(summary(tmp_path)["met"]) == {"not run"}
+        many(tmp_path, "mechanism", "tilt", 3, 1, drops=50)
+        assert figure_of(tmp_path, SMALL, "mechanism")["measured"] == 0.75
+        assert figure_of(tmp_path, MECHANISMS_RIGHT, "mechanism")["met"] == "not run"
+        assert len(confusion(tmp_path)) == 5
+
+    def test_each_kind_has_its_own_figure(self, tmp_path):
+        put(tmp_path, Case("law", NOTHING, 1000), steps=[])
+        put(tmp_path, Case("mechanism", OUTSIDE, 1000), steps=[], verdict="unexplained")
+        put(tmp_path, Case("law", "wear+magnus", 1000), right=True, steps=[["wear"], ["magnus", "tilt"]])
+        table = summary(tmp_path)
+        run = table[table["n"] > 0]
+        assert run[["figure", "source"]].to_numpy().tolist() == [
+            [ADEQUATE, "law"],
+            [PAIRS, "all"],
+            [PAIRS, "law"],
+            [UNEXPLAINED, "mechanism + drake"],
+            [UNEXPLAINED, "mechanism"],
+        ]
+        assert (run["met"] == "aim").all()
+        assert figure_of(tmp_path, PAIRS, "law")["group_size"] == 1.5
+
+    def test_says_how_many_datasets_were_planned(self, tmp_path):
+        table = summary(tmp_path).set_index(["figure", "source"])["n_asked"]
+        singles = [name for name in truths("mechanism") if kind_of("mechanism", name) == "single"]
+        assert table[MECHANISMS_RIGHT, "mechanism"] == 10 * len(singles)
+        assert table[ADEQUATE, "law"] == 200 and table[SMALL, "mechanism"] == 24
+        assert table[PAIRS, "all"] == 100 and table[UNEXPLAINED, "mechanism + drake"] == 30
+
+    @pytest.mark.parametrize(
+        ("covered", "width", "met"),
+        [
+            (95, 1.1, "aim"),
+            (95, 1.31, "missed"),
+            (100, 1.1, "at least"),
+            (91, 1.1, "at least"),
+            (89, 1.1, "missed"),
+        ],
+    )
+    def test_coverage_counts_only_with_narrow_intervals(self, tmp_path, covered, width, met):
+        for i in range(100):
+            values = {"w": parameter(1.0 if i < covered else 3.0, width)}
+            put(tmp_path, Case("law", "wear", 1000 + i), right=True, parameters=values)
+        row = figure_of(tmp_path, COVERAGE, "law")
+        assert (row["measured"], row["n"], row["met"]) == (covered / 100, 100, met)
+        assert f"{width:.2f}" in row["note"]
+
+    @pytest.mark.parametrize(("after", "met"), [(1.04, "aim"), (1.1, "at least"), (1.3, "missed")])
+    def test_the_misfit_is_the_median_over_single_effects(self, tmp_path, after, met):
+        for i in range(9):
+            put(tmp_path, Case("law", "wear", 1000 + i), right=True, error=error(after=after if i else 0.9))
+        for i in range(3):
+            put(tmp_path, Case("law", "wrong_inertia", 1000 + i), error=error(after=4.0))
+        put(tmp_path, Case("law", NOTHING, 1000), steps=[], error=error(after=0.1))
+        row = figure_of(tmp_path, MISFIT, "law")
+        assert row["measured"] == pytest.approx(after) and row["met"] == met and row["n"] == 12
+        assert "worst wrong_inertia 4.00" in row["note"]
+        assert row["note"].startswith("75 % of" if after <= 1.2 else "8 % of")
+
+    def test_the_median_s_interval_covers_as_often_as_it_says(self):
+        rng = np.random.default_rng(4)
+        covered = 0
+        for _ in range(400):
+            low, high = median_interval(rng.exponential(size=41))
+            covered += low <= np.log(2.0) <= high
+        # exact coverage of these order statistics is 0.965; 400 draws know it to 0.01
+        assert 0.93 < covered / 400 < 0.99
+        assert median_interval(np.array([3.0, 1.0, 2.0])) == (1.0, 3.0)
+
+
+@pytest.fixture
+def mixed(tmp_path) -> Path:
+    """A store with a bit of everything."""
+    store = tmp_path / "store"
+    many(store, "law", "tangential_restitution", 3, 0)
+    many(store, "law", "wear", 2, 1, ratio=6.0)
+    many(store, "law", "wear", 3, 0, drops=50)
+    for i in range(3):
+        values = {"w": parameter(0.5 * i)}
+        put(
+            store,
+            Case("law", "wear", 1000 + i),
+            right=True,
+            steps=[["wear", "wrong_size"]],
+            parameters=values,
+        )
+    put(store, Case("law", "wear", 1003), steps=[["wrong_size"], ["magnus", "wear"]])
+    put(store, Case("law", NOTHING, 1000), steps=[])
+    put(store, Case("law", "wear+magnus", 1007), steps=[["wear"]])
+    put(store, Case("mechanism", OUTSIDE, 1001), steps=[["adhesion"]])
+    refuse(store, Case("drake", "tilt", 1002), "no impact was found")
+    return store
+
+
+class TestMisses:
+    def test_every_wrong_dataset_of_the_table_is_named(self, mixed):
+        table = misses(mixed).set_index(["source", "truth", "seed"])
+        assert set(table.index) == {
+            ("law", "wear", 1003),
+            ("law", "wear+magnus", 1007),
+            ("mechanism", OUTSIDE, 1001),
+            ("drake", "tilt", 1002),
+        }
+        assert table.loc[("law", "wear", 1003), "named"] == "wrong_size + magnus/wear"
+        assert table.loc[("drake", "tilt", 1002), "why"] == "no impact was found"
+
+    def test_none_where_all_is_right(self, tmp_path):
+        many(tmp_path, "law", "wear", 4, 0)
+        assert misses(tmp_path).empty
+
+
+class TestReport:
+    def test_is_readable_in_120_columns_and_holds_everything(self, mixed):
+        text = report(mixed)
+        assert max(map(len, text.splitlines())) <= 120
+        for part in ("not run", "missed", "law/wear 1003", "no impact was found", OUTSIDE, "wear+magnus"):
+            assert part in text
+        for target in TARGETS:
+            assert target.figure in text
+        # every cell of the confusion table has its line of numbers
+        assert len(re.findall(r"(?m)\d \[\d+, \d+\](?: |$)", text.split("Truth against verdict")[1])) == len(
+            confusion(mixed)
+        )
+
+    def test_long_lists_of_names_say_what_is_left_out(self, tmp_path):
+        from thesis_lib.effects import EFFECTS
+
+        for i, name in enumerate(EFFECTS):
+            put(tmp_path, Case("law", "wear", 1000 + i), steps=[[name]], right=name == "wear")
+        text = report(tmp_path)
+        assert max(map(len, text.splitlines())) <= 120 and re.search(r", and \d+ more", text)
+
+    def test_of_an_empty_store(self, tmp_path):
+        assert "not run" in report(tmp_path / "nowhere")
+
+    def test_writes_the_tables(self, mixed, tmp_path):
+        report(mixed, tmp_path / "csv")
+        assert sorted(path.name for path in (tmp_path / "csv").iterdir()) == [
+            "confusion.csv",
+            "misses.csv",
+            "summary.csv",
+        ]
+        for name, table in tables(mixed).items():
+            pd.testing.assert_frame_equal(
+                pd.read_csv(tmp_path / "csv" / f"{name}.csv", keep_default_na=False, na_values=[""])[
+                    ["source"]
+                ],
+                table[["source"]],
+            )

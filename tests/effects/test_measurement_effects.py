@@ -1,0 +1,79 @@
+"""Effects of the camera: what it makes of a true drop, and that it changes nothing of it."""
+
+import numpy as np
+import pytest
+from hand_cases import DISK, EXACT, RADIUS, on, one_state
+from stage_predictor import arrays, predict
+
+from thesis_lib.contact.space import residual_couple
+from thesis_lib.effects.effect import Rig, State
+
+
+def test_mirrored_rotation_twice_is_identity(quadrilateral) -> None:
+    rig, states = quadrilateral
+    effect, p = on("mirrored_rotation", mirrored=1.0)[0]
+    once = effect.to_true(states, p, rig)
+    np.testing.assert_array_equal(once.omega, -states.omega)
+    for name, values in arrays(effect.to_true(once, p, rig)).items():
+        np.testing.assert_array_equal(values, arrays(states)[name])
+
+
+def test_mirrored_rotation_looks_like_a_huge_couple() -> None:
+    # a disk: Δω has the wrong sign, so τ = −2 k² Δω_true = 2 r_y c_t with c = Δv
+    state = one_state(vx=1.0, vy=-2.0, omega=4.0)
+    made = predict(on("mirrored_rotation", mirrored=1.0), state, DISK)
+    dv = made.impact - [[1.0, -2.0, 4.0]]
+    couple = residual_couple(dv, np.array([[0.0, -RADIUS]]), mass=1.0, k_g=DISK.k_g)
+    np.testing.assert_allclose(couple, 2 * -RADIUS * made.impulse.c_t, rtol=1e-9)
+    assert abs(couple[0]) > 1e-3
+
+
+def true_drop(rig: Rig, states: State) -> np.ndarray:
+    return predict([], states, rig).impact
+
+
+@pytest.mark.parametrize(
+    "name, p",
+    [
+        ("length_scale", {"s_L": 0.03}),
+        ("angle_offset", {"d_theta": 0.05}),
+        ("time_lag", {"lag": 3e-3}),
+        ("mirrored_rotation", {"mirrored": 1.0}),
+        ("sensor_drift", {"d_x": 0.2}),
+    ],
+)
+def test_a_fault_of_the_camera_does_not_change_the_drop(name: str, p: dict, quadrilateral) -> None:
+    # a true drop seen through a faulty camera is predicted exactly by the model that knows the fault
+    rig, states = quadrilateral
+    effect, p = on(name, **p)[0]
+    after = states.moved(**dict(zip(("vx", "vy", "omega"), true_drop(rig, states).T)))
+    seen_before, seen_after = (effect.to_measured(state, p, rig) for state in (states, after))
+    made = predict([(effect, p)], seen_before, rig)
+    expected = np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1)
+    np.testing.assert_allclose(made.impact, expected, atol=1e-10)
+    np.testing.assert_allclose(made.touch, 0.0, atol=EXACT)  # `states` touch
+    jump = [np.asarray(getattr(seen_after, q) - getattr(seen_before, q)) for q in ("x", "y", "theta")]
+    np.testing.assert_allclose(made.meet, np.stack(jump, axis=-1), atol=EXACT)
+    assert np.abs(predict([], seen_before, rig).impact - expected).max() > 1e-2
+
+
+def test_time_lag_is_the_angle_of_an_earlier_instant() -> None:
+    effect, p = on("time_lag", lag=2e-3)[0]
+    seen = effect.to_measured(one_state(theta=0.5, omega=10.0), p, DISK)
+    np.testing.assert_allclose(seen.theta, 0.5 - 10.0 * 2e-3)
+
+
+def test_drift_is_the_integral_of_its_velocity() -> None:
+    effect, p = on("sensor_drift", d_x=0.1)[0]
+    seen = effect.to_measured(one_state(x=1.0, vx=2.0, t=0.5), p, DISK)
+    np.testing.assert_allclose([seen.x[0], seen.vx[0]], [1.05, 2.1])
+    unknown = effect.to_measured(one_state(x=1.0, vx=2.0, t=np.nan), p, DISK)
+    np.testing.assert_allclose([unknown.x[0], unknown.vx[0]], [1.0, 2.1])
+
+
+def test_length_scale_is_about_the_surface() -> None:
+    rig = Rig(DISK.shape, DISK.k_g, 9.81, 0.5)
+    effect, p = on("length_scale", s_L=0.1)[0]
+    seen = effect.to_measured(one_state(x=1.0, y=0.7, vx=2.0, vy=-3.0, omega=5.0), p, rig)
+    values = [seen.x[0], seen.y[0], seen.vx[0], seen.vy[0], seen.omega[0]]
+    np.testing.assert_allclose(values, [1.1, 0.72, 2.2, -3.3, 5.0])
