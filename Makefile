@@ -2,7 +2,7 @@
 #   make reproduce   environment, then the whole pipeline           (SCALE=quick|default|full, CORES=2)
 #   make test        environment, then the test suite               (TESTS="-m 'not slow'" for the fast part)
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce report test test-fuzz test-kill test-slurm bench check audit docs format clean
+.PHONY: help setup reproduce test test-fuzz test-kill test-slurm bench check audit docs format clean
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -38,9 +38,6 @@ $(STAMP): environment.txt
 
 reproduce: setup  ## run the main job: every table, figure and claim; an interrupted run goes on where it was
 	$(BIN)/python -m thesis_lib.pipeline --scale $(SCALE) --cores $(CORES)
-
-report: reproduce  ## as reproduce, then one page with all of it: results/report.html
-	$(BIN)/snakemake --cores $(CORES) $(CONFIG_$(SCALE)) --report results/report.html
 
 test: setup  ## run the tests (TESTS='-m "not slow"' for the fast ones)
 	$(BIN)/python -m pytest -n 2 $(TESTS)

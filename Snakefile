@@ -42,3 +42,4 @@ rule all:
         rules.claims.output,
         rules.findings.output,
         rules.provenance.output,
+        rules.run_report.output,

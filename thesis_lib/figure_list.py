@@ -31,6 +31,7 @@ examples:
 """
 WIDTH = 100
 LONGEST = 10_000  # bytes of a finding
+FOUND_HERE = "Found in this run: "
 FOUND = re.compile(r"\*\*Found in this run:\*\*\s+\.\. include:: results/(\S+)")
 
 
@@ -60,19 +61,8 @@ class ListedFigure:
         return textwrap.shorten(text[:1].upper() + text[1:], 90, placeholder=" …")
 
     def caption_text(self, dataset: str, results: Path | None = None) -> str:
-        """The caption as plain text, a paragraph a line, with what a run found if it is in `results`."""
-        import jinja2
-
-        class Unknown(jinja2.ChainableUndefined):
-            def __str__(self) -> str:
-                return "…"
-
-        source = self.caption.read_text(encoding="utf-8")
-        told = {"snakemake": {"wildcards": {"dataset": dataset}}}
-        text = jinja2.Environment(undefined=Unknown).from_string(source).render(told)
-        text = FOUND.sub(lambda include: _found(results, include[1]), text)
-        paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip()]
-        return "\n\n".join(re.sub(r"(\*\*?|``?)(\S(?:.*?\S)?)\1", r"\2", part) for part in paragraphs)
+        """`caption_text` of the figure for one of its datasets."""
+        return caption_text(self.caption, dataset, results)
 
 
 def listed_figures() -> list[ListedFigure]:
@@ -105,6 +95,22 @@ def listed_figures() -> list[ListedFigure]:
     return sorted(figures, key=_order)
 
 
+def caption_text(caption: Path, dataset: str, results: Path | None = None) -> str:
+    """A caption as plain text, a paragraph a line, with what a run found if it is in `results`."""
+    import jinja2
+
+    class Unknown(jinja2.ChainableUndefined):
+        def __str__(self) -> str:
+            return "…"
+
+    source = caption.read_text(encoding="utf-8")
+    told = {"snakemake": {"wildcards": {"dataset": dataset}}}
+    text = jinja2.Environment(undefined=Unknown).from_string(source).render(told)
+    text = FOUND.sub(lambda include: _found(results, include[1]), text)
+    paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip()]
+    return "\n\n".join(re.sub(r"(\*\*?|``?)(\S(?:.*?\S)?)\1", r"\2", part) for part in paragraphs)
+
+
 def _short(name: str) -> str:
     """figure_3_8 -> 3-8, figure_named_physics -> named_physics"""
     short = name.removeprefix("figure_")
@@ -124,7 +130,7 @@ def _found(results: Path | None, file: str) -> str:
     """The finding that a caption includes; nothing where no run has made it."""
     if results is None or not is_file(results / file):
         return ""
-    return f"Found in this run: {read_bytes(results / file, LONGEST).decode('utf-8', 'replace')}"
+    return f"{FOUND_HERE}{read_bytes(results / file, LONGEST).decode('utf-8', 'replace')}"
 
 
 def _order(figure: ListedFigure) -> tuple:

@@ -12,6 +12,9 @@ from thesis_lib.claims.ledger import Ledger
 from thesis_lib.claims.page import write_page
 from thesis_lib.critique.batch_index import row_of_failure, row_of_verdict, write_index
 from thesis_lib.critique.output import critique_folder
+from thesis_lib.figure_list import find_figure, listed_figures
+from thesis_lib.files import write_text
+from thesis_lib.run_report import run_report
 from thesis_lib.simulate.example import simulate_example
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
@@ -72,6 +75,19 @@ def visit(browser) -> Iterator[Callable[..., Opened]]:
         context.close()
 
 
+def run_page(folder: Path) -> str:
+    """The page of a run that made one figure of two datasets, a table and the critique of `folder`."""
+    findings = [folder / name for name in ("chapter3/drops/table_3_1.txt", "drops/verdict.txt")]
+    for path in (*findings, folder / "claims.txt", folder / "critique/proof/proof.txt"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("The error is 0.1 m/s.\n")
+    for name in ("drops", "planar_dice"):
+        (folder / "chapter3" / name).mkdir(exist_ok=True)
+        shutil.copy(folder / "drops/ladder.png", folder / "chapter3" / name / "figure_3_8.png")
+    (folder / "chapter3/drops/table_3_1.csv").write_text("law\nmirtich\n")
+    return run_report(folder, [find_figure("3-8", listed_figures())], findings, "quick")
+
+
 @pytest.fixture(scope="session")
 def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Critique of few drops with a hidden cause, index of a batch, claims ledger."""
@@ -86,7 +102,9 @@ def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     claims = [{**CLAIM, "id": f"table_3_1.{name}", **more} for name, more in variants.items()]
     ledger = Ledger.model_validate({"schema": 1, "claims": claims})
     write_page(evaluate(ledger, folder, {"dice": False}), folder / "claims.html")
+    write_text(run_page(folder), folder / "report.html")
     return {
+        "run": folder / "report.html",
         "critique": folder / "drops" / "report.html",
         "index": folder / "index.html",
         "claims": folder / "claims.html",

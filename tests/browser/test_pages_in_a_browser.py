@@ -9,8 +9,9 @@ from accessibility import SCRIPT
 from conftest import NARROW, WIDE
 
 pytestmark = pytest.mark.slow
-PAGES = ("critique", "index", "claims")
+PAGES = ("run", "critique", "index", "claims")
 PAPER = {  # px at 96 an inch, of A4 less the margins that page.css gives
+    "run": (688, 1017),
     "critique": (688, 1017),
     "index": (688, 1017),
     "claims": (1032, 702),

@@ -1,16 +1,36 @@
-"""Snakemake's report of a run, as `make report` writes it, in headless Chromium."""
+"""The page that the last run of the pipeline wrote, in headless Chromium."""
 
 from pathlib import Path
 
 import pytest
+from accessibility import SCRIPT
+from conftest import NARROW, WIDE
 
-pytestmark = pytest.mark.slow
-REPORT = Path(__file__).parents[2] / "results" / "report.html"
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (Path(__file__).parents[2] / "results/report.html").is_file(),
+        reason="there is no results/report.html: make reproduce",
+    ),
+]
+REPORT = Path(__file__).parents[2] / "results/report.html"
 
 
-@pytest.mark.skipif(not REPORT.is_file(), reason="there is no results/report.html: make report")
-def test_the_report_of_the_pipeline_opens_without_network(visit):
-    opened = visit(REPORT)
-    opened.page.get_by_text("Contact models in robotic manipulation").first.wait_for(timeout=30_000)
-    assert opened.complaints == []
-    assert not [url for url in opened.requests if not url.startswith(("file:", "data:", "blob:"))]
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_it_opens_without_network_and_fits(visit, width):
+    opened = visit(REPORT, width)
+    assert opened.complaints == [] and opened.requests == [REPORT.as_uri()]
+    assert opened.page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_every_picture_is_there_and_told_in_words(visit):
+    page = visit(REPORT).page
+    assert page.evaluate(SCRIPT) == []
+    pictures = page.evaluate("[...document.images].map((i) => [i.naturalWidth, i.alt.length])")
+    assert len(pictures) > 20 and all(width > 0 and words > 20 for width, words in pictures)
+
+
+def test_links_lead_to_files_of_the_run(visit):
+    links = visit(REPORT).page.evaluate("[...document.links].map((a) => a.getAttribute('href'))")
+    files = [link for link in links if not link.startswith("#")]
+    assert len(files) > 40 and [file for file in files if not (REPORT.parent / file).is_file()] == []

@@ -1,4 +1,4 @@
-# The claims ledger, and what made the results.
+# The claims ledger, what made the results, and one page of them.
 CLAIM_TABLES = [*CH2_CLAIMED, *CH4_CLAIMED, *CH5_CLAIMED] + [
     f"results/chapter3/{dataset}/{table}.csv"
     for dataset in CH3_DATASETS
@@ -97,3 +97,29 @@ rule provenance:
         "Recording versions, seed, commit and checksums of the data"
     script:
         "../scripts/provenance.py"
+
+
+rule run_report:
+    input:
+        rules.claims.output,
+        rules.provenance.output,
+        findings=[*CH2_FOUND, *CH3_FOUND, *CH4_FOUND, *CH5_FOUND, *CRITIQUE_FOUND, *OTHER_FOUND],
+        captions=sorted(Path(f"{workflow.basedir}/workflow/report").glob("*.rst")),
+        figures="config/figures.yaml",
+    output:
+        "results/report.html",
+    log:
+        "results/logs/run_report.log",
+    benchmark:
+        "results/logs/benchmarks/run_report.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("run_report"),
+    params:
+        scale=CONFIG.scale,
+        lib=code_of("run_report"),
+    message:
+        "Gathering figures, captions and findings on one page"
+    script:
+        "../scripts/run_report.py"

@@ -1,0 +1,74 @@
+"""The page of a run: which figures it has, in which order, and what is said of them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import image
+
+from thesis_lib.errors import CorruptFileError
+from thesis_lib.figure_list import ListedFigure, listed_figures
+from thesis_lib.run_report import run_report
+
+ROOT = Path(__file__).resolve().parent.parent
+FOUND = "The error is 0.1 m/s & more."
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch) -> Path:
+    """A run with figure 3-8 of two datasets, 3-1, table 3.1 and one critique."""
+    monkeypatch.chdir(ROOT)
+    texts = ["claims.txt", "critique/proof/proof.txt", "critique/drops/verdict.txt"]
+    texts += [f"chapter3/{name}" for name in ("drops/figure_3_8.txt", "drops/table_3_1.txt")]
+    pictures = [f"chapter3/{name}/figure_3_8.png" for name in ("drops", "planar_dice")]
+    for name in texts:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(f"{FOUND}\n")
+    for name in [*pictures, "chapter3/common/figure_3_1.png", "critique/drops/ladder.png"]:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        image.imsave(tmp_path / name, np.zeros((36, 72, 3)))
+    (tmp_path / "chapter3/drops/table_3_1.csv").write_text("law\nmirtich\n")
+    return tmp_path
+
+
+def written(results: Path, figures: list[ListedFigure] | None = None) -> str:
+    findings = sorted(path for path in results.rglob("*.txt") if path.parent != results)
+    return run_report(results, figures or listed_figures(), findings, "quick")
+
+
+def test_figures_are_grouped_by_dataset_and_what_was_not_made_is_left_out(results):
+    html = written(results)
+    assert re.findall(r'<figure id="([\w-]+)"', html) == [
+        "figure-3-1",
+        "figure-3-8-planar_dice",
+        "figure-3-8-drops",
+    ]
+    order = [
+        html.index(text)
+        for text in ("<h3>planar_dice: measured", 'figure-3-8-planar_dice"><img', "<h3>drops: sim")
+    ]
+    assert order == sorted(order) and "Chapter 2" not in html
+
+
+def test_what_was_found_stands_in_caption_and_alternative_text(results):
+    html = written(results)
+    drops = html[html.index('<figure id="figure-3-8-drops"') :]
+    alt = re.search(r'alt="([^"]+)"', drops)[1]
+    assert "0.1 m/s &amp; more" in alt and "<strong>Found in this run:</strong> The error" in drops
+    dice = html[
+        html.index('<figure id="figure-3-8-planar_dice"') : html.index('<figure id="figure-3-8-drops"')
+    ]
+    assert "Found in this run" not in dice
+    assert 'href="chapter3/drops/table_3_1.csv"' in html and 'href="critique/drops/report.html"' in html
+    assert 'width="38" height="19"' in drops  # 72 x 36 pixels at 180 an inch, on a page of 96
+
+
+def test_equal_runs_give_equal_pages(results):
+    assert written(results) == written(results)
+
+
+def test_a_spoilt_picture_is_named(results):
+    (results / "chapter3/drops/figure_3_8.png").write_bytes(b"GIF89a")
+    with pytest.raises(CorruptFileError, match=r"drops/figure_3_8.png is no picture; delete it"):
+        written(results)

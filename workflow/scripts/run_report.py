@@ -1,0 +1,16 @@
+"""One page with every figure of the run, what it shows, and what was found."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.figure_list import listed_figures
+from thesis_lib.files import write_text
+from thesis_lib.run_report import run_report
+
+findings = [Path(path) for path in snakemake.input.findings]
+write_text(
+    run_report(Path("results"), listed_figures(), findings, snakemake.params.scale), snakemake.output[0]
+)
