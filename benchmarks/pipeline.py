@@ -29,6 +29,7 @@ from tests.workflow.pipeline_copy import ROOT, copy_pipeline
 from thesis_lib.config import read_config
 
 CORES = 2
+RUNS = (("chapter3", "default"), ("all", "quick"))
 SMALL = "datasets_present"  # one short job, for --quick
 # Snakemake as its command runs it; at its end it writes what it used itself, and what its jobs used
 MEASURED = """
@@ -159,12 +160,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser(
         "pipeline", "CPU time of a target in a fresh copy, on two cores, against that of its jobs."
     )
-    parser.add_argument("target", nargs="?", default="chapter3", help="rule (chapter3)")
-    parser.add_argument("--scale", nargs="+", default=["default"], choices=["quick", "default", "full"])
+    parser.add_argument("target", nargs="?", help="rule (chapter3 at scale default, then all at scale quick)")
+    parser.add_argument(
+        "--scale", default="default", choices=["quick", "default", "full"], help="of the target"
+    )
     options = parser.parse_args(arguments)
+    runs = ((options.target, options.scale),) if options.target else RUNS
     results = Results("pipeline")
-    for scale in ["quick"] if options.quick else options.scale:
-        measure(SMALL if options.quick else options.target, scale, results)
+    for target, scale in ((SMALL, "quick"),) if options.quick else runs:
+        measure(target, scale, results)
     stored(results)
     results.write(options.out)
 

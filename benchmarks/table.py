@@ -43,7 +43,7 @@ SHORT = re.compile(
     r"|batch: (datasets|right|mean memory, dataset's process, last).*"
     r"|gaussian_processes: (.*CPU time|GPyTorch.*)"
     r"|growth: .*exponent, large n"
-    r"|pipeline: chapter3.*overhead"
+    r"|pipeline: (chapter3|all).*(overhead|least)"
 )
 
 
