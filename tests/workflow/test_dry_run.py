@@ -1,5 +1,6 @@
 """The DAG builds with and without measured data, and a wrong configuration is refused in words."""
 
+import inspect
 import re
 from pathlib import Path
 
@@ -130,3 +131,13 @@ def test_a_failing_job_leaves_its_error_in_its_log_and_no_output(checkout, snake
     assert done.returncode != 0
     assert "broken on purpose" in (checkout / "results/logs/datasets_present.log").read_text()
     assert not (checkout / "results/datasets/present.json").exists()
+
+
+def test_the_scheduler_sleeps_while_jobs_run(checkout, snakemake):
+    """A limit on submissions would wake it for every job that has ended; `JobRateLimiter` says so when it is made."""
+    from snakemake.scheduling.job_scheduler import JobRateLimiter
+
+    said = "Submitting maximum"
+    assert said in inspect.getsource(JobRateLimiter)
+    done = snakemake(checkout, "--cores", "1", "--verbose", "datasets_present")
+    assert done.returncode == 0 and "datasets_present" in done.stdout and said not in done.stdout
