@@ -21,6 +21,12 @@ include: "workflow/rules/chapter5.smk"
 include: "workflow/rules/claims.smk"
 
 
+# With a limit of submissions (100 jobs a second by default) Snakemake 9.27 wakes its scheduler once a second for every
+# job that has ended (its pull request 3744), and is soon as busy as a job.  Cores limit local jobs, `jobs:` the others.
+onstart:
+    workflow.scheduler.job_rate_limiter = None
+
+
 localrules:
     all,
     chapter2,

@@ -64,7 +64,7 @@ EDITS = [
         },
     ),
     ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique", "critique_proof"}, UNDRAWN),
-    ("effects/adhesion.py", CRITIQUE | {"ch4_named_figure"}, None),
+    ("effects/adhesion.py", CRITIQUE | {"ch4_named_figure", "findings"}, None),
     ("critique/fit.py", CRITIQUE, None),
     ("critique/report.py", {"critique"}, None),
     (

@@ -14,12 +14,6 @@ from thesis_lib.findings.finding import read_from
 from thesis_lib.provenance import lib_hash, value_sha256
 from thesis_lib.resources import read_measured, request
 
-# With a limit (100 jobs a second by default) Snakemake 9.27 wakes its scheduler once a second for every job that has
-# ended (its pull request 3744), and is soon as busy as a job.  Cores limit local jobs, `jobs:` of a profile the others.
-if workflow.scheduling_settings:  # --lint and --unlock schedule nothing
-    workflow.scheduling_settings.max_jobs_per_timespan = None
-
-
 try:
     CONFIG = parse_config(config)
 except UserError as error:
