@@ -62,6 +62,7 @@ def unreadable(folder: Path) -> list[str]:
         ".png": imread,
         ".pdf": lambda path: re.search(rb"\A%PDF(?s:.*)%%EOF\s*\Z", path.read_bytes())[0],
         ".html": lambda path: path.read_text(encoding="utf-8").rindex("</html>"),
+        ".txt": lambda path: path.read_text(encoding="utf-8").rindex(".\n"),  # a finding ends with a sentence
     }
     bad = []
     for name in results(folder):
@@ -281,7 +282,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))  # so that the disk is unmounted
     ways = [way for way in WAYS if way.name in (options.ways or [way.name])]
     done = study(options.kills, options.seed, options.targets, options.cores, ways)
-    print(f"\n{done.table()}\n\n{len(done.faults)} faults")
+    print(f"\n{done.table()}\n", *done.faults, f"{len(done.faults)} faults", sep="\n")
     return bool(done.faults)
 
 
