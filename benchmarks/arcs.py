@@ -20,12 +20,12 @@ import time
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.identify.arcs_ml import EstimateStatus, estimate_ratio
-from thesis_lib.identify.cramer_rao import TrueImpacts, ratio_bound
-from thesis_lib.identify.table_2_1 import make_drops
-from thesis_lib.simulate.chapter2 import DEFAULT
-from thesis_lib.simulate.mechanism import PlanarFreeBody
-from thesis_lib.simulate.noise_snr import NoisyStates, add_noise
+from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound
+from thesis_lib.identify.mass_ratio.estimate import EstimateStatus, estimate_ratio
+from thesis_lib.identify.mass_ratio.table_2_1 import make_drops
+from thesis_lib.simulate.chapter2.motions import DEFAULT
+from thesis_lib.simulate.chapter2.noise_snr import NoisyStates, add_noise
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 
 SHAPES = ("block", "ellipse")
 SIDE = 5  # samples whose velocities, without gravity, are averaged on either side of an impact

@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.critique.batch import criticise_folder, run_batch
-from thesis_lib.critique.isolated import MIB
+from thesis_lib.commands.batch import criticise_folder, run_batch
+from thesis_lib.foundation.isolated import MIB
 
 FIRST_SEED = 500  # a development seed of the proof
 BAD = ("unreadable", "never_falls", "killed", "greedy", "endless")
@@ -49,8 +49,8 @@ def work(path: str, folder: str, seed: int, effects: Sequence[str] | None) -> di
 
 def write_datasets(folder: Path, count: int, drops: int) -> tuple[list[Path], dict]:
     """Datasets, the bad ones spread among them, and the case of each good one by its name; present ones are kept."""
-    from thesis_lib.critique.proof import Case, make, truths
-    from thesis_lib.datasets.write import write_dataset
+    from thesis_lib.critique.proof.cases import Case, make, truths
+    from thesis_lib.datasets.format.write import write_dataset
 
     names = truths("mechanism")
     paths, cases = [], {}
@@ -123,7 +123,7 @@ def measure(folder: Path, count: int, drops: int, jobs: int, time_limit: float) 
 
 
 def _is_right(row: dict, cases: dict) -> bool:
-    from thesis_lib.critique.proof import is_right
+    from thesis_lib.critique.proof.cases import is_right
 
     case = cases.get(row["dataset"])
     if case is None or row["status"] == "failed":

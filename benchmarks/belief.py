@@ -16,16 +16,16 @@ import numpy as np
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.effects.effect import Rig
-from thesis_lib.residual.bases import LawBase
-from thesis_lib.residual.compliant_contact import CompliantContact, compliant_path
-from thesis_lib.residual.contact_map import ContactMap, Regime, contact_features
-from thesis_lib.residual.flight import first_touch, fly, thrown_body
-from thesis_lib.residual.gaussian_process import GaussianProcessSettings, fit_gaussian_process
-from thesis_lib.residual.learners import ImpulseLearner
-from thesis_lib.residual.propagation import LearnedImpact, ScatteredLaw
-from thesis_lib.residual.throw import LawImpact, ThrowSettings, simulate_throws
+from thesis_lib.residual.belief.compliant_contact import CompliantContact, compliant_path
+from thesis_lib.residual.belief.contact_map import ContactMap, Regime, contact_features
+from thesis_lib.residual.belief.flight import first_touch, fly, thrown_body
+from thesis_lib.residual.belief.propagation import LearnedImpact, ScatteredLaw
+from thesis_lib.residual.belief.throw import LawImpact, ThrowSettings, simulate_throws
+from thesis_lib.residual.learners.bases import LawBase
+from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.residual.learners.learners import ImpulseLearner
 
 TRAINED = 450
 ALONE = 40  # particles thrown one at a time

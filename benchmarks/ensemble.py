@@ -22,8 +22,8 @@ from benchmarks.impacts import add_impact_options, chosen_impacts
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.identify.cost import Target, misfit, target_of
-from thesis_lib.identify.ensemble import MU_MAX, fit_ensemble
+from thesis_lib.impact_study.cost import Target, misfit, target_of
+from thesis_lib.impact_study.ensemble import MU_MAX, fit_ensemble
 
 BOX = [(0.0, MU_MAX), (0.0, 1.0)]
 GRID = 31

@@ -23,8 +23,8 @@ from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses, simulated_imp
 from benchmarks.results import Results, benchmark_parser, exponent
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.identify.cost import target_of
-from thesis_lib.identify.ensemble import fit_ensemble
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.ensemble import fit_ensemble
 
 COMPARED = ("anitescu_potra_newton", "mirtich")
 LARGE = {"laws": 10_000, "comparison": 10_000, "critique": 50}  # from here on the exponent of large n
@@ -76,8 +76,8 @@ def comparison(n: int) -> Callable[[], object]:
 
 def critique(n: int) -> Callable[[], object]:
     """The critique of n drops with a displaced centre of mass."""
-    from thesis_lib.critique import criticise
-    from thesis_lib.critique.proof import Case, make
+    from thesis_lib.critique.drops import criticise
+    from thesis_lib.critique.proof.cases import Case, make
 
     dataset, _ = make(Case("law", "com_offset", 0, n))
     return lambda: criticise(dataset, rng=np.random.default_rng(0))

@@ -29,15 +29,15 @@ import numpy as np
 from benchmarks.baselines import Trained, gaussian_process, sindy
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique import criticise
-from thesis_lib.critique.criticise import Critique
-from thesis_lib.critique.fit import Fit
-from thesis_lib.critique.judge import MAD
-from thesis_lib.critique.model import flight_residuals, impact_residuals, states_at_impact
-from thesis_lib.critique.observations import Observations
-from thesis_lib.critique.proof import NOTHING, Case, is_right, make
-from thesis_lib.critique.settings import CritiqueSettings
-from thesis_lib.randomness import generator
+from thesis_lib.critique.drops import criticise
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.held_out import MAD
+from thesis_lib.critique.drops.model import flight_residuals, impact_residuals, states_at_impact
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.proof.cases import NOTHING, Case, is_right, make
+from thesis_lib.foundation.randomness import generator
 
 CAUSES = ("com_offset_x", "hunt_crossley", "friction_anisotropy", "linear_drag")
 FLIGHT = ("linear_drag",)  # judged in flight

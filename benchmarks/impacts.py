@@ -8,8 +8,8 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
-from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.errors import UserError
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.foundation.errors import UserError
 
 ROOT = Path(__file__).resolve().parent.parent
 SEARCH = (ROOT / "data/measured", ROOT.parent / "shared/data")
@@ -42,8 +42,8 @@ def simulated_impacts(rng: np.random.Generator, n: int) -> Impacts:
 
 def measured_impacts(folders: tuple[Path, ...]) -> Impacts | None:
     """The measured planar impacts, or None where they are not present."""
-    from thesis_lib.datasets.published import convert_published, find_measured
     from thesis_lib.datasets.read import read_dataset
+    from thesis_lib.datasets.sources.published import convert_published, find_measured
 
     folder = find_measured("planar_impact", folders)
     if folder is None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.files import write_table
+from thesis_lib.foundation.files import write_table
 
 COLUMNS = ["benchmark", "measure", "value", "unit", "note"]
 MAX_CALLS = 1_000_000  # in one round: an empty function would be called for ever

@@ -14,9 +14,9 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.simulate import chapter2
-from thesis_lib.simulate.mechanism import Mechanism
-from thesis_lib.simulate.stepping import Record, simulate
+from thesis_lib.simulate.chapter2 import motions as chapter2
+from thesis_lib.simulate.stepping.multibody import Mechanism
+from thesis_lib.simulate.stepping.stepping import Record, simulate
 
 KINDS = ("block", "ellipse", "disk", "rod", "wheel")
 SETTINGS = chapter2.DEFAULT
@@ -44,7 +44,7 @@ def in_contact(kind: str) -> tuple[Mechanism, np.ndarray, np.ndarray]:
 
 def measure(kind: str, steps: int, repeat: int) -> dict[str, float]:
     """Rates of one mechanism by each way that applies, in steps per second."""
-    from thesis_lib.simulate.sap import simulate_sap
+    from thesis_lib.simulate.drake.sap import simulate_sap
 
     h, rng = SETTINGS.h, np.random.default_rng(0)
     if kind == "arm_disk":

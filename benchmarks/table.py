@@ -20,9 +20,9 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.results import COLUMNS
-from thesis_lib.errors import UserError
-from thesis_lib.files import read_table, write_text
-from thesis_lib.provenance import processor
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_table, write_text
+from thesis_lib.foundation.provenance import processor
 
 FOLDER = Path(__file__).resolve().parent.parent / "results/benchmarks"
 BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"

@@ -11,7 +11,7 @@ SEARCH = (ROOT / "data" / "measured", ROOT.parent / "shared" / "data")
 
 def _measured_folder(name: str) -> Path:
     """Folder of a measured set, as published or converted; skips the test where there is none."""
-    from thesis_lib.datasets.published import find_measured
+    from thesis_lib.datasets.sources.published import find_measured
 
     folder = find_measured(name, SEARCH)
     if folder is None:
@@ -29,7 +29,7 @@ def raw_folder() -> Callable[[str], Path]:
     def find(name: str) -> Path:
         folder = _measured_folder(name)
         if (folder / "dataset.yaml").is_file():
-            from thesis_lib.datasets.published import find_source
+            from thesis_lib.datasets.sources.published import find_source
 
             folder = next(filter(None, (find_source(name, base) for base in SEARCH)), None)
             if folder is None:
@@ -40,7 +40,7 @@ def raw_folder() -> Callable[[str], Path]:
 
 
 def _converted(name: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from thesis_lib.datasets.published import convert_published
+    from thesis_lib.datasets.sources.published import convert_published
 
     folder = _measured_folder(name)
     if (folder / "dataset.yaml").is_file():

@@ -5,9 +5,9 @@ import re
 import pandas as pd
 import pytest
 
-from thesis_lib.columns import explain
-from thesis_lib.files import write_table
-from thesis_lib.tables import CHAPTERS, main
+from thesis_lib.commands.tables import CHAPTERS, main
+from thesis_lib.foundation.columns import explain
+from thesis_lib.foundation.files import write_table
 
 
 def test_values_and_meanings_are_printed(tmp_path, capsys):

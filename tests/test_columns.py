@@ -4,7 +4,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from thesis_lib.columns import MEANINGS, column_dictionary, explain, meanings, write_result
+from thesis_lib.foundation.columns import MEANINGS, explain, meanings
+from thesis_lib.foundation.files import column_dictionary, write_result
 
 
 def test_every_column_says_what_it_is():

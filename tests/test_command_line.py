@@ -15,10 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib import figure_list
 from thesis_lib.__main__ import COMMANDS, main
-from thesis_lib.command_line import Parser, TerminalStream, command
-from thesis_lib.progress import Progress
+from thesis_lib.foundation.command_line import Parser, TerminalStream, command
+from thesis_lib.foundation.progress import Progress
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = [name for group in COMMANDS.values() for name in group]
@@ -238,7 +237,7 @@ def test_progress_on_a_terminal_is_one_line_with_the_time_left(clock, monkeypatc
 
 
 def test_progress_in_a_log_is_a_line_now_and_then(monkeypatch, capsys):
-    monkeypatch.setattr("thesis_lib.progress.EVERY_LOG", 0.05)
+    monkeypatch.setattr("thesis_lib.foundation.progress.EVERY_LOG", 0.05)
     with Progress("drops") as say:
         say("fitting")
         assert capsys.readouterr().err == ""
@@ -262,8 +261,8 @@ def test_a_closed_pipe_is_silent():
 
 LONG = """
 import sys, time
-from thesis_lib.command_line import command
-from thesis_lib.progress import Progress
+from thesis_lib.foundation.command_line import command
+from thesis_lib.foundation.progress import Progress
 
 @command
 def main(argv=None):
@@ -290,20 +289,3 @@ def test_ctrl_c_on_a_terminal_is_one_line_and_130():
     os.close(ours)
     assert process.wait(60) == 130
     assert said.endswith(b"\r\x1b[Kinterrupted\r\n") and b"Traceback" not in said
-
-
-def test_modules_are_commands_too(capsys):
-    """`python -m thesis_lib.datasets` is `python -m thesis_lib datasets`; so are claims, tables and figures."""
-    from thesis_lib import tables
-    from thesis_lib.claims.__main__ import main as claims
-    from thesis_lib.datasets.__main__ import main as datasets
-
-    for name, alone in (
-        ("tables", tables.main),
-        ("claims", claims),
-        ("datasets", datasets),
-        ("figures", figure_list.main),
-    ):
-        with pytest.raises(SystemExit):
-            alone(["--help"])
-        assert capsys.readouterr().out == help_of([name], capsys)

@@ -8,7 +8,7 @@ import yaml
 
 from thesis_lib.config import SCHEMA, Config, parse_config, read_config, schema_text
 from thesis_lib.contact import LAWS
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 ROOT = Path(__file__).resolve().parent.parent
 DEFAULT = ROOT / "config" / "config.yaml"

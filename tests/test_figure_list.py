@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.__main__ import main
-from thesis_lib.errors import UserError
-from thesis_lib.figure_list import find_figure, listed_figures
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.report.figure_list import find_figure, listed_figures
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -8,22 +8,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.errors import CorruptFileError, UserError
-from thesis_lib.files import atomic, read_json, read_table, write_json, write_table, write_text
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.files import atomic, read_json, read_table, write_json, write_table, write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 # what writes a file -> allowed outside `with atomic(...)` in these modules, because
 WRITERS = {
-    "to_csv": {"thesis_lib/critique/command_model.py"},  # standard output
+    "to_csv": {"thesis_lib/commands/model.py"},  # standard output
     "to_parquet": set(),
-    "savefig": {"thesis_lib/critique/elements.py"},  # into memory, for the page
+    "savefig": {"thesis_lib/report/elements.py"},  # into memory, for the page
     "np.save": set(),
     "np.savez": set(),
     "np.savez_compressed": set(),
     "torch.save": set(),
     "json.dump": set(),
-    "write_text": {"thesis_lib/critique/isolated.py"},  # into /proc
-    "write_bytes": {"thesis_lib/datasets/fetch.py"},  # into a temporary folder
+    "write_text": {"thesis_lib/foundation/isolated.py"},  # into /proc
+    "write_bytes": {"thesis_lib/datasets/sources/fetch.py"},  # into a temporary folder
     "copyfile": set(),
     "copy2": set(),
 }

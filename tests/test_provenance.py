@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.provenance import (
+from thesis_lib.foundation.provenance import (
     code_sha256,
     environment,
     file_sha256,
@@ -112,6 +112,34 @@ def test_new_import_of_a_used_module_is_followed(root):
     assert changed_by(root, "thesis_lib/unused.py", "Y = 3\n") == {"plain"}
 
 
+def test_a_module_that_moves_changes_nothing(root):
+    (root / "thesis_lib/plain.py").write_text(
+        "from thesis_lib.deep import below\nfrom thesis_lib.late import W\n"
+    )
+    before = hashes(root)
+    (root / "thesis_lib/archive").mkdir()
+    (root / "thesis_lib/archive/__init__.py").write_text("")
+    (root / "thesis_lib/late.py").rename(root / "thesis_lib/archive/former.py")
+    (root / "late.py").write_text(FILES["late.py"].replace("thesis_lib.late", "thesis_lib.archive.former"))
+    (root / "thesis_lib/deep/below.py").rename(root / "thesis_lib/archive/under.py")
+    moved = "from thesis_lib.archive.former import W\nfrom thesis_lib.archive import under as below\n"
+    (root / "thesis_lib/plain.py").write_text(moved)
+    (root / "thesis_lib/contact/law.py").write_text(
+        FILES["thesis_lib/contact/law.py"].replace("deep import below", "archive import under as below")
+    )
+    assert hashes(root) == before
+
+
+def test_an_import_of_the_same_name_from_another_module_counts(root):
+    (root / "thesis_lib/unused.py").write_text("W = 5\n")
+    (root / "late.py").write_text(FILES["late.py"] + "import thesis_lib.unused\n")
+    before = hashes(root)
+    (root / "late.py").write_text(
+        (root / "late.py").read_text().replace("thesis_lib.late", "thesis_lib.unused")
+    )
+    assert {name for name in SCRIPTS if hashes(root)[name] != before[name]} == {"late"}
+
+
 def test_hash_does_not_depend_on_where_the_checkout_lies(root, tmp_path_factory):
     other = tmp_path_factory.mktemp("zz") / "elsewhere"
     root.rename(other)
@@ -186,7 +214,7 @@ class TestEnvironment:
         assert all(one["library"] and one["version"] and one["kernel"] for one in found["blas"])
 
     def test_the_kernel_is_the_one_in_use(self):
-        code = "from thesis_lib.provenance import _blas; print({one['kernel'] for one in _blas()})"
+        code = "from thesis_lib.foundation.provenance import _blas; print({one['kernel'] for one in _blas()})"
         done = subprocess.run(
             [sys.executable, "-c", code],
             env=os.environ | {"OPENBLAS_CORETYPE": "Nehalem"},

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.randomness import generator
 
 # First words of one stream, kept so that an edit of the derivation, which would change every result, is noticed.
 # NumPy promises never to change these (unlike the numbers drawn with them).

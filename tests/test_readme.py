@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from tests.docs.tutorial_runner import compare
-from thesis_lib.critique.saved_model import load_model, predict
+from thesis_lib.critique.results.saved_model import load_model, predict
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -53,7 +53,7 @@ def test_what_deviates_is_counted_as_said(statuses):
 
 
 def test_shares_of_the_proof_are_those_of_the_stored_results():
-    from thesis_lib.critique.proof_summary import summary
+    from thesis_lib.critique.proof.summary import summary
 
     table = summary().query("n > 0")
     said = re.findall(
@@ -179,7 +179,7 @@ def test_the_library_example_runs():
 
 @pytest.mark.parametrize("command", ["fetch", "init", "check", "example"])
 def test_dataset_commands_exist(command, capsys):
-    from thesis_lib.datasets.__main__ import main
+    from thesis_lib.commands.datasets import main
 
     assert f"thesis_lib datasets {command}" in README
     with pytest.raises(SystemExit) as stopped:

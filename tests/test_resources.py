@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.errors import CorruptFileError, UserError
+from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.resources import (
     MEASURED,
     Use,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from thesis_lib.errors import CorruptFileError
-from thesis_lib.figure_list import ListedFigure, listed_figures
-from thesis_lib.run_report import run_report
+from thesis_lib.foundation.errors import CorruptFileError
+from thesis_lib.report.figure_list import ListedFigure, listed_figures
+from thesis_lib.report.run import run_report
 
 ROOT = Path(__file__).resolve().parent.parent
 FOUND = "The error is 0.1 m/s & more."

@@ -4,21 +4,21 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from thesis_lib.command_line import command, near
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.command_line import command, near
+from thesis_lib.foundation.errors import UserError
 
 COMMANDS = {  # name -> module, function, what it does; in groups
     "your own drops": {
-        "datasets": ("datasets.__main__", "main", "make a dataset from a rig's logs, check it, fetch one"),
-        "critique": ("critique.command", "critique", "what the models miss in one dataset or in many"),
-        "predict": ("critique.command_model", "predict", "velocities after impact, by a criticised model"),
-        "simulate": ("critique.command_model", "simulate", "drops as such a model makes them"),
-        "effects": ("critique.command_text", "effects", "the physical effects that are looked for"),
+        "datasets": ("commands.datasets", "main", "make a dataset from a rig's logs, check it, fetch one"),
+        "critique": ("commands.critique", "critique", "what the models miss in one dataset or in many"),
+        "predict": ("commands.model", "predict", "velocities after impact, by a criticised model"),
+        "simulate": ("commands.model", "simulate", "drops as such a model makes them"),
+        "effects": ("commands.printed", "effects", "the physical effects that are looked for"),
     },
     "the thesis": {
-        "claims": ("claims.__main__", "main", "what the thesis states against what this program finds"),
-        "tables": ("tables", "main", "a chapter's tables with the meaning of their columns"),
-        "figures": ("figure_list", "main", "file, caption and command of every figure"),
+        "claims": ("commands.claims", "main", "what the thesis states against what this program finds"),
+        "tables": ("commands.tables", "main", "a chapter's tables with the meaning of their columns"),
+        "figures": ("report.figure_list", "main", "file, caption and command of every figure"),
     },
 }
 HELP = """\

@@ -12,23 +12,23 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from thesis_lib.critique.impact_settings import ImpactForces, MeasuredRatio
-from thesis_lib.critique.mechanism_settings import HiddenStudy
-from thesis_lib.critique.settings import CritiqueRun, Name
-from thesis_lib.datasets.samples import ArcSettings
-from thesis_lib.errors import UserError
-from thesis_lib.identify.arm_settings import ArmStudy
-from thesis_lib.identify.chapter2_settings import Programs, Table21, WheelStudy
-from thesis_lib.identify.settings import Chapter3
-from thesis_lib.jenga.study_settings import Chapter5
-from thesis_lib.regular_file import MissingFile
-from thesis_lib.residual.dice_settings import DiceStudySettings
-from thesis_lib.residual.settings import LearningStudySettings
-from thesis_lib.settings import Section
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
-from thesis_lib.simulate.chapter2_scenes import SceneSettings
-from thesis_lib.simulate.settings import SimulatedDrops
-from thesis_lib.yaml_file import read_yaml
+from thesis_lib.critique.drops.settings import CritiqueRun, Name
+from thesis_lib.critique.mechanisms.settings import HiddenStudy
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import MissingFile
+from thesis_lib.foundation.settings import Section
+from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.identify.arm.settings import ArmStudy
+from thesis_lib.identify.impacts.settings import ImpactForces, MeasuredRatio
+from thesis_lib.identify.settings import Programs, Table21, WheelStudy
+from thesis_lib.impact_study.settings import Chapter3
+from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.residual.belief.settings import DiceStudySettings
+from thesis_lib.residual.learners.settings import LearningStudySettings
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.chapter2.scenes import SceneSettings
+from thesis_lib.simulate.rig.settings import SimulatedDrops
 
 SCHEMA = Path("config/schema.json")
 SHOWN = 100  # mistakes spelled out
@@ -142,7 +142,7 @@ def schema_text() -> str:
 
 
 if __name__ == "__main__":
-    from thesis_lib.files import write_text
+    from thesis_lib.foundation.files import write_text
 
     write_text(schema_text(), SCHEMA)
     print(f"wrote {SCHEMA}", file=sys.stderr)

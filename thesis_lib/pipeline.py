@@ -21,7 +21,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 STATE = Path(".snakemake")
 WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import yaml
 
-from thesis_lib.errors import CorruptFileError, UserError
-from thesis_lib.files import write_text
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.files import write_text
 
 MEASURED = Path("config/resources.yaml")
 BENCHMARKS = Path("logs/benchmarks")  # below the results

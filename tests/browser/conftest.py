@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from thesis_lib.claims.evaluate import evaluate
-from thesis_lib.claims.ledger import Ledger
-from thesis_lib.claims.page import write_page
-from thesis_lib.critique.batch_index import row_of_failure, row_of_verdict, write_index
-from thesis_lib.critique.output import critique_folder
-from thesis_lib.figure_list import find_figure, listed_figures
-from thesis_lib.files import write_text
-from thesis_lib.run_report import run_report
-from thesis_lib.simulate.example import simulate_example
+from thesis_lib.foundation.files import write_text
+from thesis_lib.ledger.evaluate import evaluate
+from thesis_lib.ledger.format import Ledger
+from thesis_lib.ledger.page import write_page
+from thesis_lib.report.batch_index import row_of_failure, row_of_verdict, write_index
+from thesis_lib.report.critique.folder import critique_folder
+from thesis_lib.report.figure_list import find_figure, listed_figures
+from thesis_lib.report.run import run_report
+from thesis_lib.simulate.compliant.example import simulate_example
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 WIDE, NARROW = 1280, 400  # px: a desk, a telephone

@@ -10,11 +10,11 @@ import pytest
 from hidden_effects import ANISOTROPY, E_T, injected_impacts, simulated
 from report_pages import DIAGNOSIS, page_of
 
-from thesis_lib.critique.criticise import Critique, criticise
-from thesis_lib.critique.tables import tables as all_tables
-from thesis_lib.critique.where import where as all_regions
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.figures.critique_pictures import pictures
+from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.where import where as all_regions
+from thesis_lib.critique.results.tables import tables as all_tables
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.figures.critique.pictures import pictures
 
 
 @pytest.fixture(scope="session")

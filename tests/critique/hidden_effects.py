@@ -3,15 +3,16 @@
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.model import Model
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Header, Noise
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
-from thesis_lib.simulate.compliant import simulate_compliant_drops
-from thesis_lib.simulate.drops import ELLIPSE_BODY
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE, Mechanisms
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, Mechanisms
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
 
 DROPS = 60
 RIG_NOISE = Noise(position=3e-4, angle=3e-3)

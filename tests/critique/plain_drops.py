@@ -6,13 +6,13 @@ import numpy as np
 from hidden_effects import RIG_NOISE
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.model import Model
-from thesis_lib.critique.observations import Observations, observe
-from thesis_lib.critique.synthetic import synthesise
-from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS, Effect
-from thesis_lib.simulate.drops import ELLIPSE_BODY, Drops, simulate_drops
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, Drops, simulate_drops
 
 TRUTH = {"mu": 0.2, "epsilon": 0.6}
 LAW = LAWS["anitescu_potra_newton"]  # that of the simulator

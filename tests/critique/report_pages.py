@@ -3,7 +3,7 @@
 import re
 from html.parser import HTMLParser
 
-from thesis_lib.critique.report import report_html
+from thesis_lib.report.critique.page import report_html
 
 VOID = {"meta", "br", "hr", "img", "link", "wbr"}
 DIAGNOSIS = {

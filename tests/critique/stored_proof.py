@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from thesis_lib.critique.proof import SEEDS, Case
-from thesis_lib.critique.proof_summary import summary
-from thesis_lib.critique.proof_table import confusion
-from thesis_lib.simulate.mechanisms import CAUSES
+from thesis_lib.critique.proof.cases import SEEDS, Case
+from thesis_lib.critique.proof.summary import summary
+from thesis_lib.critique.proof.table import confusion
+from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 FLOOR = 0.01  # m/s
 OUTSIDE = next(name for name, cause in CAUSES.items() if not cause.effects)

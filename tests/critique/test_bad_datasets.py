@@ -11,12 +11,12 @@ from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import TRUTH, drops
 
 from thesis_lib.__main__ import main
-from thesis_lib.critique.criticise import criticise
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.write import write_dataset
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.drops import ELLIPSE_BODY, simulate_drops
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE
+from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
 
 RATE = 250.0
 
@@ -171,9 +171,9 @@ def with_outliers() -> Dataset:
 def test_huge_outliers_in_trajectories_leave_the_coefficients_alone():
     from plain_drops import LAW, TRUTH
 
-    from thesis_lib.critique.fit import fit
-    from thesis_lib.critique.model import Model
-    from thesis_lib.critique.observations import observe
+    from thesis_lib.critique.drops.fit import fit
+    from thesis_lib.critique.drops.model import Model
+    from thesis_lib.critique.drops.observations import observe
 
     o = observe(with_outliers())
     assert len(o) > 60

@@ -16,12 +16,12 @@ import pytest
 from unruly_work import unruly
 
 from thesis_lib.__main__ import main
-from thesis_lib.critique.batch import Batch, find_datasets, run_batch
-from thesis_lib.critique.batch_index import COLUMNS, INDEX_FILES, row_of_failure, write_index
-from thesis_lib.critique.output import critique_folder
+from thesis_lib.commands.batch import Batch, find_datasets, run_batch
 from thesis_lib.datasets import read_dataset
-from thesis_lib.datasets.write import write_dataset
-from thesis_lib.errors import UserError
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.report.batch_index import COLUMNS, INDEX_FILES, row_of_failure, write_index
+from thesis_lib.report.critique.folder import critique_folder
 
 PATIENCE = 60.0  # s that a busy machine may take for what takes no time
 REASONS = {

@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import thesis_lib.critique.report
-import thesis_lib.figures.critique_pictures
+import thesis_lib.figures.critique.pictures
+import thesis_lib.report.critique.page
 from thesis_lib.__main__ import main
+from thesis_lib.commands.critique import SEED
 from thesis_lib.config import Config
-from thesis_lib.critique.command import SEED
-from thesis_lib.critique.output import critique_folder, write_critique
 from thesis_lib.datasets import read_dataset
-from thesis_lib.datasets.write import write_dataset
+from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.effects import EFFECTS
+from thesis_lib.report.critique.folder import critique_folder, write_critique
 
 FILES = (
     *("comparison.csv", "errors.csv", "ladder.csv", "budget.csv", "impacts.csv"),
@@ -28,8 +28,8 @@ FILES = (
 @pytest.fixture
 def no_pictures(monkeypatch):
     """Pictures and page have their own tests and take most of the time."""
-    monkeypatch.setattr(thesis_lib.figures.critique_pictures, "pictures", lambda *args: {})
-    monkeypatch.setattr(thesis_lib.critique.report, "report_html", lambda *args: "<html></html>\n")
+    monkeypatch.setattr(thesis_lib.figures.critique.pictures, "pictures", lambda *args: {})
+    monkeypatch.setattr(thesis_lib.report.critique.page, "report_html", lambda *args: "<html></html>\n")
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +42,8 @@ def run_folder(dataset_folder, tmp_path_factory) -> Path:
     """What one command writes, without pictures."""
     out = tmp_path_factory.mktemp("out") / "my_run"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(thesis_lib.figures.critique_pictures, "pictures", lambda *args: {})
-        patch.setattr(thesis_lib.critique.report, "report_html", lambda *args: "<html></html>\n")
+        patch.setattr(thesis_lib.figures.critique.pictures, "pictures", lambda *args: {})
+        patch.setattr(thesis_lib.report.critique.page, "report_html", lambda *args: "<html></html>\n")
         assert main(["critique", str(dataset_folder), "-o", str(out), "-q"]) == 0
     return out
 
@@ -135,7 +135,7 @@ def test_an_interruption_is_one_line_and_130(dataset_folder, tmp_path, capsys, m
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("thesis_lib.critique.output.critique_folder", interrupted)
+    monkeypatch.setattr("thesis_lib.report.critique.folder.critique_folder", interrupted)
     assert main(["critique", str(dataset_folder), "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr() == ("", "interrupted\n")
 
@@ -212,7 +212,7 @@ def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
     def fail(*args):
         raise OSError("disk full")
 
-    monkeypatch.setattr("thesis_lib.critique.output.save_model", fail)
+    monkeypatch.setattr("thesis_lib.report.critique.folder.save_model", fail)
     with pytest.raises(OSError, match="disk full"):
         write_critique(hidden_impacts, folder, np.random.default_rng(0))
     assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(FILES, "earlier")
@@ -254,7 +254,7 @@ def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(
 
 def test_the_public_face_is_the_function_whatever_was_imported_before():
     code = (
-        "from thesis_lib.critique.criticise import Critique\n"
+        "from thesis_lib.critique.drops.criticise import Critique\n"
         "from thesis_lib.critique import criticise\n"
         "assert callable(criticise) and criticise.__name__ == 'criticise'\n"
     )

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.compare import ALONE, OLD_RUN, compare, comparison_text, is_run, read_run
-from thesis_lib.errors import UserError
+from thesis_lib.commands.comparison import ALONE, OLD_RUN, compare, comparison_text, is_run, read_run
+from thesis_lib.foundation.errors import UserError
 
 
 def parameter(value: float, std: float = 0.01, unit: str = "1") -> dict:

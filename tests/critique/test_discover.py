@@ -12,14 +12,14 @@ from plain_drops import injected
 
 import thesis_lib
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.critique import discover as discover_module
-from thesis_lib.critique.discover import discover
-from thesis_lib.critique.discover import testable_effects as usable_effects
-from thesis_lib.critique.fit import fit
-from thesis_lib.critique.model import Model
-from thesis_lib.critique.observations import Observations, observe
-from thesis_lib.critique.score_test import scan
-from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.critique.drops import discover as discover_module
+from thesis_lib.critique.drops.discover import discover
+from thesis_lib.critique.drops.discover import testable_effects as usable_effects
+from thesis_lib.critique.drops.fit import fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.drops.screen import scan
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
 
 NEW_EFFECT = '''"""Restitution that depends on the sense of rotation: epsilon (1 + a sign(omega))."""
@@ -50,9 +50,9 @@ sys.path.insert(0, sys.argv[1])
 import numpy as np
 from hidden_effects import injected_impacts
 import thesis_lib
-from thesis_lib.critique.discover import discover
-from thesis_lib.critique.observations import observe
-from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.critique.drops.discover import discover
+from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
 print(thesis_lib.__file__)
 print("known" if "handed_restitution" in EFFECTS else "unknown")

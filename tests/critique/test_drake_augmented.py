@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
+from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drake_augmented import simulate_augmented_in_drake
-from thesis_lib.critique.law_drops import simulate_law_drops
-from thesis_lib.critique.model import Model
-from thesis_lib.critique.saved_model import SavedModel
-from thesis_lib.datasets.header import Noise
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in_drake
+from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.effects import EFFECTS
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.drops import ELLIPSE_BODY
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
 
 N, RATE = 6, 250
 NONE = Noise(position=None, angle=None)

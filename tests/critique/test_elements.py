@@ -3,9 +3,9 @@
 import numpy as np
 from report_pages import Page
 
-from thesis_lib.critique.elements import amount, estimate, interval, paragraph, percent, plus_minus
-from thesis_lib.critique.elements import table as html_table
-from thesis_lib.critique.words import feature_text, plain_rule, reasons_listed
+from thesis_lib.critique.drops.words import feature_text, plain_rule, reasons_listed
+from thesis_lib.report.elements import amount, estimate, interval, paragraph, percent, plus_minus
+from thesis_lib.report.elements import table as html_table
 
 
 def test_rows_head_their_table_and_no_rows_give_no_table():

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from thesis_lib.critique.impact_forces import (
+from thesis_lib.bodies.body import Noise
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.detect import find_impacts
+from thesis_lib.effects.effect import Rig
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.impacts.forces import (
     ForcePlate,
     ImpactForces,
     drop_ellipses,
@@ -13,13 +20,6 @@ from thesis_lib.critique.impact_forces import (
     shown_impact,
     study_impact_forces,
 )
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.detect import find_impacts
-from thesis_lib.datasets.header import Noise
-from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
-from thesis_lib.datasets.samples import ArcSettings
-from thesis_lib.effects.effect import Rig
-from thesis_lib.errors import UserError
 
 SETTINGS = ImpactForces(drops=12)
 STEP_FORCE = 1e-4  # N s: friction that changes its sense within a step of 5 µs, at some ten newtons

@@ -8,16 +8,16 @@ import pytest
 from hidden_effects import RIG_NOISE
 from plain_drops import LAW, TRUTH, sizes
 
+from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.fit import fit
-from thesis_lib.critique.law_drops import simulate_law_drops
-from thesis_lib.critique.model import Model
-from thesis_lib.critique.observations import observe
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Noise
+from thesis_lib.critique.drops.fit import fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.simulation.law_drops import simulate_law_drops
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.simulate.drops import ELLIPSE_BODY, simulate_drops
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
 
 DT = 1.0 / 250.0
 GRAVITY = 9.81

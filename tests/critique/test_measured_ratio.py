@@ -4,8 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.critique.measured_ratio import (
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.effects.effect import Rig
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.impacts.measured_ratio import (
     MIN_IMPACTS,
     ImpactLink,
     MeasuredRatio,
@@ -15,14 +21,8 @@ from thesis_lib.critique.measured_ratio import (
     measured_ratio,
     regressions,
 )
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Body
-from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.datasets.read import read_dataset
-from thesis_lib.effects.effect import Rig
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.compliant import simulate_compliant_drops
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE, RIG_NOISE, SQUARE, Mechanisms
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, Mechanisms
 
 SIGMAS = 4.0  # standard errors; one test in 16 000 would fail by chance
 SHAPE = Ellipse(semi_axes=(0.035, 0.025))

@@ -6,19 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.critique.mechanism_critique import (
-    MechanismCritique,
-    criticise_mechanism,
-    smallest_sizes,
-)
-from thesis_lib.critique.mechanism_diagnosis import mechanism_diagnosis
-from thesis_lib.critique.mechanism_effects import ARM_EFFECTS, GRAVITY, WHEEL_EFFECTS, Motion
-from thesis_lib.critique.mechanism_fit import ForceFit, fit_effects, scan_effects
-from thesis_lib.critique.mechanism_model import BelievedArm, BelievedWheel
-from thesis_lib.critique.mechanism_recovery import force_error, identify_parameters
-from thesis_lib.critique.mechanism_report import mechanism_page
-from thesis_lib.critique.mechanism_settings import HiddenStudy, MechanismSettings, WindowSettings
-from thesis_lib.critique.mechanism_study import (
+from thesis_lib.critique.mechanisms.critique import MechanismCritique, criticise_mechanism, smallest_sizes
+from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis
+from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, GRAVITY, WHEEL_EFFECTS, Motion
+from thesis_lib.critique.mechanisms.fit import ForceFit, fit_effects, scan_effects
+from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedWheel
+from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
+from thesis_lib.critique.mechanisms.settings import HiddenStudy, MechanismSettings, WindowSettings
+from thesis_lib.critique.mechanisms.study import (
     believed,
     candidates_of,
     exact_form,
@@ -26,10 +21,11 @@ from thesis_lib.critique.mechanism_study import (
     is_right,
     true_sizes,
 )
-from thesis_lib.critique.mechanism_windows import WeakForm, measured
-from thesis_lib.errors import UserError
-from thesis_lib.simulate import chapter2
-from thesis_lib.simulate.hidden_forces import (
+from thesis_lib.critique.mechanisms.windows import WeakForm, measured
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.report.mechanisms import mechanism_page
+from thesis_lib.simulate.chapter2 import motions as chapter2
+from thesis_lib.simulate.chapter2.hidden_forces import (
     TRUTHS,
     HiddenSizes,
     LoadedWheel,

@@ -7,11 +7,11 @@ import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.critique.fit import NU, cramer_rao, fit, log_scores
-from thesis_lib.critique.model import Model, impact_residuals, residual_covariance, states_at_impact
-from thesis_lib.critique.observations import observe
-from thesis_lib.critique.proof import Case, make
-from thesis_lib.critique.synthetic import synthesise
+from thesis_lib.critique.drops.fit import NU, cramer_rao, fit, log_scores
+from thesis_lib.critique.drops.model import Model, impact_residuals, residual_covariance, states_at_impact
+from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
 
@@ -165,7 +165,7 @@ def test_log_scores_add_up_to_the_score_of_the_fit():
 def test_the_score_is_a_normalised_t_distribution():
     from scipy.stats import multivariate_t
 
-    from thesis_lib.critique.fit import _log_t
+    from thesis_lib.critique.drops.fit import _log_t
 
     rng = np.random.default_rng(0)
     root = rng.standard_normal((5, 3, 3)) + 3.0 * np.eye(3)

@@ -7,9 +7,9 @@ import pytest
 from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import LAW, TRUTH, drops, observed
 
-from thesis_lib.critique.model import Model, states_at_impact
-from thesis_lib.critique.observations import MIN_FLIGHT, observe
-from thesis_lib.datasets.dataset import Dataset
+from thesis_lib.critique.drops.model import Model, states_at_impact
+from thesis_lib.critique.drops.observations import MIN_FLIGHT, observe
+from thesis_lib.datasets.format.dataset import Dataset
 
 GRAVITY = 9.81
 SIGMAS = 4.0  # standard deviations of a reduced chi² (√(2/dof)) by which it may miss 1

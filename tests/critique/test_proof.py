@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thesis_lib.critique import proof
-from thesis_lib.critique.proof import (
+from thesis_lib.critique.proof import cases as proof
+from thesis_lib.critique.proof.cases import (
     DEVELOPMENT,
     NOTHING,
     SEEDS,
@@ -18,11 +18,11 @@ from thesis_lib.critique.proof import (
     pairs,
     truths,
 )
-from thesis_lib.critique.proof_sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor
-from thesis_lib.critique.proof_table import confusion
+from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor
+from thesis_lib.critique.proof.table import confusion
 from thesis_lib.effects import EFFECTS
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.mechanisms import CAUSES
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 STORED_SIZES = json.loads(SIZES.read_text(encoding="utf-8"))["law"]
 

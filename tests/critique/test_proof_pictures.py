@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from stored_proof import parameter, put, refuse
 
-from thesis_lib.columns import explain
-from thesis_lib.critique.proof import NOTHING, Case
-from thesis_lib.critique.proof_results import outcomes, recovered, wilson
-from thesis_lib.figures.proof_pictures import NAMES, pictures
+from thesis_lib.critique.proof.cases import NOTHING, Case
+from thesis_lib.critique.proof.results import outcomes, recovered, wilson
+from thesis_lib.figures.proof.pictures import NAMES, pictures
 from thesis_lib.figures.style import save_figure
+from thesis_lib.foundation.columns import explain
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from stored_proof import OUTSIDE, error, figure_of, many, parameter, put, refuse
 
-from thesis_lib.critique.proof import NOTHING, Case, truths
-from thesis_lib.critique.proof_results import kind_of, wilson
-from thesis_lib.critique.proof_summary import TARGETS, median_interval, report, summary, tables
-from thesis_lib.critique.proof_table import confusion, misses
+from thesis_lib.critique.proof.cases import NOTHING, Case, truths
+from thesis_lib.critique.proof.results import kind_of, wilson
+from thesis_lib.critique.proof.summary import TARGETS, median_interval, report, summary, tables
+from thesis_lib.critique.proof.table import confusion, misses
 
 LAWS_RIGHT, MECHANISMS_RIGHT, SMALL, ADEQUATE, PAIRS, UNEXPLAINED, COVERAGE, MISFIT = (
     target.figure for target in TARGETS

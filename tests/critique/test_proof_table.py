@@ -8,12 +8,12 @@ import pytest
 from scipy.stats import binomtest
 from stored_proof import FLOOR, OUTSIDE, cell, error, figure_of, parameter, put, refuse
 
-from thesis_lib.critique import proof_table
-from thesis_lib.critique.proof import NOTHING, SEEDS, Case
-from thesis_lib.critique.proof_results import outcomes, recovered, wilson
-from thesis_lib.critique.proof_summary import TARGETS
-from thesis_lib.critique.proof_table import confusion, rerun
-from thesis_lib.errors import CorruptFileError, UserError
+from thesis_lib.critique.proof import table as proof_table
+from thesis_lib.critique.proof.cases import NOTHING, SEEDS, Case
+from thesis_lib.critique.proof.results import outcomes, recovered, wilson
+from thesis_lib.critique.proof.summary import TARGETS
+from thesis_lib.critique.proof.table import confusion, rerun
+from thesis_lib.foundation.errors import CorruptFileError, UserError
 
 COVERAGE = next(target.figure for target in TARGETS if target.measure == "coverage")
 

@@ -12,12 +12,13 @@ import pytest
 from report_pages import DIAGNOSIS, FAULT, Page, page_of, scripts
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique import report_effects, report_text
-from thesis_lib.critique.report import report_html
-from thesis_lib.critique.where import where as all_regions
+from thesis_lib.critique.drops.where import where as all_regions
+from thesis_lib.critique.results.numbers import ladder_table, rung_title
 from thesis_lib.effects import EFFECTS
-from thesis_lib.figures.critique_numbers import ladder_table, rung_title
-from thesis_lib.figures.critique_pictures import NAMES, pictures
+from thesis_lib.figures.critique.pictures import NAMES, pictures
+from thesis_lib.report.critique import effects as report_effects
+from thesis_lib.report.critique import text as report_text
+from thesis_lib.report.critique.page import report_html
 
 EVIL = "<script>alert('x')</script> & \"quotes\""
 

@@ -8,16 +8,9 @@ import pytest
 
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.saved_model import (
-    STATE,
-    SavedModel,
-    load_model,
-    predict,
-    save_model,
-    saved,
-)
+from thesis_lib.critique.results.saved_model import STATE, SavedModel, load_model, predict, save_model, saved
 from thesis_lib.effects import EFFECTS
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 SIX_DIGITS = 1e-5  # parameters are stored with six digits
 EXACT = 1e-12

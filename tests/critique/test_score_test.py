@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
-from thesis_lib.critique.discover import testable_effects as usable_effects
-from thesis_lib.critique.fit import fit
-from thesis_lib.critique.model import Model
-from thesis_lib.critique.score_test import RESAMPLES, Scan, expected_difference, scan
-from thesis_lib.critique.settings import CritiqueSettings
-from thesis_lib.critique.synthetic import synthesise
+from thesis_lib.critique.drops.discover import testable_effects as usable_effects
+from thesis_lib.critique.drops.fit import fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.screen import RESAMPLES, Scan, expected_difference, scan
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.synthetic import synthesise
 from thesis_lib.effects import EFFECTS
 
 SIGMAS = 4.0

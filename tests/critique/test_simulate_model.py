@@ -9,17 +9,17 @@ from hidden_effects import RIG_NOISE, injected_impacts, simulated
 from thesis_lib.__main__ import main
 from thesis_lib.bodies.shapes import Ellipse, Shape
 from thesis_lib.contact import LAWS
-from thesis_lib.critique import simulate_model as module
-from thesis_lib.critique.criticise import criticise
-from thesis_lib.critique.model import Model
-from thesis_lib.critique.observations import observe
-from thesis_lib.critique.saved_model import SavedModel, load_model, save_model
-from thesis_lib.critique.simulate_model import measured_releases, proof_releases, simulate_model
+from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.results.saved_model import SavedModel, load_model, save_model
+from thesis_lib.critique.simulation import simulate_model as module
+from thesis_lib.critique.simulation.simulate_model import measured_releases, proof_releases, simulate_model
 from thesis_lib.datasets import read_dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.drops import ELLIPSE_BODY
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
 
 TRUTH = {"mu": 0.3, "epsilon": 0.55, "tangential_restitution.e_t": 0.4}
 SAME = 1e-7  # m and rad, between the engines
@@ -146,7 +146,7 @@ def test_measurements_are_not_written_over(model_file, tmp_path, capsys):
 
 
 def test_without_drake_the_other_engine_is_named(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "thesis_lib.critique.drake_augmented", None)
+    monkeypatch.setitem(__import__("sys").modules, "thesis_lib.critique.simulation.drake_augmented", None)
     with pytest.raises(UserError, match="--engine own"):
         simulate_model(model_of(**TRUTH), 1, engine="drake", rng=np.random.default_rng(0))
 

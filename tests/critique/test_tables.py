@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.columns import explain
 from thesis_lib.contact import SIX_LAWS
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.class_tests import velocities
-from thesis_lib.critique.tables import PARTS, left_out_impacts, tables
+from thesis_lib.critique.drops.class_tests import velocities
+from thesis_lib.critique.results.tables import PARTS, left_out_impacts, tables
+from thesis_lib.foundation.columns import explain
 
 ROUNDING = 1e-12
 
@@ -128,11 +128,11 @@ def test_a_mirrored_camera_is_beyond_rigid_point_contact():
     from hidden_effects import injected_impacts
 
     from thesis_lib.contact import LAWS
-    from thesis_lib.critique.fit import fit
-    from thesis_lib.critique.model import Model
-    from thesis_lib.critique.observations import observe
-    from thesis_lib.critique.synthetic import synthesise
-    from thesis_lib.critique.tables import _bounds
+    from thesis_lib.critique.drops.fit import fit
+    from thesis_lib.critique.drops.model import Model
+    from thesis_lib.critique.drops.observations import observe
+    from thesis_lib.critique.drops.synthetic import synthesise
+    from thesis_lib.critique.results.tables import _bounds
 
     data = injected_impacts("one", 100, 2, "mirrored_rotation", {"mirrored_rotation.mirrored": 1.0})
     o = observe(data)

@@ -7,7 +7,7 @@ import signal
 import time
 from pathlib import Path
 
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 DIAGNOSIS = {
     "schema": 1,
@@ -61,6 +61,6 @@ if __name__ == "__main__":
 
     from unruly_work import unruly as work  # so that its processes find it by this name
 
-    from thesis_lib.critique.batch import run_batch
+    from thesis_lib.commands.batch import run_batch
 
     run_batch(sys.argv[2:], sys.argv[1], 0, jobs=2, work=work)

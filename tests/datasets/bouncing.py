@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.header import Header
+from thesis_lib.datasets.format.header import Header
 
 
 @dataclass

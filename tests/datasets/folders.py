@@ -7,7 +7,7 @@ import pandas as pd
 import yaml
 from bouncing import fly
 
-from thesis_lib.datasets.header import Header
+from thesis_lib.datasets.format.header import Header
 
 RATE = 250.0
 SQUARE = [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]

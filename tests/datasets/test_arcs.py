@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from bouncing import Flights, ellipse_header, fly
 
-from thesis_lib.datasets.arcs import fit_arcs
-from thesis_lib.datasets.detect import FoundImpacts, find_in_arrays
-from thesis_lib.datasets.samples import ArcSettings, make_samples
+from thesis_lib.datasets.format.samples import ArcSettings, make_samples
+from thesis_lib.datasets.impacts.arcs import fit_arcs
+from thesis_lib.datasets.impacts.detect import FoundImpacts, find_in_arrays
 
 EXACT_V = 1e-8  # m/s, k rad/s: rounding of positions (1e-16 m) over 0.1 s, times the condition of the fit
 EXACT_T = 1e-9  # s

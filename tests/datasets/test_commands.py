@@ -11,10 +11,10 @@ import pytest
 import yaml
 from folders import DISK, bouncing_disk, header, impacts, trajectories, write
 
+from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
-from thesis_lib.datasets.__main__ import main
-from thesis_lib.datasets.rig_log import parse_columns, parse_shape, parse_units
-from thesis_lib.errors import UserError
+from thesis_lib.datasets.sources.rig_log import parse_columns, parse_shape, parse_units
+from thesis_lib.foundation.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]
 NOISE_FROM_FEW_ARCS = 0.25  # a dozen arcs of 20 samples know their noise to 5 %; four times that
@@ -141,7 +141,7 @@ def test_check_as_json(tmp_path, capsys):
 
 def test_command_line_from_a_shell(tmp_path):
     folder = write(tmp_path / "drops", impacts=impacts())
-    command = [sys.executable, "-m", "thesis_lib.datasets"]
+    command = [sys.executable, "-m", "thesis_lib", "datasets"]
     done = subprocess.run(
         [*command, "check", str(folder)], cwd=ROOT, capture_output=True, text=True, check=False
     )

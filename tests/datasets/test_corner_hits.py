@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.detect import FoundImpacts, find_impacts
-from thesis_lib.datasets.samples import ArcSettings
-from thesis_lib.simulate.compliant import CompliantDrops, simulate_compliant_drops
-from thesis_lib.simulate.mechanisms import PROOF_RELEASE, RIG_NOISE, SQUARE
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
+from thesis_lib.simulate.compliant.drops import CompliantDrops, simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE
 
 APART = 4e-3  # s, one frame: contacts nearer than this are one hit in the samples
 REASON = "next corner"

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from bouncing import Flights, ellipse_header, fly
 
-from thesis_lib.datasets.detect import FoundImpacts, find_impacts, find_in_arrays
-from thesis_lib.datasets.impacts import IMPACT_COLUMNS
-from thesis_lib.datasets.quality import REASONS
-from thesis_lib.errors import UserError
+from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
+from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts, find_in_arrays
+from thesis_lib.datasets.impacts.quality import REASONS
+from thesis_lib.foundation.errors import UserError
 
 FOUND = 0.99  # share of measurable impacts; the rest are weak ones with 6 to 9 samples on a side
 MATCH = 4e-3  # s, one frame
@@ -242,7 +242,7 @@ def test_speed():
 @pytest.mark.slow
 def test_measured_dice(planar_dice_dir):
     """Known of the 500 throws: two to three clean impacts per roll or so, eps near 0.5, first touch at 50 ms."""
-    from thesis_lib.datasets.quality import contact_measures
+    from thesis_lib.datasets.impacts.quality import contact_measures
     from thesis_lib.datasets.read import read_dataset
 
     found = find_impacts(read_dataset(planar_dice_dir))

@@ -5,14 +5,14 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
-from thesis_lib.datasets.impacts import (
+from thesis_lib.datasets.format.impacts import (
     COVARIANCE_COLUMNS,
     IMPACT_COLUMNS,
     STATE,
     Impacts,
     covariance_column,
 )
-from thesis_lib.files import read_table, write_table
+from thesis_lib.foundation.files import read_table, write_table
 
 N = 6
 SHAPE = Ellipse(semi_axes=(0.035, 0.025))

@@ -2,8 +2,8 @@
 
 import pytest
 
-from thesis_lib.datasets.locate import locate
-from thesis_lib.errors import UserError
+from thesis_lib.datasets.sources.locate import locate
+from thesis_lib.foundation.errors import UserError
 
 
 def make(folder, *files):

@@ -6,9 +6,9 @@ import pytest
 from folders import DISK, bouncing_disk, header, impacts, trajectories, write
 
 from thesis_lib.datasets import read_dataset
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.validate import DatasetError
-from thesis_lib.datasets.write import write_dataset
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.validate import DatasetError
+from thesis_lib.datasets.format.write import write_dataset
 
 DEG = 180.0 / np.pi
 

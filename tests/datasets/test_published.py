@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.datasets import fetch, published, read_dataset
-from thesis_lib.datasets.published import SOURCES, checksums, convert_published, find_measured
-from thesis_lib.errors import UserError
+from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.sources import fetch, published
+from thesis_lib.datasets.sources.published import SOURCES, checksums, convert_published, find_measured
+from thesis_lib.foundation.errors import UserError
 
 DICE = "x,z,th,vx,vz,vth\n" + "".join(f"0.{i},0.5,0.25,9,9,9\n" for i in range(10, 30))
 CONTACT_MISMATCH = 2e-3  # m; published contact points are one frame (1/250 s) before the published pose

@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 from bouncing import bounce
 
-from thesis_lib.datasets.detect import find_in_arrays
-from thesis_lib.datasets.header import Header
-from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.datasets.quality import contact_measures, flag_physics, has_flag, thesis_filter
-from thesis_lib.datasets.samples import ArcSettings
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.detect import find_in_arrays
+from thesis_lib.datasets.impacts.quality import contact_measures, flag_physics, has_flag, thesis_filter
 
 RADIUS = 0.03
 ROUNDING = 1e-9  # a dozen operations in double precision, with some cancellation

@@ -10,11 +10,12 @@ import pytest
 import yaml
 from folders import header, impacts, trajectories, write
 
-from thesis_lib.datasets import read_dataset, tables
-from thesis_lib.datasets.dataset import unwrap
-from thesis_lib.datasets.impacts import COVARIANCE_COLUMNS
-from thesis_lib.datasets.validate import DatasetError, Problem
-from thesis_lib.errors import UserError
+from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.format import tables
+from thesis_lib.datasets.format.dataset import unwrap
+from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS
+from thesis_lib.datasets.format.validate import DatasetError, Problem
+from thesis_lib.foundation.errors import UserError
 
 
 def problems(folder) -> list[Problem]:

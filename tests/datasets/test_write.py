@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from thesis_lib.datasets import read_dataset
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Header
-from thesis_lib.datasets.write import write_dataset
-from thesis_lib.errors import UserError
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.foundation.errors import UserError
 
 FORMAT_ERROR = 5e-9  # relative: half a unit in the ninth digit, the default float format
 QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

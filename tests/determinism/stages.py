@@ -19,9 +19,9 @@ def simulated(out: Path) -> None:
     """Drops of our simulator, written and read back, and the impacts that are found in them."""
     from small_critique import drops
 
-    from thesis_lib.columns import write_result
-    from thesis_lib.datasets.detect import find_impacts
-    from thesis_lib.datasets.write import write_dataset
+    from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.datasets.impacts.detect import find_impacts
+    from thesis_lib.foundation.files import write_result
 
     dataset = drops()
     write_dataset(dataset, out / "drops")
@@ -32,13 +32,13 @@ def critique(out: Path) -> None:
     """The whole critique, pictures apart (the bytes of those are compared in tests/workflow)."""
     from hidden_effects import injected_impacts
 
-    import thesis_lib.critique.report
-    import thesis_lib.figures.critique_pictures
-    from thesis_lib.critique.output import critique_folder
-    from thesis_lib.critique.settings import CritiqueSettings
+    import thesis_lib.figures.critique.pictures
+    import thesis_lib.report.critique.page
+    from thesis_lib.critique.drops.settings import CritiqueSettings
+    from thesis_lib.report.critique.folder import critique_folder
 
-    thesis_lib.figures.critique_pictures.pictures = lambda *args: {}
-    thesis_lib.critique.report.report_html = lambda *args: ""
+    thesis_lib.figures.critique.pictures.pictures = lambda *args: {}
+    thesis_lib.report.critique.page.report_html = lambda *args: ""
     dataset = injected_impacts("made", 60, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4})
     settings = CritiqueSettings(folds=2, finalists=2, rivals=1, max_effects=1)
     critique_folder(dataset, out, SEED, settings=settings)
@@ -49,9 +49,9 @@ def identification(out: Path) -> None:
     """Chapter 3: ensemble and individual parameters."""
     from small_critique import drops
 
-    from thesis_lib.columns import write_result
-    from thesis_lib.identify import impact_study as study
-    from thesis_lib.randomness import generator
+    from thesis_lib.foundation.files import write_result
+    from thesis_lib.foundation.randomness import generator
+    from thesis_lib.impact_study import study
 
     impacts = drops(trajectories=False).stated_impacts()
     laws = ("mirtich", "wang_mason", "whittaker")
@@ -66,12 +66,12 @@ def dice(out: Path) -> None:
     from test_propagation import BELIEVED, TRUTH, made_contacts
     from throws_for_tests import BODY, throws
 
-    from thesis_lib.files import write_json
-    from thesis_lib.randomness import generator
-    from thesis_lib.residual.dice_fit import fit_dice
-    from thesis_lib.residual.dice_settings import DiceFitSettings, ThrowSettings
-    from thesis_lib.residual.gaussian_process import GaussianProcessSettings, fit_gaussian_process
-    from thesis_lib.residual.throw import simulate_throws
+    from thesis_lib.foundation.files import write_json
+    from thesis_lib.foundation.randomness import generator
+    from thesis_lib.residual.belief.settings import DiceFitSettings, ThrowSettings
+    from thesis_lib.residual.belief.throw import simulate_throws
+    from thesis_lib.residual.dice.fit import fit_dice
+    from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 
     rng = generator(SEED, "dice")
     fitted, misfit = fit_dice(
@@ -92,10 +92,10 @@ def jenga(out: Path) -> None:
     import numpy as np
     from pushes_for_tests import make_samples
 
-    from thesis_lib.files import write_json
-    from thesis_lib.jenga.hma import Hma
-    from thesis_lib.jenga.learner_settings import LearnerSettings, NetworkSettings
-    from thesis_lib.randomness import generator
+    from thesis_lib.foundation.files import write_json
+    from thesis_lib.foundation.randomness import generator
+    from thesis_lib.jenga.learners.hma import Hma
+    from thesis_lib.jenga.learners.settings import LearnerSettings, NetworkSettings
 
     samples, _ = make_samples(150, generator(SEED, "samples"))
     learner = Hma(LearnerSettings(network=NetworkSettings(iterations=40))).fit(

@@ -13,16 +13,16 @@ import pytest
 sys.path.append(str(Path(__file__).resolve().parents[1] / "critique"))
 from hidden_effects import injected_impacts
 
-import thesis_lib.critique.report
-import thesis_lib.figures.critique_pictures
+import thesis_lib.figures.critique.pictures
+import thesis_lib.report.critique.page
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
-from thesis_lib.critique import discover as discover_module
-from thesis_lib.critique.output import critique_folder
-from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.critique.drops import discover as discover_module
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Parameter
-from thesis_lib.identify import impact_study
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.impact_study import study as impact_study
+from thesis_lib.report.critique.folder import critique_folder
 
 SETTINGS = CritiqueSettings(folds=2, finalists=2, rivals=1, max_effects=2)
 SEED = 20190906
@@ -69,8 +69,8 @@ def run(tmp_path_factory):
             "made", 60, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4}
         )
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(thesis_lib.figures.critique_pictures, "pictures", lambda *args: {})
-            patch.setattr(thesis_lib.critique.report, "report_html", lambda *args: "")
+            patch.setattr(thesis_lib.figures.critique.pictures, "pictures", lambda *args: {})
+            patch.setattr(thesis_lib.report.critique.page, "report_html", lambda *args: "")
             critique_folder(dataset, out, SEED, settings=SETTINGS)
         return out
 

@@ -116,7 +116,7 @@ def test_differences_are_seen():
 @pytest.mark.slow
 def test_other_kernels_give_the_same_answer(one, tmp_path):
     other = run(tmp_path / "kernels", **OTHER_KERNELS)
-    kernel = "from thesis_lib.provenance import _blas; print(*{one['kernel'] for one in _blas()})"
+    kernel = "from thesis_lib.foundation.provenance import _blas; print(*{one['kernel'] for one in _blas()})"
     done = subprocess.run(
         [sys.executable, "-c", kernel],
         env=os.environ | OTHER_KERNELS | {"PYTHONPATH": str(HERE.parents[1])},

@@ -41,14 +41,14 @@ SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}
 
 # where a clock is read, and what becomes of it
 ALLOWED = {
-    "thesis_lib/identify/arm_fit.py": "CPU seconds for benchmarks.programs; arm_forces leaves them out of its tables",
-    "thesis_lib/identify/mode_qp.py": "the same; programs_table drops them",
-    "thesis_lib/identify/programs.py": "the same; programs_table drops them",
-    "thesis_lib/jenga/ppo.py": "hours left, for the log",
+    "thesis_lib/identify/arm/fit.py": "CPU seconds for benchmarks.programs; arm_forces leaves them out of its tables",
+    "thesis_lib/identify/programs/mode_qp.py": "the same; programs_table drops them",
+    "thesis_lib/identify/programs/nonlinear.py": "the same; programs_table drops them",
+    "thesis_lib/jenga/play/ppo.py": "hours left, for the log",
 }
 # runs other programs and waits for them; no result passes through
 WAITING = {
-    *("thesis_lib/pipeline.py", "thesis_lib/critique/batch.py", "thesis_lib/critique/isolated.py"),
+    *("thesis_lib/pipeline.py", "thesis_lib/commands/batch.py", "thesis_lib/foundation/isolated.py"),
 }
 
 

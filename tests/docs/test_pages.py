@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 from tutorial_runner import ROOT
 
-from thesis_lib.columns import meanings
 from thesis_lib.contact import LAWS
 from thesis_lib.docs.__main__ import main
 from thesis_lib.docs.pages import BLOCKS, rendered, stale_pages
 from thesis_lib.effects import EFFECTS
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.columns import meanings
+from thesis_lib.foundation.errors import UserError
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -143,7 +143,7 @@ def test_the_example_of_the_dataset_page_is_read(tmp_path):
 
 
 def test_columns_of_the_dataset_page_are_those_of_the_reader():
-    from thesis_lib.datasets.impacts import POSE, V_POST, V_PRE
+    from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 
     page = (DOCS / "reference_dataset.md").read_text(encoding="utf-8")
     poses, impacts = (
@@ -191,7 +191,7 @@ def test_effects_of_the_page_are_those_of_the_code():
 
 
 def test_the_first_tutorial_says_how_many_drops_are_needed():
-    from thesis_lib.critique.criticise import MIN_IMPACTS, MIN_TRIALS
+    from thesis_lib.critique.drops.criticise import MIN_IMPACTS, MIN_TRIALS
 
     words = (DOCS / "tutorial_critique.md").read_text(encoding="utf-8").split()
     assert f"{MIN_IMPACTS} usable impacts in {MIN_TRIALS} trials" in " ".join(words)

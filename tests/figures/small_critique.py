@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from thesis_lib.critique.criticise import Critique, criticise
-from thesis_lib.critique.settings import CritiqueSettings
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Noise
-from thesis_lib.simulate.drops import ELLIPSE_BODY, simulate_drops
-from thesis_lib.simulate.release import Release, Spread
+from thesis_lib.bodies.body import Noise
+from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.simulate.rig.release import Release, Spread
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
 
 DROPS = 24
 RELEASE = Release(

@@ -5,15 +5,16 @@ import pandas as pd
 import pytest
 from test_chapter2_schematics import assert_legible
 
+from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Body, Header
-from thesis_lib.errors import UserError
-from thesis_lib.figures.chapter2_motions import figure_2_2, figure_2_4, figure_2_9, figure_2_14
-from thesis_lib.figures.chapter2_uncertainty import figure_2_5, project_motion
-from thesis_lib.identify.excitation_table import excitation_cases
-from thesis_lib.simulate.chapter2 import DEFAULT, disk, ellipse, releases
-from thesis_lib.simulate.chapter2_scenes import (
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.figures.chapter2.motions import figure_2_2, figure_2_4, figure_2_9, figure_2_14
+from thesis_lib.figures.chapter2.uncertainty import figure_2_5, project_motion
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.base_parameters.excitation_table import excitation_cases
+from thesis_lib.simulate.chapter2.motions import DEFAULT, disk, ellipse, releases
+from thesis_lib.simulate.chapter2.scenes import (
     SCENES,
     Mode,
     SceneSettings,
@@ -23,7 +24,7 @@ from thesis_lib.simulate.chapter2_scenes import (
     tipping_block,
     traces,
 )
-from thesis_lib.simulate.stepping import simulate
+from thesis_lib.simulate.stepping.stepping import simulate
 
 EXACT = 1e-12
 STUCK = 1e-9  # m, m/s: rounding of a sticking contact is far below

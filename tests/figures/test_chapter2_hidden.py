@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter2_hidden import figure_hidden, figure_residuals
+from thesis_lib.figures.chapter2.hidden import figure_hidden, figure_residuals
 
 
 @pytest.fixture()

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.impact_forces import ImpactForces, drop_ellipses, shown_impact, study_impact_forces
-from thesis_lib.critique.measured_ratio import absent
-from thesis_lib.errors import UserError
-from thesis_lib.figures.chapter2_impact import figure_2_15, figure_measured_ratio
+from thesis_lib.figures.chapter2.impact import figure_2_15, figure_measured_ratio
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.impacts.forces import ImpactForces, drop_ellipses, shown_impact, study_impact_forces
+from thesis_lib.identify.impacts.measured_ratio import absent
 
 
 def test_figure_2_15_holds_one_impulse_in_three_ways():

@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from thesis_lib.errors import UserError
-from thesis_lib.figures.chapter2_schematics import (
+from thesis_lib.figures.chapter2.schematics import (
     closest_point,
     figure_2_1,
     figure_2_3,
@@ -15,8 +14,9 @@ from thesis_lib.figures.chapter2_schematics import (
     figure_2_8,
 )
 from thesis_lib.figures.planar_drawing import outline_at
-from thesis_lib.simulate.chapter2 import block, disk, ellipse, rod, wheel
-from thesis_lib.simulate.chapter2_scenes import falling_polygon, reaching_arm
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.chapter2.motions import block, disk, ellipse, rod, wheel
+from thesis_lib.simulate.chapter2.scenes import falling_polygon, reaching_arm
 
 EXACT = 1e-12  # m, rad: closed forms up to double precision
 OUTLINE = (

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter5_schematics import (
+from thesis_lib.figures.chapter5.schematics import (
     HALF,
     RADIUS,
     figure_5_2,

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter5_showcase import (
+from thesis_lib.figures.chapter5.showcase import (
     ARROW,
     LENGTH,
     SHOWN,

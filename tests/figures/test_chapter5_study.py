@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 
-from thesis_lib.figures.chapter5_study import (
+from thesis_lib.figures.chapter5.render import PLACED, PUSHED, WOOD
+from thesis_lib.figures.chapter5.study import (
     GOAL,
     figure_5_5a,
     figure_5_5b,
@@ -17,7 +18,6 @@ from thesis_lib.figures.chapter5_study import (
     figure_paired,
     policy_style,
 )
-from thesis_lib.jenga.render import PLACED, PUSHED, WOOD
 
 THESIS = {  # figure 5-6: attempts and successes
     ("exploration", "all"): (403, 172, 97, 85),

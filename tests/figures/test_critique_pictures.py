@@ -8,18 +8,18 @@ import pandas as pd
 import pytest
 from small_critique import drops, small_critique
 
-from thesis_lib.columns import explain
 from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change
-from thesis_lib.critique.model import states_at_impact
-from thesis_lib.critique.where import where
-from thesis_lib.figures import critique_numbers as numbers
-from thesis_lib.figures import critique_residuals as residuals
-from thesis_lib.figures.critique_data import trials_to_show
-from thesis_lib.figures.critique_errors import draw_budget, laws_sentence
-from thesis_lib.figures.critique_pictures import NAMES, pictures
-from thesis_lib.figures.critique_residuals import dependences, draw_flights, features_to_show
-from thesis_lib.figures.critique_where import boxes_of, inside, map_axes, region_text
+from thesis_lib.critique.drops.model import states_at_impact
+from thesis_lib.critique.drops.where import where
+from thesis_lib.critique.results import numbers
+from thesis_lib.figures.critique import residuals
+from thesis_lib.figures.critique.data import trials_to_show
+from thesis_lib.figures.critique.errors import draw_budget, laws_sentence
+from thesis_lib.figures.critique.pictures import NAMES, pictures
+from thesis_lib.figures.critique.residuals import dependences, draw_flights, features_to_show
+from thesis_lib.figures.critique.where import boxes_of, inside, map_axes, region_text
 from thesis_lib.figures.style import house_style
+from thesis_lib.foundation.columns import explain
 
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 BUDGET = pd.DataFrame(

@@ -7,19 +7,15 @@ import pandas as pd
 import pytest
 from small_study import BODY, TRUTH, made_impacts
 
-from thesis_lib.columns import explain
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import beyond_sticking, contact_space
-from thesis_lib.errors import UserError
-from thesis_lib.figures.chapter3_cases import (
-    figure_3_11,
-    spin_reversal_case,
-    zero_friction_case,
-)
-from thesis_lib.figures.chapter3_errors import contact_momentum, figure_3_8, figure_3_9
-from thesis_lib.figures.chapter3_identification import figure_3_7, figure_3_10
+from thesis_lib.figures.chapter3.cases import figure_3_11, spin_reversal_case, zero_friction_case
+from thesis_lib.figures.chapter3.errors import contact_momentum, figure_3_8, figure_3_9
+from thesis_lib.figures.chapter3.identification import figure_3_7, figure_3_10
 from thesis_lib.figures.style import save_figure
-from thesis_lib.identify.cost import target_of
+from thesis_lib.foundation.columns import explain
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.impact_study.cost import target_of
 
 ROUNDING = 1e-9  # N s on impulses of order 0.1 N s: double precision
 MASS = 0.03  # of a density on the grid shown: its end is where 95 % of the typical model lie

@@ -5,16 +5,16 @@ import pandas as pd
 import pytest
 from small_study import BODY
 
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Header
-from thesis_lib.errors import UserError
-from thesis_lib.figures.chapter3_trajectories import (
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.figures.chapter3.trajectories import (
     energies,
     figure_3_5,
     figure_3_6,
     pick_trial,
     sample_velocities,
 )
+from thesis_lib.foundation.errors import UserError
 
 ROUNDING = 1e-9  # m/s, rad/s, J: exact up to double precision of sums over eleven samples
 G, HIT = 9.81, 0.1

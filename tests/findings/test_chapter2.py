@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.claims.ledger import read_ledger
-from thesis_lib.figures.chapter2_impact import NAMES
+from thesis_lib.figures.chapter2.impact import NAMES
 from thesis_lib.findings import chapter2
+from thesis_lib.ledger.format import read_ledger
 
 
 def plain(text: str) -> str:

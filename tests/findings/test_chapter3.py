@@ -6,9 +6,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from thesis_lib.claims.ledger import read_ledger
 from thesis_lib.findings import chapter2, chapter3
-from thesis_lib.identify import individual_statements, statements
+from thesis_lib.impact_study import individual_statements, statements
+from thesis_lib.ledger.format import read_ledger
 
 REPORT = Path(__file__).resolve().parents[2] / "workflow/report"
 NEWTON, POISSON = "anitescu_potra_newton", "anitescu_potra_poisson"

@@ -52,8 +52,8 @@ def coverage(low: float, high: float, passes: tuple[int, int, int]) -> pd.DataFr
 
 
 def test_names_are_those_of_the_legends() -> None:
-    from thesis_lib.figures.chapter4_dice import MODEL_STYLE
-    from thesis_lib.figures.chapter4_errors import LEARNER_STYLE
+    from thesis_lib.figures.chapter4.dice import MODEL_STYLE
+    from thesis_lib.figures.chapter4.errors import LEARNER_STYLE
 
     assert {name: LEARNER_STYLE[name].label for name in LEARNERS} == LEARNERS
     assert {name: style[2] for name, style in MODEL_STYLE.items()} == THROWERS

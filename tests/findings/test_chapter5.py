@@ -30,14 +30,14 @@ def success(before: tuple[int, float], after: tuple[int, float], published: floa
 
 
 def test_names_are_those_of_the_legend() -> None:
-    from thesis_lib.figures.chapter5_study import GOAL, POLICY_STYLE
+    from thesis_lib.figures.chapter5.study import GOAL, POLICY_STYLE
 
     assert {name: style[3] for name, style in POLICY_STYLE.items()} == chapter5.POLICIES
     assert chapter5.GOAL == GOAL
 
 
 def test_the_threshold_is_the_one_that_was_fixed() -> None:
-    from thesis_lib.jenga.settings import MovableSettings
+    from thesis_lib.jenga.tower.settings import MovableSettings
 
     assert MovableSettings().threshold_mm == chapter5.THRESHOLD
 

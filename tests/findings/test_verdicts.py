@@ -5,11 +5,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.files import write_json
 from thesis_lib.findings.claims import claims
 from thesis_lib.findings.critique import FINDINGS, OUTSIDE, PROVEN, QUIET, proof, verdict
 from thesis_lib.findings.finding import Finding
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_json
 
 
 def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: float | None = 0.1) -> dict:
@@ -94,8 +94,8 @@ def test_proof_tells_the_worst_source_and_leaves_out_what_was_not_run() -> None:
 
 
 def test_the_proof_writes_the_rows_that_are_read() -> None:
-    from thesis_lib.critique.proof import SOURCES
-    from thesis_lib.critique.proof_summary import TARGETS
+    from thesis_lib.critique.proof.cases import SOURCES
+    from thesis_lib.critique.proof.summary import TARGETS
 
     written = {
         (target.figure, "all" if group == SOURCES else " + ".join(group))

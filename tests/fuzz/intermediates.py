@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tests.fuzz.mutations import Sample
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -44,9 +44,9 @@ def results_samples() -> list[Sample]:
 
 def read_results(folder: Path, out: Path) -> None:
     """Intermediates between rules: what is wrong is named with the remedy."""
-    from thesis_lib.critique.compare import compare, read_run
-    from thesis_lib.critique.proof_results import outcomes, recovered
-    from thesis_lib.files import read_table
+    from thesis_lib.commands.comparison import compare, read_run
+    from thesis_lib.critique.proof.results import outcomes, recovered
+    from thesis_lib.foundation.files import read_table
 
     try:
         if (folder / "diagnosis.json").exists():
@@ -65,8 +65,8 @@ def read_results(folder: Path, out: Path) -> None:
 
 
 def jenga_samples() -> list[Sample]:
-    from thesis_lib.jenga.game import Attempt, Game, write_game
-    from thesis_lib.jenga.samples import ACTION, CONTEXT, STATE
+    from thesis_lib.jenga.play.game import Attempt, Game, write_game
+    from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, STATE
 
     n = np.arange(6)
     table = pd.DataFrame({"push": 0, "step": n, "tower": 1, "block": 2})
@@ -84,8 +84,8 @@ def jenga_samples() -> list[Sample]:
 
 
 def read_jenga(folder: Path, out: Path) -> None:
-    from thesis_lib.jenga.game import read_game
-    from thesis_lib.jenga.samples import read_samples
+    from thesis_lib.jenga.play.game import read_game
+    from thesis_lib.jenga.robot.samples import read_samples
 
     if (folder / "game.json").exists():
         read_game(folder / "game.json")
@@ -96,7 +96,7 @@ def read_jenga(folder: Path, out: Path) -> None:
 def policy_samples() -> list[Sample]:
     import torch
 
-    from thesis_lib.jenga.ppo_settings import PpoSettings
+    from thesis_lib.jenga.play.ppo_settings import PpoSettings
 
     settings = PpoSettings()
     widths = [9, *settings.hidden]
@@ -114,6 +114,6 @@ def policy_samples() -> list[Sample]:
 
 
 def read_policy(folder: Path, out: Path) -> None:
-    from thesis_lib.jenga.ppo import read_policy
+    from thesis_lib.jenga.play.ppo import read_policy
 
     read_policy(folder / "policy.pt")

@@ -103,8 +103,8 @@ def _log_samples() -> list[Sample]:
 
 
 def _read_log(folder: Path, out: Path) -> None:
-    from thesis_lib.datasets.rig_log import convert_logs, parse_columns, parse_shape, parse_units
-    from thesis_lib.datasets.write import write_dataset
+    from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.datasets.sources.rig_log import convert_logs, parse_columns, parse_shape, parse_units
 
     columns = parse_columns("trial=run,t=time,x=x,y=-y,theta=angle")
     log = folder / "log.csv"
@@ -115,7 +115,7 @@ def _read_log(folder: Path, out: Path) -> None:
 def _published_samples() -> list[Sample]:
     from scipy.io import savemat
 
-    from thesis_lib.datasets.published import checksums
+    from thesis_lib.datasets.sources.published import checksums
 
     files = {}
     for name in checksums("planar_impact"):
@@ -127,7 +127,7 @@ def _published_samples() -> list[Sample]:
 
 def _read_published(folder: Path, out: Path) -> None:
     """No sample is accepted: nothing is parsed whose checksum is not that of the published file."""
-    from thesis_lib.datasets.published import convert_published
+    from thesis_lib.datasets.sources.published import convert_published
 
     convert_published("planar_impact", folder, out / "planar_impact")
 
@@ -140,8 +140,8 @@ def _archive_samples() -> list[Sample]:
 
 
 def _read_archive(folder: Path, out: Path) -> None:
-    from thesis_lib.datasets.fetch import unpack
-    from thesis_lib.datasets.published import SOURCES
+    from thesis_lib.datasets.sources.fetch import unpack
+    from thesis_lib.datasets.sources.published import SOURCES
 
     unpack(
         folder / "archive.zip",
@@ -198,13 +198,13 @@ def _claims_samples() -> list[Sample]:
 
 
 def _read_claims(folder: Path, out: Path) -> None:
-    from thesis_lib.claims.evaluate import evaluate
-    from thesis_lib.claims.expected import read_expected
-    from thesis_lib.claims.figure_format import read_figure_spec
-    from thesis_lib.claims.ledger import read_ledger
-    from thesis_lib.claims.page import write_page
-    from thesis_lib.claims.reading import Cells, read_present
-    from thesis_lib.claims.result import write_results
+    from thesis_lib.ledger.evaluate import evaluate
+    from thesis_lib.ledger.expected import read_expected
+    from thesis_lib.ledger.figure_format import read_figure_spec
+    from thesis_lib.ledger.format import read_ledger
+    from thesis_lib.ledger.page import write_page
+    from thesis_lib.ledger.reading import Cells, read_present
+    from thesis_lib.ledger.result import write_results
 
     if any(folder.joinpath(name).exists() for name in ("figures.yaml", "expected.yaml")):
         read_expected(folder / "expected.yaml")
@@ -246,8 +246,8 @@ def _model_samples() -> list[Sample]:
 
 
 def _read_model(folder: Path, out: Path) -> None:
-    from thesis_lib.critique.saved_model import load_model, predict, read_states
-    from thesis_lib.files import write_table
+    from thesis_lib.critique.results.saved_model import load_model, predict, read_states
+    from thesis_lib.foundation.files import write_table
 
     model = load_model(folder / "model.json")
     write_table(
@@ -264,8 +264,8 @@ def _run_commands(folder: Path, out: Path) -> None:
     import contextlib
 
     from thesis_lib.__main__ import main as critique
-    from thesis_lib.claims.__main__ import main as claims
-    from thesis_lib.datasets.__main__ import main as datasets
+    from thesis_lib.commands.claims import main as claims
+    from thesis_lib.commands.datasets import main as datasets
 
     files = sorted(str(path) for path in folder.iterdir())
     said = io.StringIO()

@@ -21,7 +21,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 MEMORY = 1 << 30  # bytes above the imports
 CPU_LIMIT = 5.0  # s of processor time for one input

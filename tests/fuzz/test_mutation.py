@@ -10,7 +10,7 @@ from tests.fuzz import sandbox
 from tests.fuzz.mutate import fuzz, table
 from tests.fuzz.readers import READERS
 from tests.fuzz.sandbox import ACCEPTED, FAILED, REFUSED, SECRET, Pool, Task
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 INPUTS = 400
 SEED = 7

@@ -18,20 +18,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fuzz.readers import READERS
-from thesis_lib.claims.ledger import read_ledger
-from thesis_lib.claims.reading import Cells
 from thesis_lib.config import Config, read_config
-from thesis_lib.critique.saved_model import SavedModel, load_model, save_model
-from thesis_lib.datasets.fetch import unpack
-from thesis_lib.datasets.header import Header
-from thesis_lib.datasets.header_file import load_header
-from thesis_lib.datasets.published import SOURCES
+from thesis_lib.critique.results.saved_model import SavedModel, load_model, save_model
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header_file import load_header
+from thesis_lib.datasets.format.validate import Report
+from thesis_lib.datasets.format.write import header_text
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.datasets.validate import Report
-from thesis_lib.datasets.write import header_text
-from thesis_lib.errors import UserError
-from thesis_lib.files import read_json, read_table, write_json, write_table
-from thesis_lib.yaml_file import read_yaml
+from thesis_lib.datasets.sources.fetch import unpack
+from thesis_lib.datasets.sources.published import SOURCES
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_json, read_table, write_json, write_table
+from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.ledger.format import read_ledger
+from thesis_lib.ledger.reading import Cells
 
 few = settings(max_examples=40, deadline=None, derandomize=True)
 

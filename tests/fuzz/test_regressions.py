@@ -9,14 +9,14 @@ import pytest
 import yaml
 
 from tests.fuzz.readers import READERS
-from thesis_lib.claims.reading import Cells, load_yaml
+from thesis_lib.commands.comparison import read_run
 from thesis_lib.config import parse_config, read_config
-from thesis_lib.critique.compare import read_run
-from thesis_lib.critique.saved_model import load_model, predict, read_states
+from thesis_lib.critique.results.saved_model import load_model, predict, read_states
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.errors import CorruptFileError, UserError
-from thesis_lib.files import read_json, read_table
-from thesis_lib.regular_file import FileProblem, MissingFile, read_bytes, regular_size
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.files import read_json, read_table
+from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes, regular_size
+from thesis_lib.ledger.reading import Cells, load_yaml
 
 
 @pytest.fixture

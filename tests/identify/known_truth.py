@@ -7,7 +7,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import contact_space
-from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.datasets.format.impacts import Impacts
 
 SHAPE = Ellipse(semi_axes=(0.035, 0.025))
 K_G = float(np.sqrt(3.7e-4))

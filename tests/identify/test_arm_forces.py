@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.identify.arm_fit import ArmFitSettings, fit
-from thesis_lib.identify.arm_forces import (
-    arm_force_study,
-    arm_force_summary,
-    arm_window,
-    force_errors,
-    window_rank,
-)
-from thesis_lib.identify.arm_parameters import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.arm.fit import ArmFitSettings, fit
+from thesis_lib.identify.arm.parameters import (
     NAMES,
     ArmPrior,
     base_of,
@@ -22,7 +15,7 @@ from thesis_lib.identify.arm_parameters import (
     positive_definite,
     regressor,
 )
-from thesis_lib.identify.arm_shooting import (
+from thesis_lib.identify.arm.shooting import (
     Extra,
     Point,
     Shooting,
@@ -33,12 +26,19 @@ from thesis_lib.identify.arm_shooting import (
     noise_level,
     noise_of_residuals,
 )
-from thesis_lib.identify.arm_stepping import simulate_copies
-from thesis_lib.identify.mode_qp import solve_mode_qp
-from thesis_lib.identify.regressor import PlantRegressor
-from thesis_lib.simulate.chapter2 import arm_disk, arm_trajectories
-from thesis_lib.simulate.noise_snr import add_noise
-from thesis_lib.simulate.stepping import Record, simulate
+from thesis_lib.identify.arm.stepping import simulate_copies
+from thesis_lib.identify.arm.study import (
+    arm_force_study,
+    arm_force_summary,
+    arm_window,
+    force_errors,
+    window_rank,
+)
+from thesis_lib.identify.base_parameters.regressor import PlantRegressor
+from thesis_lib.identify.programs.mode_qp import solve_mode_qp
+from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
+from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.stepping.stepping import Record, simulate
 
 MU = 0.4
 ROUNDING = 1e-9  # relative; over 240 steps of contact rounding errors grow by up to a million

@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.identify.base_parameters import base_parameters, linear_combination
-from thesis_lib.identify.contact_window import free_body_window
-from thesis_lib.identify.excitation_table import excitation_cases, excitation_table
-from thesis_lib.identify.identifiability import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.base_parameters.combinations import base_parameters, linear_combination
+from thesis_lib.identify.base_parameters.excitation_table import excitation_cases, excitation_table
+from thesis_lib.identify.base_parameters.identifiability import (
     identifiability,
     projected,
     require_identifiable,
     sliding_regressor,
 )
-from thesis_lib.identify.regressor import PlantRegressor
-from thesis_lib.simulate.arm_disk import ArmDisk
-from thesis_lib.simulate.chapter2 import block, disk
-from thesis_lib.simulate.stepping import simulate
+from thesis_lib.identify.base_parameters.regressor import PlantRegressor
+from thesis_lib.identify.base_parameters.window import free_body_window
+from thesis_lib.simulate.chapter2.motions import block, disk
+from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+from thesis_lib.simulate.stepping.stepping import simulate
 
 LENGTH = 0.8
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.detect import find_impacts
-from thesis_lib.datasets.header import Noise
-from thesis_lib.identify.cost import target_of
-from thesis_lib.identify.ensemble import fit_ensemble
-from thesis_lib.simulate.drops import ELLIPSE_BODY, simulate_drops
-from thesis_lib.simulate.release import Release
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.impacts.detect import find_impacts
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.ensemble import fit_ensemble
+from thesis_lib.simulate.rig.release import Release
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
 
 MU, EPSILON = 0.12, 0.6
 SIGMAS = 4.0  # bootstrap standard errors: one failure in 16,000 if the errors are normal

@@ -10,9 +10,9 @@ from known_truth import falling_ellipses
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.datasets.quality import flag_physics
-from thesis_lib.identify import impact_study as study
-from thesis_lib.identify.cost import misfit, target_of
+from thesis_lib.datasets.impacts.quality import flag_physics
+from thesis_lib.impact_study import study
+from thesis_lib.impact_study.cost import misfit, target_of
 
 BOTH = ("kinetic", "unweighted")
 MU, EPSILON = 0.15, 0.55
@@ -43,7 +43,7 @@ class TestSplit:
             study.split_trials(np.array([3, 3, 3]), 0.5, rng)
 
     def test_the_split_survives_its_table(self, impacts, rng, tmp_path):
-        from thesis_lib.files import read_table, write_table
+        from thesis_lib.foundation.files import read_table, write_table
 
         train = study.split_trials(impacts.trial, 0.5, rng)
         write_table(study.split_table(impacts, train), tmp_path / "split.csv")

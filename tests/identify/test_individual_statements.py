@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from known_truth import falling_ellipses
 
-from thesis_lib.identify.individual_statements import (
+from thesis_lib.impact_study.individual_statements import (
     FOLLOWED,
     STUDIED,
     epsilon_modes,

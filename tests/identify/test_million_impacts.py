@@ -18,7 +18,7 @@ from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.impacts import Impacts
 from thesis_lib.identify import impact_study as study
-from thesis_lib.identify.impact_tables import error_summary
+from thesis_lib.impact_study.tables import error_summary
 
 training = 500
 n = int(sys.argv[1]) + training

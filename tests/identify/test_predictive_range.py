@@ -9,8 +9,8 @@ from known_truth import K_G, MASS, falling_ellipses
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace, admissible, contact_space
-from thesis_lib.identify import predictive_range
-from thesis_lib.identify.predictive_range import (
+from thesis_lib.impact_study import predictive_range
+from thesis_lib.impact_study.predictive_range import (
     admissible_area,
     admissible_outline,
     covered_share,

@@ -5,22 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.identify import programs
-from thesis_lib.identify.contact_window import ContactWindow, free_body_window
-from thesis_lib.identify.mode_qp import PROGRAMS, edges_of, solve_mode_qp
-from thesis_lib.identify.program_result import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.base_parameters.projection import project_to_contact
+from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_window
+from thesis_lib.identify.programs import nonlinear as programs
+from thesis_lib.identify.programs.mode_qp import PROGRAMS, edges_of, solve_mode_qp
+from thesis_lib.identify.programs.nonlinear import ContactProgram, identify
+from thesis_lib.identify.programs.result import (
     SolveStatus,
     complementarity_residual,
     dynamics_residual,
     judged,
 )
-from thesis_lib.identify.program_study import SUCCESS, Case, Study, cases, study
-from thesis_lib.identify.programs import ContactProgram, identify
-from thesis_lib.identify.projection import project_to_contact
-from thesis_lib.simulate.chapter2 import block
-from thesis_lib.simulate.noise_snr import add_noise
-from thesis_lib.simulate.stepping import simulate
+from thesis_lib.identify.programs.study import SUCCESS, Case, Study, cases, study
+from thesis_lib.simulate.chapter2.motions import block
+from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.stepping.stepping import simulate
 
 CONVEX_AGREEMENT = 1e-6  # relative, of costs: SNOPT stops at 1e-10 of feasibility, which a cost can multiply
 STARTS = 4

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from thesis_lib.identify.regressor import PlantRegressor, free_body_regressor, parameter_names
-from thesis_lib.simulate.chapter2 import arm_disk, block
-from thesis_lib.simulate.stepping import simulate
+from thesis_lib.identify.base_parameters.regressor import PlantRegressor, free_body_regressor, parameter_names
+from thesis_lib.simulate.chapter2.motions import arm_disk, block
+from thesis_lib.simulate.stepping.stepping import simulate
 
 ROUNDING = 1e-10  # N, N m: sums of a few terms of at most 1e3
 
@@ -32,7 +32,7 @@ def test_arm_regressor_times_parameters_is_inverse_dynamics() -> None:
 
 def test_arm_regressor_matches_differences_in_the_parameters() -> None:
     """Column by column: the arm built with a changed inertia, not only the sum of all columns."""
-    from thesis_lib.simulate.arm_disk import ArmDisk
+    from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 
     def made(inertia: float) -> ArmDisk:
         return ArmDisk((0.8, 0.7), (1.0, 0.9), (0.3, 0.4), (0.06, inertia), 0.25, 1.0, 0.04)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.mass_ratio.table_2_1 import make_drops
 from thesis_lib.identify.segmentation import (
     check_states,
     flight_costs,
@@ -11,8 +12,7 @@ from thesis_lib.identify.segmentation import (
     noise_from_differences,
     without_gravity,
 )
-from thesis_lib.identify.table_2_1 import make_drops
-from thesis_lib.simulate.noise_snr import add_noise
+from thesis_lib.simulate.chapter2.noise_snr import add_noise
 
 H, G = 5e-3, 9.81
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.identify.shares import mean_of, ratio_of_means, share_of, wilson_std
+from thesis_lib.statistics.shares import mean_of, ratio_of_means, share_of, wilson_std
 
 
 def test_no_case_at_all_still_has_a_standard_error():

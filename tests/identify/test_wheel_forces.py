@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.identify.wheel_forces import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.wheel.forces import (
     WheelStatus,
     fit_wheel,
     noise_of_third_differences,
     plain_forces,
     white,
 )
-from thesis_lib.identify.wheel_study import (
+from thesis_lib.identify.wheel.study import (
     WheelStudy,
     motion_by_mass,
     rolling_steps,
@@ -20,9 +20,9 @@ from thesis_lib.identify.wheel_study import (
     wheel_force_study,
     wheel_force_table,
 )
-from thesis_lib.simulate.noise_snr import add_noise
-from thesis_lib.simulate.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping import simulate
+from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
+from thesis_lib.simulate.stepping.stepping import simulate
 
 H, MU, STEPS = 5e-3, 0.7, 110  # a change of spoke
 EXACT = 1e-10  # relative; least squares on exact data, rounding grows with 1/h

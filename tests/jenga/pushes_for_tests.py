@@ -7,7 +7,7 @@ no block gives nothing at all.  Slips are gamma distributed, so nothing here is 
 
 import numpy as np
 
-from thesis_lib.jenga.samples import Samples
+from thesis_lib.jenga.robot.samples import Samples
 
 KINDS = ("none", "easy", "hard", "stuck", "drag")
 SHARES = (0.04, 0.32, 0.19, 0.25, 0.20)

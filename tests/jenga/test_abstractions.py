@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pushes_for_tests import KINDS, make_samples
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.abstractions import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.abstractions import (
     abstraction_table,
     agreement,
     infer_first_steps,
@@ -14,9 +14,9 @@ from thesis_lib.jenga.abstractions import (
     stuck_group,
     with_new_abstraction,
 )
-from thesis_lib.jenga.hma import Hma
-from thesis_lib.jenga.learner import SEEN, push_groups
-from thesis_lib.jenga.learner_settings import LearnerSettings, NetworkSettings
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import SEEN, push_groups
+from thesis_lib.jenga.learners.settings import LearnerSettings, NetworkSettings
 
 FAST = LearnerSettings(network=NetworkSettings(iterations=500))
 KNOWN = (0.06, 0.4, 0.24, 0.3, 0.0)  # shares of KINDS; no block drags the tower

@@ -5,9 +5,8 @@ import pandas as pd
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.jenga import collect as collecting
-from thesis_lib.jenga.collect import REFUSED, collect, explore_tower
-from thesis_lib.jenga.movable import (
+from thesis_lib.figures.chapter5.render import colours_of, strip_figure, tower_figure
+from thesis_lib.jenga.robot.movable import (
     fractions,
     hidden_label,
     is_movable,
@@ -15,11 +14,12 @@ from thesis_lib.jenga.movable import (
     trial_push,
     try_to_extract,
 )
-from thesis_lib.jenga.reduced import compare, faithfulness, reduce
-from thesis_lib.jenga.render import colours_of, strip_figure, tower_figure
-from thesis_lib.jenga.samples import FREE, STATE, STUCK, Samples, as_table
-from thesis_lib.jenga.settings import CollectSettings, MovableSettings, Setup, TowerSettings
-from thesis_lib.jenga.tower import BLOCKS, TowerError
+from thesis_lib.jenga.robot.reduced import compare, faithfulness, reduce
+from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, Samples, as_table
+from thesis_lib.jenga.study import collect as collecting
+from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
+from thesis_lib.jenga.tower.settings import CollectSettings, MovableSettings, Setup, TowerSettings
+from thesis_lib.jenga.tower.tower import BLOCKS, TowerError
 
 REDUCED = Setup(collect=CollectSettings(reduced=True))
 

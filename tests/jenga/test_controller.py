@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from thesis_lib.jenga.controller import Learned, branch_costs, rollout
-from thesis_lib.jenga.controller_settings import ControllerSettings
-from thesis_lib.jenga.learner import Prediction, bayes, log_likelihood
-from thesis_lib.jenga.learner_settings import BeliefSettings
-from thesis_lib.jenga.policies import Push, Retract
-from thesis_lib.jenga.samples import STATE
+from thesis_lib.jenga.learners.learner import Prediction, bayes, log_likelihood
+from thesis_lib.jenga.learners.settings import BeliefSettings
+from thesis_lib.jenga.play.controller import Learned, branch_costs, rollout
+from thesis_lib.jenga.play.controller_settings import ControllerSettings
+from thesis_lib.jenga.play.policies import Push, Retract
+from thesis_lib.jenga.robot.samples import STATE
 
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(len(STATE))
 CONTEXT = np.array([8.0, 1.0])

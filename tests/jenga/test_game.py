@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.errors import CorruptFileError, UserError
-from thesis_lib.jenga import game as playing
-from thesis_lib.jenga.game import Game, block_order, play, read_game, write_game
-from thesis_lib.jenga.policies import AlwaysPush, Rule
-from thesis_lib.jenga.primitives import Outcome
-from thesis_lib.jenga.samples import FREE, STUCK
-from thesis_lib.jenga.settings import RobotSettings, Setup, TowerSettings
-from thesis_lib.jenga.tower import BLOCKS, REACHABLE, TowerError
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.jenga.play import game as playing
+from thesis_lib.jenga.play.game import Game, block_order, play, read_game, write_game
+from thesis_lib.jenga.play.policies import AlwaysPush, Rule
+from thesis_lib.jenga.robot.primitives import Outcome
+from thesis_lib.jenga.robot.samples import FREE, STUCK
+from thesis_lib.jenga.tower.settings import RobotSettings, Setup, TowerSettings
+from thesis_lib.jenga.tower.tower import BLOCKS, REACHABLE, TowerError
 
 FREE_KIND, STUCK_KIND, FATAL, LOST, BREAKS, COLLAPSES = range(6)
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from pushes_for_tests import make_samples
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.hidden import error_rows, hidden_of, hidden_study
-from thesis_lib.jenga.hma import Hma
-from thesis_lib.jenga.learner import push_groups
-from thesis_lib.jenga.settings import CollectSettings, Setup
-from thesis_lib.jenga.study_settings import HiddenChoice
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import push_groups
+from thesis_lib.jenga.play.settings import HiddenChoice
+from thesis_lib.jenga.study.hidden import error_rows, hidden_of, hidden_study
+from thesis_lib.jenga.tower.settings import CollectSettings, Setup
 
 CHOICE = HiddenChoice()
 

@@ -5,11 +5,11 @@ import pytest
 from pushes_for_tests import FORCE, KINDS, POSE, START_POSE, TOWER, make_samples
 from scipy.stats import norm
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.hma import Hma
-from thesis_lib.jenga.learner import Scaling, bayes, log_likelihood, mix, push_groups
-from thesis_lib.jenga.learner_settings import BeliefSettings, LearnerSettings, NetworkSettings
-from thesis_lib.jenga.network import Network
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import Scaling, bayes, log_likelihood, mix, push_groups
+from thesis_lib.jenga.learners.network import Network
+from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, NetworkSettings
 
 FAST = LearnerSettings(network=NetworkSettings(iterations=500))
 

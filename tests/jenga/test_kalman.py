@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.kalman import KalmanBank, process_variance
-from thesis_lib.jenga.learner import SEEN, Prediction
-from thesis_lib.jenga.learner_settings import BeliefSettings
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.kalman import KalmanBank, process_variance
+from thesis_lib.jenga.learners.learner import SEEN, Prediction
+from thesis_lib.jenga.learners.settings import BeliefSettings
 
 NOISE = np.array([0.3, 0.2, 0.25, 0.05, 0.04, 0.01, 0.2]) ** 2
 CONTEXT = np.array([8.0, 1.0])

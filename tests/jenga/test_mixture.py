@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pushes_for_tests import make_samples
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.learner import FEATURES, push_groups, step_features, windows
-from thesis_lib.jenga.learner_settings import MixtureSettings, WindowSettings
-from thesis_lib.jenga.mixture import fit_mixture, icl, log_normal, merge, names_of, push_posterior
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.learner import FEATURES, push_groups, step_features, windows
+from thesis_lib.jenga.learners.mixture import fit_mixture, icl, log_normal, merge, names_of, push_posterior
+from thesis_lib.jenga.learners.settings import MixtureSettings, WindowSettings
 
 SETTINGS = MixtureSettings()
 

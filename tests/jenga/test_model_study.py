@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pushes_for_tests import make_samples
 
-from thesis_lib.jenga.hma import Hma
-from thesis_lib.jenga.learner import push_groups
-from thesis_lib.jenga.model_study import (
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import push_groups
+from thesis_lib.jenga.study.model_study import (
     agreements,
     cone_table,
     filtered,
@@ -15,7 +15,7 @@ from thesis_lib.jenga.model_study import (
     of_one,
     summary,
 )
-from thesis_lib.jenga.settings import Setup
+from thesis_lib.jenga.tower.settings import Setup
 
 SETUP = Setup()
 

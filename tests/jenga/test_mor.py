@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pushes_for_tests import make_samples
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.learner_settings import ExpertSettings, LearnerSettings
-from thesis_lib.jenga.mor import Mor, em, with_one
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.mor import Mor, em, with_one
+from thesis_lib.jenga.learners.settings import ExpertSettings, LearnerSettings
 
 SETTINGS = ExpertSettings()
 

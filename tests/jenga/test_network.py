@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from thesis_lib.jenga.bayesian_network import BayesianNetworks, divergence, forward, layer_shapes, train
-from thesis_lib.jenga.learner_settings import NetworkSettings
-from thesis_lib.jenga.network import train_plain
+from thesis_lib.jenga.learners.bayesian_network import (
+    BayesianNetworks,
+    divergence,
+    forward,
+    layer_shapes,
+    train,
+)
+from thesis_lib.jenga.learners.network import train_plain
+from thesis_lib.jenga.learners.settings import NetworkSettings
 
 SETTINGS = NetworkSettings(iterations=800)
 FAST = NetworkSettings(iterations=60)

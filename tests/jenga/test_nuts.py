@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from pushes_for_tests import make_samples
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.bayesian_network import BayesianNetworks, layer_shapes
-from thesis_lib.jenga.hma import Hma
-from thesis_lib.jenga.learner import ADVANCE, Scaling
-from thesis_lib.jenga.learner_settings import LearnerSettings, NetworkSettings
-from thesis_lib.jenga.nuts_settings import NutsSettings
-from thesis_lib.jenga.showcase_nuts import Sampler, agreement
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, layer_shapes
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import ADVANCE, Scaling
+from thesis_lib.jenga.learners.nuts_settings import NutsSettings
+from thesis_lib.jenga.learners.settings import LearnerSettings, NetworkSettings
+from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
 
 
 def linear_learner() -> Hma:
@@ -73,6 +73,6 @@ def test_readings_and_actions_must_fit() -> None:
 
 def test_the_configuration_is_read_without_what_the_sampler_needs():
     heavy = {"torch", "pandas", "scipy", "jax"}
-    code = f"import sys, thesis_lib.jenga.study_settings; print(sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, thesis_lib.jenga.play.settings; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from tower_for_tests import FREE_BLOCK, STUCK_BLOCK, Settled
 
-from thesis_lib.jenga.controller_settings import OracleSettings, RuleSettings, SupervisorSettings
-from thesis_lib.jenga.oracle import Oracle, would_succeed
-from thesis_lib.jenga.policies import (
+from thesis_lib.jenga.play.controller_settings import OracleSettings, RuleSettings, SupervisorSettings
+from thesis_lib.jenga.play.oracle import Oracle, would_succeed
+from thesis_lib.jenga.play.policies import (
     FORCE,
     SEEN,
     SIDEWAYS,
@@ -18,7 +18,7 @@ from thesis_lib.jenga.policies import (
     Retract,
     Rule,
 )
-from thesis_lib.jenga.settings import CollectSettings
+from thesis_lib.jenga.tower.settings import CollectSettings
 
 CONTEXT = np.array([8.0, 1.0])
 

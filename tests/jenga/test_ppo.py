@@ -5,11 +5,11 @@ import pytest
 import torch
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.errors import CorruptFileError, UserError
-from thesis_lib.jenga.policies import Push, Retract
-from thesis_lib.jenga.ppo import read_policy, train_ppo
-from thesis_lib.jenga.ppo_settings import EpisodeSettings, PpoSettings, RewardSettings
-from thesis_lib.jenga.push_env import (
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.jenga.play.policies import Push, Retract
+from thesis_lib.jenga.play.ppo import read_policy, train_ppo
+from thesis_lib.jenga.play.ppo_settings import EpisodeSettings, PpoSettings, RewardSettings
+from thesis_lib.jenga.play.push_env import (
     DAMAGED,
     FELL,
     GOAL,
@@ -25,8 +25,8 @@ from thesis_lib.jenga.push_env import (
     perturbation,
     step_reward,
 )
-from thesis_lib.jenga.samples import STATE
-from thesis_lib.jenga.tower import TowerError
+from thesis_lib.jenga.robot.samples import STATE
+from thesis_lib.jenga.tower.tower import TowerError
 
 STRAIGHT, RETREAT = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
 CONTEXT = np.array([8.0, 1.0])
@@ -371,7 +371,7 @@ def test_training_on_towers_runs_and_repeats():
 
 
 def test_checkpoints_become_files_and_an_interrupted_training_goes_on(tmp_path, monkeypatch):
-    from thesis_lib.jenga import ppo_training
+    from thesis_lib.jenga.play import ppo_training
 
     asked = []
 

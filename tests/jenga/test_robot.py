@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled, exact_robot
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.primitives import Gripper, free_places
-from thesis_lib.jenga.robot import Robot
-from thesis_lib.jenga.samples import STATE
-from thesis_lib.jenga.sensing import Sensor, standard_deviations
-from thesis_lib.jenga.settings import HiddenEffects, RobotSettings, SensingSettings, TowerSettings
-from thesis_lib.jenga.tower import BLOCKS, Tower
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.robot.primitives import Gripper, free_places
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import STATE
+from thesis_lib.jenga.robot.sensing import Sensor, standard_deviations
+from thesis_lib.jenga.tower.settings import HiddenEffects, RobotSettings, SensingSettings, TowerSettings
+from thesis_lib.jenga.tower.tower import BLOCKS, Tower
 
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.samples import ENOUGH, RANGE, STATE, Samples, join, read_samples, write_samples
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.robot.samples import ENOUGH, RANGE, STATE, Samples, join, read_samples, write_samples
 
 
 def _samples(n: int = 12, seed: int = 0) -> Samples:

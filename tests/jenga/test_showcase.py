@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from thesis_lib.jenga.game import Game
-from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.showcase import PICTURES, frames, straight_pushes
+from thesis_lib.jenga.play.game import Game
+from thesis_lib.jenga.study.showcase import PICTURES, frames, straight_pushes
+from thesis_lib.jenga.tower.settings import Setup
 
 
 def test_frames_are_spread_over_the_game_and_begin_with_the_untouched_tower():

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.learner import YAW, Prediction, X, Y
-from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.steering import steering_pushes, strayed_most
-from thesis_lib.jenga.study_settings import ShowcaseChoice
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.learner import YAW, Prediction, X, Y
+from thesis_lib.jenga.play.settings import ShowcaseChoice
+from thesis_lib.jenga.study.steering import steering_pushes, strayed_most
+from thesis_lib.jenga.tower.settings import Setup
 
 
 class Lever:

@@ -5,11 +5,12 @@ import pandas as pd
 import pytest
 from pushes_for_tests import make_samples
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.controller import Learned
-from thesis_lib.jenga.game import Attempt, Game
-from thesis_lib.jenga.players import learner_of, policy_of
-from thesis_lib.jenga.study import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.play.controller import Learned
+from thesis_lib.jenga.play.game import Attempt, Game
+from thesis_lib.jenga.play.players import learner_of, policy_of
+from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.jenga.study.study import (
     games_table,
     interval,
     needed_samples,
@@ -17,7 +18,6 @@ from thesis_lib.jenga.study import (
     study_tables,
     success_table,
 )
-from thesis_lib.jenga.study_settings import Chapter5
 
 SETTINGS = Chapter5()
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from tower_for_tests import SEED, Settled
 
-from thesis_lib.errors import UserError
-from thesis_lib.jenga.health import check, check_standing
-from thesis_lib.jenga.settings import HealthSettings, HiddenEffects, TowerSettings
-from thesis_lib.jenga.tower import BLOCKS, REACHABLE, Tower, TowerError, draw_sizes
-from thesis_lib.jenga.tower_model import rotation
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.tower.health import check, check_standing
+from thesis_lib.jenga.tower.settings import HealthSettings, HiddenEffects, TowerSettings
+from thesis_lib.jenga.tower.tower import BLOCKS, REACHABLE, Tower, TowerError, draw_sizes
+from thesis_lib.jenga.tower.tower_model import rotation
 
 GRAVITY = 9.81
 WEIGHT_TOLERANCE = 0.02  # of the weight: forces ripple by this while the tower creeps
@@ -159,7 +159,7 @@ def test_errors_are_for_the_user():
 
 @pytest.mark.slow
 def test_forces_do_not_hang_on_the_time_step():
-    from thesis_lib.jenga.movable import trial_push
+    from thesis_lib.jenga.robot.movable import trial_push
 
     peaks = []
     for timestep in (1e-3, 2e-3):

@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.files import read_table, write_table
-from thesis_lib.jenga import tower_study
-from thesis_lib.jenga.settings import MovableSettings, Setup
-from thesis_lib.jenga.tower import TowerError
-from thesis_lib.jenga.tower_study import fidelity, movable_shares, movable_summary, scan_tower
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_table, write_table
+from thesis_lib.jenga.study import tower_study
+from thesis_lib.jenga.study.tower_study import fidelity, movable_shares, movable_summary, scan_tower
+from thesis_lib.jenga.tower.settings import MovableSettings, Setup
+from thesis_lib.jenga.tower.tower import TowerError
 
 
 def made_scan(tower: int, others: np.ndarray) -> pd.DataFrame:

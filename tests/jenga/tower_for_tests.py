@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from thesis_lib.jenga.robot import Robot
-from thesis_lib.jenga.sensing import Sensor
-from thesis_lib.jenga.settings import SensingSettings
-from thesis_lib.jenga.tower import Snapshot, Tower
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.sensing import Sensor
+from thesis_lib.jenga.tower.settings import SensingSettings
+from thesis_lib.jenga.tower.tower import Snapshot, Tower
 
 SEED = 0
 FREE_BLOCK, STUCK_BLOCK = 28, 13  # of that tower, found by a scan; the tests say what they show

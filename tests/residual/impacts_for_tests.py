@@ -5,7 +5,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import contact_space
-from thesis_lib.datasets.impacts import Impacts
+from thesis_lib.datasets.format.impacts import Impacts
 
 SHAPE, MASS, K_G = Ellipse(semi_axes=(0.035, 0.025)), 0.0364, 0.0192
 

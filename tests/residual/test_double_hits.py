@@ -6,15 +6,15 @@ import numpy as np
 from throws_for_tests import BODY, RIG
 
 from thesis_lib.contact import LAWS
-from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.residual.bases import LawBase
-from thesis_lib.residual.dice_settings import ThrowSettings
-from thesis_lib.residual.double_hits import hit_again
-from thesis_lib.residual.flight import fly
-from thesis_lib.residual.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.learners import ImpulseLearner
-from thesis_lib.residual.propagation import LearnedImpact
-from thesis_lib.residual.throw import LawImpact, state_at
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.residual.belief.double_hits import hit_again
+from thesis_lib.residual.belief.flight import fly
+from thesis_lib.residual.belief.propagation import LearnedImpact
+from thesis_lib.residual.belief.settings import ThrowSettings
+from thesis_lib.residual.belief.throw import LawImpact, state_at
+from thesis_lib.residual.learners.bases import LawBase
+from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
+from thesis_lib.residual.learners.learners import ImpulseLearner
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.45, RIG.k_g)
 WITHIN = 0.03

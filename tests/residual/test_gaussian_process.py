@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from thesis_lib.errors import UserError
-from thesis_lib.residual.gaussian_process import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.residual.learners.gaussian_process import (
     SAME,
     SAME_TRAINED,
     GaussianProcessSettings,
     _gpytorch_model,
     fit_gaussian_process,
 )
-from thesis_lib.residual.marginal_likelihood import objective
+from thesis_lib.residual.learners.marginal_likelihood import objective
 
 EXACT = 1e-6  # of the outputs' spread: exact methods differ by rounding only
 

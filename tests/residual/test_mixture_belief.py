@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 from throws_for_tests import HALF, RIG, throws
 
-from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.residual.bases import LawBase
-from thesis_lib.residual.belief import covariance_root
-from thesis_lib.residual.dice_data import Contacts, Releases
-from thesis_lib.residual.dice_fit import DiceModel
-from thesis_lib.residual.dice_models import Thrower
-from thesis_lib.residual.dice_settings import DiceStudySettings, ThrowSettings
-from thesis_lib.residual.flight import first_touch, fly
-from thesis_lib.residual.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.learners import ImpulseLearner
-from thesis_lib.residual.mixture_belief import (
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.residual.belief.belief import covariance_root
+from thesis_lib.residual.belief.flight import first_touch, fly
+from thesis_lib.residual.belief.propagation import LearnedImpact, Sampled, ScatteredLaw
+from thesis_lib.residual.belief.settings import DiceStudySettings, ThrowSettings
+from thesis_lib.residual.belief.throw import state_at
+from thesis_lib.residual.dice.data import Contacts, Releases
+from thesis_lib.residual.dice.fit import DiceModel
+from thesis_lib.residual.dice.mixture_belief import (
     first_contact_scores,
     first_contact_summary,
     fly_gaussian,
     propagate,
 )
-from thesis_lib.residual.propagation import LearnedImpact, Sampled, ScatteredLaw
-from thesis_lib.residual.throw import state_at
+from thesis_lib.residual.dice.models import Thrower
+from thesis_lib.residual.learners.bases import LawBase
+from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
+from thesis_lib.residual.learners.learners import ImpulseLearner
 
 MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.15, 0.45, 9.81, d_theta=-0.03, c_v=0.4, c_w=0.6)
 BODY, LAW = MODEL.body, MODEL.impact

@@ -7,16 +7,16 @@ import pytest
 from throws_for_tests import BODY, HALF, RIG, throws
 
 from thesis_lib.contact import LAWS
-from thesis_lib.residual.belief import covariance_root
-from thesis_lib.residual.compliant_contact import CompliantContact
-from thesis_lib.residual.dice_data import Contacts, Flights, flight_drag
-from thesis_lib.residual.dice_fit import DiceModel, cma_es, contact_path, fit_dice
-from thesis_lib.residual.dice_models import contact_map, train_missed
-from thesis_lib.residual.dice_settings import DiceFitSettings, DiceStudySettings, ThrowSettings
-from thesis_lib.residual.flight import first_touch, fly
-from thesis_lib.residual.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.propagation import Sampled, ScatteredLaw, draw, wrench_map
-from thesis_lib.residual.throw import LawImpact, push, simulate_throws
+from thesis_lib.residual.belief.belief import covariance_root
+from thesis_lib.residual.belief.compliant_contact import CompliantContact
+from thesis_lib.residual.belief.flight import first_touch, fly
+from thesis_lib.residual.belief.propagation import Sampled, ScatteredLaw, draw, wrench_map
+from thesis_lib.residual.belief.settings import DiceFitSettings, DiceStudySettings, ThrowSettings
+from thesis_lib.residual.belief.throw import LawImpact, push, simulate_throws
+from thesis_lib.residual.dice.data import Contacts, Flights, flight_drag
+from thesis_lib.residual.dice.fit import DiceModel, cma_es, contact_path, fit_dice
+from thesis_lib.residual.dice.models import contact_map, train_missed
+from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.5, RIG.k_g)
 WIDE = np.diag([0.2, 0.2, 0.005]) ** 2

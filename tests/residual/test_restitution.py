@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from throws_for_tests import throws
 
-from thesis_lib.residual.compliant_contact import CompliantContact
-from thesis_lib.residual.dice_data import Contacts
-from thesis_lib.residual.dice_fit import DiceModel, contact_path
-from thesis_lib.residual.dice_settings import ThrowSettings
-from thesis_lib.residual.flight import first_touch, fly
-from thesis_lib.residual.restitution import restitution
+from thesis_lib.residual.belief.compliant_contact import CompliantContact
+from thesis_lib.residual.belief.flight import first_touch, fly
+from thesis_lib.residual.belief.settings import ThrowSettings
+from thesis_lib.residual.dice.data import Contacts
+from thesis_lib.residual.dice.fit import DiceModel, contact_path
+from thesis_lib.residual.dice.restitution import restitution
 
 LAW = DiceModel(0.03, 0.0, 0.0, 0.0245, "anitescu_potra_newton", 0.1, 0.45, 9.81, d_theta=-0.02)
 

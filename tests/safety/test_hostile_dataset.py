@@ -15,9 +15,9 @@ import pytest
 from hostile_datasets import BROKEN, DESCRIPTION, ESCAPES, NAME, ORDERS, broken_folder, valid_folder
 
 from thesis_lib.__main__ import main
-from thesis_lib.command_line import command
-from thesis_lib.datasets.__main__ import main as datasets_main
-from thesis_lib.terminal import VisibleStream, visible
+from thesis_lib.commands.datasets import main as datasets_main
+from thesis_lib.foundation.command_line import command
+from thesis_lib.foundation.terminal import VisibleStream, visible
 
 ROOT = Path(__file__).resolve().parents[2]
 # all that the page is made of; none of them can run or load anything but `img`, whose source is looked at
@@ -207,7 +207,7 @@ def test_a_folder_whose_name_does_not_print_is_refused(name, tmp_path, capsys):
 @pytest.mark.parametrize("section", ["critique", "chapter3", "chapter4"])
 def test_names_in_the_configuration_are_no_paths_or_commands(name, section):
     from thesis_lib.config import parse_config
-    from thesis_lib.errors import UserError
+    from thesis_lib.foundation.errors import UserError
 
     parse_config({section: {"datasets": ["my_drops"]}})
     with pytest.raises(UserError, match=section):

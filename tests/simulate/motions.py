@@ -3,10 +3,10 @@
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
-from thesis_lib.simulate.contact_modes import TOUCH
-from thesis_lib.simulate.lcp import LcpStatus
-from thesis_lib.simulate.mechanism import Mechanism, PlanarFreeBody, Rod
-from thesis_lib.simulate.stepping import Record, simulate
+from thesis_lib.simulate.stepping.contact_modes import TOUCH
+from thesis_lib.simulate.stepping.lcp import LcpStatus
+from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody, Rod
+from thesis_lib.simulate.stepping.stepping import Record, simulate
 
 RESIDUAL_TOL = 1e-9  # promised complementarity of every step, dimensionless; rounding leaves about 1e-15
 BALANCE_TOL = 1e-9  # N s; momentum balance of every step, of impulses up to 10 N s

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from motions import G, checked, contact_velocity
 
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.arm_disk import ArmDisk
-from thesis_lib.simulate.chapter2 import arm_disk, arm_trajectories
-from thesis_lib.simulate.stepping import simulate
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
+from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+from thesis_lib.simulate.stepping.stepping import simulate
 
 EXACT = 1e-12
 GOOD = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from motions import checked
 
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.chapter2 import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.chapter2.motions import (
     DEFAULT,
     ArmSettings,
     Chapter2Bodies,
@@ -18,7 +18,7 @@ from thesis_lib.simulate.chapter2 import (
     rod,
     wheel,
 )
-from thesis_lib.simulate.release import Spread
+from thesis_lib.simulate.rig.release import Spread
 
 MAKE = {"block": block, "ellipse": ellipse, "disk": disk, "rod": rod, "wheel": wheel}
 

@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.detect import find_impacts
-from thesis_lib.datasets.header import Body, Noise
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.datasets.write import write_dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.errors import UserError
-from thesis_lib.simulate import compliant
-from thesis_lib.simulate.compliant import TRUTH, simulate_compliant_drops
-from thesis_lib.simulate.compliant_forces import rounded_centres
-from thesis_lib.simulate.mechanisms import CAUSES, PROOF_RELEASE, CompliantContact, Mechanisms
-from thesis_lib.simulate.release import Release, Spread
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant import drops as compliant
+from thesis_lib.simulate.compliant.drops import TRUTH, simulate_compliant_drops
+from thesis_lib.simulate.compliant.forces import rounded_centres
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.release import Release, Spread
 
 # a contact of 20 µs in 200 steps: the first-order errors of switching are about 1/200 of the change they act on
 RIGID_TOL = 0.01  # m/s, of changes of 2 to 5 m/s
@@ -73,7 +73,7 @@ def of_size(name):
 # --- what it is ---
 
 
-@pytest.mark.parametrize("name", ["compliant", "compliant_forces", "mechanisms", "camera"])
+@pytest.mark.parametrize("name", ["compliant.drops", "compliant.forces", "rig.hidden_causes", "rig.camera"])
 def test_knows_no_impact_law_and_no_effect(name):
     module = import_module(f"thesis_lib.simulate.{name}")
     tree = ast.parse(Path(module.__file__).read_text())

@@ -5,15 +5,15 @@ from functools import cache
 import numpy as np
 import pytest
 
+from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
-from thesis_lib.datasets.header import Body, Noise
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.compliant import TRUTH, simulate_compliant_drops
-from thesis_lib.simulate.drake_drops import ACCURACY, SUPPORTED, WITHOUT_ELEMENT, simulate_drake_drops
-from thesis_lib.simulate.drake_plant import STICTION
-from thesis_lib.simulate.mechanisms import CAUSES, PROOF_RELEASE, CompliantContact, Mechanisms
-from thesis_lib.simulate.release import Release, Spread
-from thesis_lib.simulate.viscoelastic_pad import design, rebound
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.drops import TRUTH, simulate_compliant_drops
+from thesis_lib.simulate.drake.drops import ACCURACY, SUPPORTED, WITHOUT_ELEMENT, simulate_drake_drops
+from thesis_lib.simulate.drake.plant import STICTION
+from thesis_lib.simulate.drake.viscoelastic_pad import design, rebound
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.release import Release, Spread
 
 EXACT = 1e-9  # free flight: a parabola for a Runge-Kutta step and for a Hermite path
 RIGID_TOL = 0.01  # m/s: of changes of 2 to 5 m/s, in contacts of 20 µs

@@ -5,17 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
+from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.bodies.shapes import Disk, Polygon
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Body, Noise
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.datasets.write import write_dataset
-from thesis_lib.errors import UserError
-from thesis_lib.simulate import drops as drops_module
-from thesis_lib.simulate.drops import ELLIPSE_BODY, IMPACT_TRUTH, DropStatus, simulate_drops
-from thesis_lib.simulate.lcp import LcpStatus
-from thesis_lib.simulate.plant import planar_body
-from thesis_lib.simulate.release import Release, Spread
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.release import Release, Spread
+from thesis_lib.simulate.stepping import drops as drops_module
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, IMPACT_TRUTH, DropStatus, simulate_drops
+from thesis_lib.simulate.stepping.lcp import LcpStatus
+from thesis_lib.simulate.stepping.plant import planar_body
 
 EXACT = 1e-12  # closed forms in double precision, numbers of order 1
 CONTACT_TIME = (

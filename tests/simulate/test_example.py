@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.datasets.__main__ import main
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.example import NEW_IMPACTS, causes_text, simulate_example
-from thesis_lib.simulate.mechanisms import CAUSES
+from thesis_lib.commands.datasets import main
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.example import NEW_IMPACTS, causes_text, simulate_example
+from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 
 def new_impacts(hidden: str, size: float | None = None, seed: int = 0) -> pd.DataFrame:

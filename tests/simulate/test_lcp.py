@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.solvers import MathematicalProgram, MobyLcpSolver
 
-from thesis_lib.simulate.lcp import (
+from thesis_lib.simulate.stepping.lcp import (
     MAX_UNKNOWNS,
     LcpStatus,
     complementarity_residual,

@@ -5,9 +5,9 @@ import pytest
 from motions import BODIES
 
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.simulate.arm_disk import ArmDisk
-from thesis_lib.simulate.mechanism import PlanarFreeBody
-from thesis_lib.simulate.rimless_wheel import RimlessWheel
+from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 STEP = 1e-6  # central differences: error of second order 1e-12, rounding 1e-10
 FD_TOL = 1e-8

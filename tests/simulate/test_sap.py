@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from motions import BODIES, G, H, balance, checked, drops
 
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.chapter2 import arm_disk, arm_trajectories
-from thesis_lib.simulate.mechanism import Mechanism, PlanarFreeBody
-from thesis_lib.simulate.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.sap import STIFFNESS, simulate_sap
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
+from thesis_lib.simulate.drake.sap import STIFFNESS, simulate_sap
+from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 SOLVER_TOL = (
     1e-5  # N s; the solver's own accuracy is 1e-5 relative, of impulses of some N s; about 1e-7 is seen

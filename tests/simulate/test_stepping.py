@@ -17,15 +17,16 @@ from motions import (
 )
 
 from thesis_lib.bodies.shapes import Disk
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.contact_modes import (
-    several_lcp_matrices,
-    solve_one,
-    solve_several,
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.stepping.contact_modes import several_lcp_matrices, solve_one, solve_several
+from thesis_lib.simulate.stepping.lcp import (
+    LcpStatus,
+    complementarity_residual,
+    contact_lcp,
+    solve_lcp_enumeration,
 )
-from thesis_lib.simulate.lcp import LcpStatus, complementarity_residual, contact_lcp, solve_lcp_enumeration
-from thesis_lib.simulate.mechanism import Contacts, Mechanism, PlanarFreeBody
-from thesis_lib.simulate.stepping import V_REBOUND, simulate, step_lcp
+from thesis_lib.simulate.stepping.multibody import Contacts, Mechanism, PlanarFreeBody
+from thesis_lib.simulate.stepping.stepping import V_REBOUND, simulate, step_lcp
 
 EXACT = 1e-12  # rounding over some hundred steps
 AGREE = 1e-9  # relative, between two direct solvers of one LCP

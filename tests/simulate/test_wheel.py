@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from motions import G, checked, contact_velocity
 
-from thesis_lib.errors import UserError
-from thesis_lib.simulate.rimless_wheel import RimlessWheel
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 WHEEL = RimlessWheel(8, 1.0, 1.0, 0.5, 0.15)
 

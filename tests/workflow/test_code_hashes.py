@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pipeline_copy import copy_pipeline
 
-from thesis_lib.provenance import lib_hash
+from thesis_lib.foundation.provenance import lib_hash
 
 STUDY = {"ch3_identify", "ch3_evaluate", "ch3_figures"}
 DRAWN = {"ch2_table_2_1", "ch3_figures", "ch3_schematics", "ch3_trajectories"}
@@ -26,30 +26,28 @@ CRITIQUE = {
     "critique",
     "critique_proof",
     "ch2_hidden",
-    "ch2_impact_forces",
-    "ch2_measured_ratio",
-    "ch2_measured_ratios",
 }
+RATIOS = {"ch2_impact_forces", "ch2_measured_ratio", "ch2_measured_ratios"}
 # edited file, scripts that must run again, scripts that must not (None: all others)
 EDITS = [
     (
-        "simulate/drops.py",
+        "simulate/stepping/drops.py",
         {"simulate_drops", "critique_proof"},
         {"find_impacts", "ch3_identify", "ch2_noise"},
     ),
     (
-        "simulate/lcp.py",
+        "simulate/stepping/lcp.py",
         {"simulate_drops", "critique_proof", "ch2_noise", "ch2_programs"},
         {"find_impacts", "ch3_identify", "ch2_gather", "ch2_table_2_1", "claims", "provenance"},
     ),
-    ("figures/chapter2_noise.py", {"ch2_table_2_1"}, None),
-    ("datasets/detect.py", CRITIQUE | {"find_impacts"}, None),
-    ("claims/evaluate.py", {"claims"}, None),
-    ("claims/page.py", {"claims"}, None),
-    ("identify/stored_predictions.py", {"ch3_published"}, None),
+    ("figures/chapter2/noise.py", {"ch2_table_2_1"}, None),
+    ("datasets/impacts/detect.py", CRITIQUE | RATIOS | {"find_impacts"}, None),
+    ("ledger/evaluate.py", {"claims"}, None),
+    ("ledger/page.py", {"claims"}, None),
+    ("impact_study/stored_predictions.py", {"ch3_published"}, None),
     ("figures/thesis.mplstyle", DRAWN | {"critique", "critique_proof"}, UNDRAWN),
     ("figures/style.py", DRAWN | {"critique", "critique_proof"}, UNDRAWN),
-    ("figures/chapter3_errors.py", {"ch3_figures"}, None),
+    ("figures/chapter3/errors.py", {"ch3_figures"}, None),
     (
         "contact/mirtich.py",
         {"ch3_identify", "ch3_evaluate", "ch3_published", "ch3_figures"},
@@ -64,23 +62,23 @@ EDITS = [
         },
     ),
     ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique", "critique_proof"}, UNDRAWN),
-    ("effects/adhesion.py", CRITIQUE | {"ch4_named_figure", "findings"}, None),
-    ("critique/fit.py", CRITIQUE, None),
-    ("critique/report.py", {"critique"}, None),
+    ("effects/adhesion.py", CRITIQUE | RATIOS | {"ch4_named_figure", "findings"}, None),
+    ("critique/drops/fit.py", CRITIQUE, None),
+    ("report/critique/page.py", {"critique"}, None),
     (
-        "identify/individual.py",
+        "impact_study/individual.py",
         {"ch3_identify"},
         {"simulate_drops", "find_impacts", "convert_measured", "ch3_published", "claims", "provenance"},
     ),
-    ("datasets/impacts.py", STUDY | {"find_impacts"}, {"datasets_present", "claims", "provenance"}),
+    ("datasets/format/impacts.py", STUDY | {"find_impacts"}, {"datasets_present", "claims", "provenance"}),
     (
         "bodies/shapes.py",
         STUDY | {"simulate_drops", "find_impacts"},
         {"datasets_present", "claims", "provenance"},
     ),
     ("config.py", set(), None),  # each script reads the settings of its own section
-    ("claims/__main__.py", set(), None),
-    ("datasets/__main__.py", set(), None),
+    ("commands/claims.py", set(), None),
+    ("commands/datasets.py", set(), None),
 ]
 
 
@@ -125,7 +123,7 @@ def test_new_law_reaches_the_studies(root, before):
 
 
 def test_comments_reach_nothing(root, before):
-    for path in ("contact/law.py", "files.py", "datasets/impacts.py"):
+    for path in ("contact/law.py", "foundation/files.py", "datasets/format/impacts.py"):
         assert changed(root, before, path, lambda text: text + "\n# a comment\n") == set()
 
 

@@ -9,13 +9,14 @@ import pandas as pd
 import pytest
 from pipeline_copy import ROOT
 
+from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.header import Body, Header
-from thesis_lib.datasets.impacts import IMPACT_COLUMNS
-from thesis_lib.datasets.write import write_dataset
-from thesis_lib.identify.settings import Chapter3
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.impact_study.settings import Chapter3
 
 TABLES = ("ensemble", "ensemble_velocity", "convergence", "topography", "individual", "split")
 JUDGED = ("errors", "summary", "table_3_1", "table_3_2", "coverage", "statements")
@@ -95,7 +96,7 @@ def test_tables_count_what_was_trained_on_and_what_was_judged(results):
 
 def test_statements_hold_what_the_ledger_reads(results):
     """One row each, of every statement that a claim about the measured impacts names."""
-    from thesis_lib.claims.ledger import read_ledger
+    from thesis_lib.ledger.format import read_ledger
 
     found = results["statements"].fillna({"law": ""})
     assert not found[["statement", "law"]].duplicated().any()

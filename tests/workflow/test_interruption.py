@@ -13,8 +13,8 @@ from tests.workflow.interruption import study
 from tests.workflow.pipeline_copy import ROOT
 from tests.workflow.ways_to_stop import WAYS
 from thesis_lib import pipeline
-from thesis_lib.errors import UserError
-from thesis_lib.files import write_text
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_text
 
 SLOW_JOB = "import time; print('up', flush=True); time.sleep(60)"
 

@@ -15,7 +15,7 @@ class _Face(ModuleType):
 
     @property
     def criticise(self):
-        from thesis_lib.critique.criticise import criticise
+        from thesis_lib.critique.drops.criticise import criticise
 
         return criticise
 

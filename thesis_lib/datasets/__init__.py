@@ -6,7 +6,7 @@ imported on first use, so that importing this package stays cheap.
 
 from importlib import import_module
 
-_FACE = {"read_dataset": "thesis_lib.datasets.read", "find_impacts": "thesis_lib.datasets.detect"}
+_FACE = {"read_dataset": "thesis_lib.datasets.read", "find_impacts": "thesis_lib.datasets.impacts.detect"}
 __all__ = ["find_impacts", "read_dataset"]
 
 

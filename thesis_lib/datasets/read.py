@@ -3,13 +3,20 @@
 import os
 from pathlib import Path
 
-from thesis_lib.datasets import plausible, plausible_impacts
-from thesis_lib.datasets.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
-from thesis_lib.datasets.header_file import FILE, load_header, salvage_shape
-from thesis_lib.datasets.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
-from thesis_lib.datasets.known_body import Body
-from thesis_lib.datasets.tables import load_table
-from thesis_lib.datasets.validate import DatasetError, Problem, Report, check_impacts, check_trajectories
+from thesis_lib.datasets.checks import impacts as plausible_impacts
+from thesis_lib.datasets.checks import trajectories as plausible
+from thesis_lib.datasets.checks.known_body import Body
+from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
+from thesis_lib.datasets.format.header_file import FILE, load_header, salvage_shape
+from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
+from thesis_lib.datasets.format.tables import load_table
+from thesis_lib.datasets.format.validate import (
+    DatasetError,
+    Problem,
+    Report,
+    check_impacts,
+    check_trajectories,
+)
 
 OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 

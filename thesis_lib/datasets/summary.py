@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.detect import FoundImpacts, find_impacts
-from thesis_lib.datasets.impacts import STATE
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import STATE
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.datasets.samples import ArcSettings
 
 UNIT = {"t": "s", "x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "omega": "rad/s"}
 

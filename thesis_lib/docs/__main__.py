@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from thesis_lib.command_line import FAILED, Parser, command
+from thesis_lib.foundation.command_line import FAILED, Parser, command
 
 EPILOG = """\
 examples:
@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for path in stale:
             print(f"{path} is out of step with the code; python -m thesis_lib.docs writes it anew")
         return FAILED if stale else 0
-    from thesis_lib.files import write_text
+    from thesis_lib.foundation.files import write_text
 
     for path, text in stale.items():
         write_text(text, path)

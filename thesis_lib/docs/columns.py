@@ -1,7 +1,7 @@
 """Every column of every table under results/ with its unit and meaning, from columns.yaml."""
 
-from thesis_lib.columns import meanings
 from thesis_lib.docs.markdown import code, table
+from thesis_lib.foundation.columns import meanings
 
 HEAD = ("column", "unit", "meaning")
 

@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from thesis_lib.docs.markdown import code, table
-from thesis_lib.settings import Section
+from thesis_lib.foundation.settings import Section
 
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false", Any: "anything"}
 SIGNS = {Ge: ("≥", "ge"), Gt: (">", "gt"), Le: ("≤", "le"), Lt: ("<", "lt")}

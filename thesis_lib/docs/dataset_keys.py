@@ -4,18 +4,18 @@ from collections.abc import Iterator
 
 from thesis_lib.docs.configuration import kind
 from thesis_lib.docs.markdown import code, table
-from thesis_lib.settings import Section
+from thesis_lib.foundation.settings import Section
 
 
 def text() -> str:
     """Every key with its default."""
-    from thesis_lib.datasets.header import Header
+    from thesis_lib.datasets.format.header import Header
 
     return table(("key", "needed", "kind", "meaning"), _rows("", Header))
 
 
 def _rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, str]]:
-    from thesis_lib.datasets.header import Body, Noise, Surface
+    from thesis_lib.bodies.body import Body, Noise, Surface
 
     nested = {"body": Body, "surface": Surface, "noise": Noise}
     for name, field in section.model_fields.items():

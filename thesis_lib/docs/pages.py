@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thesis_lib.docs import columns, configuration, dataset_keys, effects, laws
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 BLOCKS: dict[str, Callable[[], str]] = {
     "configuration": configuration.text,

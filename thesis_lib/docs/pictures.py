@@ -18,7 +18,7 @@ from thesis_lib.docs.laws import published_twin
 from thesis_lib.docs.signatures import signature
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.figures.style import GREY, INK, ImpulseAxis, house_style, new_figure
-from thesis_lib.files import atomic, write_table
+from thesis_lib.foundation.files import atomic, write_table
 
 DPI = 110  # 600 to 700 pixels wide, below 60 kB
 LOOKS = (
@@ -108,8 +108,8 @@ def _draw_curve(ax: Axes, rows: pd.DataFrame, label: str, factor: float) -> None
 @house_style
 def draw_reach(law: Law) -> Figure:
     """Impulses that a law can give to one impact of the ellipse, in the energy ellipse."""
-    from thesis_lib.figures.chapter3_contact_space import EXAMPLE, draw_ellipse, region_outline
-    from thesis_lib.simulate.drops import ELLIPSE_BODY
+    from thesis_lib.figures.chapter3.contact_space import EXAMPLE, draw_ellipse, region_outline
+    from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
 
     space, unit = EXAMPLE.space(ELLIPSE_BODY), ImpulseAxis.of(ELLIPSE_BODY.mass is not None)
     figure = new_figure(4.6, 2.6)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from importlib import import_module
 
 from thesis_lib.effects.effect import FAMILIES, Effect
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 
 def _load() -> dict[str, Effect]:

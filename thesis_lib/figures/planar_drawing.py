@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.figures.style import GREY, INK
-from thesis_lib.simulate.mechanism import PlanarFreeBody
-from thesis_lib.simulate.rimless_wheel import RimlessWheel
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 SHADE = "#DCE6F0"
 COLORS = {"blue": "#0072B2", "red": "#D55E00", "green": "#009E73", "violet": "#CC79A7"}

@@ -18,8 +18,8 @@ import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from thesis_lib.columns import explain
-from thesis_lib.files import atomic, write_table
+from thesis_lib.foundation.columns import explain
+from thesis_lib.foundation.files import atomic, write_table
 
 SHEET = Path(__file__).with_name("thesis.mplstyle")
 WIDTH = 6.3  # inches: the text width of an A4 or letter page
@@ -78,7 +78,7 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path) -> None:
     """Write `path`.png, `path`.pdf and the plotted numbers as `path`.csv; equal content gives equal bytes.
 
     Raises:
-        KeyError: a column of the table is not explained in thesis_lib/columns.yaml.
+        KeyError: a column of the table is not explained in foundation/columns.yaml.
     """
     path = Path(path)
     explain(path.name, table.columns)

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from thesis_lib.errors import UserError
-from thesis_lib.files import read_json, read_table, write_text
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_json, read_table, write_text
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Identification of contact parameters (thesis sections 3.3.3 and 3.4)."""
+"""Chapter 2: inertial parameters and contact forces of mechanisms, identified from noisy motion."""

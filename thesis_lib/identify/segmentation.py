@@ -23,7 +23,7 @@ Association 69 (1974) 383, doi 10.1080/01621459.1974.10482962 (median deviation)
 
 import numpy as np
 
-from thesis_lib.errors import UserError
+from thesis_lib.foundation.errors import UserError
 
 MIN_SAMPLES = 8  # of a drop: fewer leave no second differences to judge the noise by
 SIGMA_FLOOR = 1e-6  # of a channel's spread: exact data count as noisy by that much, so that χ² stays finite

@@ -1,4 +1,4 @@
-// Energy ellipse of the impact that is pointed at or focused; thesis_lib/critique/report_impacts.py explains the data.
+// Energy ellipse of the impact that is pointed at or focused; thesis_lib/report/critique/impacts.py explains the data.
 "use strict";
 for (const figure of document.querySelectorAll("figure.impacts")) {
   const { unit, impacts } = JSON.parse(figure.querySelector("script").textContent);

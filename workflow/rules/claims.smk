@@ -71,7 +71,7 @@ rule provenance:
         rules.chapter4.input,
         rules.chapter5.input,
         rules.critique.input,
-        dictionary="thesis_lib/columns.yaml",
+        dictionary="thesis_lib/foundation/columns.yaml",
     output:
         made="results/provenance.json",
         columns="results/columns.csv",

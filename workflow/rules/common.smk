@@ -5,13 +5,13 @@ from pathlib import Path
 sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every script, on a cluster too
 
 from thesis_lib.config import parse_config
-from thesis_lib.datasets.locate import SIMULATED, locate
-from thesis_lib.datasets.published import SOURCES
-from thesis_lib.errors import UserError
+from thesis_lib.datasets.sources.locate import SIMULATED, locate
+from thesis_lib.datasets.sources.published import SOURCES
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.findings import chapter2, chapter3, chapter4, chapter5
 from thesis_lib.findings.catalogue import FINDINGS
 from thesis_lib.findings.finding import read_from
-from thesis_lib.provenance import lib_hash, value_sha256
+from thesis_lib.foundation.provenance import lib_hash, value_sha256
 from thesis_lib.resources import read_measured, request
 
 try:

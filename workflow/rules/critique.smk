@@ -1,5 +1,5 @@
 # The critique: which physical effect is missing from the contact models, for every dataset that is present.
-from thesis_lib.provenance import folder_sha256
+from thesis_lib.foundation.provenance import folder_sha256
 
 CRITIQUE_DATASETS = [name for name in CONFIG.critique.datasets if DATASETS[name].present]
 

@@ -6,13 +6,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.figures.chapter2_arm import figure_2_12
+from thesis_lib.figures.chapter2.arm import figure_2_12
 from thesis_lib.figures.style import save_figure
-from thesis_lib.identify.arm_forces import arm_force_study, arm_force_summary
-from thesis_lib.identify.arm_settings import ArmStudy
-from thesis_lib.randomness import generator
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.identify.arm.settings import ArmStudy
+from thesis_lib.identify.arm.study import arm_force_study, arm_force_summary
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 params, out = snakemake.params, snakemake.output
 settings = ArmStudy.model_validate(params.settings)

@@ -6,14 +6,14 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.critique.mechanism_report import write_mechanism_critique
-from thesis_lib.critique.mechanism_settings import HiddenStudy
-from thesis_lib.critique.mechanism_study import hidden_effect_study
-from thesis_lib.figures.chapter2_hidden import figure_hidden
+from thesis_lib.critique.mechanisms.settings import HiddenStudy
+from thesis_lib.critique.mechanisms.study import hidden_effect_study
+from thesis_lib.figures.chapter2.hidden import figure_hidden
 from thesis_lib.figures.style import save_figure
-from thesis_lib.randomness import generator
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.report.mechanisms import write_mechanism_critique
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 params, out = snakemake.params, snakemake.output
 settings = HiddenStudy.model_validate(params.settings)

@@ -6,12 +6,12 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.critique import impact_forces as study
-from thesis_lib.critique.impact_settings import ImpactForces
-from thesis_lib.figures.chapter2_impact import figure_2_15
+from thesis_lib.figures.chapter2.impact import figure_2_15
 from thesis_lib.figures.style import save_figure
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.identify.impacts import forces as study
+from thesis_lib.identify.impacts.settings import ImpactForces
 
 settings = ImpactForces.model_validate(snakemake.params.settings)
 drops = study.drop_ellipses(settings, generator(snakemake.params.seed, "ch2_impact_forces"))

@@ -4,11 +4,11 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.columns import write_result
-from thesis_lib.critique.impact_settings import MeasuredRatio
-from thesis_lib.critique.measured_ratio import measured_ratio
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.identify.impacts.measured_ratio import measured_ratio
+from thesis_lib.identify.impacts.settings import MeasuredRatio
 
 params = snakemake.params
 rng = generator(params.seed, "ch2_measured_ratio", snakemake.wildcards.dataset)

@@ -6,11 +6,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.critique.measured_ratio import gather
-from thesis_lib.figures.chapter2_impact import figure_measured_ratio
+from thesis_lib.figures.chapter2.impact import figure_measured_ratio
 from thesis_lib.figures.style import save_figure
-from thesis_lib.files import read_table
+from thesis_lib.foundation.files import read_table, write_result
+from thesis_lib.identify.impacts.measured_ratio import gather
 
 table = gather([read_table(path, ["dataset", "ratio"]) for path in snakemake.input], snakemake.params.absent)
 write_result(table, snakemake.output.table)

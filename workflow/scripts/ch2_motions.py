@@ -7,13 +7,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures import chapter2_motions as figures
-from thesis_lib.figures.chapter2_uncertainty import figure_2_5
+from thesis_lib.figures.chapter2 import motions as figures
+from thesis_lib.figures.chapter2.uncertainty import figure_2_5
 from thesis_lib.figures.style import save_figure
-from thesis_lib.identify.excitation_table import landings
-from thesis_lib.randomness import generator
-from thesis_lib.simulate import chapter2_scenes as scenes
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.identify.base_parameters.excitation_table import landings
+from thesis_lib.simulate.chapter2 import scenes
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
 chosen = scenes.SceneSettings.model_validate(snakemake.params.scenes)

@@ -4,11 +4,11 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.columns import write_result
-from thesis_lib.identify.chapter2_settings import Programs
-from thesis_lib.identify.program_study import programs_table
-from thesis_lib.randomness import generator
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.identify.programs.study import programs_table
+from thesis_lib.identify.settings import Programs
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 params = snakemake.params
 kind = snakemake.wildcards.mechanism

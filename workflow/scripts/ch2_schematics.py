@@ -6,10 +6,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures import chapter2_schematics as figures
+from thesis_lib.figures.chapter2 import schematics as figures
 from thesis_lib.figures.style import save_figure
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
-from thesis_lib.simulate.chapter2_scenes import schematic_poses
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.chapter2.scenes import schematic_poses
 
 poses = schematic_poses(Chapter2Bodies.model_validate(snakemake.params.bodies))
 drawn = {

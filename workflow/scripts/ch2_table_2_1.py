@@ -6,10 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.figures.chapter2_noise import figure_table_2_1
+from thesis_lib.figures.chapter2.noise import figure_table_2_1
 from thesis_lib.figures.style import save_figure
-from thesis_lib.files import read_tables
+from thesis_lib.foundation.files import read_tables, write_result
 
 table = read_tables(snakemake.input, ["shape", "method", "snr", "mean_error", "error_over_bound", "thesis"])
 write_result(table, snakemake.output.table)

@@ -6,13 +6,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.figures.chapter2_wheel import figure_2_10, figure_2_11
+from thesis_lib.figures.chapter2.wheel import figure_2_10, figure_2_11
 from thesis_lib.figures.style import save_figure
-from thesis_lib.identify import wheel_study as study
-from thesis_lib.identify.chapter2_settings import WheelStudy
-from thesis_lib.randomness import generator
-from thesis_lib.simulate.chapter2 import Chapter2Bodies
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.identify.settings import WheelStudy
+from thesis_lib.identify.wheel import study
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 settings = WheelStudy.model_validate(snakemake.params.settings)
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)

@@ -6,13 +6,11 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.files import read_table
-from thesis_lib.identify import impact_study as study
-from thesis_lib.identify import impact_tables as tables
-from thesis_lib.identify.energy import energy_statements
-from thesis_lib.identify.statements import statements
+from thesis_lib.foundation.files import read_table, write_result
+from thesis_lib.impact_study import study, tables
+from thesis_lib.impact_study.energy import energy_statements
+from thesis_lib.impact_study.statements import statements
 
 source, out = snakemake.input, snakemake.output
 dataset = read_dataset(Path(source.header).parent)

@@ -7,14 +7,14 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures.chapter3_cases import figure_3_11
-from thesis_lib.figures.chapter3_errors import figure_3_8, figure_3_9
-from thesis_lib.figures.chapter3_identification import figure_3_7, figure_3_10
+from thesis_lib.figures.chapter3.cases import figure_3_11
+from thesis_lib.figures.chapter3.errors import figure_3_8, figure_3_9
+from thesis_lib.figures.chapter3.identification import figure_3_7, figure_3_10
 from thesis_lib.figures.style import save_figure
-from thesis_lib.files import read_table
-from thesis_lib.identify.impact_study import pick
-from thesis_lib.identify.individual_statements import STUDIED
-from thesis_lib.identify.statements import MAPPED
+from thesis_lib.foundation.files import read_table
+from thesis_lib.impact_study.individual_statements import STUDIED
+from thesis_lib.impact_study.statements import MAPPED
+from thesis_lib.impact_study.study import pick
 
 source = snakemake.input
 dataset = read_dataset(Path(source.header).parent)

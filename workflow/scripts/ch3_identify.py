@@ -6,11 +6,11 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.identify import impact_study as study
-from thesis_lib.identify.settings import Chapter3
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.impact_study import study
+from thesis_lib.impact_study.settings import Chapter3
 
 settings = Chapter3.model_validate(snakemake.params.settings)
 dataset, out = snakemake.wildcards.dataset, snakemake.output

@@ -6,11 +6,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.files import read_table
-from thesis_lib.identify import stored_predictions as stored
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.files import read_table, write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.impact_study import stored_predictions as stored
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
 rng = generator(snakemake.params.seed, "ch3_published", "select")

@@ -6,10 +6,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.datasets.header import Body
-from thesis_lib.figures import chapter3_contact_space as figures
+from thesis_lib.bodies.body import Body
+from thesis_lib.figures.chapter3 import contact_space as figures
 from thesis_lib.figures.style import save_figure
-from thesis_lib.files import read_table
+from thesis_lib.foundation.files import read_table
 
 body = Body.model_validate(snakemake.params.body)
 coverage = read_table(snakemake.input.coverage, ["law", "share"])

@@ -6,17 +6,15 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.critique.saved_model import load_model
+from thesis_lib.critique.results.saved_model import load_model
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures import chapter4_belief as belief
-from thesis_lib.figures import chapter4_dice as dice
+from thesis_lib.figures.chapter4 import belief, dice
 from thesis_lib.figures.style import save_figure
-from thesis_lib.files import read_table
-from thesis_lib.randomness import generator
-from thesis_lib.residual import dice_results as results
-from thesis_lib.residual.dice_settings import DiceStudySettings
-from thesis_lib.residual.dice_study import dice_study, side_of
+from thesis_lib.foundation.files import read_table, write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.residual.belief.settings import DiceStudySettings
+from thesis_lib.residual.dice import results
+from thesis_lib.residual.dice.study import dice_study, side_of
 
 params, source, name = snakemake.params, snakemake.input, snakemake.wildcards.dataset
 settings = DiceStudySettings.model_validate(params.settings)

@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter4_errors import figure_4_5, figure_4_6
+from thesis_lib.figures.chapter4.errors import figure_4_5, figure_4_6
 from thesis_lib.figures.style import save_figure
-from thesis_lib.files import read_table
+from thesis_lib.foundation.files import read_table
 
 law = snakemake.params.law
 errors = read_table(snakemake.input.errors, ["model", "error", "n"])

@@ -6,12 +6,12 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.identify.impact_study import select_impacts
-from thesis_lib.randomness import generator
-from thesis_lib.residual import learning_study as study
-from thesis_lib.residual.settings import LearningStudySettings
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.impact_study.study import select_impacts
+from thesis_lib.residual.learners import learning_study as study
+from thesis_lib.residual.learners.settings import LearningStudySettings
 
 params, out, dataset = snakemake.params, snakemake.output, snakemake.wildcards.dataset
 settings = LearningStudySettings.model_validate(params.settings)

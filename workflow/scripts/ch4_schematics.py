@@ -6,8 +6,8 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.datasets.header import Body
-from thesis_lib.figures.chapter4_ellipsoid import figure_4_1, figure_4_2
+from thesis_lib.bodies.body import Body
+from thesis_lib.figures.chapter4.ellipsoid import figure_4_1, figure_4_2
 from thesis_lib.figures.style import save_figure
 
 body = Body.model_validate(snakemake.params.body)

@@ -6,7 +6,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures import chapter5_schematics as schematics
+from thesis_lib.figures.chapter5 import schematics
 from thesis_lib.figures.style import save_figure
 
 for name in ("figure_5_2", "figure_5_3", "figure_5_4", "figure_5_5c"):

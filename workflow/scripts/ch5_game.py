@@ -4,17 +4,17 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.jenga.game import play, write_game
-from thesis_lib.jenga.players import policy_of
-from thesis_lib.jenga.samples import read_samples
-from thesis_lib.jenga.study_settings import Chapter5
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.jenga.play.game import play, write_game
+from thesis_lib.jenga.play.players import policy_of
+from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.jenga.robot.samples import read_samples
 
 params, wildcards, source = snakemake.params, snakemake.wildcards, list(snakemake.input)
 settings = Chapter5.model_validate(params.settings)
 size, tower = int(wildcards.size), int(wildcards.tower)
 if wildcards.policy == "ppo":
-    from thesis_lib.jenga.ppo import read_policy
+    from thesis_lib.jenga.play.ppo import read_policy
 
     policy = read_policy(source[0])
 else:

@@ -4,9 +4,9 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.jenga.ppo_settings import PpoSettings
-from thesis_lib.jenga.ppo_training import train_to_files
-from thesis_lib.jenga.settings import Setup
+from thesis_lib.jenga.play.ppo_settings import PpoSettings
+from thesis_lib.jenga.play.ppo_training import train_to_files
+from thesis_lib.jenga.tower.settings import Setup
 
 params = snakemake.params
 settings, setup = PpoSettings.model_validate(params.ppo), Setup.model_validate(params.setup)

@@ -4,11 +4,11 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.columns import write_result
-from thesis_lib.jenga.collect import collect_named
-from thesis_lib.jenga.samples import write_samples
-from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.study_settings import SampleChoice, TowerChoice
+from thesis_lib.foundation.files import write_result
+from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
+from thesis_lib.jenga.robot.samples import write_samples
+from thesis_lib.jenga.study.collect import collect_named
+from thesis_lib.jenga.tower.settings import Setup
 
 params, out = snakemake.params, snakemake.output
 samples, attempts = collect_named(

@@ -4,9 +4,9 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.columns import write_result
-from thesis_lib.jenga.settings import Setup
-from thesis_lib.jenga.tower_study import scan_tower
+from thesis_lib.foundation.files import write_result
+from thesis_lib.jenga.study.tower_study import scan_tower
+from thesis_lib.jenga.tower.settings import Setup
 
 params = snakemake.params
 setup = Setup.model_validate(params.setup)

@@ -6,16 +6,16 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.figures import chapter5_showcase as figures
-from thesis_lib.figures.chapter5_study import figure_game
+from thesis_lib.figures.chapter5 import showcase as figures
+from thesis_lib.figures.chapter5.study import figure_game
 from thesis_lib.figures.style import save_figure
-from thesis_lib.jenga import showcase
-from thesis_lib.jenga.players import learned_policy
-from thesis_lib.jenga.samples import read_samples
-from thesis_lib.jenga.steering import steering_pushes, strayed_most
-from thesis_lib.jenga.study_settings import Chapter5
-from thesis_lib.randomness import generator
+from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.jenga.play.players import learned_policy
+from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.jenga.robot.samples import read_samples
+from thesis_lib.jenga.study import showcase
+from thesis_lib.jenga.study.steering import steering_pushes, strayed_most
 
 params, out = snakemake.params, snakemake.output
 settings, shown = Chapter5.model_validate(params.settings), params.settings["showcase"]

@@ -6,12 +6,11 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.figures import chapter5_study as figures
+from thesis_lib.figures.chapter5 import study as figures
 from thesis_lib.figures.style import save_figure
-from thesis_lib.files import read_table
-from thesis_lib.jenga import tower_study as study
-from thesis_lib.jenga.settings import Setup
+from thesis_lib.foundation.files import read_table, write_result
+from thesis_lib.jenga.study import tower_study as study
+from thesis_lib.jenga.tower.settings import Setup
 
 setup, source, out = Setup.model_validate(snakemake.params.setup), snakemake.input, snakemake.output
 scans = {kind: [read_table(path, study.SCAN) for path in source[kind]] for kind in ("development", "test")}

@@ -4,11 +4,11 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.claims.evaluate import evaluate
-from thesis_lib.claims.ledger import read_ledger
-from thesis_lib.claims.page import write_page
-from thesis_lib.claims.reading import read_present
-from thesis_lib.claims.result import refuse_errors, summary_line, write_results
+from thesis_lib.ledger.evaluate import evaluate
+from thesis_lib.ledger.format import read_ledger
+from thesis_lib.ledger.page import write_page
+from thesis_lib.ledger.reading import read_present
+from thesis_lib.ledger.result import refuse_errors, summary_line, write_results
 
 results = evaluate(read_ledger(snakemake.input.ledger), "results", read_present(snakemake.input.present))
 refuse_errors(results)

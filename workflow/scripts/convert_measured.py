@@ -6,6 +6,6 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.datasets.published import convert_published
+from thesis_lib.datasets.sources.published import convert_published
 
 convert_published(snakemake.wildcards.dataset, snakemake.params.source, Path(snakemake.output[0]).parent)

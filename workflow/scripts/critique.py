@@ -6,10 +6,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.critique.output import critique_folder
-from thesis_lib.critique.settings import CritiqueSettings
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.datasets.samples import ArcSettings
+from thesis_lib.report.critique.folder import critique_folder
 
 params = snakemake.params
 dataset = read_dataset(params.folder).first_trials(params.max_trials)

@@ -6,12 +6,12 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import write_result
-from thesis_lib.critique.proof_results import outcomes, recovered
-from thesis_lib.critique.proof_summary import report
-from thesis_lib.critique.proof_table import rerun
-from thesis_lib.figures.proof_pictures import pictures
+from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.critique.proof.summary import report
+from thesis_lib.critique.proof.table import rerun
+from thesis_lib.figures.proof.pictures import pictures
 from thesis_lib.figures.style import save_figure
+from thesis_lib.foundation.files import write_result
 
 store, written = Path(snakemake.params.store), Path(snakemake.output.summary)
 print(report(store, written.parent))

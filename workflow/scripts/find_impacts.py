@@ -6,12 +6,12 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.detect import find_impacts
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.datasets.samples import ArcSettings
-from thesis_lib.datasets.write import write_dataset
-from thesis_lib.files import write_json, write_table
+from thesis_lib.foundation.files import write_json, write_table
 
 dataset = read_dataset(snakemake.params.folder)
 found = find_impacts(dataset, ArcSettings(**snakemake.params.arcs))

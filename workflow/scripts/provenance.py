@@ -6,9 +6,8 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.columns import column_dictionary
-from thesis_lib.files import write_json, write_table
-from thesis_lib.provenance import environment, file_sha256, folder_sha256
+from thesis_lib.foundation.files import column_dictionary, write_json, write_table
+from thesis_lib.foundation.provenance import environment, file_sha256, folder_sha256
 
 params = snakemake.params
 write_json(

@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figure_list import listed_figures
-from thesis_lib.files import write_text
-from thesis_lib.run_report import run_report
+from thesis_lib.foundation.files import write_text
+from thesis_lib.report.figure_list import listed_figures
+from thesis_lib.report.run import run_report
 
 findings = [Path(path) for path in snakemake.input.findings]
 write_text(

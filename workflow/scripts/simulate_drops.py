@@ -6,12 +6,12 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.datasets.dataset import Dataset
-from thesis_lib.datasets.write import write_dataset
-from thesis_lib.files import write_table
-from thesis_lib.randomness import generator
-from thesis_lib.simulate.drops import simulate_drops
-from thesis_lib.simulate.settings import SimulatedDrops
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.foundation.files import write_table
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.simulate.rig.settings import SimulatedDrops
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
 settings = SimulatedDrops.model_validate(snakemake.params.drops)
 drops = simulate_drops(

@@ -1,0 +1,159 @@
+"""The command line: check, update and page, their exit statuses and what they print."""
+
+import pandas as pd
+import pytest
+import yaml
+
+from thesis_lib.commands.claims import main
+from thesis_lib.foundation.files import write_table
+
+FIGURES = {
+    "schema": 1,
+    "figures": {
+        "figure_3_8": {
+            "file": "chapter3/{dataset}/figure_3_8.csv",
+            "datasets": ["planar_impact"],
+            "columns": {"error": {"abs": 0.01, "reason": "solver tolerance"}},
+        }
+    },
+}
+
+
+@pytest.fixture
+def command(tmp_path, results, write_ledger, entries):
+    """Run the command line on the synthetic results; returns the exit status."""
+    write_ledger(entries)
+    (tmp_path / "figures.yaml").write_text(yaml.safe_dump(FIGURES))
+    figure = results / "chapter3" / "planar_impact" / "figure_3_8.csv"
+    write_table(pd.DataFrame({"error": [0.1, 0.2, 0.3]}), figure)
+
+    def command(name, scale="quick"):
+        arguments = [name, "--results", results, "--ledger", tmp_path / "claims.yaml", "--scale", scale]
+        if name != "page":
+            arguments += ["--expected", tmp_path / "expected.yaml", "--figures", tmp_path / "figures.yaml"]
+            arguments += ["--stored", tmp_path / "stored"]
+        return main(list(map(str, arguments)))
+
+    return command
+
+
+def test_update_then_check(command, capsys):
+    assert command("check") == 1
+    text = capsys.readouterr().out
+    assert "9 changed" in text
+    assert "store it: python -m thesis_lib claims update" in text
+    assert "claims update --scale quick" in text
+
+    assert command("update") == 0
+    text = capsys.readouterr().out
+    assert "table_3_1.abs: new → reproduced" in text
+    assert "figure_3_8.csv: new" in text
+
+    assert command("check") == 0
+    text = capsys.readouterr().out
+    assert "9 claims: 9 reproduced, 0 deviate, 0 without data." in text
+    assert "no change" in text
+    assert "1 agrees" in text
+
+    assert command("update") == 0
+    assert capsys.readouterr().out == "Nothing to update.\n"
+
+
+def test_check_fails_when_a_status_changes_and_again_when_it_returns(command, edit_table, capsys):
+    command("update")
+    edit_table("0.065,0.002", "0.0721,0.002")
+    assert command("check") == 1
+    text = capsys.readouterr().out
+    assert "table_3_1.abs: was reproduced, now deviates" in text
+    assert "published 0.062, ours 0.0721" in text
+
+    assert command("update") == 0
+    assert command("check") == 0  # an honest deviation, once committed, is no failure
+    edit_table("0.0721,0.002", "0.065,0.002")
+    capsys.readouterr()
+    assert command("check") == 1
+    assert "table_3_1.abs: was deviates, now reproduced" in capsys.readouterr().out
+
+
+def test_check_fails_when_a_figure_changes(command, results, capsys):
+    command("update")
+    write_table(
+        pd.DataFrame({"error": [0.1, 0.22, 0.3]}), results / "chapter3" / "planar_impact" / "figure_3_8.csv"
+    )
+    capsys.readouterr()
+    assert command("check") == 1
+    assert "figure_3_8 (planar_impact): column error: 1 of 3 rows differ" in capsys.readouterr().out
+
+
+def test_check_fails_when_nothing_can_be_compared(command, results, capsys):
+    command("update")
+    (results / "chapter3" / "table.csv").unlink()
+    capsys.readouterr()
+    assert command("check") == 1
+    assert "table_3_1.abs: could not be compared" in capsys.readouterr().out
+
+
+def test_without_the_data_everything_is_neutral(command, results, capsys):
+    command("update")
+    (results / "chapter3" / "table.csv").unlink()
+    (results / "chapter3" / "planar_impact" / "figure_3_8.csv").unlink()
+    (results / "datasets" / "present.json").write_text('{"planar_impact": {"present": false}}')
+    capsys.readouterr()
+    assert command("check") == 0
+    text = capsys.readouterr().out
+    assert "9 without data" in text
+    assert "1 data not present" in text
+
+
+def test_update_is_all_or_nothing(command, results, tmp_path, capsys):
+    (results / "chapter3" / "table.csv").unlink()
+    assert command("update") == 2
+    assert "9 claims could not be compared" in capsys.readouterr().err
+    assert not (tmp_path / "stored").exists()
+    assert not (tmp_path / "expected.yaml").exists()
+
+
+def test_a_scale_without_copies_says_so(command, capsys):
+    command("update", "full")
+    capsys.readouterr()
+    assert command("check", "full") == 0
+    assert "keeps no copies at scale full" in capsys.readouterr().out
+
+
+def test_page(command, results, capsys):
+    assert command("page") == 0
+    assert "Claims ledger" in (results / "claims.html").read_text(encoding="utf-8")
+    assert len(pd.read_csv(results / "claims.csv")) == 9
+
+    (results / "chapter3" / "table.csv").unlink()
+    assert command("page") == 2  # the page still shows what is wrong
+    assert "could not be compared" in capsys.readouterr().err
+    assert "! error" in (results / "claims.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ('{"planar_impact": true}', "should look like"),
+        ('{"planar_impact": {"present": "yes"}}', "should look like"),
+        ("[]", "expected keys and values"),
+        ("{", "not valid JSON"),
+        (None, "does not exist"),
+    ],
+)
+def test_a_bad_list_of_datasets_is_one_readable_error(command, results, capsys, content, words):
+    path = results / "datasets" / "present.json"
+    path.unlink() if content is None else path.write_text(content)
+    assert command("check") == 2
+    captured = capsys.readouterr()
+    assert words in captured.err
+    assert "Traceback" not in captured.err
+
+
+def test_help_teaches(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--help"])
+    assert stop.value.code == 0
+    text = capsys.readouterr().out
+    for words in ("check", "update", "page", "Exit status", "config/claims_expected.yaml", "Examples"):
+        assert words in text

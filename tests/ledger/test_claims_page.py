@@ -1,0 +1,115 @@
+"""The page: complete, escaped, well-formed, reproducible, without network or script."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from thesis_lib.ledger.evaluate import evaluate
+from thesis_lib.ledger.format import Ledger
+from thesis_lib.ledger.page import render_page, write_page
+
+CHECK = {"kind": "abs", "tolerance": 0.01, "reason": "rounding & noise"}
+VOID = {"meta", "br", "hr", "img", "link", "wbr"}
+
+
+class Outline(HTMLParser):
+    """Collects text and tags, and fails on tags that are not closed in order."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.text, self.ids = [], [], [], []
+        self.feed(html)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self.ids += [value for name, value in attrs if name == "id"]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture
+def found(entries, make_claim, results):
+    odd = '<script>alert("x")</script> & <b>bold</b>'
+    claims = [
+        *entries,
+        make_claim(
+            "wrong", CHECK, 1.0, chapter=2, statement=f"Statement {odd}", note=f"Note {odd}", unit="m/s"
+        ),
+        make_claim("absent", CHECK, 1.0, needs=["dice"]),
+        make_claim("broken", CHECK, 1.0, column="missing", location=f"Table {odd} | 3"),
+    ]
+    ledger = Ledger.model_validate({"schema": 1, "claims": claims})
+    return evaluate(ledger, results, {"planar_impact": True, "dice": False})
+
+
+def test_it_is_well_formed_and_complete(found):
+    page = Outline(render_page(found, "quick"))
+    text = " ".join(page.text)
+    assert "12 claims: 9 reproduced, 1 deviates, 1 without data, 1 could not be compared." in text
+    for words in (
+        "Chapter 2",
+        "Chapter 3",
+        "✓ reproduced",
+        "≠ deviates",
+        "○ data not present",
+        "! error",
+        "quick",
+    ):
+        assert words in text
+    assert len(page.ids) == len(set(page.ids)) == 12 + 1  # a row each, and the content
+    assert text.index("Chapter 2") < text.index("Chapter 3")
+
+
+def test_every_text_is_escaped(found):
+    html = render_page(found)
+    page = Outline(html)
+    assert not any(tag in ("script", "b") for tag, _ in page.tags)
+    assert '<script>alert("x")</script>' in " ".join(page.text)  # told, not run
+    assert "&amp; noise" in html
+
+
+def test_it_works_offline_and_for_readers_of_any_kind(found):
+    html = render_page(found)
+    assert not re.search(r"https?://|src=|@import|url\(", html)
+    page = Outline(html)
+    tags = [tag for tag, _ in page.tags]
+    assert tags.count("caption") == tags.count("table") == 2
+    assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")
+    assert ("html", {"lang": "en"}) in page.tags
+    targets = {attrs["href"][1:] for tag, attrs in page.tags if tag == "a"} - {"main"}
+    assert targets == {"table_3_1.wrong", "table_3_1.broken"}  # what one should look at
+    assert targets <= set(page.ids)
+
+
+def test_links_to_one_place_of_the_thesis_can_be_told_apart(make_claim, results):
+    claims = [make_claim(name, CHECK, 1.0, location="section 3.3.2") for name in ("one", "two", "three")]
+    ledger = Ledger.model_validate({"schema": 1, "claims": claims})
+    html = render_page(evaluate(ledger, results, {"planar_impact": True}))
+    links = re.findall(r"<li><a [^>]*>(.*?)</a></li>", html)
+    assert len(links) == len(set(links)) == 3
+    assert "table_<wbr>3_<wbr>1.two" in links[1]
+
+
+def test_the_numbers_carry_their_units(found):
+    html = render_page(found)
+    assert "0.065 m/s ± 0.002" in html
+    assert "-0.935 m/s (-93.5\u00a0%)" in html
+
+
+def test_equal_results_give_equal_bytes(found, tmp_path):
+    write_page(found, tmp_path / "a.html")
+    write_page(found, tmp_path / "b.html")
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_an_empty_ledger_has_a_page():
+    assert "0 claims" in render_page([])

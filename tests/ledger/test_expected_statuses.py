@@ -1,0 +1,116 @@
+"""Committed statuses: a change in either direction is found, data not present is neutral."""
+
+import pytest
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.ledger.evaluate import evaluate
+from thesis_lib.ledger.expected import compare_with_expected, read_expected, update_expected
+from thesis_lib.ledger.format import Ledger
+
+PRESENT = {"planar_impact": True}
+ABSENT = {"planar_impact": False}
+CHECK = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}
+
+
+@pytest.fixture
+def run(make_claim, results):
+    def run(present=PRESENT, published=0.062, names=("x",), **more):
+        claims = [make_claim(name, CHECK, published, **more) for name in names]
+        return evaluate(Ledger.model_validate({"schema": 1, "claims": claims}), results, present)
+
+    return run
+
+
+def changes(results, status):
+    return compare_with_expected(results, {"quick": {"table_3_1.x": status}}, "quick")
+
+
+def test_as_expected(run):
+    assert changes(run(), "reproduced") == []
+    assert changes(run(published=1), "deviates") == []
+
+
+def test_a_regression_is_found(run):
+    (change,) = changes(run(published=1), "reproduced")
+    assert (change.expected, change.found) == ("reproduced", "deviates")
+    assert "was reproduced, now deviates (differs from the published value by -0.935" in change.text
+
+
+def test_an_improvement_is_found_too(run):
+    (change,) = changes(run(), "deviates")
+    assert (change.expected, change.found) == ("deviates", "reproduced")
+
+
+@pytest.mark.parametrize("status", ["reproduced", "deviates"])
+def test_absent_data_are_neutral(run, status):
+    assert changes(run(ABSENT), status) == []
+    assert compare_with_expected(run(ABSENT), {}, "quick") == []
+
+
+@pytest.mark.parametrize("status", ["reproduced", "deviates", "error"])
+def test_an_error_always_fails(run, status):
+    (change,) = changes(run(column="missing"), status)
+    assert "could not be compared" in change.text
+
+
+def test_a_claim_without_committed_status_fails_and_names_the_line(run):
+    other_scale = {"default": {"table_3_1.x": "reproduced"}}
+    (change,) = compare_with_expected(run(), other_scale, "quick")
+    assert "add the line `table_3_1.x: reproduced`" in change.text
+
+
+def test_a_status_without_a_claim_fails(run):
+    expected = {"quick": {"table_3_1.x": "reproduced", "table_3_1.gone": "reproduced"}}
+    (change,) = compare_with_expected(run(), expected, "quick")
+    assert change.id == "table_3_1.gone"
+    assert "no longer in the ledger" in change.text
+
+
+def test_update_then_compare(run, tmp_path):
+    path = tmp_path / "expected.yaml"
+    assert read_expected(path) == {}
+    assert update_expected(path, run(names=("x", "y")), "quick") == [
+        "table_3_1.x: new → reproduced",
+        "table_3_1.y: new → reproduced",
+    ]
+    assert compare_with_expected(run(names=("x", "y")), read_expected(path), "quick") == []
+    before = path.read_bytes()
+    assert update_expected(path, run(names=("y", "x")), "quick") == []
+    assert path.read_bytes() == before
+
+    update_expected(path, run(published=1), "default")
+    assert read_expected(path)["quick"]["table_3_1.x"] == "reproduced"  # other scales stay
+    assert update_expected(path, run(published=1), "quick") == [
+        "table_3_1.x: reproduced → deviates",
+        "table_3_1.y: reproduced → removed",
+    ]
+
+
+def test_update_without_data_keeps_what_is_committed(run, tmp_path):
+    path = tmp_path / "expected.yaml"
+    update_expected(path, run(), "quick")
+    assert update_expected(path, run(ABSENT), "quick") == []
+    assert read_expected(path)["quick"] == {"table_3_1.x": "reproduced"}
+
+
+def test_update_refuses_errors(run, tmp_path):
+    path = tmp_path / "expected.yaml"
+    with pytest.raises(UserError, match=r"table_3_1\.x"):
+        update_expected(path, run(column="missing"), "quick")
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "schema: 1\nexpected: {quick: {a.b: error}}\n",
+        "schema: 1\nexpected: {quick: {a.b: data not present}}\n",
+        "schema: 1\nexpected: {quik: {a.b: reproduced}}\n",
+        "schema: 1\nexpected: {quick: {a.b: reproduced, a.b: deviates}}\n",
+    ],
+)
+def test_a_bad_file_is_refused(tmp_path, text):
+    path = tmp_path / "expected.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError, match=r"expected\.yaml"):
+        read_expected(path)

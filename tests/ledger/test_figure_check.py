@@ -1,0 +1,408 @@
+"""Stored copies of figures: a perturbed column, row, key or count is found, a perturbation inside tolerance is not."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_table
+from thesis_lib.ledger.figure_check import (
+    check_figure,
+    check_figures,
+    kept_rows,
+    store_figure,
+    update_figures,
+)
+from thesis_lib.ledger.figure_format import Figure, read_figure_spec
+
+ABS, REL = 1e-3, 0.02
+COLUMNS = {
+    "error": {"abs": ABS, "reason": "solver tolerance"},
+    "density": {"rel": REL, "reason": "bandwidth search"},
+    "count": {"abs": 0, "reason": "counts are exact"},
+}
+FIGURE = {
+    "file": "chapter3/{dataset}/figure_3_8.csv",
+    "datasets": ["drops"],
+    "keys": ["law", "i"],
+    "columns": COLUMNS,
+}
+PRESENT = {"drops": True, "dice": True}
+N = 101
+
+
+def data(n=N):
+    i = np.arange(n)
+    law = np.where(i % 2 == 0, "newton", "mirtich")
+    return pd.DataFrame(
+        {"law": law, "i": i, "error": 0.3 + 0.01 * i, "density": 2.0 + np.sin(i), "count": 3 * i}
+    )
+
+
+def write(table, path):
+    write_table(table, path)
+    return path
+
+
+@pytest.fixture
+def figure():
+    return Figure.model_validate(FIGURE)
+
+
+@pytest.fixture
+def compare(tmp_path, figure):
+    """Store the data, check another table against it; returns the problems as text."""
+
+    def compare(other, stored=None, spec=figure):
+        store_figure(
+            write(data() if stored is None else stored, tmp_path / "a.csv"), tmp_path / "copy.csv", spec
+        )
+        problems = check_figure(write(other, tmp_path / "b.csv"), tmp_path / "copy.csv", spec)
+        return [(problem.column, problem.text) for problem in problems]
+
+    return compare
+
+
+def test_equal_data_agree(compare):
+    assert compare(data()) == []
+
+
+def test_the_copy_is_small_and_keeps_both_ends(tmp_path, figure):
+    store_figure(write(data(), tmp_path / "a.csv"), tmp_path / "copy.csv", figure)
+    copy = pd.read_csv(tmp_path / "copy.csv")
+    assert list(copy.columns) == ["row", "law", "i", "error", "density", "count"]
+    assert len(copy) == 40
+    assert copy["row"].iloc[0] == 0
+    assert copy["row"].iloc[-1] == N - 1
+    before = (tmp_path / "copy.csv").read_bytes()
+    store_figure(tmp_path / "a.csv", tmp_path / "copy.csv", figure)
+    assert (tmp_path / "copy.csv").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("total", "most"), [(1, 40), (39, 40), (40, 40), (41, 40), (80, 40), (5000, 40), (3, 2)]
+)
+def test_kept_rows_are_distinct_and_even(total, most):
+    rows = kept_rows(total, most)
+    assert len(rows) == min(total, most)
+    assert rows[0] == 0
+    assert rows[-1] == total - 1
+    steps = np.diff(rows)
+    assert total == 1 or steps.max() - steps.min() <= 1
+
+
+@pytest.mark.parametrize(
+    ("column", "beyond"),
+    # just beyond each column's tolerance
+    [
+        ("error", lambda x: x + 1.01 * ABS),
+        ("density", lambda x: x * (1 + 1.01 * REL)),
+        ("count", lambda x: x + 1),
+    ],
+)
+def test_a_perturbed_column_fails(compare, column, beyond):
+    other = data()
+    other[column] = beyond(other[column])
+    ((found, text),) = compare(other)
+    assert found == column
+    assert "40 of 40 rows differ" in text
+    assert "allowed" in text
+
+
+@pytest.mark.parametrize("key", ["law", "i"])
+def test_a_perturbed_key_fails(compare, key):
+    other = data()
+    other[key] = other[key].astype(str) + "x"
+    ((found, text),) = compare(other)
+    assert found == key
+    assert "40 of 40 rows differ" in text
+
+
+@pytest.mark.parametrize("row", [0, kept_rows(N, 40)[7], N - 1])
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_single_stored_row_is_enough(compare, column, row):
+    other = data()
+    other.loc[row, column] = other.loc[row, column] + 5
+    ((found, text),) = compare(other)
+    assert found == column
+    assert f"1 of 40 rows differ; worst in row {row}" in text
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_perturbation_inside_the_tolerance_passes(compare, sign):
+    other = data()
+    other["error"] += sign * 0.99 * ABS
+    other["density"] *= 1 + sign * 0.99 * REL
+    assert compare(other) == []
+
+
+def test_the_worst_row_is_the_one_named(compare):
+    other = data()
+    rows = kept_rows(N, 40)
+    other.loc[rows[3], "error"] += 0.01
+    other.loc[rows[9], "error"] += 0.02
+    ((_, text),) = compare(other)
+    assert f"2 of 40 rows differ; worst in row {rows[9]}" in text
+
+
+def test_swapped_rows_fail(compare):
+    other = data()
+    other.iloc[[0, 1]] = other.iloc[[1, 0]].to_numpy()
+    assert {"law", "i"} <= {column for column, _ in compare(other)}
+
+
+@pytest.mark.parametrize("row", [0, 50, N - 1])
+def test_a_missing_row_fails(compare, row):
+    ((_, text),) = compare(data().drop(index=row))
+    assert "has 100 rows, the stored copy had 101" in text
+
+
+def test_an_added_row_fails(compare):
+    assert "has 102 rows" in compare(data(N + 1))[0][1]
+
+
+def test_nan_agrees_only_with_nan(compare):
+    holes = data()
+    holes.loc[0, "error"] = np.nan
+    assert compare(holes, stored=holes) == []
+    assert compare(holes)[0][0] == "error"
+    assert compare(data(), stored=holes)[0][0] == "error"
+
+
+def test_an_infinity_agrees_only_with_itself(compare):
+    """An infinite stored value times `rel` would allow everything."""
+    endless, other = data(), data()
+    endless.loc[0, "density"] = np.inf
+    other.loc[0, "density"] = -np.inf
+    assert compare(endless, stored=endless) == []
+    assert compare(data(), stored=endless)[0][0] == "density"
+    assert compare(endless)[0][0] == "density"
+    assert compare(other, stored=endless)[0][0] == "density"
+
+
+def test_a_column_of_nan_is_no_figure(compare):
+    other = data()
+    other["error"] = np.nan
+    assert "NaN in every row" in compare(other)[0][1]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.drop(columns="error"), "column error is missing"),
+        (lambda t: t.drop(columns="law"), "column law is missing"),
+        (lambda t: t.assign(speed=1.0), "column speed of"),
+        (lambda t: t.assign(error="fast"), "holds 'fast' in row 0, no number"),
+        (lambda t: t.iloc[:0], "has no rows"),
+    ],
+)
+def test_a_table_of_another_form_is_neither_checked_nor_stored(compare, tmp_path, figure, change, words):
+    assert words in compare(change(data()))[0][1]
+    with pytest.raises(UserError, match="cannot be stored"):
+        store_figure(tmp_path / "b.csv", tmp_path / "new.csv", figure)
+    assert not (tmp_path / "new.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.drop(index=5), "not the evenly spaced copy"),
+        (lambda t: t.iloc[::-1], "not the evenly spaced copy"),
+        (lambda t: t.iloc[:0], "not the evenly spaced copy"),
+        (lambda t: t.drop(columns="error"), "instead of"),
+        (lambda t: t.assign(error="fast"), "text where a number"),
+    ],
+)
+def test_a_copy_edited_by_hand_fails(tmp_path, figure, change, words):
+    store_figure(write(data(), tmp_path / "a.csv"), tmp_path / "copy.csv", figure)
+    write(change(pd.read_csv(tmp_path / "copy.csv")), tmp_path / "copy.csv")
+    problems = check_figure(tmp_path / "a.csv", tmp_path / "copy.csv", figure)
+    assert words in problems[0].text
+    assert "python -m thesis_lib claims update" in problems[0].text
+
+
+class TestRowsThatMayChange:
+    """With a tolerance on the number of rows, rows are found by their keys."""
+
+    SPEC = Figure.model_validate({**FIGURE, "rows": {"tolerance": 2, "reason": "a detection threshold"}})
+
+    def test_rows_may_come_and_go(self, compare):
+        assert compare(data(N + 2), spec=self.SPEC) == []
+        assert compare(data().drop(index=[0, 1]), spec=self.SPEC) == []
+
+    def test_but_not_more_than_stated(self, compare):
+        assert "allowed ±2" in compare(data(N + 3), spec=self.SPEC)[0][1]
+
+    def test_nor_be_replaced(self, compare):
+        other = data()
+        other["i"] += 1000
+        assert "40 of 40 stored rows are gone" in compare(other, spec=self.SPEC)[0][1]
+
+    def test_values_are_still_compared(self, compare):
+        other = data().drop(index=0)
+        other["error"] += 1.01 * ABS
+        assert compare(other, spec=self.SPEC)[0][0] == "error"
+
+    def test_keys_must_tell_rows_apart(self, compare):
+        other = data()
+        other["i"] = 0
+        assert "do not tell the rows apart" in compare(other, spec=self.SPEC)[0][1]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A results folder with one figure, its specification, and where copies go."""
+    write(data(), tmp_path / "results/chapter3/drops/figure_3_8.csv")
+    (tmp_path / "results/chapter3/drops/figure_3_8.png").write_bytes(b"")
+    return tmp_path
+
+
+def spec_of(path, figures=None, **more):
+    content = {"schema": 1, "figures": {"figure_3_8": FIGURE} if figures is None else figures, **more}
+    path.write_text(yaml.safe_dump(content))
+    return read_figure_spec(path)
+
+
+def statuses(folder, spec, present=PRESENT):
+    table = check_figures(folder / "results", folder / "stored", spec, present)
+    assert list(table.columns) == ["figure", "dataset", "status", "finding"]
+    return {(row.figure, row.dataset): (row.status, row.finding) for row in table.itertuples()}
+
+
+def test_check_figures(folder):
+    spec = spec_of(folder / "figures.yaml")
+    status, finding = statuses(folder, spec)["figure_3_8", "drops"]
+    assert status == "error"
+    assert "store it: python -m thesis_lib claims update" in finding
+
+    update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    assert (folder / "stored/drops/figure_3_8.csv").is_file()
+    assert statuses(folder, spec)["figure_3_8", "drops"] == ("agrees", "")
+
+    other = data()
+    other["error"] += 1
+    write(other, folder / "results/chapter3/drops/figure_3_8.csv")
+    status, finding = statuses(folder, spec)["figure_3_8", "drops"]
+    assert status == "differs"
+    assert "column error" in finding
+
+    (folder / "results/chapter3/drops/figure_3_8.csv").unlink()
+    status, finding = statuses(folder, spec)["figure_3_8", "drops"]
+    assert status == "error"
+    assert "does not exist" in finding
+
+
+def test_an_absent_dataset_is_neutral(folder):
+    spec = spec_of(folder / "figures.yaml")
+    absent = {"drops": False}
+    assert statuses(folder, spec, absent)["figure_3_8", "drops"][0] == "data not present"
+    assert update_figures(folder / "results", folder / "stored", spec, absent) == []
+
+
+def test_an_unknown_dataset_is_an_error(folder):
+    spec = spec_of(folder / "figures.yaml")
+    status, finding = statuses(folder, spec, {})["figure_3_8", "drops"]
+    assert status == "error"
+    assert "reports nothing about the dataset drops" in finding
+
+
+def test_a_figure_without_dataset_is_common(folder):
+    write(data(), folder / "results/chapter3/figure_3_2.csv")
+    spec = spec_of(
+        folder / "figures.yaml",
+        {"figure_3_8": FIGURE, "figure_3_2": {**FIGURE, "file": "chapter3/figure_3_2.csv", "datasets": []}},
+    )
+    update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    assert (folder / "stored/common/figure_3_2.csv").is_file()
+    assert {status for status, _ in statuses(folder, spec).values()} == {"agrees"}
+
+
+def test_a_picture_without_entry_is_an_error(folder):
+    spec = spec_of(folder / "figures.yaml")
+    update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    (folder / "results/chapter3/drops/figure_3_9.png").write_bytes(b"")
+    status, finding = statuses(folder, spec)["figure_3_9", "drops"]
+    assert status == "error"
+    assert "chapter3/drops/figure_3_9.png has no entry" in finding
+    ignoring = spec_of(folder / "figures.yaml", ignore={"chapter3/*/figure_3_9.png": "a photograph"})
+    assert ("figure_3_9", "drops") not in statuses(folder, ignoring)
+
+
+def test_a_copy_without_figure_is_an_error(folder):
+    spec = spec_of(folder / "figures.yaml")
+    update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    write(data(), folder / "stored/drops/figure_9_9.csv")
+    assert "delete it" in statuses(folder, spec)["figure_9_9", "drops"][1]
+
+
+def test_update_writes_what_differs_and_leaves_the_rest(folder):
+    spec = spec_of(folder / "figures.yaml")
+    (line,) = update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    assert "figure_3_8.csv: new" in line
+    copy = folder / "stored/drops/figure_3_8.csv"
+    before = copy.read_bytes()
+
+    other = data()
+    other["error"] += 0.5 * ABS
+    write(other, folder / "results/chapter3/drops/figure_3_8.csv")
+    assert update_figures(folder / "results", folder / "stored", spec, PRESENT) == []
+    assert copy.read_bytes() == before
+
+    other["error"] += ABS
+    write(other, folder / "results/chapter3/drops/figure_3_8.csv")
+    (line,) = update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    assert "column error" in line
+    assert statuses(folder, spec)["figure_3_8", "drops"] == ("agrees", "")
+
+
+def test_update_writes_nothing_if_one_figure_is_bad(folder):
+    spec = spec_of(folder / "figures.yaml", {"figure_3_8": {**FIGURE, "datasets": ["dice", "drops"]}})
+    with pytest.raises(UserError, match=r"dice/figure_3_8\.csv does not exist"):
+        update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    assert not (folder / "stored").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"columns": {"error": {"abs": 0.1}}}, "figures.figure_3_8.columns.error.reason is missing: say why"),
+        ({"columns": {"error": {"abs": 0.1, "reason": ""}}}, "columns.error.reason"),
+        ({"columns": {"error": {"reason": "x"}}}, "give abs, rel, or both"),
+        ({"columns": {"error": {"abs": -1, "reason": "x"}}}, "columns.error.abs"),
+        ({"columns": {"error": {"rel": float("nan"), "reason": "x"}}}, "columns.error.rel"),
+        (
+            {"columns": {"error": {"rell": 1, "abs": 1, "reason": "x"}}},
+            "columns.error.rell is not a known key",
+        ),
+        ({"colums": {}}, "figure_3_8.colums is not a known key"),
+        ({"keys": ["law", "error"]}, "stands in keys and in columns"),
+        ({"keys": ["law", "law"]}, "names something twice"),
+        ({"keys": [], "columns": {}}, "nothing would be compared"),
+        ({"keys": ["row"]}, "'row' is taken"),
+        ({"rows": {"tolerance": 1}}, "say why the number of rows may change"),
+        ({"keys": [], "rows": {"tolerance": 1, "reason": "x"}}, "rows.tolerance needs keys"),
+        ({"datasets": []}, "datasets is empty"),
+        ({"file": "a.csv", "datasets": ["a", "b"]}, "file must hold {dataset}"),
+        ({"file": "../a.csv"}, "figure_3_8.file"),
+    ],
+)
+def test_a_bad_specification_is_refused(tmp_path, change, words):
+    with pytest.raises(UserError) as caught:
+        spec_of(tmp_path / "figures.yaml", {"figure_3_8": {**FIGURE, **change}})
+    assert words in str(caught.value)
+
+
+def test_two_figures_cannot_share_a_file(tmp_path):
+    with pytest.raises(UserError, match="two figures name the file"):
+        spec_of(tmp_path / "figures.yaml", {"a": FIGURE, "b": FIGURE})
+
+
+def test_the_example_in_the_docstring_is_read(tmp_path):
+    from thesis_lib.ledger import figure_format
+
+    example = figure_format.__doc__.split("```yaml\n")[1].split("```")[0]
+    (tmp_path / "figures.yaml").write_text(example, encoding="utf-8")
+    spec = read_figure_spec(tmp_path / "figures.yaml")
+    assert spec.figures["figure_3_8"].columns["error"].rel == 0.01
+    assert spec.scales == ["quick", "default"]

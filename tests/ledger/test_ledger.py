@@ -1,0 +1,170 @@
+"""The ledger's format: what is accepted, and that everything wrong is named at once with the claim's id."""
+
+import pytest
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.ledger.format import read_ledger
+
+ABS = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}
+ORDER = {"kind": "ordering", "key": "law", "rows": ["mirtich", "whittaker"]}
+
+
+def refusal(path) -> str:
+    with pytest.raises(UserError) as caught:
+        read_ledger(path)
+    return str(caught.value)
+
+
+def test_a_claim_of_each_kind_is_read(write_ledger, entries):
+    ledger = read_ledger(write_ledger(entries))
+    kinds = [claim.check.kind for claim in ledger.claims]
+    assert kinds == ["abs", "rel", "interval", "greater", "less", "ordering", "argmax", "argmin", "true"]
+    assert ledger.claims[0].published == 0.062
+
+
+def test_the_example_in_the_docstring_is_read(tmp_path):
+    from thesis_lib.ledger import format as ledger
+
+    example = ledger.__doc__.split("```yaml\n")[1].split("```")[0]
+    (tmp_path / "claims.yaml").write_text(example, encoding="utf-8")
+    assert read_ledger(tmp_path / "claims.yaml").claims[0].id == "table_3_1.mirtich.mu.as_published"
+
+
+@pytest.mark.parametrize(
+    ("check", "published", "words"),
+    [
+        ({"kind": "abs", "tolerance": 0.01}, 0.062, "check.reason is missing: say why"),
+        ({"kind": "rel", "tolerance": 0.01, "reason": "  "}, 0.062, "check.reason"),
+        ({"kind": "interval", "k": 2}, 0.062, "check.reason is missing"),
+        ({"kind": "greater", "threshold": 0, "k": 2}, None, "reason is missing: say why this k"),
+        ({"kind": "greater", "threshold": 20}, 30, "reason is missing: say why the threshold is 20"),
+        ({"kind": "less", "threshold": 151}, None, "reason is missing: say why the threshold is 151"),
+        ({**ORDER, "k": 2}, None, "reason is missing: say why this k"),
+        ({**ORDER, "tie_tolerance": 0.1}, None, "reason is missing: say why this tie_tolerance"),
+        ({**ORDER, "k": 1, "tie_tolerance": 0.1, "reason": "x"}, None, "give one of them"),
+        ({**ABS, "tolerance": 0}, 0.062, "check.tolerance: Input should be greater than 0"),
+        ({**ABS, "tolerance": -1}, 0.062, "check.tolerance"),
+        ({**ABS, "tolerance": float("nan")}, 0.062, "check.tolerance"),
+        ({**ABS, "tolerance": float("inf")}, 0.062, "check.tolerance"),
+        ({**ABS, "tolerance": True}, 0.062, "a number is wanted here"),
+        ({**ABS, "tolerence": 0.01}, 0.062, "check.tolerence is not a known key"),
+        ({**ABS, "kind": "about"}, 0.062, "check: Input tag 'about'"),
+        (ABS, None, "published must be a number"),
+        (ABS, "mirtich", "published must be a number"),
+        (ABS, True, "published must be a number"),
+        (ABS, float("nan"), "published: a published number is finite"),
+        ({"kind": "rel", "tolerance": 0.1, "reason": "x"}, 0, "use kind abs"),
+        ({"kind": "less", "threshold": 1}, "small", "published must be a number or left out"),
+        (ORDER, ["whittaker", "mirtich"], "published contradicts check.rows"),
+        ({**ORDER, "rows": ["mirtich"]}, None, "check.rows"),
+        ({**ORDER, "rows": ["mirtich", []]}, None, "an empty group"),
+        ({**ORDER, "rows": ["mirtich", ["mirtich", "newton"]]}, None, "rows names a row twice"),
+        ({**ORDER, "rows": ["mirtich", None]}, None, "a text, a number, true or false"),
+        (
+            {"kind": "argmax", "key": "law", "row": "a", "among": ["b", "c"]},
+            None,
+            "does not hold the row 'a'",
+        ),
+        ({"kind": "argmin", "key": "law", "row": "a"}, "b", "published contradicts check.row"),
+        ({"kind": "true"}, False, "published can only be true"),
+    ],
+)
+def test_a_bad_check_is_refused(write_ledger, make_claim, check, published, words):
+    text = refusal(write_ledger([make_claim("x", check, published)]))
+    assert "claim table_3_1.x" in text
+    assert words in text
+
+
+@pytest.mark.parametrize(("threshold", "published"), [(0, None), (0.0, 0), (30, 30)])
+def test_a_threshold_that_is_stated_or_zero_needs_no_reason(write_ledger, make_claim, threshold, published):
+    check = {"kind": "greater", "threshold": threshold}
+    assert read_ledger(write_ledger([make_claim("x", check, published)])).claims
+
+
+def test_the_reason_of_a_threshold_is_shown(write_ledger, make_claim):
+    check = {"kind": "less", "threshold": 151, "reason": "about 100"}
+    (claim,) = read_ledger(write_ledger([make_claim("x", check)])).claims
+    assert claim.check.text() == "less than 151: about 100"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"notes": "a typo"}, "notes is not a known key"),
+        ({"id": "no dots"}, "claim no dots: id"),
+        ({"chapter": 0}, "chapter"),
+        ({"statement": ""}, "statement"),
+        ({"source": {"file": "../elsewhere.csv", "column": "mu"}}, "source.file"),
+        ({"source": {"file": "/etc/table.csv", "column": "mu"}}, "source.file"),
+        ({"source": {"file": "table.png", "column": "mu"}}, "source.file"),
+        ({"source": {"file": "table.csv"}}, "source.column is missing"),
+        ({"source": {"file": "table.csv", "column": "mu", "where": {"law": None}}}, "source.where.law"),
+        ({"source": {"file": "table.csv", "column": "mu", "were": {}}}, "source.were is not a known key"),
+    ],
+)
+def test_a_bad_claim_is_refused(write_ledger, make_claim, change, words):
+    assert words in refusal(write_ledger([{**make_claim("x", ABS, 0.062), **change}]))
+
+
+@pytest.mark.parametrize(
+    "check", [{"kind": "interval", "k": 2, "reason": "x"}, {**ORDER, "k": 2, "reason": "x"}]
+)
+def test_standard_errors_need_their_column(write_ledger, make_claim, check):
+    entry = make_claim("x", check, 0.062 if check["kind"] == "interval" else None)
+    del entry["source"]["std_column"]
+    assert "source.std_column is missing" in refusal(write_ledger([entry]))
+
+
+def test_everything_wrong_is_listed_at_once(write_ledger, make_claim):
+    first = make_claim("first", {"kind": "abs", "tolerance": 0.01}, 0.062)
+    second = make_claim("second", ABS, 0.062, colour="blue")
+    third = make_claim("third", ABS)
+    text = refusal(write_ledger([first, second, third, make_claim("first", ABS, 0.062)], extra=1))
+    for words in (
+        "5 mistakes",
+        "claim table_3_1.first: this id stands more than once",
+        "claim table_3_1.first: check.reason is missing",
+        "claim table_3_1.second: colour is not a known key",
+        "claim table_3_1.third: published must be a number",
+        "- extra is not a known key",
+    ):
+        assert words in text
+
+
+def test_a_duplicated_id_alone_is_refused(write_ledger, make_claim):
+    text = refusal(write_ledger([make_claim("x", ABS, 0.062), make_claim("x", ABS, 0.07)]))
+    assert "claim table_3_1.x: this id stands more than once" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("schema: 1\nclaims: [", "is not valid YAML"),
+        ("schema: 1\nclaims: []\nclaims: []\n", "the key 'claims' stands in line 2 and again in line 3"),
+        ("schema: 2\nclaims: []\n", "schema"),
+        ("claims: []\n", "schema is missing"),
+        ("", "the whole file"),
+        ("- 1\n", "the whole file"),
+        ("schema: 1\nclaims: 3\n", "claims"),
+        ("schema: 1\nclaims: [3]\n", "claims[1]"),
+    ],
+)
+def test_a_bad_file_is_refused(tmp_path, text, words):
+    path = tmp_path / "claims.yaml"
+    path.write_text(text, encoding="utf-8")
+    message = refusal(path)
+    assert words in message
+    assert "claims.yaml" in message
+
+
+def test_a_missing_file_is_named(tmp_path):
+    assert "claims.yaml does not exist" in refusal(tmp_path / "claims.yaml")
+
+
+def test_an_exponent_without_a_dot_is_a_number(tmp_path, write_ledger, make_claim):
+    """YAML 1.1 reads 1e-3 as text."""
+    path = write_ledger([make_claim("x", ABS, 62.0)])
+    path.write_text(path.read_text().replace("published: 62.0", "published: 62e-3").replace("0.01", "1e-2"))
+    claim = read_ledger(path).claims[0]
+    assert claim.published == 0.062
+    assert claim.check.tolerance == 0.01

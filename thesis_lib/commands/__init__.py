@@ -1,0 +1,1 @@
+"""The command line: each command of `thesis_lib COMMAND` in a module of its own."""

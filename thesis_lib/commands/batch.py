@@ -1,0 +1,278 @@
+"""Critique of many datasets: each in its own process, so that a bad one stops no other (see `isolated`).
+
+OUT/<dataset>/ holds what `critique_folder` writes, the same bytes as of the dataset alone; OUT/<dataset>.log what was
+said meanwhile, and the traceback of a crash; index.html, batch.csv and batch.json list all datasets, the failed ones
+with their reason.
+
+A batch goes on where it stopped.  OUT/.batch/<dataset>.json says of which data, settings and code a finished critique
+is, by checksum, and which files it wrote; a dataset is skipped only if all of that is as it was.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.isolated import Outcome, Task, run_isolated
+from thesis_lib.report.batch_index import INDEX_FILES, plain, row_of_failure, row_of_verdict, write_index
+
+STATE = ".batch"
+# any one of them makes a folder a dataset, if a bad one
+FILES = tuple(f"{stem}{suffix}" for stem in ("trajectories", "impacts") for suffix in (".csv", ".parquet"))
+INPUTS = ("dataset.yaml", *FILES)
+PRELOAD = (
+    "thesis_lib.report.critique.folder",
+    "thesis_lib.report.critique.page",
+    "thesis_lib.datasets.read",
+    "thesis_lib.figures.critique.pictures",
+)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What a batch did.
+
+    Attributes:
+        rows: one a dataset, in the order given; see `batch_index`.
+        finished: of the datasets that were criticised now, in the order in which they ended.
+        skipped: names of those that were done already.
+    """
+
+    rows: list[dict]
+    finished: list[Outcome]
+    skipped: list[str]
+
+    @property
+    def failed(self) -> list[dict]:
+        """Rows of the datasets without a verdict."""
+        return [row for row in self.rows if row["status"] == "failed"]
+
+
+def find_datasets(paths: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
+    """Dataset folders among `paths` and directly below them, and the folders there that are none.
+
+    A path that is given is a dataset if it or nothing below it looks like one: then reading it says what is wrong.
+    """
+    found, others = [], []
+    for path in map(Path, paths):
+        below = []
+        if path.is_dir() and not _looks_like_dataset(path):
+            below = sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
+        inside = [p for p in below if _looks_like_dataset(p)]
+        found += inside or [path]
+        others += [p for p in below if p not in inside] if inside else []
+    return list(dict.fromkeys(found)), others
+
+
+def _looks_like_dataset(folder: Path) -> bool:
+    return any(os.path.lexists(folder / name) for name in INPUTS)
+
+
+def criticise_folder(path: str, folder: str, seed: int, effects: Sequence[str] | None) -> dict:
+    """The work on one dataset, in its own process."""
+    from threadpoolctl import threadpool_limits
+
+    from thesis_lib.datasets.read import read_dataset
+    from thesis_lib.report.critique.folder import critique_folder
+
+    with threadpool_limits(limits=1):  # the cores are taken by other datasets
+        critique_folder(read_dataset(path), folder, seed, effects=effects, say=print)
+    return {}
+
+
+def run_batch(
+    paths: Sequence[str | Path],
+    out: str | Path,
+    seed: int,
+    *,
+    effects: Sequence[str] | None = None,
+    jobs: int = 1,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    work: Callable[..., dict] = criticise_folder,
+) -> Batch:
+    """Criticise many datasets, and write an index of them into `out`, also when interrupted.
+
+    Args:
+        paths: dataset folders.
+        out: folder that takes a folder for each dataset, by its name.
+        seed, effects: as for one dataset (`critique_folder`).
+        jobs: datasets at a time.
+        time_limit: s of wall time a dataset; memory_limit: bytes of resident memory a dataset; None: no limit.
+        say: told of each dataset that ends.
+        work: what is done with each dataset; arguments as of `criticise_folder`.
+
+    Raises:
+        UserError: names collide, an effect is unknown, or another batch writes into `out`.
+    """
+    from thesis_lib.effects import require_known
+
+    require_known(effects or ())
+    out = Path(out)
+    named = _names(paths, out)
+    with _only_one(out):
+        code = _code()
+        keys = {name: _key(Path(os.path.realpath(path)), seed, effects, code) for name, path in named.items()}
+        skipped = [name for name in named if _is_done(out, name, keys[name])]
+        rows = {name: _row(out, name) for name in skipped}
+        if skipped:
+            say(f"{len(skipped)} of {len(named)} are done already, with the same data and settings")
+        tasks = [
+            Task(name, (str(path), str(out / name), seed, effects), out / f"{name}.log")
+            for name, path in named.items()
+            if name not in rows
+        ]
+        finished: list[Outcome] = []
+        limits = {"jobs": jobs, "time_limit": time_limit, "memory_limit": memory_limit, "preload": PRELOAD}
+        start = time.monotonic()
+        try:
+            with contextlib.closing(run_isolated(work, tasks, **limits)) as outcomes:
+                for outcome in outcomes:
+                    finished.append(outcome)
+                    rows[outcome.name] = _closed(out, outcome, keys[outcome.name])
+                    spent = time.monotonic() - start
+                    say(_progress(rows[outcome.name], len(rows), len(named), outcome, spent, len(finished)))
+        finally:
+            ordered = [rows[name] for name in named if name in rows]
+            write_index(ordered, out, total=len(named), seed=seed, effects=effects)
+    return Batch(ordered, finished, skipped)
+
+
+def _closed(out: Path, outcome: Outcome, key: str | None) -> dict:
+    """The row of a dataset that has just ended; marks it as done if it has a verdict."""
+    if outcome.failure is not None:
+        return row_of_failure(outcome.name, outcome.failure)
+    row = _row(out, outcome.name)
+    if row["status"] == "done" and key is not None:
+        _mark(out, outcome.name, key)
+    return row
+
+
+def _row(out: Path, name: str) -> dict:
+    from thesis_lib.commands.comparison import read_run
+
+    try:
+        return row_of_verdict(name, read_run(out / name))
+    except UserError as error:
+        return row_of_failure(name, str(error))
+
+
+def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: float, ended: int) -> str:
+    """[ 3/100] my_drops: effects (com_offset), 21 s; about 12 min left"""
+    what = row["reason"] if row["status"] == "failed" else row["verdict"]
+    named = f" ({row['effects']})" if row["effects"] else ""
+    left = (total - count) * spent / ended
+    rest = (
+        ""
+        if count == total
+        else f"; about {left / 60:.0f} min left"
+        if left > 90
+        else f"; about {left:.0f} s left"
+    )
+    failed = "FAILED: " if row["status"] == "failed" else ""
+    name = f"[{count:{len(str(total))}d}/{total}] {plain(row['dataset'])}"
+    return f"{name}: {failed}{what}{named}, {outcome.wall_s:.0f} s{rest}"
+
+
+def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
+    """Datasets by their name, which is that of their folder in `out`.
+
+    Raises:
+        UserError: two have the same name, one has that of a file of the batch, or one would be written over.
+    """
+    named: dict[str, Path] = {}
+    for path in map(Path, paths):
+        name = Path(os.path.realpath(path)).name  # unlike Path.resolve it bears a loop of links
+        if name in named:
+            raise UserError(
+                f"Two datasets are called {name}: {named[name]} and {path}. Their results would be written over each "
+                "other; rename one of the folders, or run two batches with different -o."
+            )
+        if os.path.realpath(out / name) == os.path.realpath(path):
+            raise UserError(f"-o {out} is the folder that the datasets are in; choose another one.")
+        named[name] = path
+    taken = {STATE, *INDEX_FILES, *(f"{name}.log" for name in named)}
+    for name in named:
+        if name in taken:
+            raise UserError(f"A batch writes a file called {name}; rename the dataset folder {named[name]}.")
+        if not name.isprintable():
+            raise UserError(
+                f"The name of the dataset folder {name!r} holds unprintable characters; rename it."
+            )
+    return named
+
+
+@contextlib.contextmanager
+def _only_one(out: Path) -> Iterator[None]:
+    """A lock on the folder, which the kernel opens again when this process ends, however it ends."""
+    (out / STATE).mkdir(parents=True, exist_ok=True)
+    with (out / STATE / "lock").open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UserError(
+                f"Another batch is writing into {out}; wait for it, or choose another -o."
+            ) from None
+        yield
+
+
+def _key(path: Path, seed: int, effects: Sequence[str] | None, code: str) -> str | None:
+    """Checksum of all that a critique depends on; None where the data cannot be read or are more than is ever read."""
+    from thesis_lib.datasets.format.tables import MAX_BYTES
+    from thesis_lib.foundation.provenance import file_sha256
+    from thesis_lib.foundation.regular_file import FileProblem, regular_size
+
+    told = {"seed": seed, "effects": effects and list(effects), "code": code, "name": path.name}
+    try:
+        for file in (path / name for name in INPUTS):
+            if os.path.lexists(file):
+                regular_size(file, MAX_BYTES, path)
+                told[file.name] = file_sha256(file)
+    except (OSError, FileProblem):
+        return None
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def _code() -> str:
+    """Hash of the modules that a critique runs."""
+    from thesis_lib.foundation.provenance import lib_hash
+    from thesis_lib.report.critique import folder as output
+
+    return lib_hash(output.__file__)
+
+
+def _written(folder: Path) -> dict[str, str]:
+    """Checksums of the files of a critique that are moved in last.
+
+    Raises:
+        OSError: one of them is not there.
+    """
+    from thesis_lib.foundation.provenance import file_sha256
+    from thesis_lib.report.critique.folder import LAST
+
+    return {name: file_sha256(folder / name) for name in LAST}
+
+
+def _mark(out: Path, name: str, key: str) -> None:
+    from thesis_lib.foundation.files import write_json
+
+    with contextlib.suppress(OSError):  # then it is criticised again
+        write_json({"key": key, "files": _written(out / name)}, out / STATE / f"{name}.json")
+
+
+def _is_done(out: Path, name: str, key: str | None) -> bool:
+    """Whether a whole critique of the same data, settings and code lies there, with no file changed since."""
+    from thesis_lib.foundation.files import read_json
+
+    try:
+        mark = read_json(out / STATE / f"{name}.json")
+        return key is not None and mark == {"key": key, "files": _written(out / name)}
+    except (UserError, OSError):
+        return False

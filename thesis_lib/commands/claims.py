@@ -1,0 +1,204 @@
+"""Command line of the claims ledger: check, update, page.  `python -m thesis_lib claims --help` teaches it."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thesis_lib.foundation.command_line import FAILED, Parser, command
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+EPILOG = """\
+What each command does
+  check   compares the results with the thesis (config/claims.yaml), the statuses found with the committed ones
+          (config/claims_expected.yaml), and each figure's numbers with its stored copy (config/figures/<scale>/).
+          Exit status: 0 all as committed; 1 something changed or could not be compared; 2 a mistake in the input.
+          A claim that deviates from the thesis, and is committed as deviating, is no failure.
+  update  commits this run's statuses and figure copies. Look at the difference (git diff) before you commit it.
+  page    writes claims.csv and claims.html into the results folder.
+
+Examples
+  python -m thesis_lib claims check --scale quick
+  python -m thesis_lib claims update --scale default
+  python -m thesis_lib claims page --results results
+
+Which datasets a run had is read from <results>/datasets/present.json; claims and figures that need an absent one
+are shown as "data not present" and never fail.
+"""
+
+
+@command
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    options = _parser().parse_args(argv)
+    if options.present is None:
+        options.present = options.results / "datasets" / "present.json"
+    return {"check": _check, "update": _update, "page": _page}[options.command](options)
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="python -m thesis_lib claims",
+        description="What the thesis states, what this program finds, and whether that has changed.",
+        epilog=EPILOG,
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="check | update | page")
+    for name, text in (
+        (
+            "check",
+            "compare a run with the thesis and with what is committed; exit status 1 if anything changed",
+        ),
+        ("update", "commit this run's statuses and figure copies"),
+        ("page", "write claims.csv and claims.html"),
+    ):
+        scale = "" if name == "page" else " --scale quick"
+        one = commands.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            epilog=f"example:\n  python -m thesis_lib claims {name}{scale}",
+        )
+        one.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
+        one.add_argument("--ledger", type=Path, default=Path("config/claims.yaml"), help="the claims")
+        one.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
+        one.add_argument(
+            "--scale",
+            choices=("quick", "default", "full"),
+            required=name != "page",
+            default="" if name == "page" else None,
+            help="scale at which the pipeline ran" + (" (shown on the page)" if name == "page" else ""),
+        )
+        if name != "page":
+            one.add_argument(
+                "--expected",
+                type=Path,
+                default=Path("config/claims_expected.yaml"),
+                help="committed statuses",
+            )
+            one.add_argument(
+                "--figures", type=Path, default=Path("config/figures.yaml"), help="tolerances of the figures"
+            )
+            one.add_argument(
+                "--stored", type=Path, default=Path("config/figures"), help="folder of the stored copies"
+            )
+        if name == "check":
+            one.add_argument("--json", action="store_true", help="print JSON instead of text")
+    return parser
+
+
+def _evaluate(options: argparse.Namespace) -> tuple[list, dict[str, bool]]:
+    from thesis_lib.ledger.evaluate import evaluate
+    from thesis_lib.ledger.format import read_ledger
+    from thesis_lib.ledger.reading import read_present
+
+    present = read_present(options.present)
+    return evaluate(read_ledger(options.ledger), options.results, present), present
+
+
+def _check(options: argparse.Namespace) -> int:
+    from thesis_lib.ledger.expected import compare_with_expected, read_expected
+
+    results, present = _evaluate(options)
+    changes = compare_with_expected(results, read_expected(options.expected), options.scale)
+    figures, differing = _compared_figures(options, present)
+    if options.json:
+        _print_json(options, results, changes, figures)
+    else:
+        _print_text(options, results, changes, figures, differing)
+    return FAILED if changes or len(differing) else 0
+
+
+def _compared_figures(
+    options: argparse.Namespace, present: dict[str, bool]
+) -> "tuple[pd.DataFrame | None, pd.DataFrame | list]":
+    """How the figures compare with their stored copies, None without any at this scale; and those that do not agree."""
+    from thesis_lib.ledger.figure_check import AGREES, NO_DATA, check_figures
+    from thesis_lib.ledger.figure_format import read_figure_spec
+
+    spec = read_figure_spec(options.figures)
+    if options.scale not in spec.scales:
+        return None, []
+    table = check_figures(options.results, options.stored / options.scale, spec, present)
+    return table, table[~table["status"].isin([AGREES, NO_DATA])]
+
+
+def _print_text(options: argparse.Namespace, results: list, changes: list, figures, differing) -> None:
+    from thesis_lib.ledger.page import SIGNS
+    from thesis_lib.ledger.result import Status, summary_line
+
+    print(f"Claims at scale {options.scale}\n{summary_line(results)}")
+    for result in results:
+        if result.status in (Status.DEVIATES, Status.ERROR):
+            print(f"  {SIGNS[result.status]} {result.claim.id} ({result.claim.location})")
+            print(f"      published {result.published}, ours {result.ours or '–'}: {result.reason}")
+    print(f"\nAgainst {options.expected}: " + (f"{len(changes)} changed" if changes else "no change"))
+    for change in changes:
+        print(f"  {change.id}: {change.text}")
+    if figures is None:
+        print(f"\nFigures: {options.figures} keeps no copies at scale {options.scale}, so none is compared.")
+    else:
+        counts = figures["status"].value_counts()
+        words = ", ".join(f"{count} {status}" for status, count in sorted(counts.items())) or "none"
+        print(f"\nFigures against {options.stored / options.scale}: {words}")
+        for row in differing.itertuples():
+            print(f"  {row.figure} ({row.dataset}): {row.finding}")
+    if changes or len(differing):
+        print(
+            f"\nLook into it; if it is intended: python -m thesis_lib claims update --scale {options.scale}"
+        )
+
+
+def _print_json(options: argparse.Namespace, results: list, changes: list, figures) -> None:
+    from thesis_lib.ledger.result import count_statuses
+
+    content = {
+        "scale": options.scale,
+        "counts": {str(status): count for status, count in count_statuses(results).items()},
+        "claims": [
+            {
+                "id": r.claim.id,
+                "location": r.claim.location,
+                "status": str(r.status),
+                "published": r.published,
+                "ours": r.ours,
+                "reason": r.reason,
+            }
+            for r in results
+        ],
+        "changes": [vars(change) for change in changes],
+        "figures": None if figures is None else figures.to_dict("records"),
+    }
+    print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def _update(options: argparse.Namespace) -> int:
+    from thesis_lib.ledger.expected import update_expected
+    from thesis_lib.ledger.figure_check import update_figures
+    from thesis_lib.ledger.figure_format import read_figure_spec
+    from thesis_lib.ledger.result import refuse_errors
+
+    results, present = _evaluate(options)
+    refuse_errors(results)  # before the figures are written: an update happens whole or not at all
+    spec = read_figure_spec(options.figures)
+    lines = []
+    if options.scale in spec.scales:
+        lines += update_figures(options.results, options.stored / options.scale, spec, present)
+    lines += update_expected(options.expected, results, options.scale)
+    print("\n".join(lines) if lines else "Nothing to update.")
+    return 0
+
+
+def _page(options: argparse.Namespace) -> int:
+    from thesis_lib.ledger.page import write_page
+    from thesis_lib.ledger.result import refuse_errors, write_results
+
+    results, _ = _evaluate(options)
+    csv, html = options.results / "claims.csv", options.results / "claims.html"
+    write_results(results, csv)
+    write_page(results, html, options.scale)
+    print(f"{csv}\n{html}")
+    refuse_errors(results)  # last, so that the page shows what is wrong
+    return 0

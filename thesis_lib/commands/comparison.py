@@ -1,0 +1,227 @@
+"""Two critiques side by side: verdicts, errors, and parameters with their difference in standard errors.
+
+Each is shown with the law and the effects that it chose; where these differ, also both with the same law and none.
+Errors have 95 % intervals; their difference is told in standard errors as of two sets of trials that share none.
+
+Read from diagnosis.json, so that a run of last year can be compared with today's, before and after a repair of the rig.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_json
+from thesis_lib.report.critique.folder import VERDICT_FILE, is_unfinished
+
+Z95 = 1.959964  # standard deviations of a normal distribution's 95 % interval
+FAR = 3.0  # standard errors beyond which a difference is pointed out
+ALONE = " alone"  # marks rows of one law without effects, in both runs
+OLD_RUN = (
+    "one of the runs was written by an older version; run python -m thesis_lib critique on its dataset again."
+)
+COLUMNS = ("quantity", "a", "a_low", "a_high", "b", "b_low", "b_high", "difference", "sigmas", "unit")
+
+
+def is_run(path: str | Path) -> bool:
+    """Whether a folder is what a critique wrote, whole or not, rather than a dataset."""
+    if (Path(path) / "dataset.yaml").exists():
+        return False
+    return (Path(path) / VERDICT_FILE).is_file() or is_unfinished(path)
+
+
+def read_run(path: str | Path) -> dict:
+    """The diagnosis in a folder that a critique wrote.
+
+    Raises:
+        UserError: the run was interrupted, or it is no diagnosis of this format.
+    """
+    if is_unfinished(path):
+        raise UserError(
+            f"{path} holds an unfinished run (it has no {VERDICT_FILE}); run python -m thesis_lib critique again."
+        )
+    content = read_json(Path(path) / VERDICT_FILE)
+    needed = {"verdict", "base_model", "effects", "error"}
+    try:
+        if content.get("schema") != 1 or not needed <= set(content):
+            raise ValueError("of another form")
+        compare(content, content)  # it holds all that is compared
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise UserError(
+            f"{Path(path) / VERDICT_FILE} is no diagnosis of schema 1; run python -m thesis_lib critique again."
+        ) from error
+    return content
+
+
+def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
+    """Two diagnoses, row by row; what only one of the two has is empty in the other.
+
+    First each with its own law and effects.  Where the two models differ in law or effects, every law that either of
+    them chose follows without effects, in both: `<law> alone, …`.  μ and ε of different laws mean different things, so
+    their difference is told in standard errors only within one law.
+
+    Returns:
+        Columns quantity, a, b with the ends of their 95 % intervals, difference (b − a), sigmas (difference over its
+        standard error), unit.
+    """
+    same_law = _law(a, "augmented_model") == _law(b, "augmented_model")
+    same_models = same_law and _law(a) == _law(b) and _effects(a) == _effects(b)
+    rows = [
+        _text("verdict", a["verdict"], b["verdict"]),
+        _text("base law", _law(a), _law(b)),
+        _text("law with the effects", _law(a, "augmented_model"), _law(b, "augmented_model")),
+        _text("effects", _effects(a) or "none", _effects(b) or "none"),
+    ]
+    for key in ("base", "augmented", "noise_floor", "irb_bound", "irb_bound_augmented"):
+        one, two = a["error"], b["error"]
+        ends = f"{key}_interval"
+        rows.append(
+            _measured(
+                f"error, {key.replace('_', ' ')}",
+                one.get(key),
+                two.get(key),
+                "m/s",
+                one.get(ends),
+                two.get(ends),
+            )
+        )
+    one, two = _own(a), _own(b)
+    for name in dict.fromkeys([*one, *two]):
+        comparable = same_law or name not in a["base_model"]["parameters"]
+        rows.append(_parameter(name, one.get(name), two.get(name), comparable))
+    if not same_models:
+        for law in dict.fromkeys([_law(a), _law(b)]):
+            rows += _alone(law, a, b)
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
+    """The table for a terminal, with what differs pointed out in plain words."""
+    cells = [["", a, b, "difference", "in std errors"]]
+    for row in table.to_dict("records"):
+        unit = "" if row["unit"] in ("", "1") else f" ({row['unit']})"
+        cells.append(
+            [
+                row["quantity"] + unit,
+                _with_ends(row, "a"),
+                _with_ends(row, "b"),
+                _cell(row["difference"]),
+                _cell(row["sigmas"], 2),
+            ]
+        )
+    widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
+    said = table.set_index("quantity")
+    law, then, effects = (
+        tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "law with the effects", "effects")
+    )
+    lines.append("")
+    if law[0] != law[1]:
+        lines.append(
+            f"The base laws differ: {a} has {law[0]}, {b} has {law[1]}. μ and ε of different laws mean different "
+            f"things; like is compared with like in the rows “{law[0]}{ALONE}” and “{law[1]}{ALONE}”."
+        )
+    elif then[0] != then[1]:
+        lines.append(
+            f"With the effects the laws differ: {a} has {then[0]}, {b} has {then[1]}. μ and ε of different laws mean "
+            f"different things; like is compared with like in the rows “{law[0]}{ALONE}”."
+        )
+    if effects[0] != effects[1]:
+        lines.append(
+            f"The effects differ: {a} has {effects[0]}, {b} has {effects[1]}. A parameter can move because an effect "
+            f"came or went; the rows “…{ALONE}” hold the same law without effects in both."
+        )
+    alone = table["quantity"].str.contains(ALONE, regex=False)
+    if any(one[0] != one[1] for one in (law, then, effects)) and not alone.any():
+        lines.append(f"Those rows are missing: {OLD_RUN}")
+    sigmas = pd.to_numeric(table["sigmas"]).abs()
+    far = table.loc[sigmas > FAR, "quantity"].tolist()
+    if far:
+        lines.append(f"Different by more than {FAR:g} standard errors: {'; '.join(far)}.")
+    elif sigmas.notna().any():
+        lines.append(
+            f"No error and no parameter that both have differs by more than {FAR:g} standard errors."
+        )
+    else:
+        lines.append("No error and no parameter can be compared.")
+    return "\n".join(lines)
+
+
+def _alone(law: str, a: Mapping, b: Mapping) -> list[dict]:
+    """Rows of one law without effects in both; none where a run holds no law but its own."""
+    one, two = (content.get("laws", {}).get(law) for content in (a, b))
+    if one is None or two is None:
+        return []
+    ends = one.get("interval"), two.get("interval")
+    rows = [_measured(f"{law}{ALONE}, error", one["error"], two["error"], "m/s", *ends)]
+    for name, p in one["parameters"].items():
+        rows.append(_parameter(f"{law}{ALONE}, {name}", p, two["parameters"].get(name)))
+    return rows
+
+
+def _law(content: Mapping, key: str = "base_model") -> str:
+    return (content.get(key) or content["base_model"])["name"]
+
+
+def _effects(content: Mapping) -> str:
+    return " + ".join(sorted(effect["name"] for effect in content["effects"]))
+
+
+def _own(content: Mapping) -> dict[str, Mapping]:
+    """Parameters of a run's final model."""
+    model = content.get("augmented_model") or content["base_model"]
+    found = dict(model["parameters"])
+    for effect in content["effects"]:
+        found |= {f"{effect['name']}.{name}": p for name, p in effect["parameters"].items()}
+    return found
+
+
+def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: bool = True) -> dict:
+    values = [one["value"] if one else None for one in (p, q)]
+    ends = [
+        [one["value"] + s * Z95 * one["std"] for s in (-1, 1)] if one and one["std"] else None
+        for one in (p, q)
+    ]
+    row = _measured(quantity, values[0], values[1], (p or q or {})["unit"], *ends)
+    return row if comparable else row | {"difference": None, "sigmas": None}
+
+
+def _text(quantity: str, a: str, b: str) -> dict:
+    return dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": ""}
+
+
+def _measured(
+    quantity: str,
+    a: float | None,
+    b: float | None,
+    unit: str,
+    a_ends: Sequence[float] | None = None,
+    b_ends: Sequence[float] | None = None,
+) -> dict:
+    """A row of two numbers, with their 95 % intervals where there are any."""
+    row: dict = dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": unit}
+    if a_ends and None not in a_ends:
+        row |= {"a_low": a_ends[0], "a_high": a_ends[1]}
+    if b_ends and None not in b_ends:
+        row |= {"b_low": b_ends[0], "b_high": b_ends[1]}
+    if a is None or b is None:
+        return row
+    row["difference"] = b - a
+    # a value without an interval (an effect that is on or off) is taken as exact
+    widths = [row[f"{one}_high"] - row[f"{one}_low"] for one in "ab" if row[f"{one}_low"] is not None]
+    std = math.hypot(*widths) / (2.0 * Z95)
+    row["sigmas"] = row["difference"] / std if std > 0 else None
+    return row
+
+
+def _with_ends(row: Mapping, one: str) -> str:
+    low, high = _cell(row[f"{one}_low"]), _cell(row[f"{one}_high"])
+    return _cell(row[one]) + (f" [{low}, {high}]" if "-" not in (low, high) else "")
+
+
+def _cell(value: object, digits: int = 4) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    return value if isinstance(value, str) else f"{value:.{digits}g}"

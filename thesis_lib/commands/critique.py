@@ -1,0 +1,208 @@
+"""`python -m thesis_lib critique`: one dataset, two side by side, or many."""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from thesis_lib.foundation.command_line import FAILED, INTERRUPTED, Parser, command
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import Progress
+
+SEED = 20190906  # the default of the configuration, so that both ways write the same bytes
+STAGES = {  # share of the time that had passed by then, on the example of the README
+    "fitting": 0.06,
+    "step 1: trying": 0.09,
+    "step 2: trying": 0.35,
+    "step 3: trying": 0.5,
+    "judging": 0.55,
+    "writing": 0.57,
+}
+DESCRIPTION = """\
+Fit all impact laws to a dataset, see where the best one fails, name the physical effects that are missing, and add
+them. Effects are chosen on 70 % of the trials; every error told is that of the other 30 %. 300 drops take half a
+minute.
+
+  one PATH              a dataset: what its models miss
+  two PATHs             two datasets, or two folders that a critique wrote, side by side
+  --batch PATH...       each dataset on its own, however many, and an index of them
+
+What it writes into DIR:
+  report.html      start here: the verdict and how it came about, with pictures
+  diagnosis.json   the same for programs: verdict (adequate, effects or unexplained), effects, what could not be told
+  model.json       the law with its effects, for python -m thesis_lib predict
+  comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the pictures
+With --batch each dataset has a folder like that, and a log, in DIR, beside
+  index.html       start here: a line a dataset with verdict, effects and errors; those that failed, with the reason
+  batch.csv        the same as a table; batch.json: for programs
+
+Exit code: 0; 1 if a dataset of a batch failed; 2 if the command or the dataset is wrong; 130 if interrupted (Ctrl-C).
+"""
+EXAMPLES = """\
+A dataset is a folder with dataset.yaml and trajectories.csv or impacts.csv; python -m thesis_lib datasets makes one
+from a rig's logs and checks it.
+
+examples:
+  python -m thesis_lib critique data/my_drops -o results/critique/my_drops
+  python -m thesis_lib critique data/my_drops --effect tangential_restitution --effect surface_tilt
+  python -m thesis_lib critique data/my_drops --json | jq .verdict
+  python -m thesis_lib critique data/before data/after -o results/critique/repair
+  python -m thesis_lib critique results/critique/before results/critique/after       runs that are done already
+  python -m thesis_lib critique --batch data/rigs -o results/rigs --jobs 8
+"""
+
+
+def build_parser() -> Parser:
+    parser = Parser(prog="python -m thesis_lib critique", description=DESCRIPTION, epilog=EXAMPLES)
+    parser.add_argument(
+        "paths",
+        nargs="+",
+        metavar="PATH",
+        help="dataset folder (dataset.yaml and trajectories.csv or impacts.csv); with --batch also a folder of them",
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="DIR",
+        help="folder to write; default: results/critique/<name of the dataset>, of a batch results/critique",
+    )
+    parser.add_argument(
+        "--effect",
+        action="append",
+        dest="effects",
+        metavar="NAME",
+        help="switch this effect on instead of the automatic choice; may be given several times",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print diagnosis.json (of a batch batch.json) instead of text"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
+    batch = parser.add_argument_group(
+        "many datasets",
+        "A dataset that is refused, crashes, hangs or takes all memory stops no other. The same command goes on where "
+        "it stopped: what is done is skipped unless data, settings or code have changed.",
+    )
+    batch.add_argument("--batch", action="store_true", help="criticise each dataset on its own")
+    batch.add_argument(
+        "--jobs", type=int, metavar="N", help="datasets at a time; default: the number of cores"
+    )
+    batch.add_argument(
+        "--time-limit",
+        type=float,
+        default=3600.0,
+        metavar="S",
+        help="seconds a dataset; default: %(default)g",
+    )
+    batch.add_argument(
+        "--memory-limit", type=float, metavar="GB", help="of a dataset; default: none but the machine's"
+    )
+    return parser
+
+
+@command
+def critique(argv: Sequence[str] | None = None) -> int:
+    args = build_parser().parse_args(argv)
+    if args.seed < 0:
+        raise UserError(f"--seed must be 0 or more, got {args.seed}.")
+    if args.batch:
+        return _batch(args)
+    if len(args.paths) > 2:
+        raise UserError(
+            f"critique takes one dataset, or two to compare; {len(args.paths)} were given. To criticise each on its "
+            "own, add --batch."
+        )
+    return _one(args) if len(args.paths) == 1 else _compare(args)
+
+
+def _one(args: argparse.Namespace) -> int:
+    from thesis_lib.commands.comparison import is_run
+    from thesis_lib.commands.printed import diagnosis_text
+
+    if is_run(args.paths[0]):
+        raise UserError(
+            f"{args.paths[0]} was written by a critique; give the dataset, or a second run to compare it with."
+        )
+    content, folder = _run(args.paths[0], args.out, args)
+    if args.json:
+        print(json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False))
+    else:
+        print(diagnosis_text(content))
+        print(f"\nwritten to {folder}; open {folder / 'report.html'}")
+    return 0
+
+
+def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[dict, Path]:
+    with Progress(path, quiet=args.quiet, stages=STAGES) as say:
+        say("loading")
+        from thesis_lib.datasets.read import read_dataset
+        from thesis_lib.report.critique.folder import critique_folder
+
+        dataset = read_dataset(path)
+        folder = Path(out) if out else Path("results/critique") / dataset.name
+        if folder.resolve() == Path(path).resolve():
+            raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
+        return critique_folder(dataset, folder, args.seed, effects=_chosen(args), say=say), folder
+
+
+def _chosen(args: argparse.Namespace) -> tuple[str, ...] | None:
+    return None if args.effects is None else tuple(dict.fromkeys(args.effects))
+
+
+def _batch(args: argparse.Namespace) -> int:
+    from thesis_lib.commands.batch import find_datasets, run_batch
+    from thesis_lib.commands.printed import batch_text
+
+    def say(text: str) -> None:
+        if not args.quiet:
+            print(text, file=sys.stderr, flush=True)
+
+    for name in ("jobs", "time_limit", "memory_limit"):
+        value = getattr(args, name)
+        if value is not None and not value > 0:
+            raise UserError(f"--{name.replace('_', '-')} must be above 0, got {value:g}.")
+    paths, others = find_datasets(args.paths)
+    if others:
+        say(f"no datasets, passed over: {', '.join(map(str, others))}")
+    out = Path(args.out or "results/critique")
+    told = {"effects": _chosen(args), "jobs": args.jobs or len(os.sched_getaffinity(0)), "say": say}
+    memory = None if args.memory_limit is None else args.memory_limit * 1e9
+    try:
+        batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, memory_limit=memory, **told)
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        return INTERRUPTED
+    if args.json:
+        print((out / "batch.json").read_text(encoding="utf-8"), end="")
+    else:
+        print(batch_text(batch, out))
+    return FAILED if batch.failed else 0
+
+
+def _compare(args: argparse.Namespace) -> int:
+    from thesis_lib.commands.comparison import compare, comparison_text, is_run, read_run
+    from thesis_lib.foundation.files import write_result
+
+    names = [Path(path).resolve().name for path in args.paths]
+    if names[0] == names[1]:
+        names = [f"{name}_{letter}" for name, letter in zip(names, "ab")]
+    contents = []
+    for path, name in zip(args.paths, names):
+        if is_run(path):
+            contents.append(read_run(path))
+        else:
+            contents.append(_run(path, Path(args.out or "results/critique") / name, args)[0])
+    table = compare(*contents)
+    if args.out:
+        write_result(table, Path(args.out) / "compare.csv")
+    if args.json:
+        print(table.to_json(orient="records", indent=1, force_ascii=False))
+        return 0
+    for name, content in zip(names, contents):
+        print(f"{name}: {' '.join(content.get('summary', [content['verdict']]))}")
+    print("\n" + comparison_text(table, *names))
+    return 0

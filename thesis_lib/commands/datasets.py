@@ -1,0 +1,247 @@
+"""`python -m thesis_lib datasets`: fetch published sets, check a dataset, convert a rig's logs, make an example."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from thesis_lib.foundation.command_line import WRONG, Parser, command
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import Progress
+
+EXAMPLES = """\
+examples:
+  python -m thesis_lib datasets fetch planar-impact
+  python -m thesis_lib datasets fetch planar-dice --from ../shared/data
+  python -m thesis_lib datasets check data/my_drops
+  python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
+      --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06 --mass 0.05
+  python -m thesis_lib datasets example -o data/example --hidden com_offset_x
+"""
+FETCH_EXAMPLES = """\
+examples:
+  python -m thesis_lib datasets fetch planar-impact
+  python -m thesis_lib datasets fetch planar-dice --from ../shared/data       without network
+"""
+CHECK_EXAMPLES = """\
+examples:
+  python -m thesis_lib datasets check data/my_drops
+  python -m thesis_lib datasets check data/my_drops --json | jq .detection.used
+"""
+INIT_EXAMPLES = """\
+examples:
+  one log with all runs, millimetres and degrees:
+    python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
+        --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06
+  one file a run, no time column, y pointing down in the camera's image:
+    python -m thesis_lib datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
+        --columns "x=u,y=-v,theta=-phi" --shape ellipse:0.035,0.025
+"""
+EXAMPLE = """\
+Simulate drops of a rig that is not quite what its dataset.yaml says: the contact forces are integrated in time, poses
+are sampled at 250 Hz with 0.3 mm and 3 mrad of noise, and one cause is hidden. What was hidden is not written down:
+python -m thesis_lib critique has to find it.
+
+What it writes into DIR:
+  dataset.yaml, trajectories.csv   the dataset, as its owner believes it to be
+  new_impacts.csv                  first impacts of 40 further drops: x,y,theta,vx,vy,omega just before, for
+                                   python -m thesis_lib predict, and vx_seen,vy_seen,omega_seen just after, both
+                                   without noise, so that what differs is the error of the model
+"""
+EXAMPLE_EXAMPLES = """\
+examples:
+  python -m thesis_lib datasets example -o data/example                       centre of mass 0.5 mm off
+  python -m thesis_lib datasets example -o data/tilted --hidden tilt --size 0.02
+  python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
+
+what can be hidden, its default size (about 3 times the error of a perfect model) and meaning:
+"""
+
+
+def build_parser() -> Parser:
+    parser = Parser(
+        prog="python -m thesis_lib datasets",
+        description="Datasets of measured drops: a folder with dataset.yaml and trajectories.csv or impacts.csv.",
+        epilog=EXAMPLES,
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="{fetch,check,init,example}")
+
+    fetch = commands.add_parser(
+        "fetch",
+        help="get a published measured set",
+        description="Get a published measured set, check the SHA-256 of every file, and convert it.",
+        epilog=FETCH_EXAMPLES,
+    )
+    fetch.add_argument("name", choices=["planar-impact", "planar-dice"])
+    fetch.add_argument(
+        "--from", dest="source", metavar="DIR", help="local copy to use instead of the network"
+    )
+    fetch.add_argument(
+        "--to", default="data/measured", metavar="DIR", help="where <name>/ goes (default: %(default)s)"
+    )
+
+    check = commands.add_parser(
+        "check",
+        help="say what is in a dataset and what is wrong with it",
+        description="Read a dataset, print what it holds and which impacts are found in its trajectories, and list "
+        "everything that is wrong. Exit code 0 or 2.",
+        epilog=CHECK_EXAMPLES,
+    )
+    check.add_argument("folder", metavar="DIR")
+    check.add_argument("--json", action="store_true", help="print JSON instead of text")
+
+    init = commands.add_parser(
+        "init",
+        help="convert a rig's logs into a dataset",
+        description="Convert CSV logs of poses into a dataset folder, then check it.",
+        epilog=INIT_EXAMPLES,
+    )
+    init.add_argument("files", nargs="+", metavar="FILE.csv")
+    init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
+    init.add_argument("--units", default="m,rad,s", help="m|mm|cm, rad|deg, s|ms|us; default: %(default)s")
+    init.add_argument("--columns", default="", help="OURS=YOURS,…; a minus sign before YOURS flips an axis")
+    init.add_argument(
+        "--shape", required=True, help="ellipse:A,B | disk:R | square:SIDE | polygon:'x1,y1;x2,y2;…' in m"
+    )
+    init.add_argument("--mass", type=float, help="kg; optional")
+    init.add_argument(
+        "--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape"
+    )
+    init.add_argument("--rate", type=float, help="Hz; needed if the log has no time column")
+    init.add_argument("--gravity", type=float, default=9.81, help="m/s²; default: %(default)s")
+    init.add_argument(
+        "--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s"
+    )
+    init.add_argument("--delimiter", default=",", help="between cells, such as ';' or '\\t'; default: comma")
+    init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
+    init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
+
+    example = commands.add_parser(
+        "example",
+        help="simulate drops with a hidden cause, to try the critique on",
+        description=EXAMPLE,
+        add_help=False,
+    )
+    example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
+    example.add_argument(
+        "--hidden", default="com_offset_x", metavar="NAME", help="see below; default: %(default)s"
+    )
+    example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
+    example.add_argument("--drops", type=int, default=150, help="releases; default: %(default)s")
+    example.add_argument(
+        "--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s"
+    )
+    example.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
+    example.add_argument("-h", "--help", action=_ExampleHelp, nargs=0, help="show this and exit")
+    return parser
+
+
+class _ExampleHelp(argparse.Action):
+    """Help that ends with the list of hidden causes, which needs the simulator: other commands must not wait for it."""
+
+    def __call__(self, parser, namespace, values, option_string=None) -> None:
+        from thesis_lib.simulate.compliant.example import causes_text
+
+        parser.epilog = EXAMPLE_EXAMPLES + causes_text()
+        parser.print_help()
+        parser.exit()
+
+
+@command
+def main(argv: Sequence[str] | None = None) -> int:
+    args = build_parser().parse_args(argv)
+    return {"fetch": _fetch, "check": _check, "init": _init, "example": _example}[args.command](args)
+
+
+def _fetch(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.sources.fetch import fetch
+    from thesis_lib.datasets.summary import check_dataset, summary_text
+
+    with Progress(args.name) as say:
+        folder = fetch(args.name, args.to, args.source, say=say)
+    print(summary_text(*check_dataset(folder)))
+    print(f"written to {folder}")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.format.validate import DatasetError
+    from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
+
+    if not args.json:
+        print(summary_text(*check_dataset(args.folder)))
+        return 0
+    try:
+        facts = summarise(*check_dataset(args.folder))
+        print(json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False))
+        return 0
+    except DatasetError as error:
+        problems = [vars(problem) for problem in error.problems]
+        print(json.dumps({"valid": False, "dataset": error.name, "problems": problems}, ensure_ascii=False))
+        return WRONG
+
+
+def _init(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.datasets.sources.rig_log import convert_logs, parse_columns, parse_shape, parse_units
+    from thesis_lib.datasets.summary import check_dataset, summary_text
+
+    out = Path(args.out)
+    _refuse_existing(out, args.force)
+    given: str = args.delimiter
+    delimiter = {"\\t": "\t", "tab": "\t"}.get(given, given)
+    if len(delimiter) != 1:
+        raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
+    conversion = convert_logs(
+        args.files,
+        out.resolve().name,
+        parse_units(args.units),
+        parse_columns(args.columns),
+        parse_shape(args.shape),
+        mass=args.mass,
+        k_g=args.k_g,
+        rate=args.rate,
+        gravity=args.gravity,
+        surface_height=args.surface_height,
+        delimiter=delimiter,
+        per_trial_files=args.per_trial_files,
+    )
+    write_dataset(conversion.dataset, out, float_format=None)
+    for note in conversion.notes:
+        print(f"note: {note}")
+    for warning in conversion.warnings:
+        print(f"warning: {warning}")
+    try:
+        print(summary_text(*check_dataset(out)))
+    except UserError as error:
+        raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
+    print(
+        f"written to {out}. Next: add a description and, if you know it, the noise to {out / 'dataset.yaml'}, "
+        f"then run python -m thesis_lib datasets check {out}"
+    )
+    return 0
+
+
+def _example(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.summary import check_dataset, summary_text
+    from thesis_lib.simulate.compliant.example import NEW_IMPACTS, simulate_example, write_example
+
+    out = Path(args.out)
+    _refuse_existing(out, args.force)
+    example = simulate_example(
+        out.resolve().name, args.hidden, size=args.size, drops=args.drops, seed=args.seed
+    )
+    write_example(example, out)
+    print(summary_text(*check_dataset(out)))
+    print(
+        f"written to {out}, with {len(example.new_impacts)} further impacts in {out / NEW_IMPACTS}. "
+        f"Next: python -m thesis_lib critique {out}"
+    )
+    return 0
+
+
+def _refuse_existing(out: Path, force: bool) -> None:
+    if (out / "dataset.yaml").exists() and not force:
+        raise UserError(
+            f"{out} already holds a dataset; choose another folder, or give --force to replace it."
+        )

@@ -1,0 +1,122 @@
+"""`python -m thesis_lib predict` and `simulate`: what a model that a critique wrote says of further drops."""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thesis_lib.foundation.command_line import Parser, command
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PREDICT = """\
+Predict the velocity after impact with the law and the effects in a model.json.
+
+STATES.csv holds one impact a row, just before it touches, as measured:
+
+  x,y,theta,vx,vy,omega          m, m, rad, m/s, m/s, rad/s
+  0.00,0.031,0.30,0.8,-2.1,5.0
+
+and comes back with vx_post, vy_post, omega_post and status (ok, not_approaching, no_solution).
+"""
+PREDICT_EXAMPLES = """\
+examples:
+  python -m thesis_lib predict out/model.json states.csv -o predicted.csv
+  python -m thesis_lib predict out/model.json states.csv | head -3
+  python -m thesis_lib predict out/model.json states.csv -o predicted.csv --json | jq .status
+"""
+SIMULATE = """\
+Drop the body of a model.json on its surface: law and effects act as they do in the critique, in our own simulator or in
+Drake. What comes out is a dataset (dataset.yaml, trajectories.csv) like a measured one, with noise.
+
+Releases are those of the proof (both ways, 0.8 to 3.3 m/s, 0.3 mm and 3 mrad of noise at 250 Hz), or with --like those
+of a dataset, with its noise, rate and duration. Scatter that the model could not explain is not simulated.
+"""
+SIMULATE_EXAMPLES = """\
+examples:
+  python -m thesis_lib simulate out/model.json -o data/simulated
+  python -m thesis_lib simulate out/model.json -o data/again --like data/my_drops --engine drake      the same throws
+  python -m thesis_lib critique data/simulated                                           does it find the model again?
+"""
+
+
+@command
+def predict(argv: Sequence[str] | None = None) -> int:
+    parser = Parser(prog="python -m thesis_lib predict", description=PREDICT, epilog=PREDICT_EXAMPLES)
+    parser.add_argument("model", metavar="MODEL.json")
+    parser.add_argument("states", metavar="STATES.csv")
+    parser.add_argument("-o", "--out", metavar="OUT.csv", help="default: print to stdout")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print model, number of rows and of each status as JSON; without -o the predictions, too",
+    )
+    args = parser.parse_args(argv)
+    from thesis_lib.critique.results.saved_model import load_model, predict, read_states
+    from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
+
+    model = load_model(args.model)
+    table = predict(model, read_states(args.states), args.states)
+    if args.out:
+        write_table(table, args.out)
+        print(f"{len(table)} predictions written to {args.out}", file=sys.stderr)
+    if args.json:
+        content = {
+            "law": model.law,
+            "effects": list(model.effects),
+            "n": len(table),
+            "status": {name: int(count) for name, count in sorted(table["status"].value_counts().items())},
+        }
+        content |= {"written": args.out} if args.out else {"predictions": _predictions(table)}
+        print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+    elif not args.out:
+        table.to_csv(sys.stdout, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+    return 0
+
+
+def _predictions(table: "pd.DataFrame") -> list[dict]:
+    """Velocities after impact and status, row by row; null where there is no solution."""
+    kept = table[["vx_post", "vy_post", "omega_post", "status"]]
+    return json.loads(kept.to_json(orient="records", double_precision=9))
+
+
+@command
+def simulate(argv: Sequence[str] | None = None) -> int:
+    parser = Parser(prog="python -m thesis_lib simulate", description=SIMULATE, epilog=SIMULATE_EXAMPLES)
+    parser.add_argument("model", metavar="MODEL.json")
+    parser.add_argument("-o", "--out", metavar="DIR", required=True, help="folder of the new dataset")
+    parser.add_argument("--drops", type=int, metavar="N", help="default: 50, or all releases of --like")
+    parser.add_argument("--seed", type=int, default=0, help="of releases and noise; default: %(default)s")
+    parser.add_argument("--engine", choices=("own", "drake"), default="own", help="default: %(default)s")
+    parser.add_argument("--like", metavar="DATASET", help="releases, noise and rate as in this dataset")
+    parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
+    args = parser.parse_args(argv)
+    if args.seed < 0:
+        raise UserError(f"--seed must be 0 or more, got {args.seed}.")
+    folder = Path(args.out)
+    taken = [name for name in ("dataset.yaml", "trajectories.csv", "impacts.csv") if (folder / name).exists()]
+    if taken:
+        raise UserError(
+            f"{folder} already holds {taken[0]}, which may be measured: choose another folder for -o."
+        )
+    with Progress(args.model, quiet=args.quiet) as say:
+        say("loading")
+        from thesis_lib.critique.results.saved_model import load_model
+        from thesis_lib.critique.simulation.simulate_model import simulate_model
+        from thesis_lib.datasets.format.write import write_dataset
+        from thesis_lib.datasets.read import read_dataset
+        from thesis_lib.foundation.randomness import generator
+
+        model = load_model(args.model)
+        like = read_dataset(args.like) if args.like else None
+        rng = generator(args.seed, "simulate")
+        made = simulate_model(model, args.drops, engine=args.engine, like=like, rng=rng, say=say)
+        write_dataset(made, folder)
+    if not args.quiet:
+        samples = 0 if made.trajectories is None else len(made.trajectories)
+        print(f"{len(made.trials)} drops, {samples} samples written to {folder}", file=sys.stderr)
+    return 0

@@ -1,0 +1,118 @@
+"""What the commands print: a diagnosis, the end of a batch, and the list of effects, which is a command of its own."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thesis_lib.foundation.command_line import Parser, command
+
+if TYPE_CHECKING:
+    from thesis_lib.commands.batch import Batch
+
+EFFECTS_EXAMPLES = """\
+examples:
+  python -m thesis_lib effects
+  python -m thesis_lib effects --json | jq '.[].name'
+"""
+
+
+def diagnosis_text(content: Mapping) -> str:
+    """The content of diagnosis.json for a terminal."""
+    lines = [f"{content['dataset']}: {content['verdict']}", *(f"  {s}" for s in content["summary"])]
+    error = content["error"]
+    lines.append("")
+    lines.append(f"  {content['n_impacts']} impacts of {content['n_trials']} trials; held-out error in m/s:")
+    names = {"no_impact": "no impact", "base": "base law", "augmented": "with effects"}
+    names |= {"noise_floor": "noise floor", "irb_bound": "IRB bound"}
+    for key, name in names.items():
+        value = error[key]
+        lines.append(f"    {name:<14}{'unknown' if value is None else f'{value:.4g}'}")
+    for key, p in content["augmented_model"]["parameters"].items():
+        lines.append(f"    {key:<14}{_value(p)}")
+    for effect in content["effects"]:
+        for key, p in effect["parameters"].items():
+            lines.append(f"    {effect['name']}.{key} = {_value(p)}")
+        gain = effect["gain"]
+        low, high = gain["interval"]
+        lines.append(
+            f"      gains {gain['held_out_log_score_per_impact']:.3g} nats an impact (95 %: {low:.3g} to {high:.3g}), "
+            f"p = {gain['p_value']:.2g}"
+        )
+    step = content["next_experiment"]
+    lines += ["", f"  next experiment: {step['why']}"]
+    for state, sigmas in zip(step["states"], step["sigmas"]):
+        lines.append(
+            f"    vx {state['vx']:g} m/s, vy {state['vy']:g} m/s, omega {state['omega']:g} rad/s, "
+            f"theta {state['theta']:g} rad ({sigmas:.2g} sigma)"
+        )
+    return "\n".join(lines)
+
+
+def _value(p: Mapping) -> str:
+    unit = "" if p["unit"] == "1" else f" {p['unit']}"
+    return f"{p['value']:.4g} ± {p['std'] or 0.0:.2g}{unit}"
+
+
+def batch_text(batch: "Batch", out: Path) -> str:
+    """How many datasets have which verdict, which failed and why, and where to look."""
+    from thesis_lib.report.batch_index import plain, summary_text
+
+    lines = [summary_text(batch.rows, len(batch.rows))]
+    if batch.skipped:
+        lines.append(f"  {len(batch.skipped)} of them were done already")
+    for row in batch.failed:
+        log = out / f"{row['dataset']}.log"
+        lines.append(f"  {plain(row['dataset'])} failed: {row['reason']}\n      log: {log}")
+    return "\n".join([*lines, f"\nwritten to {out}; open {out / 'index.html'}"])
+
+
+@command
+def effects(argv: Sequence[str] | None = None) -> int:
+    parser = Parser(
+        prog="python -m thesis_lib effects",
+        description="List every candidate effect: equation, parameters with unit and bounds, and source.",
+        epilog=EFFECTS_EXAMPLES,
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
+    args = parser.parse_args(argv)
+    print(effects_json() if args.json else effects_text())
+    return 0
+
+
+def effects_text() -> str:
+    """Every candidate effect by family: equation, parameters with bounds and unit, source."""
+    from thesis_lib.effects import EFFECTS
+
+    family, lines = None, []
+    for effect in EFFECTS.values():
+        if effect.family != family:
+            family = effect.family
+            lines.append(family.replace("_", " "))
+        needs = " (needs trajectories)" if effect.needs_trajectories else ""
+        lines += [f"  {effect.name}: {effect.title}{needs}", f"      {effect.equation}"]
+        for p in effect.parameters:
+            unit = "" if p.unit == "1" else f" {p.unit}"
+            if p.discrete is not None:
+                lines.append(f"      {p.name}: {p.null:g} or {p.discrete:g}")
+            else:
+                lines.append(f"      {p.name}: {p.low:g} to {p.high:g}{unit}, absent at {p.null:g}")
+        if effect.reference:
+            lines.append(f"      source: {effect.reference}")
+    lines.append(
+        "\nTo add one, add a file to thesis_lib/effects; python -m thesis_lib critique then looks for it, too."
+    )
+    return "\n".join(lines)
+
+
+def effects_json() -> str:
+    """The same for programs."""
+    from thesis_lib.effects import EFFECTS
+
+    keys = ("name", "family", "title", "equation", "needs_trajectories", "reference")
+    effects = [
+        {key: getattr(effect, key) for key in keys}
+        | {"parameters": [vars(p) for p in effect.parameters], "channels": list(effect.channels)}
+        for effect in EFFECTS.values()
+    ]
+    return json.dumps(effects, indent=1, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,203 @@
+"""Tests of whole classes of models, before any candidate is tried: what no choice of (μ, ε) and no such law could do.
+
+| test             | what every model of the class keeps                                                               |
+|------------------|---------------------------------------------------------------------------------------------------|
+| rigid_point      | τ = m (k² Δω − r_x Δv_y + r_y Δv_x) = 0, one impulse through the believed contact point; and no   |
+|                  | gain of energy at the contact, α ≤ 1                                                              |
+| momentum_balance | k² Δω = a r_x Δv_y − b r_y Δv_x with a = b = 1, whatever the contact law is                       |
+| parity           | a mirrored throw gives the mirrored outcome: residuals δv_x and δω are odd, δv_y is even          |
+| homogeneity      | twice the velocity gives twice the outcome: residual over speed does not depend on the speed      |
+
+The first two look at the measurements alone, the last two at the residual of the law without effects.  A test that the
+data cannot support (throws that go one way, unknown noise) says so instead of giving a p-value.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.stats import binom, norm
+from scipy.stats import f as f_distribution
+
+from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.model import (
+    impact_residuals,
+    noise_covariance,
+    residual_covariance,
+    states_at_impact,
+)
+from thesis_lib.critique.drops.observations import Observations
+
+SIGMAS = 3.0  # beyond which an impact counts as outside a class
+NOISE_TRUST = 1.2  # factor by which the noise may be understated before a share beyond SIGMAS means anything
+ONE_SIDED = 0.1  # share of throws the other way below which parity cannot be told
+FEW = 100  # impacts below which fewer shapes of the residual are allowed for
+CLIP = 5.0  # robust standard deviations: single wild impacts decide no regression
+Statistic = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # v_pre, v_post, r -> (n, m)
+
+
+def class_tests(fitted: Fit, observations: Observations) -> dict:
+    """All four tests for the law `fitted` without effects, as in where.json."""
+    return {
+        "rigid_point": rigid_point(fitted, observations),
+        "momentum_balance": momentum_balance(fitted, observations),
+        "parity": parity(fitted, observations),
+        "homogeneity": homogeneity(fitted, observations),
+    }
+
+
+def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Measured v_pre and v_post (n, 3), and the contact point r (n, 2) that the shape has at the measured angle."""
+    before, after = states_at_impact(fitted.model, fitted.values, observations)
+    r = observations.rig.shape.contact_point(before.theta) + observations.offset
+    return before.v, after.v, r
+
+
+def _noise(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:
+    """Covariance (n, m, m) that the noise of all data gives to `statistic`."""
+    return noise_covariance(
+        lambda o: statistic(*velocities(fitted, o)), observations, observations.t_std, fitted.model.has_arc
+    )
+
+
+def rigid_point(fitted: Fit, observations: Observations) -> dict:
+    """Share of impacts that no rigid point impulse can explain, beyond the noise."""
+    if not observations.noise_known:
+        return {"p_value": None, "why_not": "the noise of the measurements is unknown"}
+    k_g = observations.rig.k_g
+
+    def couple_and_gain(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray) -> np.ndarray:
+        dv = v_post - v_pre
+        space = contact_space(v_pre, r, mass=1.0, k_g=k_g)
+        after = space.velocity_after(*measured_impulse(dv, r, mass=1.0, k_g=k_g))
+        gain = space.energy(*after) - space.energy(space.v_t, space.v_n)
+        return np.stack([residual_couple(dv, r, mass=1.0, k_g=k_g), gain], axis=1)
+
+    variance = np.einsum("nii->ni", _noise(couple_and_gain, fitted, observations))
+    z, up = (couple_and_gain(*velocities(fitted, observations)) / np.sqrt(variance + 1e-300)).T
+    beyond = SIGMAS / NOISE_TRUST
+    count, gained, n = int(np.sum(np.abs(z) > SIGMAS)), int(np.sum(up > SIGMAS)), len(z)
+    p = min(
+        binom.sf(count - 1, n, 2.0 * norm.sf(beyond)),
+        binom.sf(gained - 1, n, norm.sf(beyond)),
+    )
+    return {
+        "p_value": min(1.0, 2.0 * float(p)),
+        "share_couple": count / n,
+        "share_energy_gain": gained / n,
+        "expected_share": float(2.0 * norm.sf(SIGMAS)),
+        "couple_mean_square_sigma": float((np.median(np.abs(z)) / norm.ppf(0.75)) ** 2),
+    }
+
+
+def momentum_balance(fitted: Fit, observations: Observations) -> dict:
+    """Coefficients a and b of the balance of angular momentum, 1 and 1 for every contact law."""
+    k2 = observations.rig.k_g**2
+
+    def terms(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray) -> np.ndarray:
+        dv = v_post - v_pre
+        X = np.stack([r[:, 0] * dv[:, 1], -r[:, 1] * dv[:, 0]], axis=1)
+        return np.column_stack([X, k2 * dv[:, 2] - X.sum(axis=1)])
+
+    values = terms(*velocities(fitted, observations))
+    X, tau = values[:, :2], values[:, 2]
+    seen = np.ptp(X, axis=0) > 1e-9 * (np.abs(X).max() + 1e-300)
+    if not seen.any():
+        return {"p_value": None, "why_not": "the lever arms of the contact do not vary"}
+    X = X[:, seen]
+    # τ regressed on X gives (a − 1, b − 1); both hold the same noise, whose product must not pass for a slope
+    coefficients, covariance = _regress(tau, X)
+    shared = _noise(terms, fitted, observations)[:, :2, 2].sum(axis=0)[seen]
+    coefficients = 1.0 + coefficients - np.linalg.pinv(X.T @ X, hermitian=True) @ shared
+    p = _p_of(coefficients - 1.0, covariance, len(tau) - X.shape[1])
+    found: dict = {"p_value": p}
+    std = np.sqrt(np.diag(covariance))
+    for i, name in enumerate(np.array(["a", "b"])[seen]):
+        found[str(name)] = {"value": float(coefficients[i]), "std": float(std[i]), "unit": "1"}
+    for name in np.array(["a", "b"])[~seen]:
+        found[str(name)] = None
+    return found
+
+
+def parity(fitted: Fit, observations: Observations) -> dict:
+    """Whether the residual has parts that a mirrored throw would not mirror."""
+    v_t, v_n, omega, r_x, _ = _contact_state(fitted, observations)
+    positive = float(np.mean(v_t > 0))
+    if min(positive, 1.0 - positive) < ONE_SIDED:
+        return {"p_value": None, "why_not": "nearly all impacts slide the same way: throw both ways"}
+    even = np.stack([np.ones_like(v_t), v_n, np.abs(v_t), np.abs(r_x), r_x * v_t, omega * v_t], axis=1)
+    odd = np.stack([v_t, omega, r_x, v_t * v_n, v_t * np.abs(v_t), r_x * v_n], axis=1)
+    R, std = _residual(fitted, observations)
+    p = [
+        _extra(R[:, i], keep, breaks, std[:, i])
+        for i, keep, breaks in ((0, odd, even), (1, even, odd), (2, odd, even))
+    ]
+    return {"p_value": min(1.0, 3.0 * min(p)), "share_sliding_ahead": positive}
+
+
+def homogeneity(fitted: Fit, observations: Observations) -> dict:
+    """Whether the residual over the speed depends on the speed, at fixed direction."""
+    v_t, v_n, _, r_x, speed = _contact_state(fitted, observations)
+    spread = float(np.quantile(speed, 0.9) / np.quantile(speed, 0.1))
+    # a law of degree 1 sees the direction of the contact velocity and the lever arm, nothing else
+    a, r = v_t / np.hypot(v_t, v_n), r_x / observations.rig.k_g
+    one = np.ones_like(a)
+    shapes = [one, a, np.abs(a), a * a, a * np.abs(a)], [one, r, r * r]
+    if len(a) < FEW:
+        shapes = shapes[0][:3], shapes[1][:2]
+    direction = np.stack([f * g for f in shapes[0] for g in shapes[1]], axis=1)
+    relative = speed / speed.mean() - 1.0
+    trend = np.stack([one, a, np.abs(a), r], axis=1) * relative[:, None]
+    R, std = _residual(fitted, observations)
+    keep, breaks = speed[:, None] * direction, speed[:, None] * trend
+    if spread < 1.2:
+        return {"p_value": None, "why_not": "all impacts have nearly the same speed: vary the height"}
+    p = [_extra(R[:, i], keep, breaks, std[:, i]) for i in range(3)]
+    return {"p_value": min(1.0, 3.0 * min(p)), "speed_ratio": spread}
+
+
+def _contact_state(fitted: Fit, observations: Observations) -> tuple[np.ndarray, ...]:
+    v_pre, _, r = velocities(fitted, observations)
+    space = contact_space(v_pre, r, mass=1.0, k_g=observations.rig.k_g)
+    speed = np.sqrt(space.energy(space.v_t, space.v_n))
+    return space.v_t, space.v_n, v_pre[:, 2], r[:, 0], speed + 1e-300
+
+
+def _residual(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
+    """Residual of the velocity in m/s without the tails of single wild impacts, and what it should be; (n, 3) each."""
+    o, weights = observations, np.array([1.0, 1.0, observations.rig.k_g])
+    S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
+    std = np.sqrt(np.einsum("nii->ni", S)[:, :3] * weights**2 + fitted.sigma_m**2)
+    z = impact_residuals(fitted.model, fitted.values, o)[:, :3] * weights / std
+    limit = CLIP * 1.4826 * np.median(np.abs(z - np.median(z, axis=0)), axis=0) + 1e-12
+    return np.clip(z, -limit, limit) * std, std
+
+
+def _extra(y: np.ndarray, keep: np.ndarray, breaks: np.ndarray, std: np.ndarray) -> float:
+    """p-value of `breaks` beside `keep` in a regression of y, whose noise is `std`."""
+    X, y = np.concatenate([keep, breaks], axis=1) / std[:, None], y / std
+    scale = np.sqrt(np.mean(X**2, axis=0))
+    own = np.r_[np.zeros(keep.shape[1], bool), np.ones(breaks.shape[1], bool)]
+    X, own = (X / np.where(scale > 0, scale, 1.0))[:, scale > 0], own[scale > 0]
+    if not own.any():
+        return 1.0
+    coefficients, covariance = _regress(y, X)
+    return _p_of(coefficients[own], covariance[np.ix_(own, own)], len(y) - X.shape[1])
+
+
+def _regress(y: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares with covariance that allows for unequal noise (HC3)."""
+    inverse = np.linalg.pinv(X.T @ X, rcond=1e-10, hermitian=True)
+    coefficients = inverse @ (X.T @ y)
+    leverage = np.clip(np.einsum("ni,ij,nj->n", X, inverse, X), 0.0, 0.99)
+    e = (y - X @ coefficients) / (1.0 - leverage)
+    return coefficients, inverse @ ((X * (e**2)[:, None]).T @ X) @ inverse
+
+
+def _p_of(coefficients: np.ndarray, covariance: np.ndarray, rest: int) -> float:
+    """p-value of all coefficients being zero."""
+    rank = int(np.linalg.matrix_rank(covariance, hermitian=True))
+    if rank == 0 or rest < 1:
+        return 1.0
+    statistic = coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients / rank
+    return float(f_distribution.sf(statistic, rank, rest))

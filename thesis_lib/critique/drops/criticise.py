@@ -1,0 +1,234 @@
+"""The whole critique of one dataset: compare, locate, discover, augment, and what to measure next.
+
+Trials are split once: 70 % for every choice (law, effects, where to stop; by K-fold) and 30 % that no choice sees, from
+which every reported error comes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.critique.drops.discover import Discovery, discover, testable_effects
+from thesis_lib.critique.drops.fit import Fit, fit
+from thesis_lib.critique.drops.held_out import Judgement, judge, paired_gain
+from thesis_lib.critique.drops.model import states_at_impact
+from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
+from thesis_lib.critique.drops.remaining import Remaining, remaining
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import V_POST, V_PRE
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.effects import require_known
+from thesis_lib.foundation.errors import UserError
+
+MIN_TRIALS = 10
+MIN_IMPACTS = 30
+
+
+@dataclass(frozen=True)
+class Critique:
+    """Everything that the critique found of one dataset.
+
+    Attributes:
+        dataset: its name; settings: how it was criticised.
+        observations, training, held_out: all impacts, and the two parts.
+        discovery: law and effects, chosen on training trials.
+        ladder: (label, fit, held-out judgement) without effects and after each one.
+        laws: held-out judgement of each law without effects.
+        without: held-out judgement of the final model without each of its effects, all else refitted.
+        remaining: structure left on training trials after the last effect.
+        irb: held-out IRB bound of the data as measured, m/s; irb_augmented: with geometry, inertia and camera as the
+            final model has them.
+        no_impact: held-out error if nothing happened, m/s.
+        source: the dataset itself, for pictures of its samples.
+    """
+
+    dataset: str
+    settings: CritiqueSettings
+    observations: Observations
+    training: Observations
+    held_out: Observations
+    discovery: Discovery
+    ladder: tuple[tuple[str, Fit, Judgement], ...]
+    laws: dict[str, Judgement]
+    without: dict[str, Judgement]
+    remaining: Remaining
+    irb: float
+    irb_augmented: float
+    no_impact: float
+    source: Dataset | None = None
+
+    @property
+    def verdict(self) -> str:
+        """adequate, effects or unexplained, as in diagnosis.json."""
+        if self.is_structured:
+            return "unexplained"
+        return "effects" if any(step.clears for step in self.discovery.steps) else "adequate"
+
+    @property
+    def is_structured(self) -> bool:
+        """Whether something remains that is material: learnable from the state, or misfit far beyond noise."""
+        return self.is_learnable or bool(self.misfit_channels)
+
+    @property
+    def misfit_channels(self) -> tuple[str, ...]:
+        """Channels whose held-out misfit stays far above noise with all effects: impact, flight, meet, touch."""
+        last, limit = self.ladder[-1][2], self.settings.excess_scatter
+        far = ["impact"] if last.excess > limit else []
+        for channel, mean_square in last.sigmas.items():
+            count = len(last.flight_score if channel == "flight" else last.score)
+            # a root mean square from a median of n has a standard error of 1.17 / √(2n) of itself
+            if np.sqrt(mean_square) > limit * (1.0 + 2.0 * 1.17 / np.sqrt(2.0 * max(count, 1))):
+                far.append(channel)
+        return tuple(far)
+
+    @property
+    def is_learnable(self) -> bool:
+        """Whether structure that a Gaussian process can learn is significant and material."""
+        left, s = self.remaining, self.settings
+        floor = self.ladder[-1][2].floor
+        fall = left.error_before - left.error_after
+        least = max(
+            s.material_share * left.error_before, s.material_floor * (floor if np.isfinite(floor) else 0.0)
+        )
+        return left.p_value <= s.alpha and fall >= least
+
+
+def criticise(
+    dataset: Dataset,
+    *,
+    rng: np.random.Generator,
+    settings: CritiqueSettings | None = None,
+    arcs: ArcSettings | None = None,
+    effects: Sequence[str] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Critique:
+    """Criticise contact models against a dataset.
+
+    Args:
+        dataset: measured drops.
+        rng: the split, the folds and the resamples; seed it from the dataset's content for reproducible results.
+        settings: thresholds; arcs: detection of impacts.
+        effects: names of effects to switch on instead of the automatic choice.
+        say: told what is being done.
+
+    Raises:
+        UserError: too few trials or impacts, or an effect that is unknown or cannot be tested.
+    """
+    # matrices here are small: threads of BLAS would only wait for each other, and change last bits with their number
+    with threadpool_limits(limits=1):
+        return _criticise(dataset, rng, settings or CritiqueSettings(), arcs, effects, say)
+
+
+def _criticise(
+    dataset: Dataset,
+    rng: np.random.Generator,
+    settings: CritiqueSettings,
+    arcs: ArcSettings | None,
+    effects: Sequence[str] | None,
+    say: Callable[[str], None],
+) -> Critique:
+    require_known(effects or ())
+    _refuse_constant(dataset)
+    say("finding impacts")
+    observations = observe(dataset, arcs)
+    for name, why in testable_effects(observations)[1].items():
+        if name in (effects or ()):
+            raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
+    training, held_out = _split(dataset, observations, settings, rng)
+    found = discover(training, settings, rng, effects, say)
+    say("judging on held-out trials")
+    fits = [("no effect", found.laws[found.base][0]), *((s.effect.name, s.fitted) for s in found.steps)]
+    ladder = tuple((label, one, judge(one, held_out)) for label, one in fits)
+    laws = {name: judge(one, held_out) for name, (one, _) in found.laws.items()}
+    final = found.fitted
+    without = {}
+    for step in found.steps:
+        smaller = final.model.without(step.effect.name)
+        kept = {k: v for k, v in final.values.items() if k in smaller.parameters}
+        without[step.effect.name] = judge(fit(smaller, training, kept), held_out)
+    say("looking for what remains")
+    left = remaining(final, training, rng)
+    # as measured, and with geometry, inertia and camera as the final model has them
+    base = found.laws[found.base][0]
+    before, after = states_at_impact(base.model, base.values, held_out)
+    no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
+    return Critique(
+        dataset.name,
+        settings,
+        observations,
+        training,
+        held_out,
+        found,
+        ladder,
+        laws,
+        without,
+        left,
+        _irb(base, held_out),
+        _irb(final, held_out),
+        float(np.linalg.norm(no_impact, axis=0).mean()),
+        dataset,
+    )
+
+
+def _irb(fitted: Fit, observations: Observations) -> float:
+    """Mean IRB bound, m/s, of the impacts as the model's contact sees them."""
+    before, after = states_at_impact(fitted.model, fitted.values, observations)
+    seen = [
+        fitted.model.contact(state, fitted.values, observations.rig, observations.offset)
+        for state in (before, after)
+    ]
+    _, r_x, r_y, k_g = seen[0]
+    v_pre, v_post = (state.v for state, *_ in seen)
+    return float(irb_bound(v_pre, v_post, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g).error.mean())
+
+
+def _refuse_constant(dataset: Dataset) -> None:
+    """A channel that never changes was not measured, and any verdict on it would be made up."""
+    given = dataset.impacts is not None and len(dataset.impacts) > 0
+    table = dataset.impacts if given else dataset.trajectories
+    if table is None or len(table) < 2:
+        return
+    columns = (*V_PRE, *V_POST) if given else ("x", "y", "theta")
+    lowest = dataset.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
+    if given and np.ptp(lowest) > 1e-9 * dataset.shape.extent:
+        columns = ("theta", *columns)  # where the angle decides the contact point
+    stuck = [name for name in columns if table[name].nunique() == 1]
+    if stuck:
+        many = len(stuck) > 1
+        raise UserError(
+            f"{'Columns' if many else 'Column'} {', '.join(stuck)} of {'impacts' if given else 'trajectories'}.csv in "
+            f"{dataset.name} {'hold' if many else 'holds'} the same value in all {len(table)} rows, so nothing was "
+            "measured there and no model can be judged. Look at the export of that channel, or measure it."
+        )
+
+
+def _split(
+    dataset: Dataset, observations: Observations, settings: CritiqueSettings, rng: np.random.Generator
+) -> tuple[Observations, Observations]:
+    refuse_what_is_not_one_body(dataset.name, observations)
+    trials = np.unique(observations.trial)
+    if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
+        reasons = observations.found.left_out["reason"].value_counts().to_dict()
+        why = "; ".join(f"{count} {name}" for name, count in reasons.items()) or "none"
+        if not reasons and not len(observations):
+            why = "none, because not one was detected"
+        said = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
+        said = f"What was noticed: {said} " if said else ""
+        raise UserError(
+            f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
+            f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {said}"
+            "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
+        )
+    chosen = rng.permutation(trials)
+    count = max(2, round(settings.held_out_share * len(trials)))
+    return observations.select(np.sort(chosen[count:])), observations.select(np.sort(chosen[:count]))
+
+
+def gain_of(critique: Critique, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Held-out gain of the final model over the one without `effect`, nats an impact, with 95 % interval."""
+    return paired_gain(critique.ladder[-1][2], critique.without[effect], rng)

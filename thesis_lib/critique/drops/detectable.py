@@ -1,0 +1,216 @@
+"""How small an effect this dataset could have shown, for every candidate.
+
+An effect must pass three thresholds to be named, each of which one size passes with a chance of 80 %, which is 0.84
+standard deviations beyond the threshold:
+
+    significant  max(√(2 c) + 0.84, 2 (1.96 + 0.84)) / √I
+                 c: quantile of the largest gain of all candidates under the null, nats; I: Fisher information of the
+                 parameter after all others are fitted.  A size x/√I gains x²/2 ± x nats on unseen trials, so that the
+                 second term puts the 95 % interval of that gain above zero.
+    material     size that, left out of the model with all other parameters refitted, raises an error of one of the
+                 effect's channels by the least amount that the verdict counts, and 0.84 standard errors of the rise
+    smallest     the larger of the two
+
+The first falls with the root of the number of drops, the second hardly.  Each is None where no size within the
+parameter's bounds would do.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.discover import testable_effects
+from thesis_lib.critique.drops.fit import Whitening
+from thesis_lib.critique.drops.held_out import MAD
+from thesis_lib.critique.drops.model import Model, flight_residuals, impact_residuals, residual_covariance
+from thesis_lib.effects.effect import Parameter
+
+POWER = 0.8416  # standard deviations: the normal quantile of 80 %
+ABOVE_ZERO = 1.96  # standard deviations: a gain whose 95 % interval lies above zero
+MEDIAN_STD = 1.17 / np.sqrt(2.0)  # times √n: relative standard error of a root mean square from a median
+BISECTIONS = 30
+SMALLEST_SHARE = 1e-6  # of a parameter's range: sizes below it are as good as nothing
+
+Parts = Mapping[str, np.ndarray]
+
+
+def detectable(critique: Critique) -> list[dict]:
+    """Rows name, smallest, significant, material (each by parameter) and drops_for_half.
+
+    drops_for_half: number of drops with which half of `smallest` would be found, for the parameter that needs most;
+    None where no number would do, because half the size does not matter.
+    """
+    testable, _ = testable_effects(critique.training)
+    significant, material = significant_sizes(critique), material_sizes(critique)
+    trials = len(np.unique(critique.observations.trial))
+    rows = []
+    for name in testable:
+        if name not in significant:
+            continue
+        one, two = significant[name], material[name]
+        smallest = {p: None if None in (one[p], two[p]) else max(one[p], two[p]) for p in one}  # pyright: ignore[reportArgumentType]
+        discrete = any(p.discrete is not None for p in testable[name].parameters)
+        known = [p for p, size in smallest.items() if size is not None and not discrete]
+        halves = {p: 0.5 * smallest[p] for p in known}  # pyright: ignore[reportOperatorIssue]
+        # the information grows with the number of drops, so that the significant size falls with its root
+        drops = None
+        if known and all(halves[p] >= two[p] for p in known):
+            drops = max(int(np.ceil(trials * (one[p] / halves[p]) ** 2)) for p in known)
+        rows.append(
+            {
+                "name": name,
+                "smallest": smallest,
+                "significant": one,
+                "material": two,
+                "drops_for_half": drops,
+            }
+        )
+    return rows
+
+
+def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
+    """By effect and parameter, the size that both tests of the log score would have seen with a chance of 80 %."""
+    found, final = critique.discovery, critique.ladder[-1][1]
+    testable, _ = testable_effects(critique.training)
+    scan = found.last_scan
+    null = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
+    limit = max(float(null), 2.0 * (ABOVE_ZERO + POWER))
+    sizes: dict[str, dict[str, float | None]] = {}
+    for step in found.steps:  # the fit itself says how well what is in the model is known
+        name = step.effect.name
+        sizes[name] = {
+            p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in step.effect.parameters
+        }
+    for name, information in scan.information.items():
+        if name not in testable:
+            continue
+        scales = np.sqrt(np.diag(information))
+        known = scales > 0
+        std = np.full(len(scales), np.inf)
+        if known.any():
+            # in units of each parameter's own information, so that the units of parameters do not matter
+            unit = information[np.ix_(known, known)] / np.outer(scales[known], scales[known])
+            std[known] = np.sqrt(np.diag(np.linalg.pinv(unit, rcond=1e-8, hermitian=True))) / scales[known]
+        sizes[name] = {p.name: _within(limit * s, p) for p, s in zip(testable[name].parameters, std)}
+    return sizes
+
+
+def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
+    """By effect and parameter, the size that would raise an error by what counts as material."""
+    o, final = critique.training, critique.ladder[-1][1]
+    S = residual_covariance(final.model, final.values, o)
+    sharp = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
+    floor = critique.ladder[-1][2].floor
+    floors = {"impact": floor if np.isfinite(floor) else 0.0}
+
+    def at(model: Model, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """Residuals by channel, in m/s or standard deviations, and all of them whitened."""
+        z, f = Whitening(model, o, S, final.sigma_m)(values)
+        R = impact_residuals(model, values, o)
+        parts = {"impact": R[:, :3] * [1.0, 1.0, o.rig.k_g], "all": np.concatenate([z.ravel(), f.ravel()])}
+        if o.arcs:
+            parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": R[:, 6:] / sharp[:, 6:]}
+        if len(o.flights):
+            parts["flight"] = flight_residuals(model, values, o.flights, o.rig) / np.sqrt(o.flights.variance)
+        return parts
+
+    here = at(final.model, final.values)
+
+    def slope(model: Model, values: Mapping[str, float], name: str, p: Parameter, step: float) -> Parts:
+        moved = at(model, {**values, name: values[name] + step})
+        return {key: (moved[key] - here[key]) / step for key in here}
+
+    own = {}
+    for name, p in final.model.parameters.items():
+        if p.discrete is None:
+            step = 1e-3 * p.scale if final.values[name] + 1e-3 * p.scale <= p.high else -1e-3 * p.scale
+            own[name] = slope(final.model, final.values, name, p, step)
+    found: dict[str, dict[str, float | None]] = {}
+    for name, effect in testable_effects(o)[0].items():
+        inside = effect in final.model.effects
+        model = final.model if inside else final.model.with_effect(effect)
+        nulls = {} if inside else {f"{name}.{p.name}": p.null for p in effect.parameters}
+        values = {**final.values, **nulls}
+        found[name] = {}
+        for p in effect.parameters:
+            key = f"{name}.{p.name}"
+            if inside and p.discrete is not None:
+                step = p.null - values[key]
+            elif p.discrete is not None:
+                step = p.discrete - p.null
+            else:
+                step = p.scale if values[key] + p.scale <= p.high else -p.scale
+            shift = slope(model, values, key, p, step) if step else {k: 0.0 * v for k, v in here.items()}
+            others = [one for other, one in own.items() if not other.startswith(f"{name}.")]
+            shift = _compensated(shift, others)
+            found[name][p.name] = _material(here, shift, effect.channels, floors, critique, p)
+    return found
+
+
+def _compensated(shift: Parts, others: list[Parts]) -> Parts:
+    """The part of a shift that the other parameters, refitted, do not take up."""
+    B = np.stack([one["all"] for one in others], axis=1)
+    size = np.linalg.norm(B, axis=0)
+    use = np.flatnonzero(size > 0)
+    share = np.linalg.lstsq(B[:, use] / size[use], shift["all"], rcond=1e-8)[0] / size[use]
+    return {key: shift[key] - sum(share[j] * others[i][key] for j, i in enumerate(use)) for key in shift}
+
+
+def _material(
+    here: Parts,
+    shift: Parts,
+    channels: tuple[str, ...],
+    floors: Mapping[str, float],
+    critique: Critique,
+    p: Parameter,
+) -> float | None:
+    s = critique.settings
+
+    def counts(size: float) -> bool:
+        for channel in channels:
+            if channel not in here or not len(here[channel]):
+                continue
+            without = _error(here[channel], channel)
+            # the effect may have either sign
+            moved = [here[channel] + sign * size * shift[channel] for sign in (1.0, -1.0)]
+            left_out = float(np.mean([_error(one, channel) for one in moved]))
+            unsure = float(np.mean([_rise_std(here[channel], one, channel) for one in moved]))
+            least = max(s.material_share * left_out, s.material_floor * floors.get(channel, 1.0))
+            if left_out - without >= least + POWER * unsure:
+                return True
+        return False
+
+    high = max(p.high - p.null, p.null - p.low) if p.discrete is None else abs(p.discrete - p.null)
+    if not counts(high):
+        return None
+    if p.discrete is not None:
+        return high
+    low = SMALLEST_SHARE * high
+    for _ in range(BISECTIONS):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if counts(middle) else (middle, high)
+    return high
+
+
+def _error(residual: np.ndarray, channel: str) -> float:
+    """As `judge` has it: mean kinetic norm, or root of the robust mean square in standard deviations."""
+    if channel == "impact":
+        return float(np.linalg.norm(residual, axis=1).mean())
+    return float(np.median(np.abs(residual)) / MAD)
+
+
+def _rise_std(before: np.ndarray, after: np.ndarray, channel: str) -> float:
+    """Standard error of the rise of `_error`; impacts are paired, medians taken as if they were not."""
+    n = len(before)
+    if channel == "impact":
+        rise = np.linalg.norm(after, axis=1) - np.linalg.norm(before, axis=1)
+        return float(rise.std() / np.sqrt(n))
+    return float(_error(after, channel) * MEDIAN_STD / np.sqrt(n))
+
+
+def _within(size: float, p: Parameter) -> float | None:
+    if p.discrete is not None:  # on or off: its size is given, and either shows or not
+        step = abs(p.discrete - p.null)
+        return step if size <= step else None
+    return float(size) if 0.0 < size <= max(p.high - p.null, p.null - p.low) else None

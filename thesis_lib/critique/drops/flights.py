@@ -1,0 +1,82 @@
+"""Residuals in flight: acceleration of each flight, measured minus predicted, in units of its noise.
+
+    z_c = (a_c − â_c(q, v)) / σ_c,    z = √(Σ_c z_c² / 3),    c = x, y, θ
+
+a_c comes from a parabola through all samples of the flight, σ_c from the noise of the samples (`observations`), and
+â_c from the model.  Noise alone gives z_c a spread of 1.  State and features are those of the middle of the flight,
+where the velocity is that of the centre of mass: in flight there is no contact point that it could belong to.  The
+duration of the flight is a feature too, because σ_c falls with its power −5/2: long flights show what short ones hide.
+
+| on paper | in code                       | unit | shape  | meaning                                               |
+|----------|-------------------------------|------|--------|-------------------------------------------------------|
+| z_c      | `residual_x`, `_y`, `_theta`  | 1    | (m, 3) | residual of the acceleration over its noise           |
+| z        | `misfit`                      | 1    | (m,)   | root mean square of the three                         |
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.model import flight_residuals
+from thesis_lib.critique.drops.observations import Flights
+from thesis_lib.effects.effect import Rig
+
+FLIGHT_UNITS = {
+    **{"v_x": "m/s", "v_y": "m/s", "omega": "rad/s", "theta": "rad"},
+    **{"r_x": "m", "x": "m", "y": "m", "span": "s", "trial": "1", "t": "s"},
+}
+RESIDUALS = ("residual_x", "residual_y", "residual_theta")
+
+
+def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
+    """Residuals (m, 3) of the acceleration in units of noise."""
+    return flight_residuals(fitted.model, fitted.values, flights, rig) / np.sqrt(flights.variance)
+
+
+def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
+    """Features of each flight, columns as in `FLIGHT_UNITS`; see foundation/columns.yaml."""
+    true = fitted.model.to_true(flights.state, fitted.model.own(fitted.values), rig)
+    return pd.DataFrame(
+        {
+            "v_x": true.vx,
+            "v_y": true.vy,
+            "omega": true.omega,
+            "theta": np.remainder(true.theta + 0.5 * np.pi, np.pi) - 0.5 * np.pi,
+            "r_x": rig.shape.contact_point(true.theta)[:, 0],
+            "x": true.x,
+            "y": true.y,
+            "span": flights.span,
+            "trial": flights.state.trial.astype(float),
+            "t": flights.state.t,
+        }
+    )
+
+
+def flight_table(critique: Critique) -> pd.DataFrame:
+    """A row per flight and model (base, and augmented if there is one); no rows without trajectories."""
+    o = critique.observations
+    models = {"base": critique.ladder[0][1]}
+    if len(critique.ladder) > 1:
+        models["augmented"] = critique.ladder[-1][1]
+    parts = []
+    for name, fitted in models.items():
+        z = relative_residuals(fitted, o.flights, o.rig)
+        table = pd.DataFrame(
+            {
+                "trial": o.flights.state.trial.astype(int),
+                "t": o.flights.state.t,
+                "model": name,
+                "held_out": np.isin(o.flights.state.trial, critique.held_out.trial).astype(int),
+                **dict(zip(RESIDUALS, z.T)),
+                "misfit": misfit(z),
+            }
+        )
+        features = flight_features(fitted, o.flights, o.rig).drop(columns=["trial", "t"])
+        parts.append(pd.concat([table, features], axis=1))
+    return pd.concat(parts, ignore_index=True)
+
+
+def misfit(residuals: np.ndarray) -> np.ndarray:
+    """Root mean square (m,) of the components (m, 3)."""
+    return np.sqrt(np.mean(residuals**2, axis=1))

@@ -1,0 +1,249 @@
+"""Which release to measure next: states just before impact that would tell most.
+
+With `shows` "difference" these are states at which two models differ most, in units of noise: the final model and its
+nearest rival, which is an alternative that these data cannot tell from a chosen effect, else the unused candidate with
+the largest score test.  The difference of their predictions of the velocity after impact, d, counts as √(dᵀ S⁻¹ d)
+with S the mean covariance of the final model's residual, scatter included.  Effects that are on or off are no such
+candidates: a first-order test says nothing of a step that the fit has excluded.
+
+With `shows` "misfit" something is left that no effect explains, and comparing named effects would be beside the point:
+these are states around which the final model's own misfit is largest, as a root mean square in units of noise.
+
+States lie within reach of the rig: `REACH` times the range of those before the first impacts of the trials measured.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.fit import Fit, fit
+from thesis_lib.critique.drops.model import impact_residuals, residual_covariance, states_at_impact
+from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Effect, State
+
+DRAWS = 400
+REACH = 1.3  # states may lie this much beyond those measured
+FEWEST, MOST = 3, 5
+APART = 0.35  # least distance of two states, in widths of the ranges over four dimensions
+CLEAR = 3.0  # standard deviations that a difference must reach to be believed
+TOO_MANY = 10.0  # times the impacts at hand: repeats beyond this are no proposal
+WORTHWHILE = 0.5  # of the largest difference: a further state must have it
+CLIP = 10.0  # times the median misfit: a single wild impact is no region
+NEIGHBOURS = 10  # measured impacts around a state whose misfits are averaged
+CHANNELS = ("vx", "vy", "omega", "theta")
+CHECKS = {  # what shows a fault of the measurement without any impact
+    "sensor_drift": "Film a mark that is fixed beside the surface: in the picture it moves only if the camera drifts.",
+    "length_scale": "Film a ruler in the plane of motion.",
+    "mirrored_rotation": "Turn the body counter-clockwise by hand and look at the sign of its angle.",
+    "angle_offset": "Film the body at rest in a pose whose angle is known.",
+    "time_lag": "Swing the body about a fixed pin: position and angle must turn back at the same instant.",
+}
+
+
+def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
+    """`why` in plain words, `states` (vx, vy, omega, theta just before impact), and what they show by how many sigmas.
+
+    `shows` is "difference" or "misfit", or None where no states are proposed; see the module's text.
+    """
+    if critique.is_structured:
+        return _unexplained(critique, rng)
+    final = critique.ladder[-1][1]
+    pairs = _pairs(critique)
+    if pairs:
+        found: dict = {}
+        for chosen, other in pairs:
+            tried = _told_apart(critique, final, chosen, other, rng)
+            if tried["states"]:
+                return tried
+            found = found or tried
+        return found
+    scan = critique.discovery.last_scan
+    ranked = [
+        name
+        for name in sorted(scan.gain, key=lambda name: -scan.gain[name])
+        if "impact" in EFFECTS[name].channels and all(p.discrete is None for p in EFFECTS[name].parameters)
+    ]
+    if not ranked:
+        return _nothing("No other effect can be tested with impacts of this rig.")
+    effect = EFFECTS[ranked[0]]
+    rival = fit(final.model.with_effect(effect), critique.training, final.values)
+    why = f"Of the effects that the data do not ask for, “{effect.title}” comes nearest."
+    return _compared(critique, final, rival, why, rng)
+
+
+def _pairs(critique: Critique) -> list[tuple[Effect, Effect]]:
+    """Chosen effects with the nearest of those that the data cannot tell from them."""
+    return [
+        (step.effect, EFFECTS[name])
+        for step in critique.discovery.steps
+        if step.clears
+        for name in step.alternatives[:NAMED]
+    ]
+
+
+def _told_apart(
+    critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator
+) -> dict:
+    model = final.model.without(chosen.name).with_effect(other)
+    kept = {k: v for k, v in final.values.items() if k in model.parameters}
+    why = f"These data cannot tell “{chosen.title}” from “{other.title}”."
+    checks = [CHECKS[effect.name] for effect in (chosen, other) if effect.name in CHECKS]
+    if "impact" not in chosen.channels and "impact" not in other.channels:
+        return _nothing(
+            " ".join([why, "Neither changes an impact, so no release tells them apart.", *checks])
+        )
+    return _compared(critique, final, fit(model, critique.training, kept), why, rng, checks)
+
+
+def _compared(
+    critique: Critique, final: Fit, rival: Fit, why: str, rng: np.random.Generator, checks: Sequence[str] = ()
+) -> dict:
+    """States at which two models differ most, or why there are none."""
+    states, differences = _states(critique, final, rival, rng)
+    advice = " ".join(["", *checks])
+    if not len(states) or differences.max() <= 0:
+        return _nothing(
+            f"{why} No release within reach would tell: their predictions after impact agree.{advice}"
+        )
+    rows = _pick(states, differences)
+    largest = differences[rows[0]]
+    repeats = (CLEAR / largest) ** 2
+    if repeats > TOO_MANY * len(critique.observations):
+        return _nothing(
+            f"{why} No release within reach would tell: their predictions after impact differ by at most "
+            f"{largest:.2g} standard deviations of noise and scatter.{advice}"
+        )
+    often = (
+        "a single one tells" if repeats <= 1 else f"about {int(np.ceil(repeats))} impacts there would tell"
+    )
+    return {
+        "why": f"{why} At these states before impact the two predictions differ by up to {largest:.2g} standard "
+        f"deviations of noise and scatter in a single impact: {often}.{advice}",
+        "shows": "difference",
+        "states": [dict(zip(CHANNELS, map(_set_point, states[i]))) for i in rows],
+        "sigmas": [float(differences[i]) for i in rows],
+    }
+
+
+def _nothing(why: str) -> dict:
+    return {"why": why, "shows": None, "states": [], "sigmas": []}
+
+
+def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
+    """States around which what is left is largest."""
+    final, channels = critique.ladder[-1][1], critique.misfit_channels
+    why = "Something is left that no effect explains, so that no comparison of named effects is proposed."
+    if channels == ("flight",) and not critique.is_learnable:
+        return _nothing(
+            f"{why} It is in {CHANNEL_TEXT['flight']}: film longer flights, of bodies that turn slowly and quickly."
+        )
+    drawn, measured = _reachable(critique, final, rng)
+    if not len(drawn):
+        return _nothing(why)
+    misfit = _misfits(critique, final, channels)
+    width = np.where(np.ptp(drawn, axis=0) > 0, np.ptp(drawn, axis=0), 1.0)
+    apart = drawn[:, None] - measured[None]
+    apart[..., 3] = _within_a_turn(apart[..., 3])
+    near = np.argsort(np.sum((apart / width) ** 2, axis=2), axis=1, kind="stable")[:, :NEIGHBOURS]
+    left = np.sqrt(np.mean(misfit[near] ** 2, axis=1))
+    rows = _pick(drawn, left)
+    when = set(critique.remaining.depends_on) & {"trial", "t"} if critique.is_learnable else set()
+    repeat = "Repeat one of them from the first trial to the last, too: what is left depends on when it was measured."
+    return {
+        "why": f"{why} The misfit is largest around these states before impact, up to {left[rows[0]]:.2g} times "
+        "what noise would give: measure each several times, to see what repeats." + f" {repeat}" * bool(when),
+        "shows": "misfit",
+        "states": [dict(zip(CHANNELS, map(_set_point, drawn[i]))) for i in rows],
+        "sigmas": [float(left[i]) for i in rows],
+    }
+
+
+def _misfits(critique: Critique, final: Fit, channels: tuple[str, ...]) -> np.ndarray:
+    """Root mean square residual (n,) of each impact in units of noise, over the components that are misfitted."""
+    o = critique.observations
+    R = impact_residuals(final.model, final.values, o)
+    std = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
+    parts = {"impact": slice(0, 3), "meet": slice(3, 6), "touch": slice(6, None)}
+    if not o.noise_known:  # then the scatter is all there is to compare with
+        std = np.ones_like(std) * np.maximum(np.std(R, axis=0), 1e-12)
+    used = [parts[name] for name in channels if name in parts] or [parts["impact"]]
+    z = np.concatenate([(R / std)[:, part] for part in used], axis=1)
+    return np.minimum(np.sqrt(np.mean(z**2, axis=1)), CLIP * np.sqrt(np.mean(np.median(z**2, axis=0))))
+
+
+def _states(
+    critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Candidate states (n, 4) as in `CHANNELS`, and by how many sigmas the models differ there (n,)."""
+    o = critique.observations
+    rig = o.rig
+    drawn, _ = _reachable(critique, final, rng)
+    before, _ = states_at_impact(final.model, final.values, o)
+    state = State(
+        x=np.full(len(drawn), np.median(before.x)),
+        y=rig.height - rig.shape.contact_point(drawn[:, 3])[:, 1],
+        theta=drawn[:, 3],
+        vx=drawn[:, 0],
+        vy=drawn[:, 1],
+        omega=drawn[:, 2],
+        trial=np.full(len(drawn), np.median(o.trial)),
+        t=np.full(len(drawn), np.median(o.t)),
+    )
+    one, two = (fitted.model.predict(state, fitted.values, rig) for fitted in (final, rival))
+    d = one.v - two.v
+    # the median keeps single impacts at a kink of the law from making all others look alike
+    S = np.median(residual_covariance(final.model, final.values, o, o.t_std)[:, :3, :3], axis=0)
+    S = S + final.sigma_m**2 * np.diag([1.0, 1.0, 1.0 / rig.k_g**2])
+    difference = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", d, np.linalg.inv(S), d), 0.0))
+    return drawn, np.nan_to_num(difference)
+
+
+def _within_a_turn(theta: np.ndarray) -> np.ndarray:
+    return np.remainder(theta + np.pi, 2.0 * np.pi) - np.pi
+
+
+def _reachable(critique: Critique, final: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """States that the rig can reach (n, 4), drawn evenly, and those of all impacts measured (m, 4), as `CHANNELS`."""
+    o = critique.observations
+    rig = o.rig
+    before, _ = states_at_impact(final.model, final.values, o)
+    measured = np.stack([getattr(before, name) for name in CHANNELS], axis=1)
+    everything = measured.copy()
+    # a release decides its first impact; the spin that bodies have after a bounce is beyond most hands and launchers
+    measured = measured[np.unique(o.trial, return_index=True)[1]]
+    # bodies turn many times: only the angle within a turn is a state
+    measured[:, 3] = _within_a_turn(measured[:, 3])
+    low, high = np.quantile(measured, [0.01, 0.99], axis=0)
+    half = 0.5 * REACH * (high - low)
+    low, high = 0.5 * (low + high) - half, 0.5 * (low + high) + half
+    low[3], high[3] = max(low[3], -np.pi), min(high[3], np.pi)
+    drawn = low + (high - low) * rng.random((DRAWS, 4))
+    r = rig.shape.contact_point(drawn[:, 3])
+    v_n = drawn[:, 1] + r[:, 0] * drawn[:, 2]
+    seen = rig.shape.contact_point(measured[:, 3])
+    slowest, fastest = np.quantile(-(measured[:, 1] + seen[:, 0] * measured[:, 2]), [0.1, 0.99])
+    # a body that is dropped falls, and hits about as hard as those that were measured
+    drawn = drawn[(drawn[:, 1] < 0.0) & (-v_n > slowest) & (-v_n < REACH * fastest)]
+    return drawn, everything
+
+
+def _pick(states: np.ndarray, differences: np.ndarray) -> list[int]:
+    """Rows of well separated states, largest difference first."""
+    width = np.ptp(states, axis=0)
+    unit = states / np.where(width > 0, width, 1.0)
+    chosen: list[int] = []
+    for i in np.argsort(-differences, kind="stable"):
+        if len(chosen) == MOST:
+            break
+        if len(chosen) >= FEWEST and differences[i] < WORTHWHILE * differences[chosen[0]]:
+            break
+        if all(np.linalg.norm(unit[i] - unit[j]) >= APART for j in chosen):
+            chosen.append(int(i))
+    return chosen
+
+
+def _set_point(value: float) -> float:
+    """Three digits: finer than a hand or a launcher sets."""
+    return float(f"{value:.3g}") + 0.0

@@ -1,0 +1,92 @@
+"""What structure is left in the residuals of a model, how much of it is learnable, and on what it depends.
+
+A Gaussian process with one length scale a feature (ARD) is fitted to the residuals of one half of the trials; on the
+other half its leave-one-out predictions say how much of the error could be learned there.  The p-value permutes the
+residuals of that second half over its impacts, so that the features stay as they are and nothing is left to learn.
+"""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.model import impact_residuals
+from thesis_lib.critique.drops.observations import Observations
+
+MOST = 160  # impacts in each half: the fit costs n³, and a structure that matters shows in 160
+PERMUTATIONS = 199
+RELEVANT = 3.0  # standard deviations: a longer length scale says that a feature does not matter
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """Structure left in the residuals.
+
+    Attributes:
+        p_value: of the learnable share, by permutation.
+        error_before, error_after: mean kinetic norm in m/s of the residual, and after what is learnable is taken off.
+        depends_on: features by relevance.
+    """
+
+    p_value: float
+    error_before: float
+    error_after: float
+    depends_on: tuple[str, ...]
+
+
+def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Remaining:
+    """Look for structure in the residuals of the velocity after impact."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    k = observations.rig.k_g
+    table = features(fitted, observations)
+    X = table.to_numpy(float)
+    spread = X.std(axis=0)
+    used = spread > 0
+    names, X = (
+        [name for name, use in zip(table.columns, used) if use],
+        (X - X.mean(axis=0))[:, used] / spread[used],
+    )
+    Y = impact_residuals(fitted.model, fitted.values, observations)[:, :3] * [1.0, 1.0, k]
+    # single wild impacts would be all that a Gaussian process sees
+    limit = 5.0 * 1.4826 * np.median(np.abs(Y - np.median(Y, axis=0)), axis=0) + 1e-12
+    Y = np.clip(Y - np.median(Y, axis=0), -limit, limit)
+    trials = rng.permutation(np.unique(observations.trial))
+    first = np.flatnonzero(np.isin(observations.trial, trials[: len(trials) // 2]))[:MOST]
+    second = np.flatnonzero(np.isin(observations.trial, trials[len(trials) // 2 :]))[:MOST]
+    scales, learned, draws = [], np.zeros((len(second), 3)), np.zeros((PERMUTATIONS, len(second), 3))
+    order = np.argsort(rng.random((PERMUTATIONS, len(second))), axis=1)
+    for c in range(3):
+        scale = Y[first, c].std() or 1.0
+        kernel = ConstantKernel(0.5, (1e-4, 1e2)) * RBF(np.full(len(names), 2.0), (0.3, 1e3)) + WhiteKernel(  # pyright: ignore[reportArgumentType]
+            0.5, (1e-3, 10.0)
+        )
+        process = GaussianProcessRegressor(kernel, normalize_y=False, alpha=1e-8)
+        with warnings.catch_warnings():
+            # a length scale at its upper bound is an answer here: the feature does not matter
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            process.fit(X[first], Y[first, c] / scale)
+        K = process.kernel_(X[second])  # pyright: ignore[reportCallIssue]
+        inverse = np.linalg.inv(K + 1e-8 * np.eye(len(second)))
+        diagonal = np.diag(inverse)
+        y = Y[second, c]
+        learned[:, c] = y - (inverse @ y) / diagonal
+        draws[:, :, c] = y[order] - (inverse @ y[order].T / diagonal[:, None]).T
+        signal = process.kernel_.k1.k1.constant_value  # pyright: ignore[reportAttributeAccessIssue]
+        scales.append(signal * scale**2 / process.kernel_.k1.k2.length_scale**2)  # pyright: ignore[reportAttributeAccessIssue]
+    own = Y[second]
+
+    def left(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        return velocity_error(truth - prediction, 1.0).mean(axis=-1)
+
+    after = float(left(learned, own))
+    null = np.array([left(draws[i], own[order[i]]) for i in range(PERMUTATIONS)])
+    p_value = float((1 + np.sum(null <= after)) / (1 + PERMUTATIONS))
+    relevance = np.sum(scales, axis=0)
+    ranked = [names[i] for i in np.argsort(-relevance) if relevance[i] > relevance.max() / RELEVANT**2]
+    return Remaining(p_value, float(velocity_error(own, 1.0).mean()), after, tuple(ranked[:4]))

@@ -1,0 +1,247 @@
+"""Where a model fails: short readable rules over the state before impact, corrected for how many were tried.
+
+    z_i = e_i / √(trace of the kinetic covariance of e_i)
+
+is the error of impact i over what noise and mean scatter predict there, so that a region of large noise is no region of
+failure.  A rule (one interval of one feature, or two of them) is scored by the rank sum of z inside against outside.
+Its p-value counts all rules: it is the share of permutations of z in which *any* rule scores as high.  Flights have
+rules of their own, over the state at mid-flight, with z from `flights`; their p-values count the rules for flights.
+
+Rules are found on all impacts, for they are few.  The errors told of a region are those of held-out impacts where at
+least `FEWEST_HELD_OUT` lie inside and as many outside (`on`: "held_out"), else of all ("all").
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.stats import rankdata
+
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.class_tests import class_tests
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.features import FEATURES, features
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.flights import FLIGHT_UNITS, flight_features, misfit, relative_residuals
+from thesis_lib.critique.drops.model import impact_residuals, residual_covariance
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.foundation.rounding import six_digits
+
+PERMUTATIONS = 499
+LEVEL = 0.05  # of the corrected p-value: a rule above it is not told
+SMALLEST, LARGEST = 0.05, 0.6  # share of the impacts inside a rule
+MOST_REGIONS = 3
+FEWEST_HELD_OUT = 30  # inside and outside a region for its mean errors to be those of held-out impacts
+OVERLAP = 0.1  # share of a region that may lie in those before it
+SIMPLER = 0.9  # a rule of one feature is told instead of one of two if it scores this much of it
+MOST_IMPACTS = 3000  # looked at; a random part of larger sets
+TAILS = (0.1, 0.2, 1 / 3, 0.5, 2 / 3, 0.8, 0.9)  # quantiles at which one-feature rules are cut
+MIDDLES = ((0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.25, 0.75))
+COARSE = (0.2, 1 / 3, 0.5, 2 / 3, 0.8)  # the same for rules of two features
+# for these the sign and the magnitude may matter separately
+_SIGNED = ("v_t", "omega", "r_x", "theta", "v_x", "v_y")
+_UNITS = {**FLIGHT_UNITS, **{name: unit for name, (unit, _) in FEATURES.items()}}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """low < feature < high, of its magnitude if `absolute`; in the feature's unit."""
+
+    feature: str
+    absolute: bool
+    low: float | None
+    high: float | None
+
+    @property
+    def text(self) -> str:
+        name = f"|{self.feature}|" if self.absolute else self.feature
+        unit = _UNITS[self.feature]
+
+        def amount(x: float) -> str:
+            return f"{x:g}" if unit == "1" or x == 0 else f"{x:g} {unit}"
+
+        if self.low is None:
+            return f"{name} < {amount(self.high)}"  # pyright: ignore[reportArgumentType]
+        if self.high is None:
+            return f"{name} > {amount(self.low)}"
+        return f"{self.low:g} < {name} < {amount(self.high)}"
+
+    def inside(self, table: pd.DataFrame) -> np.ndarray:
+        """Which rows (n,) fulfil it."""
+        x = table[self.feature].to_numpy(float)
+        x = np.abs(x) if self.absolute else x
+        inside = np.ones(len(x), bool)
+        if self.low is not None:
+            inside &= x > self.low
+        if self.high is not None:
+            inside &= x < self.high
+        return inside
+
+
+Rule = tuple[Condition, ...]
+
+
+def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
+    """The content of where.json: regions before and after the effects, and tests of whole classes of models."""
+    rng = rng or np.random.default_rng(0)
+    # a stream of their own: what is drawn after them does not depend on whether there are flights
+    flight_rng = rng.spawn(1)[0]
+    base, final = critique.ladder[0][1], critique.ladder[-1][1]
+    after = None
+    if critique.discovery.steps:
+        names = [step.effect.name for step in critique.discovery.steps]
+        after = {"effects": names, "regions": impact_regions(critique, final, rng)}
+        after["flight_regions"] = flight_regions(critique, final, flight_rng)
+    return six_digits(
+        {
+            "schema": 1,
+            "dataset": critique.dataset,
+            "model": critique.discovery.base,
+            "regions": impact_regions(critique, base, rng),
+            "flight_regions": flight_regions(critique, base, flight_rng),
+            "after": after,
+            "class_tests": class_tests(base, critique.observations),
+        }
+    )
+
+
+def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
+    """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
+    o = critique.observations
+    error, z = relative_error(fitted, o)
+    return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)
+
+
+def flight_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
+    """The same for flights; errors in units of noise."""
+    flights, rig = critique.observations.flights, critique.observations.rig
+    z = misfit(relative_residuals(fitted, flights, rig))
+    held_out = np.isin(flights.state.trial, critique.held_out.trial)
+    return regions(flight_features(fitted, flights, rig), z, z, held_out, rng, unit="1")
+
+
+def relative_error(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
+    """Error (n,) in m/s, and the same over the root mean square that noise and scatter predict for each impact."""
+    o, k_g = observations, observations.rig.k_g
+    weights = np.array([1.0, 1.0, k_g])
+    error = velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], k_g)
+    S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
+    expected = np.einsum("nii,i->n", S[:, :3, :3], weights**2) + 3.0 * fitted.sigma_m**2
+    return error, error / np.sqrt(expected)
+
+
+def regions(
+    table: pd.DataFrame,
+    error: np.ndarray,
+    z: np.ndarray,
+    held_out: np.ndarray,
+    rng: np.random.Generator,
+    unit: str = "m/s",
+) -> list[dict]:
+    """Up to `MOST_REGIONS` regions in which errors are larger than elsewhere, worst first.
+
+    Args:
+        table: features of n impacts or flights.
+        error: (n,) in `unit`; z: (n,) the same over what is expected.
+        held_out: (n,) whether no choice has seen it.
+        rng: of the permutations.
+    """
+    known = np.flatnonzero(np.isfinite(z))
+    if len(known) > MOST_IMPACTS:
+        known = np.sort(rng.choice(known, MOST_IMPACTS, replace=False))
+    error, z, held_out, table = error[known], z[known], held_out[known], table.iloc[known]
+    rules, masks = _rules(table)
+    if not rules:
+        return []
+    score, null = _scores(z, masks, rng)
+    score = score * np.where([len(rule) == 1 for rule in rules], 1.0, SIMPLER)
+    found, taken = [], np.zeros(len(z), bool)
+    for i in np.argsort(-score, kind="stable"):
+        inside = masks[i]
+        plain = score[i] / (1.0 if len(rules[i]) == 1 else SIMPLER)
+        p_value = float((1 + np.sum(null >= plain)) / (1 + len(null)))
+        if p_value > LEVEL or len(found) == MOST_REGIONS:
+            break
+        enough = min(np.sum(held_out & inside), np.sum(held_out & ~inside)) >= FEWEST_HELD_OUT
+        told = held_out if enough else np.ones(len(z), bool)
+        (mean_in, sigmas_in), (mean_out, sigmas_out) = (
+            (float(error[part & told].mean()), float(z[part & told].mean())) for part in (inside, ~inside)
+        )
+        # small errors beyond a smaller noise are no place where a user loses anything
+        if np.mean(taken[inside]) > OVERLAP or mean_in <= mean_out:
+            continue
+        taken |= inside
+        found.append(
+            {
+                "rule": " and ".join(condition.text for condition in rules[i]),
+                "conditions": [vars(condition) for condition in rules[i]],
+                "support": float(inside.mean()),
+                "n": int(inside.sum()),
+                "on": "held_out" if enough else "all",
+                "error_inside": mean_in,
+                "error_outside": mean_out,
+                "ratio": mean_in / mean_out if mean_out > 0 else None,
+                "sigmas_inside": sigmas_in,
+                "sigmas_outside": sigmas_out,
+                "unit": unit,
+                "p_value": p_value,
+            }
+        )
+    return found
+
+
+def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Standardised rank sum of each rule, and the largest of any rule in each permutation."""
+    n = len(z)
+    ranks = rankdata(z)
+    ranks = (ranks - ranks.mean()) / (ranks.std(ddof=1) or 1.0)
+    count = masks.sum(axis=1)
+    scale = np.sqrt(count * (n - count) / n)
+    shuffled = rng.permuted(np.tile(ranks, (PERMUTATIONS, 1)), axis=1)
+    M = masks.astype(np.float32)
+    score = masks @ ranks / scale
+    null = (M @ shuffled.T.astype(np.float32) / scale[:, None].astype(np.float32)).max(axis=0)
+    return score, null
+
+
+def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
+    """All rules with enough support, and their members (rules, n)."""
+    if table.empty:
+        return [], np.zeros((0, 0), bool)
+    fine, coarse = {}, {}
+    for feature in table.columns:
+        x = table[feature].to_numpy(float)
+        variants = [(False, x)] if feature != "v_n" else [(True, np.abs(x))]
+        if feature in _SIGNED:
+            variants.append((True, np.abs(x)))
+        for absolute, values in variants:
+            if np.ptp(values) <= 0:
+                continue
+            signed = feature in _SIGNED and not absolute
+            for goal, quantiles, middles in ((fine, TAILS, MIDDLES), (coarse, COARSE, ())):
+                for condition in _conditions(feature, absolute, values, signed, quantiles, middles):
+                    goal[condition.text] = condition
+    rules: list[Rule] = [(condition,) for condition in fine.values()]
+    rules += [(a, b) for a, b in itertools.combinations(coarse.values(), 2) if a.feature != b.feature]
+    members = {condition.text: condition.inside(table) for condition in {**fine, **coarse}.values()}
+    masks = np.array([np.logical_and.reduce([members[c.text] for c in rule]) for rule in rules], bool)
+    if not rules:
+        return [], masks
+    support = masks.mean(axis=1)
+    good = np.flatnonzero((support >= SMALLEST) & (support <= LARGEST))
+    return [rules[i] for i in good], masks[good]
+
+
+def _conditions(
+    feature: str, absolute: bool, x: np.ndarray, signed: bool, quantiles: tuple, middles: tuple
+) -> list[Condition]:
+    """Tails and middles at quantiles of x, at thresholds of two digits that a reader can keep in mind."""
+
+    def cut(q: float) -> float:
+        return float(f"{np.quantile(x, q):.2g}")
+
+    cuts = [cut(q) for q in quantiles] + ([0.0] if signed else [])
+    found = [Condition(feature, absolute, None, c) for c in cuts]
+    found += [Condition(feature, absolute, c, None) for c in cuts]
+    return found + [Condition(feature, absolute, cut(a), cut(b)) for a, b in middles if cut(a) < cut(b)]

@@ -1,0 +1,61 @@
+"""Plain words for what files and code call by short names: reasons, states, lists of them."""
+
+from collections.abc import Mapping, Sequence
+
+from thesis_lib.critique.drops.features import FEATURES
+
+REASONS = {
+    "lost_frames": "lost frames: too few samples on a side",
+    "second_hit": "second hit too near to tell apart",
+    "window_too_short": "trial begins or ends too near",
+    "not_ballistic": "no free flight on a side (held, rolling, bad track)",
+    "no_approach": "contact point does not approach (rest, rolling)",
+}
+CHANNEL_TEXT = {
+    "impact": "the velocities after impact",
+    "flight": "the flights between impacts",
+    "meet": "the poses at impact, where the arcs before and after should meet",
+    "touch": "the gap at impact",
+}
+NAMED = 2  # alternatives of an effect that are named; of more it is said how many
+FEW = 0.1  # share of what was left out below which reasons are summed up
+
+
+def reason_text(reason: str) -> str:
+    """A reason for leaving an impact out, in words."""
+    return REASONS.get(reason, reason.replace("_", " "))
+
+
+def feature_text(feature: str) -> str:
+    """A state before impact, in words, with the name that rules and tables use."""
+    return f"{FEATURES[feature][1].split(',')[0]} ({feature})" if feature in FEATURES else feature
+
+
+def plain_rule(region: Mapping) -> str:
+    """The rule of a region as people write it: Greek letters and true minus signs."""
+    rule = str(region["rule"])
+    for name, letter in (("theta", "θ"), ("omega", "ω"), (" -", " −")):
+        rule = rule.replace(name, letter)
+    return rule
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """a, b and c."""
+    names = list(names)
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
+
+
+def alternatives_listed(names: Sequence[str]) -> str:
+    """a or b; of more than `NAMED` the first ones and how many more."""
+    names, more = list(names[:NAMED]), len(names) - NAMED
+    return listed([*names, f"{more} more"] if more > 0 else names, "or")
+
+
+def reasons_listed(reasons: Mapping[str, int]) -> str:
+    """Reasons with their counts, the most frequent first and rare ones summed up."""
+    total = sum(reasons.values())
+    ranked = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))
+    often = [(name, count) for name, count in ranked if count >= FEW * total] or ranked
+    parts = [f"{count} × {reason_text(name)}" for name, count in often]
+    rest = total - sum(count for _, count in often)
+    return "; ".join([*parts, f"{rest} for other reasons"] if rest else parts)

@@ -1,0 +1,58 @@
+"""What residual generalised forces depend on: coordinates and speeds, tested against permutations of the windows.
+
+The strength of a feature f (a coordinate or velocity, mean over a window) is the sum of squares of whitened residuals
+between eighths of its range, one free coordinate at a time,
+
+    S_f = Σ_coordinates Σ_cells (Σ_cell z)² / n_cell.
+
+The null permutes the windows; each feature counts in units of its own null, and p is that of the largest of all.
+
+| on paper | in code | unit | shape | meaning                              |
+|----------|---------|------|-------|--------------------------------------|
+| z        | `z`     | 1    | (N,)  | whitened residual generalised forces |
+
+Source: none; a permutation analysis of variance with the maximum over features.
+"""
+
+import numpy as np
+
+from thesis_lib.critique.mechanisms.windows import WeakForm
+
+BINS = 8
+PERMUTATIONS = 199
+
+
+def window_means(weak: WeakForm, values: np.ndarray) -> np.ndarray:
+    """Mean (windows, j) of values (n, j) over each window."""
+    counts = np.diff(np.append(weak.starts, len(values)))
+    return np.add.reduceat(values, weak.starts, axis=0) / counts[:, None]
+
+
+def dependence(
+    weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator
+) -> tuple[tuple[str, ...], float]:
+    """Coordinates and velocities ("d" before the name) that z (N,) depends on, at most three, and the least p-value."""
+    names = [f"{prefix}{name}" for prefix in ("", "d") for name in weak.model.coordinates]
+    features = window_means(weak, np.concatenate([weak.motion.q, weak.motion.v], axis=1))
+    cells = np.stack(
+        [np.searchsorted(np.quantile(f, np.linspace(0, 1, BINS + 1)[1:-1]), f) for f in features.T]
+    )
+    rows = [np.flatnonzero(weak.coordinate == c) for c in np.unique(weak.coordinate)]
+
+    def strengths(permuted: np.ndarray) -> np.ndarray:
+        out = np.zeros(len(cells))
+        for r in rows:
+            own = cells[:, permuted[weak.window[r]]]
+            for j, cell in enumerate(own):
+                n = np.maximum(np.bincount(cell, minlength=BINS), 1)
+                out[j] += np.sum(np.bincount(cell, z[r], minlength=BINS) ** 2 / n)
+        return out
+
+    found = strengths(np.arange(len(features)))
+    null = np.array([strengths(rng.permutation(len(features))) for _ in range(PERMUTATIONS)])
+    # each feature in units of its own null, so that the largest of all is a fair maximum
+    centre, width = null.mean(axis=0), null.std(axis=0)
+    score, best = (found - centre) / width, ((null - centre) / width).max(axis=1)
+    p = (1 + (best[:, None] >= score).sum(axis=0)) / (1 + len(best))
+    ranked = [int(j) for j in np.argsort(-score) if p[j] <= alpha]
+    return tuple(names[j] for j in ranked[:3]), float(p.min())

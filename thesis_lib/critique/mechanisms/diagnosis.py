@@ -1,0 +1,230 @@
+"""diagnosis.json of a mechanism's critique: keys as for impacts (see diagnosis.py), and these beside them.
+
+| where           | key                                | meaning |
+|---|---|---|
+|                 | mechanism                          | what was criticised; an impact critique has no such key |
+|                 | n_windows, n_trials                | windows of the equations of motion take the place of impacts |
+| base_model      | parameters                         | base inertial parameters without effects, and the `believed` |
+| augmented_model | parameters                         | the same with the effects on |
+| effects.gain    | held_out_log_score_per_window      | nats a window, model with minus without, trials no choice saw |
+|                 | below_threshold                    | an effect that is significant but too small to be material |
+| effects         | cosines                            | overlap of the shift with every other candidate |
+| error           | unit "sigma"                       | rms of the whitened residual generalised forces, held out |
+| where           | coordinate, contacts, before, after| the same by free coordinate and pairs in contact |
+| detectable      | smallest                           | size of each parameter that these trials would have shown |
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.critique.drops.words import listed
+from thesis_lib.critique.mechanisms.critique import MechanismCritique, applied, rms, smallest_sizes
+from thesis_lib.critique.mechanisms.dependence import dependence, window_means
+from thesis_lib.critique.mechanisms.fit import fit_effects
+from thesis_lib.critique.mechanisms.recovery import Identified, identify_parameters
+from thesis_lib.critique.results.numbers import number
+from thesis_lib.foundation.rounding import six_digits
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STATES = 3  # proposed for the next experiment
+
+
+def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.random.Generator) -> dict:
+    """The content of diagnosis.json, with numbers of six digits; `rng` permutes windows."""
+    weak, held, model = critique.training, critique.held_out, critique.model
+    base_fit = fit_effects(weak, ())
+    believed_z = applied(held, base_fit)
+    depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
+    base, augmented = critique.ladder[0], critique.ladder[-1]
+    out = weak.left_out + held.left_out
+    steps = weak.steps + held.steps
+    content = {
+        "schema": 1,
+        "dataset": dataset,
+        "mechanism": model.name,
+        "n_windows": int(len(weak.starts) + len(held.starts)),
+        "n_trials": int(len(np.unique(weak.trial)) + len(np.unique(held.trial))),
+        "verdict": critique.verdict,
+        "base_model": {
+            "name": "believed_parameters",
+            "parameters": _parameters(identify_parameters(weak, base_fit)),
+        },
+        "augmented_model": {
+            "name": "believed_parameters",
+            "parameters": _parameters(identify_parameters(weak, critique.fitted)),
+        },
+        "effects": [_effect(critique, i) for i in range(len(critique.steps))],
+        "error": {
+            "unit": "sigma",
+            "base": base[0],
+            "base_interval": base[1:],
+            "augmented": augmented[0],
+            "augmented_interval": augmented[1:],
+            "noise_floor": 1.0,
+            "explained_share": (base[0] - augmented[0]) / (base[0] - 1.0) if base[0] > 1.0 else None,
+            "ladder": [rung[0] for rung in critique.ladder],
+        },
+        "where": {
+            "by_contact": _where(critique, believed_z),
+            "depends_on": list(depends),
+            "p_value": p_dependence,
+        },
+        "remaining": {
+            "structured": critique.remaining.structured,
+            "p_value": critique.remaining.p_value,
+            "depends_on": list(critique.remaining.depends_on),
+        },
+        "below_threshold": [critique.below] if critique.below else [],
+        "not_testable": [],
+        "left_out": {
+            "share": sum(out.values()) / steps,
+            "unit": "steps",
+            "reasons": {str(k): int(v) for k, v in sorted(out.items())},
+        },
+        "detectable": [{"name": k, "smallest": v} for k, v in smallest_sizes(critique).items()],
+        "next_experiment": _next_experiment(critique),
+    }
+    content["summary"] = _summary(content, critique)
+    return six_digits(content)
+
+
+def _parameters(found: Identified) -> dict:
+    return {
+        name: {"value": v, "std": s, "believed": b, "unit": _unit(name)}
+        for name, v, s, b in zip(found.names, found.value, found.std, found.believed)
+    }
+
+
+def _unit(name: str) -> str:
+    """Unit of a base parameter from its first term."""
+    first = name.split()[0].lstrip("-")
+    return "kg m²" if first.endswith("I") else "kg m" if "mc_" in first else "kg"
+
+
+def _effect(critique: MechanismCritique, i: int) -> dict:
+    step, fitted = critique.steps[i], critique.fitted
+    e = step.effect
+    gain, low, high = step.gain
+    return {
+        "name": e.name,
+        "family": e.family,
+        "title": e.title,
+        "equation": e.equation,
+        "parameters": {
+            p.name: {"value": v, "std": s, "unit": p.unit}
+            for p, v, s in zip(e.parameters, fitted.values[e.name], fitted.std[e.name])
+        },
+        "clears": True,
+        "gain": {"held_out_log_score_per_window": gain, "interval": [low, high], "p_value": step.p_value},
+        "indistinguishable_from": list(step.alternatives),
+        "cosines": step.cosines,
+    }
+
+
+def _where(critique: MechanismCritique, before: np.ndarray) -> list[dict]:
+    """Held-out misfit by free coordinate and contacts, before and after."""
+    held, names = critique.held_out, critique.model.coordinates
+    after = applied(held, critique.fitted)
+    pairs = [listed([critique.model.mechanism.pairs[j] for j in w]) or "none" for w in held.active_pairs]
+    # the wheel's spokes are alike: what counts is that one stands
+    if critique.model.name == "wheel":
+        pairs = ["one spoke" if p != "none" else p for p in pairs]
+    key = [(names[c], pairs[w]) for c, w in zip(held.coordinate, held.window)]
+    rows = []
+    for one in sorted(set(key)):
+        at = np.array([k == one for k in key])
+        rows.append(
+            {
+                "coordinate": one[0],
+                "contacts": one[1],
+                "rows": int(at.sum()),
+                "before": rms(before[at]),
+                "after": rms(after[at]),
+            }
+        )
+    return rows
+
+
+def _next_experiment(critique: MechanismCritique) -> dict:
+    """Measured states at which the chosen effect and its nearest alternative differ most, in units of noise."""
+    step = next((s for s in critique.steps if s.alternatives), None)
+    if step is None:
+        return {"why": "", "states": []}
+    other = step.alternatives[0]
+    scan, weak = critique.first_scan, critique.training
+    if other not in scan.basis or step.effect.name not in scan.shift:
+        return {"why": "", "states": []}
+    s, B = scan.shift[step.effect.name], scan.basis[other]
+    apart = np.bincount(weak.window, (s - B @ (B.T @ s)) ** 2)
+    best = np.argsort(-apart)[:STATES]
+    means = window_means(weak, np.concatenate([weak.motion.q, weak.motion.v], axis=1))[best]
+    names = [*weak.model.coordinates, *(f"d{name}" for name in weak.model.coordinates)]
+    return {
+        "why": f"{step.effect.title} and {other.replace('_', ' ')} differ most around these states: run there longer, "
+        "faster or with less noise.",
+        "states": [dict(zip(names, map(float, row))) for row in means],
+        "sigmas": [float(np.sqrt(apart[w])) for w in best],
+    }
+
+
+def _summary(d: Mapping, critique: MechanismCritique) -> list[str]:
+    error = d["error"]
+    base = f"{number(error['base'])} standard deviations of noise"
+    named = [
+        e["title"]
+        + (
+            f" (or {listed([n.replace('_', ' ') for n in e['indistinguishable_from']], 'or')}, which these data "
+            "cannot tell apart)"
+            if e["indistinguishable_from"]
+            else ""
+        )
+        for e in d["effects"]
+    ]
+    fault = any(e["family"] == "measurement" for e in d["effects"])
+    if d["verdict"] == "adequate":
+        return [
+            f"The believed {d['mechanism']} is adequate: the residual generalised forces are {base} on held-out "
+            "trials, and no effect in the library lowers that by an amount that matters.",
+            *(
+                f"There is {name.replace('_', ' ')}, surely, but too little of it to matter at this noise."
+                for name in d["below_threshold"]
+            ),
+        ]
+    fall = f"the held-out misfit falls from {base} to {number(error['augmented'])}"
+    if d["verdict"] == "effects":
+        sentences = [
+            f"The believed {d['mechanism']} leaves out: {listed(named)}; with it {fall} (noise alone: 1)."
+        ]
+    else:
+        what = f"; {listed(named)} was added and {fall}, which is" if named else f": the misfit is {base},"
+        on = d["remaining"]["depends_on"]
+        sentences = [
+            f"The believed {d['mechanism']} misses something that no effect in the library explains{what} far more "
+            "than noise.",
+            f"What is left depends on {listed(on)}: look there for the cause." if on else "",
+        ]
+    if fault:
+        sentences.insert(0, "A sensor may be faulty: check it before reading anything here as physics.")
+    return [s for s in sentences if s]
+
+
+def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.DataFrame", float]:
+    """What `figures.chapter2_hidden.figure_residuals` draws: held-out residuals, gains, and the 1 % limit in nats."""
+    import pandas as pd
+
+    held, names = critique.held_out, critique.model.coordinates
+    residuals = pd.DataFrame(
+        {
+            "window": held.window,
+            "coordinate": [names[c] for c in held.coordinate],
+            "before": held.residual(np.zeros_like(held.f)),
+            "after": applied(held, critique.fitted),
+        }
+    )
+    scan = critique.first_scan
+    gains = pd.DataFrame({"candidate": list(scan.gain), "gain": list(scan.gain.values())})
+    return residuals, gains, float(np.quantile(scan.null, 0.99))

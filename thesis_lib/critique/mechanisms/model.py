@@ -1,0 +1,166 @@
+"""What is believed of a mechanism whose motion is criticised: inverse dynamics of many steps at once, and contacts.
+
+    M(q) v̇ + C(q, v) v − g(q) = Y(q, v, v̇; g) π,        π = (m, m c_x, m c_y, I) of each body
+
+A body's share of Y is that of a free body at the pose of its frame, projected on the coordinates that move it,
+Y_b = J_b' Y_free(pose_b, its velocity, its acceleration; g).  For the two-link arm with the disk, J_1 = ẑ in q_1, and
+link 2 moves with its joint, at l_1 (cos q_1, sin q_1) from the base.
+
+| on paper | in code      | unit            | shape         | meaning                                       |
+|----------|--------------|-----------------|---------------|-----------------------------------------------|
+| π        | `parameters` | kg, kg m, kg m² | (4 b,)        | believed inertial parameters, about the joint |
+| Y        | `regressor`  | f per π         | (n, nv, 4 b)  |                                               |
+| g        | `gravity`    | m/s²            | (2,)          | believed acceleration of gravity              |
+
+Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
+doi 10.1016/B978-1-903996-66-9.X5000-3.
+"""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from thesis_lib.identify.base_parameters.regressor import (
+    FREE_BODY_PARAMETERS,
+    free_body_regressor,
+    parameter_names,
+)
+from thesis_lib.simulate.stepping.arm_disk import LINKS, ArmDisk
+from thesis_lib.simulate.stepping.multibody import Contacts, Mechanism
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
+
+
+class BelievedModel(ABC):
+    """A mechanism as believed.
+
+    Attributes:
+        name: of the mechanism; coordinates: (nv,) names of q.
+        names, parameters: (4 b,) inertial parameters.
+        gravity: (2,) m/s².
+        identified: names of the inertial parameters that motion and known forces can tell; the others are believed.
+        roller: radius in m and contact pairs of what rolls on the ground, with the last coordinate.
+        payload: change of `parameters` by a point mass of 1 kg where a payload would be.
+        joints: number of driven joints, the first coordinates.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    names: tuple[str, ...]
+    parameters: np.ndarray
+    gravity: np.ndarray
+    identified: tuple[str, ...]
+    roller: tuple[float, tuple[int, ...]]
+    payload: np.ndarray
+    joints: int
+    mechanism: Mechanism
+
+    @abstractmethod
+    def regressor(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Y (n, nv, 4 b) at q, v, a (n, nv), with gravity (2,) in m/s² other than the believed one if given."""
+
+    def contacts(self, q: np.ndarray) -> Contacts:
+        """Gaps and Jacobians at q (n, nv)."""
+        return self.mechanism.contacts_of(q)
+
+    def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Y π (n, nv) in N, N m: what external and contact forces must add up to."""
+        return self.regressor(q, v, a) @ self.parameters
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """M (n, nv, nv) at q (n, nv)."""
+        nv = q.shape[1]
+        still = np.zeros_like(q)
+        unit = np.eye(nv)
+        columns = [
+            self.regressor(q, still, np.broadcast_to(unit[i], q.shape), np.zeros(2)) @ self.parameters
+            for i in range(nv)
+        ]
+        return np.stack(columns, axis=2)
+
+
+class BelievedArm(BelievedModel):
+    """The two-link arm that pushes a disk."""
+
+    name = "arm"
+    coordinates = ("q_1", "q_2", "x", "y", "theta")
+    joints = 2
+
+    def __init__(self, arm: ArmDisk) -> None:
+        self.mechanism = arm
+        self.names = parameter_names((*LINKS, "disk"))
+        rows = []
+        for m, c, inertia in zip(arm.link_masses, arm.link_coms, arm.link_inertias):
+            rows.append([m, m * c[0], m * c[1], inertia + m * c @ c])
+        rows.append([arm.disk_mass, 0.0, 0.0, arm.disk_inertia])
+        self.parameters = np.concatenate(rows)
+        self.gravity = np.array([0.0, -arm.g])
+        # a disk's centre is known; across the link's axis the believed centres of mass are zero
+        self.identified = (
+            *(f"{link}.{name}" for link in LINKS for name in ("m", "mc_x", "I")),
+            "disk.m",
+            "disk.I",
+        )
+        self.roller = (arm.disk_radius, (1,))
+        self._first_length, length = arm.link_lengths
+        self.payload = np.concatenate([np.zeros(4), [1.0, length, 0.0, length**2], np.zeros(4)])
+
+    def regressor(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
+    ) -> np.ndarray:
+        g = self.gravity if gravity is None else gravity
+        l1 = self._first_length
+        n = len(q)
+        zero = np.zeros(n)
+        cos, sin = np.cos(q[:, 0]), np.sin(q[:, 0])
+        turn, spin = v[:, 0], a[:, 0]
+        first = free_body_regressor(
+            np.stack([zero, zero, q[:, 0]], axis=1),
+            np.stack([zero, zero, turn], axis=1),
+            np.stack([zero, zero, spin], axis=1),
+            g,
+        )
+        # the second joint: l_1 (cos q_1, sin q_1) from the base, and its derivatives
+        second = free_body_regressor(
+            np.stack([l1 * cos, l1 * sin, q[:, 0] + q[:, 1]], axis=1),
+            np.stack([-l1 * turn * sin, l1 * turn * cos, turn + v[:, 1]], axis=1),
+            np.stack(
+                [
+                    l1 * (-spin * sin - turn**2 * cos),
+                    l1 * (spin * cos - turn**2 * sin),
+                    spin + a[:, 1],
+                ],
+                axis=1,
+            ),
+            g,
+        )
+        Y = np.zeros((n, 5, 12))
+        Y[:, 0, :4] = first[:, 2]
+        Y[:, 0, 4:8] = l1 * (cos[:, None] * second[:, 1] - sin[:, None] * second[:, 0]) + second[:, 2]
+        Y[:, 1, 4:8] = second[:, 2]
+        Y[:, 2:, 8:] = free_body_regressor(q[:, 2:], v[:, 2:], a[:, 2:], g)
+        return Y
+
+
+class BelievedWheel(BelievedModel):
+    """The rimless wheel on its slope; `payload_radius` in m along spoke 0 is where a payload would be."""
+
+    name = "wheel"
+    coordinates = ("x", "y", "theta")
+    joints = 0
+
+    def __init__(self, wheel: RimlessWheel, payload_radius: float) -> None:
+        self.mechanism = wheel
+        self.names = FREE_BODY_PARAMETERS
+        self.parameters = np.array([wheel.mass, 0.0, 0.0, wheel.inertia])
+        self.gravity = wheel.g * np.array([np.sin(wheel.slope), -np.cos(wheel.slope)])
+        # without known external forces the mass is the scale of all the others
+        self.identified = ("I",)
+        self.roller = (wheel.length, tuple(range(wheel.spokes)))
+        self.payload = np.array([1.0, payload_radius, 0.0, payload_radius**2])
+
+    def regressor(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
+    ) -> np.ndarray:
+        return free_body_regressor(q, v, a, self.gravity if gravity is None else gravity)

@@ -1,0 +1,226 @@
+"""Does the critique of mechanisms find what is hidden?  Known effects, simulated, criticised and added.
+
+For each mechanism, seed, hidden effect and signal-to-noise ratio: trials are planned with the believed mechanism, run
+on the true one, measured with noise and criticised without any knowledge of the truth.  `right` is
+
+    nothing hidden          verdict adequate
+    an effect               found first, or in the group named with the first, of at most three
+    outside the library     verdict unexplained
+
+| table      | row                                      | columns                                                   |
+|------------|------------------------------------------|-----------------------------------------------------------|
+| effects    | dataset                                  | what was found, misfit, errors of forces and parameters   |
+| parameters | parameter of the hidden effect, if found | truth, estimate, standard error                           |
+| summary    | mechanism, truth, noise                  | share that is right, Wilson interval, median errors       |
+| forces     | step and pair of one trial               | true force, and estimates without and with the effect     |
+
+Force errors are those on exact states of one trial, with effects as found from noisy ones and believed inertia.  Errors
+of Θ are root mean squares over the base parameters, relative.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.critique.mechanisms.critique import GROUP, MechanismCritique, criticise_mechanism
+from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, PAYLOAD, WHEEL_EFFECTS, MechanismEffect
+from thesis_lib.critique.mechanisms.fit import fit_effects
+from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, BelievedWheel
+from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
+from thesis_lib.critique.mechanisms.settings import HiddenStudy
+from thesis_lib.critique.mechanisms.windows import WeakForm, measured
+from thesis_lib.critique.proof.results import wilson
+from thesis_lib.foundation.randomness import streams
+from thesis_lib.simulate.chapter2 import motions as chapter2
+from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.stepping.stepping import Record
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+OUTSIDE = "cogging"  # hidden, but in no library
+Tables = dict[str, "pd.DataFrame"]
+
+
+def believed(kind: MechanismKind, bodies: Chapter2Bodies, sizes: HiddenSizes) -> BelievedModel:
+    """The believed model of a mechanism of chapter 2."""
+    if kind == "arm":
+        return BelievedArm(chapter2.arm_disk(bodies))
+    return BelievedWheel(chapter2.wheel(bodies), sizes.payload_radius)
+
+
+def candidates_of(kind: MechanismKind) -> tuple[MechanismEffect, ...]:
+    """Effects that may be missing in a mechanism."""
+    return ARM_EFFECTS if kind == "arm" else WHEEL_EFFECTS
+
+
+def true_sizes(kind: MechanismKind, truth: str, sizes: HiddenSizes) -> dict[str, float]:
+    """Parameters of a hidden effect by the names that the critique gives them; empty where it has none."""
+    return {
+        "viscous_joint_friction": dict(zip(("b_1", "b_2"), sizes.viscous)),
+        "coulomb_joint_friction": dict(zip(("f_1", "f_2"), sizes.coulomb)),
+        "gravity_direction": {"alpha": sizes.tilt},
+        "payload": {"m_p": sizes.payload if kind == "arm" else sizes.wheel_payload},
+        "rolling_resistance": {"c_rr": sizes.rolling},
+    }.get(truth, {})
+
+
+def is_right(truth: str, critique: MechanismCritique) -> bool:
+    """Whether the critique says what is the case, as in the module's docstring."""
+    if truth == "nothing":
+        return critique.verdict == "adequate"
+    if truth == OUTSIDE:
+        return critique.verdict == "unexplained"
+    return truth in critique.found and len(critique.found) <= GROUP
+
+
+def hidden_effect_study(
+    settings: HiddenStudy,
+    rng: np.random.Generator,
+    bodies: Chapter2Bodies = chapter2.DEFAULT,
+    say: Callable[[str], None] = lambda text: None,
+) -> tuple[Tables, dict[str, MechanismCritique]]:
+    """Run the study.
+
+    Returns:
+        Tables `effects`, `parameters`, `summary`, `forces` as in the module's docstring, and the critique of each
+        mechanism and truth, "arm/payload" and so on, in the first seed at the noise nearest 60 dB.
+
+    Raises:
+        UserError: the settings leave too few trials.
+    """
+    import pandas as pd
+
+    effects: list[dict] = []
+    parameters: list[dict] = []
+    forces = pd.DataFrame()
+    shown: dict[str, MechanismCritique] = {}
+    ratios = [np.inf if db is None else db for db in settings.snr_db]
+    main = min(ratios, key=lambda db: abs(db - 60.0) if np.isfinite(db) else 1e3)
+    named = streams(rng)
+    for kind in TRUTHS:
+        model = believed(kind, bodies, settings.sizes)
+        for seed, own in enumerate(named(kind).spawn(settings.seeds)):
+            plans = planned(kind, settings.trials, own, bodies, settings.sizes)
+            stream = streams(own)
+            for truth in TRUTHS[kind]:
+                say(f"{kind} {truth} {seed}")
+                records = run_with(kind, truth, plans, bodies, settings.sizes)
+                for db in ratios:
+                    noise, choices = (stream(truth, db, what) for what in ("noise", "choices"))
+                    trials = measured(records, db, noise, settings.critique.windows)
+                    found = criticise_mechanism(
+                        trials, model, candidates_of(kind), choices, settings.critique
+                    )
+                    exact = exact_form(records, model, settings)
+                    key = {"mechanism": kind, "truth": truth, "snr_db": db, "seed": seed}
+                    row, frame = _effects_row(
+                        found, exact, records, truth, loaded(kind, model, settings, truth)
+                    )
+                    effects.append(key | {"trials": len(records)} | row)
+                    parameters += [key | r for r in _parameter_rows(kind, truth, found, settings.sizes)]
+                    if seed == 0 and db == main:
+                        shown[f"{kind}/{truth}"] = found
+                        if (kind, truth) == settings.forces_of:
+                            forces = frame
+    table = pd.DataFrame(effects)
+    values = pd.DataFrame(parameters)
+    tables = {"effects": table, "parameters": values, "summary": summary_table(table), "forces": forces}
+    return tables, shown
+
+
+def exact_form(records: tuple[Record, ...], model: BelievedModel, settings: HiddenStudy) -> WeakForm:
+    """Window equations of the exact states of one trial, the last of the records, as good as any."""
+    windows = settings.critique.windows
+    # no draw is used: an infinite ratio adds no noise
+    return WeakForm(measured(records[-1:], np.inf, np.random.default_rng(0), windows), model, windows)
+
+
+def loaded(kind: MechanismKind, model: BelievedModel, settings: HiddenStudy, truth: str) -> np.ndarray:
+    """True inertial parameters (4 b,)."""
+    if truth != PAYLOAD.name:
+        return model.parameters
+    return model.parameters + true_sizes(kind, truth, settings.sizes)["m_p"] * model.payload
+
+
+def _effects_row(
+    found: MechanismCritique, exact: WeakForm, records: tuple[Record, ...], truth: str, true: np.ndarray
+) -> tuple[dict, "pd.DataFrame"]:
+    first = found.steps[0] if found.steps else None
+    before, estimate, reference = force_error(exact, records[-1:], None)
+    after, with_it, _ = force_error(exact, records[-1:], found.fitted)
+    without = identify_parameters(found.training, fit_effects(found.training, ()))
+    identified = identify_parameters(found.training, found.fitted)
+    # a payload changes the parameters themselves: what was wrong is what was believed
+    start = without.believed if PAYLOAD.name in found.fitted.values else without.value
+    goal = identified.of(true)
+    row = {
+        "verdict": found.verdict,
+        "first_effect": first.effect.name if first else "",
+        "group": "; ".join(found.found[1:]),
+        "n_effects": len(found.steps),
+        "right": int(is_right(truth, found)),
+        "p_value": first.p_value if first else found.first_scan.p_value(max(found.first_scan.gain.values())),
+        "gain": first.gain[0] if first else 0.0,
+        "misfit_before": found.ladder[0][0],
+        "misfit_after": found.ladder[-1][0],
+        "force_error_before": before,
+        "force_error_after": after,
+        "theta_error_before": _relative(start, without.of(true)),
+        "theta_error_after": _relative(identified.value, goal),
+    }
+    return row, force_rows(found.model, exact, estimate, with_it, reference)
+
+
+def _relative(value: np.ndarray, true: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(((value - true) / true) ** 2)))
+
+
+def _parameter_rows(
+    kind: MechanismKind, truth: str, found: MechanismCritique, sizes: HiddenSizes
+) -> list[dict]:
+    effect = next((s.effect for s in found.steps if s.effect.name == truth), None)
+    if effect is None:
+        return []
+    true = true_sizes(kind, truth, sizes)
+    values, std = found.fitted.values[truth], found.fitted.std[truth]
+    return [
+        {"parameter": p.name, "unit": p.unit, "true": true[p.name], "estimate": x, "std": s}
+        for p, x, s in zip(effect.parameters, values, std)
+    ]
+
+
+def force_rows(
+    model: BelievedModel, weak: WeakForm, before: np.ndarray, after: np.ndarray, true: np.ndarray
+) -> "pd.DataFrame":
+    """Forces of steps and pairs in contact: t, pair, component, true, without, with_effects."""
+    import pandas as pd
+
+    rows = []
+    for j, pair in enumerate(model.mechanism.pairs):
+        for i, component in enumerate(("normal", "tangential")):
+            on = np.flatnonzero(np.isfinite(true[:, i, j]))
+            rows += [
+                (weak.h * weak.step[k], pair, component, true[k, i, j], before[k, i, j], after[k, i, j])
+                for k in on
+            ]
+    return pd.DataFrame(rows, columns=["t", "pair", "component", "true", "without", "with_effects"])
+
+
+def summary_table(effects: "pd.DataFrame") -> "pd.DataFrame":
+    """Share of right answers of each mechanism, truth and noise with 95 % Wilson interval, and median errors."""
+    import pandas as pd
+
+    rows = []
+    medians = [
+        name for name in effects.columns if name.startswith(("misfit_", "force_error_", "theta_error_"))
+    ]
+    for key, own in effects.groupby(["mechanism", "truth", "snr_db"], sort=False):
+        low, high = wilson(int(own["right"].sum()), len(own))
+        row = dict(zip(("mechanism", "truth", "snr_db"), key)) | {"datasets": len(own)}
+        row |= {"right": own["right"].mean(), "right_low": low, "right_high": high}
+        row |= {"group_size": (1 + own["group"].str.count(";") + (own["group"] != "")).mean()}
+        rows.append(row | {name: own[name].median() for name in medians})
+    return pd.DataFrame(rows)

@@ -1,0 +1,278 @@
+"""Equations of motion over windows, free of contact forces, and whitened by the noise of the states.
+
+In step k the believed model leaves h (Y_k π − f_k − Q_k) = h J_k' c_k.  With N_k the directions that the active
+contacts leave free, J_k N_k = 0, contact forces drop out, and a window of steps of one set of contacts gives
+
+    r_w = Σ_k N_k' h (Y_k π − f_k − Q_k),        h Y_k π ∋ M_k (v_{k+1} − v_k),
+
+in which noisy velocities count at the window's ends only, not at each step over h.  N_k = [1; −J_D⁻¹ J_F] with
+coordinates F free and D dependent; D is chosen once a window, so that N varies smoothly within it.
+
+A contact counts as active where noise could hide that it is: projecting out one that is not costs information only.
+
+The states' noise is known, independent, of standard deviation σ a channel.  With G = ∂r/∂(q, v) by central differences,
+
+    S = G diag(σ²) G',      S = L L',      z = L⁻¹ r      one S a trial,
+
+is unit noise to first order where the model is right.  Windows without free directions (the wheel on two spokes), near
+a singular pose or shorter than `min_window` are left out and counted.
+
+| on paper | in code   | unit   | shape      | meaning                                          |
+|----------|-----------|--------|------------|--------------------------------------------------|
+| N_k'     | `basis`   | 1, m   | (n, nv, nv)| rows beyond the free ones are zero               |
+| Q_k      | `force`   | N, N m | (n, nv)    | force of effects                                 |
+| z        | returned  | 1      | (N,)       | whitened residuals, trial by trial               |
+
+Sources: D. A. Messenger, D. M. Bortz, Multiscale Model. Simul. 19 (2021), doi 10.1137/20M1343166 (weak form); F. E.
+Udwadia, R. E. Kalaba, Proc. R. Soc. A 439 (1992), doi 10.1098/rspa.1992.0158 (projection).
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from thesis_lib.critique.mechanisms.effects import Motion
+from thesis_lib.critique.mechanisms.model import BelievedModel
+from thesis_lib.critique.mechanisms.settings import WindowSettings
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.stepping.multibody import Contacts
+from thesis_lib.simulate.stepping.stepping import Record
+
+NUDGE = 1e-5  # m, rad and per s: central differences of smooth functions of order one
+SINGULAR = 0.02  # smallest |det J_D| over its largest in a window: below it N is noise
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Measured motion of one trial: q, v (m+1, nv), f_ext (m, nv), and the noise `sigma` (2, nv) of q and v."""
+
+    h: float
+    q: np.ndarray
+    v: np.ndarray
+    f_ext: np.ndarray
+    sigma: np.ndarray
+
+
+def measured(
+    records: Sequence[Record], snr_db: float, rng: np.random.Generator, settings: WindowSettings
+) -> tuple[Trial, ...]:
+    """Trials as a sensor of the given signal-to-noise ratio reports them; infinite: exact states."""
+    trials = []
+    for record in records:
+        noisy = add_noise(record, snr_db, rng)
+        sigma = noisy.sigma
+        if not np.isfinite(snr_db):
+            spread = np.stack([record.q.std(axis=0), record.v.std(axis=0)])
+            sigma = spread * 10.0 ** (-settings.exact_db / 20.0)
+        trials.append(Trial(record.h, noisy.q, noisy.v, record.f_ext, sigma))
+    return tuple(trials)
+
+
+@dataclass(frozen=True)
+class _Window:
+    trial: int
+    start: int
+    stop: int
+    active: tuple[int, ...]
+    dependent: tuple[int, ...]
+
+
+class WeakForm:
+    """Windowed equations of trials under a believed model.
+
+    Attributes:
+        motion: (n, ...) all steps that lie in a window, with contact forces of the believed model alone.
+        f: (n, nv) known forces of these steps; step, step_trial: (n,) their numbers and trials.
+        starts: (windows,) first step of each window; active_pairs: its contact pairs.
+        trial: (N,) trial of each row of z; window: (N,) number of its window; coordinate: (N,) its free coordinate.
+        left_out: steps in no window, by reason; steps: number of all steps.
+
+    Raises:
+        UserError: no window is left, or a state is not finite.
+    """
+
+    def __init__(self, trials: Sequence[Trial], model: BelievedModel, settings: WindowSettings) -> None:
+        self.model, self.h = model, trials[0].h
+        self.left_out: Counter[str] = Counter()
+        self.steps = sum(len(t.f_ext) for t in trials)
+        for i, t in enumerate(trials):
+            if not all(np.isfinite(x).all() for x in (t.q, t.v, t.f_ext, t.sigma)):
+                raise UserError(
+                    f"Trial {i} holds states, forces or noise that are not finite; repair or drop it."
+                )
+        windows: list[_Window] = []
+        for i, t in enumerate(trials):
+            windows += self._windows(i, t, settings)
+        if not windows:
+            raise UserError(
+                "No window of any trial has a direction that its contacts leave free, so nothing can be criticised; "
+                f"steps left out: {dict(self.left_out)}."
+            )
+        step = np.concatenate([np.arange(w.start, w.stop) for w in windows])
+        of_trial = np.concatenate([np.full(w.stop - w.start, w.trial) for w in windows])
+        self.active_pairs = tuple(w.active for w in windows)
+        self._group(windows)
+        q, v, v_next, f = (
+            np.concatenate([getattr(trials[w.trial], name)[w.start + one : w.stop + one] for w in windows])
+            for name, one in (("q", 0), ("v", 0), ("v", 1), ("f_ext", 0))
+        )
+        self.f, self._v_next = f, v_next
+        self.step, self.step_trial = step, of_trial
+        self.basis = self._basis(q)
+        self._constraints(q)
+        self.motion = Motion(q, v, (v_next - v) / self.h, np.zeros((len(q), len(model.mechanism.pairs))))
+        self.motion = self.with_normals(np.zeros_like(q))
+        self._whitening(trials, of_trial, step)
+
+    def _windows(self, i: int, t: Trial, settings: WindowSettings) -> list[_Window]:
+        q, v = t.q[:-1], t.v[:-1]
+        contacts = self.model.contacts(q)
+        spread = np.sqrt(np.einsum("kpv,v->kp", contacts.J_n**2, t.sigma[0] ** 2))
+        closing = np.minimum(0.0, self.h * np.einsum("kpv,kv->kp", contacts.J_n, v))
+        # one step of free fall beyond what the speed says, and noise
+        reach = settings.gap_sigmas * spread + np.linalg.norm(self.model.gravity) * self.h**2
+        active = contacts.phi + closing <= reach
+        # and a step before, because a driven arm closes a gap faster than gravity
+        active[:-1] |= active[1:]
+        cuts = (np.flatnonzero((active[1:] != active[:-1]).any(axis=1)) + 1).tolist()
+        found = []
+        for a, b in zip([0, *cuts], [*cuts, len(q)]):
+            if b - a < settings.min_window:
+                self.left_out["too short"] += b - a
+                continue
+            parts = max(1, round((b - a) / settings.window))
+            ends = np.linspace(a, b, parts + 1).round().astype(int).tolist()
+            pairs = tuple(np.flatnonzero(active[a]).tolist())
+            J = _jacobians(contacts, pairs)
+            for start, stop in pairwise(ends):
+                dependent, why = _dependent(J[start:stop])
+                if why:
+                    self.left_out[why] += stop - start
+                else:
+                    found.append(_Window(i, start, stop, pairs, dependent))
+        return found
+
+    def _group(self, windows: list[_Window]) -> None:
+        """Steps of one set of contacts and dependent coordinates together: their algebra is one batch."""
+        nv = len(self.model.coordinates)
+        groups: dict[tuple, list[np.ndarray]] = {}
+        at, rows, starts = 0, [], []
+        for number, w in enumerate(windows):
+            length = w.stop - w.start
+            groups.setdefault((w.active, w.dependent), []).append(np.arange(at, at + length))
+            starts.append(at)
+            free = [c for c in range(nv) if c not in w.dependent]
+            rows += [(w.trial, number, c, j) for j, c in enumerate(free)]
+            at += length
+        self._groups = {key: np.concatenate(parts) for key, parts in groups.items()}
+        self.starts = np.array(starts)
+        self.trial, self.window, self.coordinate, self._slot = np.array(rows).T
+
+    def _basis(self, q: np.ndarray) -> np.ndarray:
+        nv = q.shape[1]
+        out = np.zeros((len(q), nv, nv))
+        for (active, dependent), at in self._groups.items():
+            free = [c for c in range(nv) if c not in dependent]
+            J = _jacobians(self.model.contacts(q[at]), active)
+            N = np.zeros((len(at), len(free), nv))
+            N[:, np.arange(len(free)), free] = 1.0
+            if dependent:
+                solved = np.linalg.solve(J[:, :, list(dependent)], J[:, :, free])
+                N[:, :, list(dependent)] = -np.swapaxes(solved, 1, 2)
+            out[at, : len(free)] = N
+        return out
+
+    def _constraints(self, q: np.ndarray) -> None:
+        """(J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which gives contact forces from what they must add up to."""
+        contacts = self.model.contacts(q)
+        on = np.zeros(contacts.phi.shape, dtype=bool)
+        for (active, _), at in self._groups.items():
+            on[np.ix_(at, list(active))] = True
+        J = np.concatenate([contacts.J_n * on[..., None], contacts.J_t * on[..., None]], axis=1)
+        JM = J @ np.linalg.inv(self.model.mass_matrix(q))
+        self._to_contact = np.linalg.pinv(JM @ np.swapaxes(J, 1, 2), hermitian=True) @ JM
+
+    def contact_forces(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """c_n, c_t (n, p) in N that the motion needs when `force` (n, nv) acts besides the believed model."""
+        m = self.motion
+        left = self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force
+        c = np.einsum("kcv,kv->kc", self._to_contact, left)
+        p = c.shape[1] // 2
+        return c[:, :p], c[:, p:]
+
+    def with_normals(self, force: np.ndarray) -> Motion:
+        """The motion with the normal forces that it needs when `force` (n, nv) acts, too."""
+        return replace(self.motion, c_n=self.contact_forces(force)[0])
+
+    def gathered(self, force: np.ndarray) -> np.ndarray:
+        """Σ_k N_k' h force_k over each window, whitened: (N,) of (n, nv), or (N, j) of (n, nv, j)."""
+        step = np.einsum("krv,kv...->kr...", self.basis, self.h * force)
+        rows = np.add.reduceat(step, self.starts, axis=0)[self.window, self._slot]
+        out = np.empty_like(rows)
+        for where, L in self._factors:
+            out[where] = solve_triangular(L, rows[where], lower=True)
+        return out
+
+    def residual(self, force: np.ndarray) -> np.ndarray:
+        """z (N,) where the effects' force (n, nv) acts besides the believed model."""
+        m = self.motion
+        return self.gathered(self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force)
+
+    def _whitening(self, trials: Sequence[Trial], of_trial: np.ndarray, step: np.ndarray) -> None:
+        q, v, v_next = self.motion.q, self.motion.v, self._v_next
+        n, nv = q.shape
+
+        def balance(q: np.ndarray, v: np.ndarray, v_next: np.ndarray) -> np.ndarray:
+            left = self.model.inverse_dynamics(q, v, (v_next - v) / self.h) - self.f
+            return np.einsum("krv,kv->kr", self._basis(q), self.h * left)
+
+        slopes = np.zeros((3, n, nv, nv))  # of q_k, v_k, v_{k+1}; row, channel
+        for which in range(3):
+            for channel in range(nv):
+                shift = NUDGE * np.eye(nv)[channel]
+                up, down = [q, v, v_next], [q, v, v_next]
+                up[which], down[which] = up[which] + shift, down[which] - shift
+                slopes[which, :, :, channel] = (balance(*up) - balance(*down)) / (2.0 * NUDGE)
+        self._factors = []
+        ends = np.append(self.starts, n).tolist()
+        for i, t in enumerate(trials):
+            where = np.flatnonzero(self.trial == i)
+            if not len(where):
+                continue
+            G = np.zeros((2, len(where), len(t.q), nv))
+            for row, r in enumerate(where):
+                window = int(self.window[r])
+                at = np.arange(ends[window], ends[window + 1])
+                k, slot = step[at], self._slot[r]
+                G[0, row, k] += slopes[0, at, slot]
+                G[1, row, k] += slopes[1, at, slot]
+                G[1, row, k + 1] += slopes[2, at, slot]
+            S = np.einsum("crkv,cv,cskv->rs", G, t.sigma**2, G, optimize=True)
+            # a channel without noise may leave a row without any; its scale keeps the factor defined
+            S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
+            self._factors.append((where, np.linalg.cholesky(S)))
+
+
+def _jacobians(contacts: Contacts, pairs: tuple[int, ...]) -> np.ndarray:
+    """Normal and tangential rows (n, 2 p, nv) of the given contact pairs."""
+    return np.concatenate([contacts.J_n[:, list(pairs)], contacts.J_t[:, list(pairs)]], axis=1)
+
+
+def _dependent(J: np.ndarray) -> tuple[tuple[int, ...], str]:
+    """Coordinates that the constraints J (k, c, nv) of a window determine, and why it cannot be used, or ''."""
+    c, nv = J.shape[1:]
+    if c == 0:
+        return (), ""
+    if c >= nv:
+        return (), "no free direction"
+    best, chosen = 0.0, ()
+    for columns in combinations(range(nv), c):
+        det = np.abs(np.linalg.det(J[:, :, list(columns)]))
+        if det.min() > best:
+            best, chosen = float(det.min()), columns
+    return (chosen, "") if best > SINGULAR else ((), "singular pose")

@@ -1,0 +1,68 @@
+"""Sizes of the laws injected in the proof: how much of an effect raises the base law's misfit to 3 times the floor.
+
+The factors in config/proof_sizes.json multiply the scales of an effect's parameters.  They were found here, on a
+development seed, before the first run; `python -m thesis_lib.critique.proof size NAME` finds one again.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.fit import fit
+from thesis_lib.critique.drops.held_out import judge
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.simulation.law_drops import simulate_law_drops
+from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE
+from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
+
+SIZES = Path(__file__).resolve().parents[3] / "config" / "proof_sizes.json"
+# with less friction hardly any contact sticks, and some effects do not show
+MU, EPSILON = 0.3, 0.55
+LAW = "wang_mason"  # an exact path-wise law
+
+
+def stored_factor(name: str) -> float:
+    """Factor on the scales of an effect in config/proof_sizes.json."""
+    return json.loads(SIZES.read_text(encoding="utf-8"))["law"][name]
+
+
+def law_size(name: str, factor: float) -> dict[str, float]:
+    """Parameters of an effect: its scales times a factor."""
+    return {
+        p.name: p.discrete
+        if p.discrete is not None
+        else float(np.clip(p.null + factor * p.scale, p.low, p.high))
+        for p in EFFECTS[name].parameters
+    }
+
+
+def find_size(name: str, ratio: float, seed: int) -> float:
+    """Factor on the scales of an effect at which the base law's misfit is `ratio` times the noise floor (bisection)."""
+    effect = EFFECTS[name]
+    body = SQUARE if name == "rounded_corners" else ELLIPSE_BODY
+
+    def misfit(factor: float) -> float:
+        values = {"mu": MU, "epsilon": EPSILON}
+        values |= {f"{name}.{k}": v for k, v in law_size(name, factor).items()}
+        rng = generator(seed, "proof sizes", name)
+        model = Model(LAWS[LAW], (effect,))
+        o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG_NOISE, rng=rng))
+        judged = judge(fit(Model(LAWS[LAW]), o), o)
+        # from the misfit without anything hidden, which is not exactly 1 in the gap
+        impact = float(judged.error.mean()) / judged.floor
+        flight = np.sqrt(judged.sigmas["flight"])
+        touch = np.sqrt(judged.sigmas["touch"]) / 0.85 if effect.channels == ("touch",) else 0.0
+        return float(
+            max(flight, 0.0) if effect.family == "flight" or name == "surface_tilt" else max(impact, touch)
+        )
+
+    low, high = 0.01, 30.0
+    for _ in range(9):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if misfit(middle) < ratio else (low, middle)
+    return float(f"{np.sqrt(low * high):.3g}")

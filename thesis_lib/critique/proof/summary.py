@@ -1,0 +1,320 @@
+"""The proof against its targets: one row per figure and source of truth, and all tables as text.
+
+Figures are those of 150 drops (or the drops that the figure names) at three times the noise floor and the rig's noise.
+"mechanism" is our own integration of compliant contact, "drake" is Drake's; they are judged together and each.
+
+- A share is judged by itself, its 95 % Wilson interval stands beside it.  Datasets are independent; parameters of one
+  dataset are not quite, so that the interval of the coverage is a little too narrow.
+- The coverage is that of parameters in models that hold the hidden effect: where it was not named there is nothing to
+  cover.  It is met only if the median width over the Cramér-Rao bound is at most `WIDEST`.
+- The misfit over its floor is the median over single-effect datasets, right or wrong, with the interval of its order
+  statistics; the worst truth and the share of datasets within the target stand in the note.
+- A figure without stored results is "not run"; `n_asked` says how many datasets were planned for it.
+"""
+
+# pandas' stubs do not know what a row holds
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.proof.cases import NOTHING, SOURCES, STORE, truths
+from thesis_lib.critique.proof.results import kind_of, outcomes, recovered, wilson
+from thesis_lib.critique.proof.table import confusion, misses, of_table
+from thesis_lib.foundation.files import write_result
+
+MECHANISMS = ("mechanism", "drake")
+WIDEST = 1.3  # interval width over the Cramér-Rao bound
+SEEDS_ASKED = {NOTHING: 200, "single": 10}  # datasets planned for each truth and source at 150 drops
+ASKED = {"pair": 10 * 10, "outside": 3 * 10, "small": 8 * 3}  # in all; "small": of each source, at 50 drops
+SUMMARY = (
+    "figure",
+    "source",
+    "at_least",
+    "aim",
+    "measured",
+    "low",
+    "high",
+    "n",
+    "n_asked",
+    "met",
+    "group_size",
+    "note",
+)
+Measure = Literal["right", "coverage", "misfit"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """One figure of the summary.
+
+    Attributes:
+        figure: what is measured.
+        measure: share of right verdicts, coverage of parameters, or misfit over its floor.
+        kind: of the datasets that count, one of `proof_results.KINDS`.
+        at_least, aim: intervals (low, high) within which the value must lie.
+        groups: sources that are judged together.
+        drops: releases in a dataset.
+    """
+
+    figure: str
+    measure: Measure
+    kind: str
+    at_least: tuple[float, float]
+    aim: tuple[float, float]
+    groups: tuple[tuple[str, ...], ...]
+    drops: int = 150
+
+    def met(self, value: float) -> str:
+        """aim, at least, or missed."""
+        for name, (low, high) in (("aim", self.aim), ("at least", self.at_least)):
+            if low <= value <= high:
+                return name
+        return "missed"
+
+
+_EACH = (MECHANISMS, ("mechanism",), ("drake",))
+_ALL = (SOURCES, ("law",), ("mechanism",), ("drake",))
+TARGETS = (
+    Target(
+        "right effect first or in the named group, laws injected, 150 drops",
+        "right",
+        "single",
+        (0.95, 1.0),
+        (0.99, 1.0),
+        (("law",),),
+    ),
+    Target("the same, mechanisms, 150 drops", "right", "single", (0.85, 1.0), (0.95, 1.0), _EACH),
+    Target("the same, mechanisms, 50 drops", "right", "single", (0.70, 1.0), (0.90, 1.0), _EACH, 50),
+    Target(
+        "nothing hidden, verdict adequate, per source", "right", NOTHING, (0.95, 1.0), (0.99, 1.0), _ALL[1:]
+    ),
+    Target("both effects of a pair", "right", "pair", (0.80, 1.0), (0.95, 1.0), _ALL),
+    Target("outside the library: unexplained", "right", "outside", (0.80, 1.0), (0.95, 1.0), _EACH),
+    Target(
+        f"parameter inside its 95 % interval (laws injected), width over the Fisher bound ≤ {WIDEST:g}",
+        "coverage",
+        "single",
+        (0.90, 1.0),
+        (0.94, 0.96),
+        (("law",),),
+    ),
+    Target(
+        "held-out error after, over the noise floor (single effects)",
+        "misfit",
+        "single",
+        (0.0, 1.2),
+        (0.0, 1.05),
+        _ALL,
+    ),
+)
+
+
+def summary(store: Path = STORE) -> pd.DataFrame:
+    """The proof against its targets: columns `SUMMARY`, explained in foundation/columns.yaml.
+
+    `met` is aim, at least, missed, or not run (nothing stored).
+
+    Raises:
+        CorruptFileError: a stored result cannot be read.
+    """
+    datasets, parameters = outcomes(store), recovered(store)
+    rows = []
+    for target in TARGETS:
+        for group in target.groups:
+            own = of_table(datasets, drops=target.drops)
+            own = own[(own["kind"] == target.kind) & own["source"].isin(group)]
+            row = {
+                "figure": target.figure,
+                "source": "all" if group == SOURCES else " + ".join(group),
+                "at_least": _said(target, target.at_least),
+                "aim": _said(target, target.aim),
+                "n_asked": _asked(target, group),
+                # of a dataset in which nothing or nothing known was hidden every group is wrong
+                "group_size": own["group_size"].mean() if target.kind in ("single", "pair") else np.nan,
+                "note": "",
+            }
+            if target.measure == "coverage":
+                values = of_table(parameters, drops=target.drops)
+                row |= _coverage(target, values[values["source"].isin(group)])
+            elif target.measure == "misfit":
+                row |= _misfit(target, own)
+            else:
+                row |= _right(target, own)
+            rows.append(row)
+    return pd.DataFrame(rows, columns=list(SUMMARY))
+
+
+_NOT_RUN = {"n": 0, "measured": np.nan, "low": np.nan, "high": np.nan, "met": "not run"}
+
+
+def _right(target: Target, own: pd.DataFrame) -> dict:
+    if own.empty:
+        return _NOT_RUN
+    share = float(own["right"].mean())
+    low, high = wilson(int(own["right"].sum()), len(own))
+    return {"n": len(own), "measured": share, "low": low, "high": high, "met": target.met(share)}
+
+
+def _coverage(target: Target, values: pd.DataFrame) -> dict:
+    if values.empty:
+        return _NOT_RUN
+    share, width = float(values["inside"].mean()), float(values["width"].median())
+    low, high = wilson(int(values["inside"].sum()), len(values))
+    return {
+        "n": len(values.drop_duplicates(["source", "truth", "seed"])),
+        "measured": share,
+        "low": low,
+        "high": high,
+        # a width that is not known is not known to be small
+        "met": target.met(share) if width <= WIDEST else "missed",
+        "note": f"{len(values)} parameters, median width over the bound {width:.2f}",
+    }
+
+
+def _misfit(target: Target, own: pd.DataFrame) -> dict:
+    own = own[np.isfinite(own["after_over_floor"].astype(float))]
+    if own.empty:
+        return _NOT_RUN
+    values = own["after_over_floor"].to_numpy(float)
+    median = float(np.median(values))
+    low, high = median_interval(values)
+    by_truth = own.groupby("truth")["after_over_floor"].median()
+    enough = np.mean(values <= target.at_least[1])
+    impacts = (own["error_after"] / own["floor"]).median()
+    return {
+        "n": len(own),
+        "measured": median,
+        "low": low,
+        "high": high,
+        "met": target.met(median),
+        "note": f"{100 * enough:.0f} % of datasets ≤ {target.at_least[1]:g}; worst {by_truth.idxmax()} "
+        f"{by_truth.max():.2f}; impacts alone {impacts:.2f}",
+    }
+
+
+def median_interval(values: np.ndarray) -> tuple[float, float]:
+    """95 % interval of the median from order statistics; all values where there are too few of them (below 6)."""
+    from scipy.stats import binom
+
+    ordered = np.sort(values)
+    # the number of values below the median is binomial (n, 1/2)
+    k = int(binom.ppf(0.025, len(ordered), 0.5))
+    k = max(k - 1, 0)
+    return float(ordered[k]), float(ordered[len(ordered) - 1 - k])
+
+
+def _asked(target: Target, group: Sequence[str]) -> float:
+    """Datasets that were planned; NaN where the plan is not per source, or it depends on what is named."""
+    if target.measure == "coverage":
+        return np.nan
+    if target.drops != 150:
+        return float(ASKED["small"] * len(group))
+    if target.kind in SEEDS_ASKED:
+        count = sum(kind_of(source, truth) == target.kind for source in group for truth in truths(source))
+        return float(SEEDS_ASKED[target.kind] * count)
+    return float(ASKED[target.kind]) if group == target.groups[0] else np.nan
+
+
+def _said(target: Target, limits: tuple[float, float]) -> str:
+    low, high = limits
+    if target.measure == "misfit":
+        return f"≤ {high:g}"
+    return f"{100 * low:.0f} %" if high == 1.0 else f"{100 * low:.0f}-{100 * high:.0f} %"
+
+
+def tables(store: Path = STORE) -> dict[str, pd.DataFrame]:
+    """The tables `summary`, `misses` and `confusion` of a store."""
+    return {"summary": summary(store), "misses": misses(store), "confusion": confusion(store)}
+
+
+def report(store: Path = STORE, folder: Path | None = None) -> str:
+    """Text of all tables; with a `folder` they are also written there as CSV, under the names that `tables` gives them.
+
+    Raises:
+        CorruptFileError: a stored result cannot be read.
+    """
+    found = tables(store)
+    for name, table in found.items() if folder else ():
+        write_result(table, Path(folder) / f"{name}.csv")
+    return as_text(found)
+
+
+def as_text(found: dict[str, pd.DataFrame]) -> str:
+    """The tables of `tables` for a terminal of 120 columns."""
+    lines = ["The proof against its targets", ""]
+    last = None
+    for row in found["summary"].itertuples():
+        if row.figure != last:
+            lines.append(f"{row.figure} (at least {row.at_least}, aim {row.aim})")
+            last = row.figure
+        asked = f"{row.n} of {row.n_asked:.0f}" if np.isfinite(row.n_asked) else f"{row.n}"
+        misfit = row.at_least.startswith("≤")
+        value = _span(row.measured, row.low, row.high, misfit)
+        size = f"mean group {row.group_size:.2f}" if np.isfinite(row.group_size) and not misfit else ""
+        lines.append(
+            f"    {row.source:<18}{value:<22}{asked + ' datasets':<23}{row.met:<10}{size:<17}".rstrip()
+        )
+        if row.note:
+            lines.append(f"        {row.note}")
+    lines += ["", f"Misses at 150 drops: {len(found['misses'])}", ""]
+    for row in found["misses"].itertuples():
+        said = row.why if row.verdict == "refused" else row.named or "nothing named"
+        lines.append(f"    {row.source}/{row.truth} {row.seed}: {row.verdict}; {said}"[:120])
+    lines += ["", "Truth against verdict (medians; [ ] 95 % intervals)", "", _HEAD]
+    for row in found["confusion"].itertuples():
+        lines += _confusion_lines(row)
+    return "\n".join(lines) + "\n"
+
+
+_HEAD = (
+    f"{'source':<10}{'truth':<35}{'ratio':>5}{'drops':>6}{'noise':>6}{'n':>5}{'right %':>16}{'group':>6}"
+    f"{'before':>7}{'after':>6}{'cover %':>8}{'width':>6}"
+)
+
+
+def _confusion_lines(row: tuple) -> list[str]:
+    values = (
+        f"{row.ratio:>5g}{row.drops:>6}{row.noise:>6g}{row.n:>5}"
+        f"{_span(row.right, row.right_low, row.right_high, False):>16}{_cell(row.group_size, '.1f'):>6}"
+        f"{_cell(row.before_over_floor, '.2f'):>7}{_cell(row.after_over_floor, '.2f'):>6}"
+        f"{_cell(100 * row.coverage, '.0f'):>8}{_cell(row.width, '.2f'):>6}"
+    )
+    said = row.verdicts.replace(";", ", ")
+    if row.named_first:
+        said += "; first "
+        said += _fitting(row.named_first.split(";"), 120 - 14 - len(said))
+    # names of pairs are longer than the column
+    first = (
+        [f"{row.source:<10}{row.truth:<35}{values}".rstrip()]
+        if len(row.truth) < 35
+        else [f"{row.source:<10}{row.truth}", f"{'':<45}{values}".rstrip()]
+    )
+    return [*first, f"{'':<14}{said}"]
+
+
+def _fitting(names: Sequence[str], width: int) -> str:
+    """Names joined by commas, with the number of those that do not fit."""
+    for kept in range(len(names), 0, -1):
+        more = len(names) - kept
+        text = ", ".join(names[:kept]) + (f", and {more} more" if more else "")
+        if len(text) <= width:
+            return text
+    return ""
+
+
+def _cell(value: float, form: str) -> str:
+    return format(value, form) if np.isfinite(value) else ""
+
+
+def _span(value: float, low: float, high: float, as_is: bool) -> str:
+    if not np.isfinite(value):
+        return "-"
+    if as_is:
+        return f"{value:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{100 * value:.1f} [{100 * low:.0f}, {100 * high:.0f}]"

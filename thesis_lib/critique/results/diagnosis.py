@@ -1,0 +1,171 @@
+"""diagnosis.json: the verdict, what is missing, what could not be told, and what to measure next.
+
+`diagnosis` shows all keys; not all of them say themselves what they hold:
+
+| where           | key                 | meaning                                                                     |
+|-----------------|---------------------|-----------------------------------------------------------------------------|
+|                 | summary             | sentences for a reader (see summary.py)                                     |
+|                 | augmented_model     | law and (μ, ε) with the effects on: another law may fit better then         |
+|                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
+| effects         | clears              | whether it passes the thresholds: one that the user switched on may not     |
+|                 | material_in         | channels whose held-out misfit it lowers by an amount that counts           |
+| error           | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
+|                 | irb_bound_augmented | with geometry, inertia and camera as the effects have them                  |
+|                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
+|                 | worst               | largest errors, where they and not the median lift the mean above the floor |
+| remaining       | channels            | those whose misfit stays far above noise                                    |
+| detectable      | significant, material | the two sizes of which `smallest` is the larger (see detectable.py)       |
+| next_experiment | shows, sigmas       | see next_experiment.py                                                      |
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.drops.criticise import Critique, gain_of
+from thesis_lib.critique.drops.detectable import detectable
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.held_out import CHANNELS, is_material
+from thesis_lib.critique.drops.next_experiment import next_experiment
+from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.critique.results.summary import summary
+from thesis_lib.critique.results.tables import ladder, left_out_impacts
+from thesis_lib.critique.results.numbers import mean_interval
+
+WORST = 5  # impacts that are listed where single ones spoil the mean
+
+
+def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame | None = None) -> dict:
+    """The content of diagnosis.json, with numbers of six digits.
+
+    Args:
+        critique: what was found.
+        rng: draws intervals and trial states.
+        rungs: table of the ladder, whose intervals are told here, too; None: made here.
+    """
+    found = critique.discovery
+    base, final = critique.ladder[0][1], critique.ladder[-1][1]
+    content = {
+        "schema": 1,
+        "dataset": critique.dataset,
+        "n_impacts": len(critique.observations),
+        "n_trials": len(np.unique(critique.observations.trial)),
+        "verdict": critique.verdict,
+        "base_model": {"name": found.base, "parameters": _parameters(base, ("mu", "epsilon"))},
+        "augmented_model": {
+            "name": final.model.law.name,
+            "parameters": _parameters(final, ("mu", "epsilon")),
+        },
+        "effects": [_effect(critique, i, rng) for i in range(len(found.steps))],
+        "laws": {name: _law(critique, name) for name in critique.laws},
+        "error": _error(critique),
+        "remaining": {
+            "structured": critique.is_structured,
+            "channels": list(critique.misfit_channels),
+            "p_value": critique.remaining.p_value,
+            "depends_on": list(critique.remaining.depends_on) if critique.is_structured else [],
+            "error": critique.remaining.error_before,
+            "error_without_it": critique.remaining.error_after,
+        },
+        "not_testable": [{"name": name, "why": why} for name, why in found.not_testable.items()],
+        "left_out": _left_out(critique),
+        "detectable": detectable(critique),
+        "next_experiment": next_experiment(critique, rng),
+    }
+    rungs = ladder(critique, rng) if rungs is None else rungs
+    for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
+        content["error"][key] = [float(row["error_low"]), float(row["error_high"])]
+    content["summary"] = summary(content)
+    return six_digits(content)
+
+
+def _parameters(fitted: Fit, names: tuple[str, ...]) -> dict:
+    declared = fitted.model.parameters
+    return {
+        name: {"value": fitted.values[name], "std": fitted.std[name], "unit": declared[name].unit}
+        for name in names
+    }
+
+
+def _law(critique: Critique, name: str) -> dict:
+    """One law without effects: what two runs that chose different laws can be compared by."""
+    fitted, _ = critique.discovery.laws[name]
+    error, low, high = mean_interval(critique.laws[name].error, critique.laws[name].trial)
+    return {
+        "parameters": _parameters(fitted, ("mu", "epsilon")),
+        "error": error,
+        "interval": [low, high],
+        "unit": "m/s",
+    }
+
+
+def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
+    step, final = critique.discovery.steps[i], critique.ladder[-1][1]
+    name = step.effect.name
+    gain, low, high = gain_of(critique, name, rng)
+    prefix = f"{name}."
+    parameters = _parameters(final, tuple(prefix + p.name for p in step.effect.parameters))
+    return {
+        "name": name,
+        "family": step.effect.family,
+        "parameters": {key.removeprefix(prefix): value for key, value in parameters.items()},
+        "clears": step.clears,
+        "material_in": _material_in(critique, name),
+        "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
+        "indistinguishable_from": list(step.alternatives),
+    }
+
+
+def _material_in(critique: Critique, effect: str) -> list[str]:
+    """Channels whose held-out misfit the effect lowers by an amount that counts."""
+    last, without, s = critique.ladder[-1][2], critique.without[effect], critique.settings
+    return [c for c in CHANNELS if is_material(last, without, (c,), s.material_share, s.material_floor)]
+
+
+def _error(critique: Critique) -> dict:
+    (_, _, before), (_, _, after) = critique.ladder[0], critique.ladder[-1]
+    base, augmented, floor = float(before.error.mean()), float(after.error.mean()), after.floor
+    misfits = {
+        name: {
+            "unit": "sigma",
+            "base": np.sqrt(before.sigmas[name]),
+            "augmented": np.sqrt(after.sigmas[name]),
+            "noise_floor": 1.0,
+        }
+        if np.isfinite(before.sigmas[name])
+        else None
+        for name in CHANNELS[1:]
+    }
+    return {
+        "unit": "m/s",
+        "base": base,
+        "augmented": augmented,
+        "irb_bound": critique.irb,
+        "irb_bound_augmented": critique.irb_augmented,
+        "no_impact": critique.no_impact,
+        "noise_floor": floor,
+        "explained_share": (base - augmented) / (base - floor) if base > floor else None,
+        **misfits,
+        "worst": _worst(critique),
+    }
+
+
+def _worst(critique: Critique) -> list[dict]:
+    """Held-out impacts of largest error, if they lift the mean far above the floor and the median is not there."""
+    judged, limit = critique.ladder[-1][2], critique.settings.excess_scatter
+    # a comparison with an unknown floor is false
+    if not (judged.error.mean() > limit * judged.floor and judged.excess <= limit):
+        return []
+    o = critique.held_out
+    rows = np.argsort(-judged.error, kind="stable")[:WORST]
+    t = o.t if o.arcs else np.full(len(o), np.nan)
+    return [
+        {"trial": int(o.trial[i]), "t": float(t[i]), "error": float(judged.error[i]), "unit": "m/s"}
+        for i in rows
+    ]
+
+
+def _left_out(critique: Critique) -> dict:
+    table = left_out_impacts(critique.observations)
+    reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
+    total = len(table) + len(critique.observations)
+    return {"share": len(table) / total if total else 0.0, "reasons": reasons}

@@ -1,0 +1,228 @@
+"""A fitted model as a file: law, parameters, effects and the rig they belong to; and its predictions.
+
+model.json is checked against `SavedModel` when it is read, so that a file that was edited by hand, or that names an
+effect of another version, is refused with the reason instead of predicting something else.
+"""
+
+import csv
+import io
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, ValidationError
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Rig, State
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_json, write_json
+from thesis_lib.foundation.regular_file import MissingFile, read_bytes, regular_size
+from thesis_lib.foundation.settings import Section
+
+STATE = ("x", "y", "theta", "vx", "vy", "omega")
+POST = ("vx_post", "vy_post", "omega_post")
+OPTIONAL = ("trial", "t")  # needed by effects that change over time
+MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
+MAX_STATES = 200_000_000  # bytes; two million impacts
+MAX_COLUMNS = 1000
+_PULL = 1.0  # release or s: a step of `trial` and `t` that shows whether a model looks at them
+
+
+class SavedParameter(Section):
+    """One fitted parameter; std is null where it was not fitted."""
+
+    value: float = Field(allow_inf_nan=False)
+    std: float | None = Field(None, ge=0)
+    unit: str
+
+
+class SavedRig(Section):
+    """Body and rig as believed: what the parameters belong to."""
+
+    shape: Shape
+    radius_of_gyration: float = Field(gt=0, description="m")
+    gravity: float = Field(gt=0, description="m/s²")
+    height: float = Field(description="m, of the surface")
+
+
+class SavedModel(Section):
+    """The content of model.json."""
+
+    schema_: Literal[1] = Field(1, alias="schema", description="version of this format")
+    dataset: str = Field("", description="fitted to it")
+    law: str = Field(description="key of thesis_lib.contact.LAWS")
+    effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
+    parameters: dict[str, SavedParameter] = Field(
+        description="mu, epsilon, and effect.parameter of each effect"
+    )
+    scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
+    rig: SavedRig
+
+    @property
+    def model(self) -> Model:
+        """Law and effects."""
+        return Model(LAWS[self.law], tuple(EFFECTS[name] for name in self.effects))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters by full name."""
+        return {name: p.value for name, p in self.parameters.items()}
+
+    @property
+    def believed(self) -> Rig:
+        """The rig as the effects take it."""
+        return Rig(self.rig.shape, self.rig.radius_of_gyration, self.rig.gravity, self.rig.height)
+
+
+def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
+    """What model.json holds of a fitted model."""
+    parameters = {
+        name: {
+            "value": fitted.values[name],
+            "std": None if p.discrete is not None else fitted.std[name],
+            "unit": p.unit,
+        }
+        for name, p in fitted.model.parameters.items()
+    }
+    return SavedModel.model_validate(
+        six_digits(
+            {
+                "schema": 1,
+                "dataset": dataset,
+                "law": fitted.model.law.name,
+                "effects": [effect.name for effect in fitted.model.effects],
+                "parameters": parameters,
+                "scatter": fitted.sigma_m,
+            }
+        )
+        # what the user gave is not rounded
+        | {
+            "rig": {
+                "shape": rig.shape.model_dump(mode="json"),
+                "radius_of_gyration": rig.k_g,
+                "gravity": rig.gravity,
+                "height": rig.height,
+            }
+        }
+    )
+
+
+def save_model(model: SavedModel, path: str | Path) -> None:
+    """Write model.json."""
+    write_json(model.model_dump(mode="json", by_alias=True), path)
+
+
+def load_model(path: str | Path) -> SavedModel:
+    """Read model.json.
+
+    Raises:
+        UserError: there is no such file, it is no model, or it names a law, effect or parameter that is not known.
+    """
+    try:
+        regular_size(path, MAX_MODEL)
+        model = SavedModel.model_validate(read_json(path))
+    except MissingFile as error:
+        raise UserError(
+            f"There is no model {path}. A critique writes model.json: python -m thesis_lib critique DATASET -o DIR"
+        ) from error
+    except ValidationError as error:
+        lines = [f"{path} is not a model that this program wrote:"]
+        for item in error.errors(include_url=False)[:20]:
+            lines.append(f"  {'.'.join(map(str, item['loc']))[:200] or '(top level)'}: {item['msg']}")
+        raise UserError("\n".join([*lines, "Write it again with python -m thesis_lib critique."])) from error
+    if model.law not in LAWS:
+        raise UserError(f"{path}: there is no law {model.law[:60]!r}; known are {', '.join(LAWS)}.")
+    for name in model.effects:
+        if name not in EFFECTS:
+            raise UserError(
+                f"{path}: there is no effect {name[:60]!r}; python -m thesis_lib effects lists them."
+            )
+    needed = set(model.model.parameters)
+    if needed != set(model.parameters):
+        wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
+        raise UserError(f"{path}: missing or unknown parameter(s): {wrong}. Write it again.")
+    try:
+        with np.errstate(all="ignore"):
+            _after(model, State(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
+    except (ArithmeticError, ValueError) as error:  # sizes of 1e308 m and the like
+        raise UserError(
+            f"{path} holds numbers that cannot be computed with ({error}). Write it again."
+        ) from error
+    return model
+
+
+def read_states(path: str | Path) -> pd.DataFrame:
+    """The table that `predict` takes, from a CSV file of a user.
+
+    Raises:
+        UserError: there is no such file, or it is no table of numbers below column names.
+    """
+    content = read_bytes(path, MAX_STATES)
+    try:
+        names = next(csv.reader(content.decode("utf-8-sig").splitlines()[:1]), [])
+        if len(set(names)) < len(names) or len(names) > MAX_COLUMNS:
+            raise ValueError("the first row must hold column names, each once")
+        return pd.read_csv(io.BytesIO(content), index_col=False, encoding="utf-8-sig")
+    except Exception as error:  # the parser's own errors are of many kinds
+        raise UserError(f"{path} is not a CSV table: {error}") from error
+
+
+def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.DataFrame:
+    """Velocity after impact for each row.
+
+    Args:
+        model: as saved.
+        states: x, y, theta, vx, vy, omega just before impact (m, rad, m/s, rad/s), as measured; further columns stay.
+            `trial` and `t` are needed only where an effect looks at them.
+        source: file that they are from, for messages.
+
+    Returns:
+        The table with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
+
+    Raises:
+        UserError: a column is missing or holds something other than finite numbers.
+    """
+    where = f"{source}: " if source else ""
+    missing = [name for name in STATE if name not in states]
+    if missing:
+        raise UserError(
+            f"{where}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
+            "(m, rad, m/s, rad/s) just before impact."
+        )
+    columns = {}
+    for name in (*STATE, *OPTIONAL):
+        if name in states:
+            try:
+                columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
+            except OverflowError as error:
+                raise UserError(f"{where}The column {name} holds a number that is too large.") from error
+            bad = np.flatnonzero(~np.isfinite(columns[name]))
+            if len(bad):
+                raise UserError(
+                    f"{where}The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
+                    "below the header."
+                )
+    n = len(states)
+    state = State(**{name: columns.get(name, np.zeros(n)) for name in (*STATE, *OPTIONAL)})
+    after = _after(model, state)
+    for name in OPTIONAL:
+        if name not in columns:
+            moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
+            if not np.array_equal(after, moved, equal_nan=True):
+                raise UserError(
+                    f"{where}This model depends on {name} ({', '.join(model.effects)}): "
+                    f"add the column {name} to the states."
+                )
+    status = np.where((after == state.v).all(axis=1), "not_approaching", "ok")
+    status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
+    return states.assign(**dict(zip(POST, after.T)), status=status)
+
+
+def _after(model: SavedModel, state: State) -> np.ndarray:
+    return model.model.predict(state, model.values, model.believed).v

@@ -1,0 +1,213 @@
+"""The verdict and what to do, in a few sentences written from the content of diagnosis.json.
+
+Faults of the measurement come first, and what may be one; then impacts left out, the verdict, effects that the user
+switched on though the data do not ask for them, single impacts that go wrong, and what to do next.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.words import (
+    CHANNEL_TEXT,
+    NAMED,
+    alternatives_listed,
+    feature_text,
+    listed,
+    reasons_listed,
+)
+from thesis_lib.effects import EFFECTS
+
+MUCH_LEFT_OUT = 0.2  # share of the impacts above which the verdict says so
+
+
+def summary(content: Mapping) -> list[str]:
+    """Sentences for a reader; `content` is diagnosis.json without them."""
+    found = [e for e in content["effects"] if e["clears"]]
+    by_hand = [e for e in content["effects"] if not e["clears"]]
+    faults = [e for e in found if e["family"] == "measurement"]
+    sentences = [*_faults(found, faults), *_left_out(content)]
+    verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
+    first, *rest = verdict(content, found, faults, by_hand)
+    return [*sentences, first, *_by_hand(content, found, by_hand), *_worst(content["error"]), *rest]
+
+
+def possible_faults(effect: Mapping) -> list[str]:
+    """Effects of the measurement that the data cannot tell from this one, which is none."""
+    if effect["family"] == "measurement":
+        return []
+    others = effect["indistinguishable_from"]
+    return [name for name in others if name in EFFECTS and EFFECTS[name].family == "measurement"]
+
+
+def _faults(found: Sequence[Mapping], faults: Sequence[Mapping]) -> list[str]:
+    sentences = []
+    if faults:
+        doubtful = any(
+            EFFECTS[n].family != "measurement" for e in faults for n in e["indistinguishable_from"]
+        )
+        sentences.append(
+            f"The measurements {'may be' if doubtful else 'look'} faulty: {listed([_named(e) for e in faults])}; "
+            "correct the camera or its calibration before reading anything else here as physics."
+        )
+    for effect in found:
+        if possible_faults(effect):
+            names = alternatives_listed([EFFECTS[name].title for name in possible_faults(effect)])
+            sentences.append(
+                f"The measurements may be faulty: these data cannot tell “{EFFECTS[effect['name']].title}” from "
+                f"“{names}”; rule that out before reading it as physics."
+            )
+    return sentences
+
+
+def _left_out(content: Mapping) -> list[str]:
+    share = content["left_out"]["share"]
+    if share <= MUCH_LEFT_OUT:
+        return []
+    why = reasons_listed(content["left_out"]["reasons"])
+    return [
+        f"{100 * share:.0f} % of the detected impacts were left out ({why}), so the verdict holds for the others only."
+    ]
+
+
+def _adequate(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
+    error, law = content["error"], _law(content, "base_model")
+    most = " for most impacts" if error["worst"] else ""
+    if by_hand:
+        # nothing else was tried, so nothing is known of the rest of the library
+        return [
+            f"{law} is adequate{most} as far as was tested: its held-out error is {_speed(error['base'])}"
+            f"{_floor(error)}, and other effects than those that you chose were not tried."
+        ]
+    return [
+        f"{law} is adequate{most}: no effect in the library lowers its held-out error of {_speed(error['base'])}"
+        f"{_floor(error)} by an amount that matters.",
+        "Nothing needs to be added; the report lists how small an effect these data could have shown.",
+    ]
+
+
+def _effects(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
+    law, then = _law(content, "base_model"), _law(content, "augmented_model")
+    physics = [e for e in found if e not in faults]
+    most = "describes most impacts" if content["error"]["worst"] else "is enough"
+    if not physics:
+        first = f"With this put right, {then} {most}: {_fall(content, found)}."
+    elif any(len(e["indistinguishable_from"]) > NAMED for e in physics):
+        first = (
+            f"{law} leaves something out, and these data cannot tell what: "
+            f"{listed([_named(e) for e in physics])}; {_with(content, found)} {_fall(content, found)}."
+        )
+    else:
+        first = (
+            f"{law} leaves out: {listed([_named(e) for e in physics])}; {_with(content, found)} "
+            f"{_fall(content, found)}."
+        )
+    if any(e["indistinguishable_from"] for e in found):
+        if not content["next_experiment"]["states"]:
+            return [first, "What would tell the named candidates apart stands under the next experiment."]
+        last = "To tell the named candidates apart, measure at the states listed under the next experiment."
+        return [first, last]
+    return [first, "Use model.json, which holds all of this, for predictions."]
+
+
+def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
+    error, left = content["error"], content["remaining"]
+    physics = [_named(e) for e in found if e not in faults]
+    beyond = f"; its held-out error is {_speed(error['base'])}{_floor(error)}"
+    if found:
+        beyond = f" beyond {listed(physics) or 'that fault'}; {_with(content, found)} {_fall(content, found)}"
+    tried = (
+        "that your choice of effects does not explain"
+        if by_hand
+        else "that no effect in the library explains"
+    )
+    sentences = [f"{_law(content, 'base_model')} misses something {tried}{beyond}."]
+    where = [CHANNEL_TEXT[name] for name in left["channels"] if name != "impact"]
+    if where:
+        sentences.append(f"Far more than noise is left in {listed(where)}.")
+    on = listed([f"the {feature_text(name)}" for name in left["depends_on"]])
+    sentences.append(
+        (f"What is left depends on {on}: look there" if on else "Look at what is left")
+        + " for a cause that the library does not hold, or learn it as a residual."
+    )
+    return sentences
+
+
+def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mapping]) -> list[str]:
+    if not by_hand:
+        return []
+    names = listed([EFFECTS[e["name"]].title for e in by_hand])
+    it, error = "them" if len(by_hand) > 1 else "it", content["error"]
+    # with others on, the change of the error is not theirs alone
+    change = (
+        ""
+        if found
+        else f": with {it} the held-out error is {_speed(error['augmented'])}, without {_speed(error['base'])}"
+    )
+    return [f"Switched on by you: {names}; these data do not ask for {it}{change}."]
+
+
+def _worst(error: Mapping) -> list[str]:
+    if not error["worst"]:
+        return []
+    rows = [
+        f"trial {r['trial']}"
+        + ("" if r["t"] is None or np.isnan(r["t"]) else f" at {r['t']:.4g} s")
+        + f" ({_speed(r['error'])})"
+        for r in error["worst"]
+    ]
+    times = error["augmented"] / error["noise_floor"]
+    return [
+        f"The mean held-out error is {times:.2g} times the noise floor though half of the impacts lie near it: single "
+        f"impacts go wrong, the worst in {listed(rows)}; look at their samples."
+    ]
+
+
+def _with(content: Mapping, found: Sequence[Mapping]) -> str:
+    """With it / with all of it, and with which law."""
+    taken = "with it" if len(found) == 1 else "with all of it"
+    law, then = _law(content, "base_model"), _law(content, "augmented_model")
+    return taken if law == then else f"{taken}, and {then} as the law,"
+
+
+def _fall(content: Mapping, found: Sequence[Mapping]) -> str:
+    """What becomes of the misfits, those in which the effects are material first."""
+    error = content["error"]
+    moves = "falls" if error["augmented"] < error["base"] else "goes"
+    ends = f"{moves} from {_speed(error['base'])} to {_speed(error['augmented'])}{_floor(error)}"
+    shown = {channel for effect in found for channel in effect["material_in"]}
+    falls = [
+        f"of {CHANNEL_TEXT[name].split(',')[0]} falls from {m['base']:.3g} to {m['augmented']:.3g}"
+        for name in ("flight", "meet", "touch")
+        if name in shown and (m := error.get(name)) and m["augmented"] < m["base"]
+    ]
+    if not falls:
+        return f"the held-out error {ends}"
+    misfits = f"the misfit {listed(falls, 'and that')} standard deviations of noise"
+    if "impact" in shown:
+        return f"the held-out error {ends}, and {misfits}"
+    return f"{misfits}, while the held-out error of the velocity after impact {ends}"
+
+
+def _law(content: Mapping, key: str) -> str:
+    return LAWS[content[key]["name"]].title
+
+
+def _floor(error: Mapping) -> str:
+    floor = error["noise_floor"]
+    if floor is None or not np.isfinite(floor):
+        return " (noise unknown)"
+    return f" (noise floor {_speed(floor)})"
+
+
+def _named(effect: Mapping) -> str:
+    title = EFFECTS[effect["name"]].title
+    others = [EFFECTS[name].title for name in effect["indistinguishable_from"]]
+    return title + (
+        f" (or {alternatives_listed(others)}, which these data cannot tell apart)" if others else ""
+    )
+
+
+def _speed(value: float) -> str:
+    return f"{value:.3g} m/s"

@@ -1,0 +1,293 @@
+"""Tables of the critique: comparison, errors, ladder, impacts used and left out, flights, error budget.
+
+All errors of comparison, ladder and budget are those of held-out impacts; `errors` and `flights` hold every impact and
+every flight, with a mark (`held_out`).
+foundation/columns.yaml explains the columns.  The budget splits the mean square error of the base law in (m/s)²:
+
+| part                | definition                                                                                    |
+|---------------------|-----------------------------------------------------------------------------------------------|
+| noise               | trace of the kinetic covariance that the measured noise gives to the error                    |
+| parameters          | trace of J Cov(μ, ε) Jᵀ: how far the fit may be off because the training data are few         |
+| rigid_point_contact | mean square IRB error, less what it is on data made by the base law with the measured noise   |
+| choice_of_law       | base law less Best Post Hoc of the six, less the same difference on those made data           |
+| rest                | what is left of the total: an effect that is missing, or scatter                              |
+
+The parts are taken off one after the other in this order and never below zero, so that they sum to the total.  The
+largest 2 % of the errors are left aside, because a single missed hit would else be most of a mean square.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.columns import explain
+from thesis_lib.contact.bounds import best_post_hoc, irb_bound
+from thesis_lib.contact.space import residual_couple, velocity_error
+from thesis_lib.critique.drops.class_tests import velocities
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.flights import flight_table
+from thesis_lib.critique.drops.held_out import Judgement, paired_gain
+from thesis_lib.critique.drops.model import impact_residuals, residual_covariance
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.individual import fit_individual
+
+DRAWS = 999  # resamples of trials for an interval
+SYNTHETIC = 4  # datasets made by the base law, averaged
+MOST_IN_RANGE = 400  # held-out impacts fitted one by one: a share is then known to 2.5 %
+RANGE_FLOORS = 2.0  # an outcome is in range if some (μ, ε) comes within this many noise floors of it
+RANGE_UNKNOWN = 0.1  # m/s, the same where the noise is unknown
+TRIM = 0.02  # share of the impacts, largest errors first, that the budget leaves aside
+PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
+
+
+def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
+    """All tables by file stem, with every column explained in columns.yaml.
+
+    Raises:
+        KeyError: a column is not explained.
+    """
+    made = {
+        "comparison": comparison(critique),
+        "errors": errors(critique),
+        "ladder": ladder(critique, rng),
+        "impacts": impacts(critique),
+        "budget": budget(critique, rng),
+    }
+    if len(critique.observations.flights):
+        made["flights"] = flight_table(critique)
+    for name, table in made.items():
+        explain(name, table.columns)
+    return made
+
+
+def comparison(critique: Critique) -> pd.DataFrame:
+    """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
+    o = critique.held_out
+    found = critique.discovery.laws
+    residuals = {name: _errors(fitted, o) for name, (fitted, _) in found.items()}
+    base = critique.ladder[0][1]
+    share, tolerance = _shares_in_range(critique)
+    rows = []
+    for name, (fitted, _) in found.items():
+        judged = critique.laws[name]
+        rows.append(
+            _row(name, "law", residuals[name], fitted, judged)
+            | {"share_in_range": share[name], "tolerance": tolerance}
+        )
+    if critique.discovery.steps:
+        _, fitted, judged = critique.ladder[-1]
+        rows.append(_row("augmented", "augmented", _errors(fitted, o), fitted, judged))
+    table = np.stack(list(residuals.values()), axis=1)
+    rows.append(_row("best_post_hoc", "bound", best_post_hoc(table)[1]))
+    v_pre, v_post, _ = velocities(base, o)
+    rows.append(_row("irb_bound", "bound", irb_errors(base, o)))
+    rows.append(_row("no_impact", "baseline", velocity_error(v_post - v_pre, o.rig.k_g)))
+    columns = [
+        *("model", "kind", "mu", "mu_std", "epsilon", "epsilon_std", "mean", "median", "quantile_90"),
+        *("floor", "score", "n_failed", "share_in_range", "tolerance", "n_held_out"),
+    ]
+    return pd.DataFrame(rows).reindex(columns=columns)
+
+
+def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
+    """Error (n,) in m/s of the best impulse that a rigid point contact at the believed geometry allows."""
+    v_pre, v_post, r = velocities(fitted, observations)
+    return irb_bound(v_pre, v_post, r, mass=1.0, k_g=observations.rig.k_g).error
+
+
+def errors(critique: Critique) -> pd.DataFrame:
+    """A row per impact and model (base, and augmented if there is one) with the error in the contact frame."""
+    o = critique.observations
+    models = {"base": critique.ladder[0][1]}
+    if critique.discovery.steps:
+        models["augmented"] = critique.ladder[-1][1]
+    k_g, parts = o.rig.k_g, []
+    held_out = np.isin(o.trial, critique.held_out.trial)
+    for name, fitted in models.items():
+        R = impact_residuals(fitted.model, fitted.values, o)[:, :3]
+        *_, r = velocities(fitted, o)
+        table = pd.DataFrame(
+            {
+                "trial": o.trial,
+                "impact": o.found.impacts.impact,
+                "model": name,
+                "held_out": held_out.astype(int),
+                "error": velocity_error(R, k_g),
+                "error_normal": R[:, 1] + r[:, 0] * R[:, 2],
+                "error_tangential": R[:, 0] - r[:, 1] * R[:, 2],
+                "error_couple": residual_couple(R, r, mass=1.0, k_g=k_g) / k_g,
+            }
+        )
+        parts.append(pd.concat([table, features(fitted, o).drop(columns="trial")], axis=1))
+    return pd.concat(parts, ignore_index=True).sort_values(
+        ["model", "trial", "impact"], key=lambda c: c if c.name != "model" else c != "base", ignore_index=True
+    )
+
+
+def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
+    """A row per rung: without effects, and after each one."""
+    rows, previous = [], None
+    for step, (label, _, judged) in enumerate(critique.ladder):
+        low, high = mean_interval(judged, rng)
+        gain = (np.nan,) * 3 if previous is None else paired_gain(judged, previous, rng)
+        rows.append(
+            {
+                "step": step,
+                "label": label,
+                "error": float(judged.error.mean()),
+                "error_low": low,
+                "error_high": high,
+                "floor": judged.floor,
+                **{name: float(np.sqrt(judged.sigmas[name])) for name in ("flight", "meet", "touch")},
+                "score": judged.total / len(judged.score),
+                **dict(zip(("gain", "gain_low", "gain_high"), gain)),
+            }
+        )
+        previous = judged
+    return pd.DataFrame(rows)
+
+
+def mean_interval(judged: Judgement, rng: np.random.Generator) -> tuple[float, float]:
+    """95 % interval of the mean error in m/s, by the bootstrap over trials."""
+    trials, index = np.unique(judged.trial, return_inverse=True)
+    total = np.bincount(index, judged.error)
+    count = np.bincount(index).astype(float)
+    weights = rng.multinomial(len(trials), np.full(len(trials), 1.0 / len(trials)), size=DRAWS)
+    low, high = np.quantile((weights @ total) / (weights @ count), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def impacts(critique: Critique) -> pd.DataFrame:
+    """Impacts used, with covariance, and those left out, with the reason."""
+    o = critique.observations
+    used = o.found.impacts.to_table()
+    used["used"], used["reason"], used["detail"] = 1, "", ""
+    left_out = left_out_impacts(o)
+    left_out["used"] = 0
+    table = pd.concat([used, left_out], ignore_index=True) if len(left_out) else used
+    table["held_out"] = np.isin(table["trial"], critique.held_out.trial).astype(int)
+    first = ["trial", "impact", "used", "held_out", "reason", "detail"]
+    table = table[[*first, *(name for name in table.columns if name not in first)]]
+    return table.sort_values(["trial", "impact", "used"], ignore_index=True, kind="stable")
+
+
+def left_out_impacts(observations: Observations) -> pd.DataFrame:
+    """Impacts that were detected but not used: trial, impact, t, reason, detail."""
+    found = observations.found
+    left_out = found.left_out[["trial", "impact", "t", "reason", "detail"]].copy()
+    if not observations.arcs:
+        return left_out
+    # detection uses arcs of both sides together; the critique needs a line on each side by itself
+    arcs = found.arcs[found.arcs["used"].astype(bool)]
+    known = pd.MultiIndex.from_arrays([found.impacts.trial, found.impacts.impact])
+    short = arcs[~pd.MultiIndex.from_frame(arcs[["trial", "impact"]]).isin(known)]
+    short = short[["trial", "impact", "t"]].assign(
+        reason="window_too_short", detail="fewer than three samples clear of contact on one side"
+    )
+    return pd.concat([left_out, short], ignore_index=True) if len(short) else left_out
+
+
+def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
+    """Parts of the mean square error of the base law on held-out impacts; see the module's text."""
+    o, base = critique.held_out, critique.ladder[0][1]
+    laws = [fitted for fitted, _ in critique.discovery.laws.values()]
+    weights = np.array([1.0, 1.0, o.rig.k_g]) ** 2
+    squares, irb, gap = _bounds(base, laws, o)
+    noise, made_irb, made_gap = 0.0, np.nan, np.nan
+    if o.noise_known:
+        S = residual_covariance(base.model, base.values, o, o.t_std)
+        noise = float(np.einsum("nii,i->n", S[:, :3, :3], weights)[_kept(_errors(base, o))].mean())
+        drawn = [_bounds(base, laws, synthesise(base.model, base.values, o, rng)) for _ in range(SYNTHETIC)]
+        _, made_irb, made_gap = np.mean(drawn, axis=0)
+    goals = {
+        "noise": noise,
+        "parameters": _parameter_square(base, o, weights),
+        "rigid_point_contact": irb - np.nan_to_num(made_irb),
+        "choice_of_law": gap - np.nan_to_num(made_gap),
+    }
+    left, rows = squares, []
+    for part, goal in goals.items():
+        amount = float(np.clip(goal, 0.0, left))
+        left -= amount
+        rows.append({"part": part, "mean_square": amount, "share": amount / squares})
+    rows.append({"part": "rest", "mean_square": left, "share": left / squares})
+    return pd.DataFrame(rows)
+
+
+def _errors(fitted: Fit, o: Observations) -> np.ndarray:
+    return velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], o.rig.k_g)
+
+
+def _row(
+    model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, judged: Judgement | None = None
+) -> dict:
+    solved = error[np.isfinite(error)]
+    row = {
+        "model": model,
+        "kind": kind,
+        "mean": float(solved.mean()) if len(solved) else np.nan,
+        "median": float(np.median(solved)) if len(solved) else np.nan,
+        "quantile_90": float(np.quantile(solved, 0.9)) if len(solved) else np.nan,
+        "n_failed": int(len(error) - len(solved)),
+        "n_held_out": len(error),
+    }
+    if fitted is not None:
+        for name in ("mu", "epsilon"):
+            row |= {name: fitted.values[name], f"{name}_std": fitted.std[name]}
+    if judged is not None:
+        row |= {"floor": judged.floor, "score": judged.total / len(judged.score)}
+    return row
+
+
+def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
+    """By law, the share of held-out outcomes that some (μ, ε) of their own would bring within the tolerance."""
+    o, base = critique.held_out, critique.ladder[0][1]
+    floor = critique.ladder[0][2].floor
+    tolerance = RANGE_FLOORS * floor if np.isfinite(floor) else RANGE_UNKNOWN
+    v_pre, v_post, r = (a[:MOST_IN_RANGE] for a in velocities(base, o))
+    n = len(v_pre)
+    target = target_of(
+        Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g)
+    )
+    found = {}
+    for name, (fitted, _) in critique.discovery.laws.items():
+        error = fit_individual(fitted.model.law, target, "velocity").error
+        found[name] = float(np.mean(np.nan_to_num(error, nan=np.inf) <= tolerance))
+    return found, tolerance
+
+
+def _bounds(base: Fit, laws: list[Fit], o: Observations) -> tuple[float, float, float]:
+    """Trimmed mean squares in (m/s)²: of the base law, of the IRB bound, and of the base law less Best Post Hoc."""
+    error = _errors(base, o)
+    keep = _kept(error)
+    table = np.stack([_errors(fitted, o)[keep] for fitted in laws], axis=1)
+    best = best_post_hoc(table)[1] ** 2
+    square = error[keep] ** 2
+    return float(square.mean()), float(np.mean(irb_errors(base, o)[keep] ** 2)), float(np.mean(square - best))
+
+
+def _kept(error: np.ndarray) -> np.ndarray:
+    """Rows without the largest `TRIM` of the errors and without failed solves."""
+    order = np.argsort(np.where(np.isfinite(error), error, np.inf), kind="stable")
+    return np.sort(order[: max(1, min(np.isfinite(error).sum(), round((1.0 - TRIM) * len(error))))])
+
+
+def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> float:
+    """Mean of trace(J Cov Jᵀ) in the kinetic metric, J by secants over a standard error."""
+    free = [name for name, p in fitted.model.parameters.items() if p.discrete is None]
+    columns = []
+    for name in free:
+        step = max(fitted.std[name], 1e-6)
+        ends = [
+            impact_residuals(fitted.model, {**fitted.values, name: fitted.values[name] + sign * step}, o)[
+                :, :3
+            ]
+            for sign in (0.5, -0.5)
+        ]
+        columns.append((ends[0] - ends[1]) / step)
+    J = np.stack(columns, axis=-1)  # (n, 3, parameters)
+    return float(np.einsum("nij,jk,nik,i->n", J, fitted.covariance, J, weights).mean())

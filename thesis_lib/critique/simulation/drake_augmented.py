@@ -1,0 +1,165 @@
+"""An augmented model acting in a Drake simulation: Drake flies the body, the model resolves its touches.
+
+Drake's MultibodyPlant has the free body (`drake_plant`) and integrates its flight.  What the model's effects say of the
+flight enters as a force on it, f = M (a(q, v) − g), from a system that asks the model at every stage of the integrator.
+Where the model's gap vanishes, Drake is stopped, the velocity becomes what the model predicts, and Drake goes on:
+
+    M v̇ = M g + f     between touches,        v⁺ = predict(q, v⁻)     where φ_n(q) − gap(q, v⁻) = 0
+
+What is recorded is the model's map of the true state, as a camera with its faults would see it.
+
+| on paper | in code         | unit               | shape  | meaning                                          |
+|----------|-----------------|--------------------|--------|--------------------------------------------------|
+| q, v     | `q`, `v`        | m, rad; m/s, rad/s | (3,)   | true pose and velocity of the body               |
+| φ_n      | `gap`           | m                  | (s,)   | gap of the believed shape, less what effects add |
+
+Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (LeafSystem, MultibodyPlant).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from thesis_lib.bodies.body import Body, Noise, Surface
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.critique.simulation.law_drops import REST, Releases
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import POSE
+from thesis_lib.effects.effect import State
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.drake.clock import Clock, fly
+from thesis_lib.simulate.drake.plant import drop_plant
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, Mechanisms
+
+FLIGHT_STEP = 1e-3  # s
+ACCURACY = 1e-6  # relative, of Drake's error control
+SAY_EVERY = 10  # drops
+MAX_TOUCHES = 50  # of one drop; a body at rest touches no more often, it is slower than REST
+
+
+def simulate_augmented_in_drake(
+    model: SavedModel,
+    release: Releases,
+    n: int,
+    *,
+    duration: float = 0.6,
+    rate: float = 250.0,
+    noise: Noise | None = None,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda text: None,
+) -> Dataset:
+    """Trajectories of n drops that Drake flies and a saved model resolves the touches of.
+
+    Args:
+        model: law, effects, parameters and rig, as a critique saved them.
+        release: distribution of the true release states.
+        n: number of drops.
+        duration: s; samples at 0, 1/rate, ... up to it, or until a body comes to rest.
+        rate: Hz.
+        noise: one-sigma noise of position and angle; none if None.
+        rng: spawns the streams for releases and noise, as `simulate_law_drops` does.
+        say: told how many drops are done, now and then.
+
+    Raises:
+        UserError: duration, rate or n is not positive.
+    """
+    for name, value in {"n": n, "duration": duration, "rate": rate}.items():
+        if not 0 < value < np.inf:
+            raise UserError(f"Drops in Drake need a positive {name}; got {value}.")
+    body = Body(shape=model.rig.shape, radius_of_gyration=model.rig.radius_of_gyration)
+    release_rng, noise_rng = rng.spawn(2)
+    q, v = release.draw(n, release_rng)
+    q[:, 1] += model.rig.height
+    # planar motion does not depend on the mass
+    drops = _Drops(model, body.model_copy(update={"mass": 1.0}))
+    samples = np.arange(round(duration * rate) + 1) / rate
+    tables = []
+    for i in range(n):
+        tables.append(drops.run(i, q[i], v[i], samples))
+        if (i + 1) % SAY_EVERY == 0:
+            say(f"{i + 1} of {n} drops")
+    table = pd.concat(tables, ignore_index=True)
+    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
+    # drawn for all samples, so that a body that comes to rest early changes no other's noise
+    noises = noise_rng.standard_normal((n, len(samples), 3))[
+        table["trial"], np.rint(table["t"] * rate).astype(int)
+    ]
+    table[list(POSE)] += [one or 0.0 for one in sigma] * noises
+    header = Header(
+        schema=1,
+        description=f"{n} drops",
+        body=body,
+        surface=Surface(height=model.rig.height),
+        gravity=model.rig.gravity,
+        rate=rate,
+        noise=noise,
+    )
+    return Dataset("drops", header, table)
+
+
+class _Air(LeafSystem):
+    """Force of the model's flight effects on the plant: M (a − g) from its state."""
+
+    def __init__(self, model: Model, saved: SavedModel, trial: list[int]) -> None:
+        super().__init__()
+        self._model, self._values, self._rig = model, saved.values, saved.believed
+        self._trial, self._inertia = trial, np.array([1.0, 1.0, saved.rig.radius_of_gyration**2])
+        self._state = self.DeclareVectorInputPort("state", 6)
+        self.DeclareVectorOutputPort("force", 3, self._force)
+
+    def _force(self, context: Context, out: BasicVector) -> None:
+        s = self._state.Eval(context)
+        state = _state(s[None, :3], s[None, 3:], np.array([context.get_time()]), self._trial[0])  # pyright: ignore[reportIndexIssue]
+        a = self._model.acceleration(state, self._values, self._rig)[0]
+        out.SetFromVector(self._inertia * (a + np.array([0.0, self._rig.gravity, 0.0])))
+
+
+class _Drops:
+    """Drake's simulator of the free body, and the model that acts on it."""
+
+    def __init__(self, saved: SavedModel, body: Body) -> None:
+        # the camera's faults act on what is recorded, and on nothing else
+        self.camera, self.inner = saved.model.camera_and_body()
+        self.saved, self.rig = saved, saved.believed
+        self._trial = [0]
+        air = _Air(self.inner, saved, self._trial) if self.inner.effects else None
+        made = drop_plant(body, CompliantContact(), Mechanisms(), self.rig.gravity, air=air)
+        self.clock = Clock(made, FLIGHT_STEP, ACCURACY)
+
+    def run(self, trial: int, q: np.ndarray, v: np.ndarray, samples: np.ndarray) -> pd.DataFrame:
+        """What the camera sees of one drop, without noise: trial, t, x, y, theta."""
+        self._trial[0], t, legs = trial, 0.0, []
+
+        def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
+            # effects that look at a velocity in flight do not exist: the gap is one of poses
+            return self.inner.gap(_state(q, np.zeros_like(q), t, trial), self.saved.values, self.rig)
+
+        for _ in range(MAX_TOUCHES):
+            times, q_path, v_path, landed = fly(self.clock, gap, t, q, v, samples[samples > t + 1e-12])
+            seen = samples[(samples >= t - 1e-12) & (samples <= times[-1] + 1e-12)]
+            # Drake stops at every sample: its log holds them
+            at = np.abs(times[:, None] - seen).argmin(axis=0)
+            legs.append(self._seen(q_path[at], v_path[at], seen, trial))
+            if not landed:
+                break
+            t, q = times[-1], q_path[-1]
+            before = _state(q[None], v_path[-1:], times[-1:], trial)
+            after = self.inner.predict(before, self.saved.values, self.rig)
+            r_x = self.rig.shape.contact_point(q[2:3])[0, 0]
+            if before.vy[0] + r_x * before.omega[0] > -REST:
+                break
+            v = after.v[0]
+        return pd.concat(legs, ignore_index=True)
+
+    def _seen(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> pd.DataFrame:
+        own = self.camera.own(self.saved.values)
+        seen = self.camera.to_measured(_state(q, v, t, trial), own, self.rig)
+        return pd.DataFrame({"trial": trial, "t": t, "x": seen.x, "y": seen.y, "theta": seen.theta})
+
+
+def _state(q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> State:
+    return State.of(q, v, np.full(len(t), trial), t)

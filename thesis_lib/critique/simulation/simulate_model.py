@@ -1,0 +1,206 @@
+"""Drops as a saved model makes them: law, effects and rig of a model.json, acting in a simulator.
+
+Two engines resolve every touch with the model and fly between touches with its acceleration: our own (`law_drops`) and
+Drake (`drake_augmented`).  Equal releases give equal paths in both.  Scatter beyond noise is no cause and is not drawn.
+
+Releases are those of the proof, or those of a dataset: the state before the first impact of each of its trials, traced
+back to the first sample t_0 (impacts.csv has none: to where the body was let go, v_y = 0),
+
+    q_0 = q − v T + a T²/2,    v_0 = v − a T,    T = t_c − t_0   or   |v_y| / g
+
+| on paper | in code        | unit               | shape   | meaning                                        |
+|----------|----------------|--------------------|---------|------------------------------------------------|
+| q_0, v_0 | `q`, `v`       | m, rad; m/s, rad/s | (m, 3)  | true states at release, height above surface   |
+| a        | `a`            | m/s², rad/s²       | (m, 3)  | measured acceleration in flight, of the model  |
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.bodies.body import Body, Noise, Surface
+from thesis_lib.critique.drops.model import states_at_impact
+from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.critique.simulation.law_drops import Releases, simulate_law_drops
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.effects.effect import State
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE
+from thesis_lib.simulate.rig.release import Release
+
+ENGINES = ("own", "drake")
+RATE = 250.0  # Hz
+DURATION = 0.6  # s under 9.81 m/s², from the heights of the proof
+AFTER_FALL = 0.3  # s, recorded after the longest fall where no trajectories say how long to record
+CLEAR = 0.01  # m, least height of the lowest point at release
+
+
+@dataclass(frozen=True)
+class MeasuredReleases:
+    """Releases of a dataset: each once and in order, then drawn with replacement; q, v (m, 3)."""
+
+    q: np.ndarray
+    v: np.ndarray
+
+    def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Poses and velocities (n, 3)."""
+        count = len(self.q)
+        rows = np.r_[np.arange(min(n, count)), rng.integers(count, size=max(n - count, 0))]
+        return self.q[rows].copy(), self.v[rows].copy()
+
+
+def simulate_model(
+    model: SavedModel,
+    n: int | None = None,
+    *,
+    engine: str = "own",
+    like: Dataset | None = None,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda text: None,
+) -> Dataset:
+    """Trajectories of drops that a saved model makes.
+
+    Args:
+        model: as saved.
+        n: number of drops; None: 50, or as many as `like` has releases.
+        engine: "own" or "drake".
+        like: releases, noise, rate and duration as in this dataset, instead of those of the proof.
+        rng: equal streams give equal releases and noise in both engines.
+        say: told what is being done.
+
+    Raises:
+        UserError: n is not positive, the engine is unknown or not installed, or `like` shows no release.
+    """
+    if n is not None and n < 1:
+        raise UserError(f"The number of drops must be 1 or more, got {n}.")
+    if engine not in ENGINES:
+        raise UserError(f"There is no engine {engine!r}; known are {', '.join(ENGINES)}.")
+    rate, noise = RATE, RIG_NOISE
+    if like is None:
+        releases: Releases = proof_releases(model)
+        duration = DURATION * math.sqrt(9.81 / model.rig.gravity)
+        n = n or 50
+    else:
+        say(f"looking for the releases of {like.name}")
+        observations = observe(like)
+        releases, duration = measured_releases(model, like, observations)
+        rate, noise = like.rate or RATE, _noise(like, observations)
+        n = n or len(releases.q)
+    say(f"simulating {n} drops of {duration:.2f} s, engine {engine}")
+    if engine == "drake":
+        made = _in_drake(model, releases, n, duration, rate, noise, rng, say)
+    else:
+        made = _in_ours(model, releases, n, duration, rate, noise, rng)
+    effects = ", ".join(model.effects) or "no effects"
+    text = f"simulated, not measured: {n} drops by {model.law} with {effects}, engine {engine}"
+    return replace(made, name="simulated", header=made.header.model_copy(update={"description": text}))
+
+
+def proof_releases(model: SavedModel) -> Release:
+    """Releases of the proof, lifted where the body is too large for their lowest height."""
+    spread = PROOF_RELEASE.height
+    lift = max(0.0, model.rig.shape.extent + CLEAR - spread.low)
+    height = spread.model_copy(update={"low": spread.low + lift, "high": spread.high + lift})
+    return PROOF_RELEASE.model_copy(update={"height": height})
+
+
+def measured_releases(
+    model: SavedModel, like: Dataset, observations: Observations
+) -> tuple[MeasuredReleases, float]:
+    """Releases of a dataset, and for how long to record after them in s.
+
+    Raises:
+        UserError: no trial shows how its body was released.
+    """
+    o = observations
+    first = np.flatnonzero(o.found.impacts.impact == 0)
+    before = states_at_impact(model.model, model.values, o)[0].select(first)
+    a = model.model.acceleration(before, model.values, o.rig)
+    if o.arcs:
+        times = like.trajectories.groupby("trial")["t"].agg(["min", "max"])  # pyright: ignore[reportOptionalMemberAccess]
+        T = before.t - times["min"].reindex(before.trial).to_numpy(float)
+        duration = float((times["max"] - times["min"]).median())
+    else:
+        T = np.maximum(-before.vy, 0.0) / o.rig.gravity
+        duration = float(T.max(initial=0.0)) + AFTER_FALL
+    q, v = before.q, before.v
+    q, v = q - v * T[:, None] + 0.5 * a * T[:, None] ** 2, v - a * T[:, None]
+    start = State.of(q, v, before.trial, np.zeros(len(T)))
+    true = model.model.to_true(start, model.model.own(model.values), o.rig)
+    above = true.y - o.rig.height
+    good = np.isfinite(above) & (model.rig.shape.gap(above, true.theta) > 0.0)
+    if not good.any():
+        raise UserError(
+            f"{like.name} shows no release above the surface ({len(first)} first impacts were found): leave --like "
+            "out, or give a dataset whose trials begin in free fall with a body of this size."
+        )
+    q = np.stack([true.x, above, true.theta], axis=1)[good]
+    return MeasuredReleases(q, true.v[good]), duration
+
+
+def _noise(like: Dataset, observations: Observations) -> Noise:
+    """Noise of a sample of x, y and of θ."""
+    if observations.arcs:
+        used = observations.found.noise.used
+        return Noise(position=float(used[:2].mean()), angle=float(used[2]))
+    stated = like.header.noise or RIG_NOISE
+    return Noise(position=stated.position or RIG_NOISE.position, angle=stated.angle or RIG_NOISE.angle)
+
+
+def _in_ours(
+    model: SavedModel,
+    releases: Releases,
+    n: int,
+    duration: float,
+    rate: float,
+    noise: Noise,
+    rng: np.random.Generator,
+) -> Dataset:
+    rig = model.rig
+    made = simulate_law_drops(
+        Body(shape=rig.shape, radius_of_gyration=rig.radius_of_gyration),
+        releases,
+        n,
+        model.model,
+        model.values,
+        gravity=rig.gravity,
+        duration=duration,
+        rate=rate,
+        noise=noise,
+        rng=rng,
+    )
+    # it drops onto y = 0; effects know heights above the surface only
+    table = made.trajectories.assign(y=made.trajectories["y"] + rig.height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
+    header = made.header.model_copy(update={"surface": Surface(height=rig.height)})
+    return replace(made, header=header, trajectories=table)
+
+
+def _in_drake(
+    model: SavedModel,
+    releases: Releases,
+    n: int,
+    duration: float,
+    rate: float,
+    noise: Noise,
+    rng: np.random.Generator,
+    say: Callable[[str], None],
+) -> Dataset:
+    try:
+        from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in_drake
+    except ImportError as error:
+        raise UserError(
+            f"Drake cannot be used here ({error}): install it (pip install drake), or use --engine own."
+        ) from error
+    return simulate_augmented_in_drake(
+        model,
+        releases,
+        n,
+        duration=duration,
+        rate=rate,
+        noise=noise,
+        rng=rng,
+        say=say,
+    )

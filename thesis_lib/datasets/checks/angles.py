@@ -1,0 +1,142 @@
+"""Are angles given in degrees?  Heuristics that must not misfire on real drops.
+
+| on paper | in code  | unit  |                                                     |
+|----------|----------|-------|-----------------------------------------------------|
+| k        | `k_g`    | m     | radius of gyration                                  |
+| φ_n      | `gap`    | m     | gap between body and surface                        |
+| σ        | `noise`  | m, rad| noise of a sample, from third differences           |
+
+Angles are judged by physics, not by their size: θ is continuous, so 20 rad is as good a value as 0.2.
+Degrees look like radians that are 57 times too large, so one of these gives them away: steps of more than 1.5 turns
+between samples (a camera cannot see them, and a wrapped radian angle jumps by one turn at most); a median k|ω| above
+10 times the median speed (a rotational energy 100 times the translational one); or k|ω| above the speed and a body
+that sinks into the surface at the angles as given but not at the angles read as degrees.
+Where the angle moves no contact point (a disk), that last test is blind; k|ω| above the speed, or angle noise that
+at the rim is far above position noise, is then a warning.  A single sample that jumps out and back is a glitch of the
+tracker, and says nothing of units.
+"""
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.checks.known_body import RADIANS, TO_RAD, Body
+from thesis_lib.datasets.checks.shape import BLIND_SHAPE
+from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.validate import Report, Table
+
+BLIND_STEP = 3.0 * np.pi  # rad between samples: a true step below π plus a wrap of one turn
+BLIND_MEDIAN = 5  # samples on either side of a step, of which two may be glitches
+MIN_BLIND_STEPS = 3  # one or two glitches of a tracker are no unit
+SPIN_SURE = 10.0  # k|ω| over speed; dice throws have 0.25 (2.7 at most), a spun coin about 5
+SPIN_FAST = 1.0  # m/s of k|ω|; below it both medians may be tracker noise of a body at rest
+SPIN_LIKELY = 1.0  # k|ω| over speed; in degrees, dice throws have 14
+RIM_NOISE = 5.0  # k σ_θ over σ of positions; markers at the rim give 1, so that a factor of 57 shows
+BURIED = 0.5  # smallest half-widths; a centre that never rises above that is inside the surface at any angle
+DEEP = 0.1  # penetration in extents that no tracker error explains ...
+DEEP_SHARE = 0.05  # ... if it happens this often
+
+
+def check_degrees(
+    table: Table,
+    samples: Samples,
+    speeds: dict,
+    noise: np.ndarray,
+    body: Body,
+    report: Report,
+) -> None:
+    """Angles in degrees, and bodies deep inside the surface: errors, or warnings where that cannot be told.
+
+    `speeds` holds |Δx|/Δt, |Δy|/Δt, |Δθ|/Δt of all steps; `noise` (3,) that of a sample.
+    """
+    shape, k_g, y, theta = body.shape, body.k_g, samples.q[:, 1], samples.q[:, 2]
+    why = None
+    # sunk at any angle: the shape or the height of the surface is wrong, which is told below
+    buried = shape is not None and np.quantile(y - body.height, 0.9) < BURIED * _reach(shape)[0]
+    blind = _blind_steps(samples.run, theta)
+    if blind >= MIN_BLIND_STEPS:
+        why = f"{blind} steps between samples are larger than 1.5 turns"
+    elif shape is not None and k_g is not None and not buried:
+        speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
+        spin = k_g * float(np.median(speeds["theta"]))
+        sunk, in_degrees = (_sunk_share(shape, body.height, y, angle) for angle in (theta, theta * TO_RAD))
+        if spin > max(SPIN_FAST, SPIN_SURE * speed) and speed > 0.0:
+            why = f"as radians, the rim would move {spin / speed:.0f} times faster than the centre"
+        elif spin > SPIN_LIKELY * speed > 0.0 and sunk > DEEP_SHARE > in_degrees:
+            why = f"as radians, the body would be sunk into the surface in {sunk:.0%} of the rows, as degrees in none"
+    if why:
+        report.error(
+            table.file,
+            "column theta",
+            f"looks like degrees ({theta.min():.4g} to {theta.max():.4g}; {why})",
+            RADIANS,
+        )
+        return
+    if shape is None or k_g is None:
+        return
+    if not buried:
+        _doubt_degrees_of_a_disk(table, theta, speeds, noise, shape, k_g, report)
+    sunk = _sunk_share(shape, body.height, y, theta, 2.5 * DEEP)
+    if sunk > DEEP_SHARE:
+        report.warn(
+            table.file,
+            "columns y and theta",
+            f"the body is deep inside the surface in {sunk:.0%} of the rows",
+            "check surface.height, the shape (in m), and that theta is counter-clockwise and 0 where the shape is "
+            "as drawn",
+        )
+
+
+def _doubt_degrees_of_a_disk(
+    table: Table,
+    theta: np.ndarray,
+    speeds: dict,
+    noise: np.ndarray,
+    shape: Shape,
+    k_g: float,
+    report: Report,
+) -> None:
+    low, high = _reach(shape)
+    if high - low > BLIND_SHAPE * shape.extent:
+        return
+    speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
+    spin = k_g * float(np.median(speeds["theta"]))
+    position, rim = float(np.max(noise[:2])), k_g * noise[2]
+    why = []
+    if spin > max(SPIN_FAST, SPIN_LIKELY * speed) and speed > 0.0:
+        why.append(f"as radians, the rim moves {spin / speed:.1f} times faster than the centre")
+    if rim > RIM_NOISE * position:
+        why.append(
+            f"theta scatters by {noise[2]:.2g} rad, at the rim {rim / position:.0f} times as much as the position"
+        )
+    if why:
+        report.warn(
+            table.file,
+            "column theta",
+            f"may be in degrees ({theta.min():.4g} to {theta.max():.4g}; {'; '.join(why)}); the contact of a round "
+            "body cannot tell",
+            RADIANS
+            + "; nothing, if it is in radians and the body spins fast or its angle is hard to measure",
+        )
+
+
+def _blind_steps(run: np.ndarray, theta: np.ndarray) -> int:
+    """How many steps of θ a camera could not see, without those to and from samples that jump out and back."""
+    n = BLIND_MEDIAN
+    if len(theta) < 2 * n:
+        return 0
+    level = np.median(np.lib.stride_tricks.sliding_window_view(theta, n), axis=1)
+    same = run[2 * n - 1 :] == run[: len(run) - 2 * n + 1]
+    # between the n samples before and the n after a step
+    lasting = np.abs(level[n:] - level[:-n]) > BLIND_STEP
+    steps = np.abs(np.diff(theta))[n - 1 : len(theta) - n] > BLIND_STEP
+    return int(np.sum(steps & lasting & same))
+
+
+def _reach(shape: Shape) -> tuple[float, float]:
+    """Smallest and largest distance in m, over a turn, from the body origin down to the lowest point."""
+    depth = -shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
+    return float(depth.min()), float(depth.max())
+
+
+def _sunk_share(shape: Shape, height: float, y: np.ndarray, theta: np.ndarray, depth: float = DEEP) -> float:
+    return float(np.mean(shape.gap(y, theta, height) < -depth * shape.extent))

@@ -1,0 +1,93 @@
+"""Which way do bodies fall?  Accelerations of y in short windows, without knowing where the impacts are.
+
+A window that lies in one flight is a parabola with ÿ = −g.  Windows that span an impact are no parabola and do not
+count, and a body that rests or is held has no ÿ.  So windows with ÿ near +g, and hardly any near −g, say that y
+points down.  The window is as short as the noise allows: a long one would fit into no flight of a low bounce.
+
+    ÿ = 2 c₂/Δt²,   var ÿ = 4 σ²/Δt⁴ · 180/(n (n² − 1)(n² − 4))        (parabola c₀ + c₁ i + c₂ i² through n samples)
+
+| on paper | in code   | unit | shape |                                        |
+|----------|-----------|------|-------|----------------------------------------|
+| n        | `n`       | 1    |       | samples in a window                    |
+| Δt       | `step`    | s    |       | sampling interval                      |
+| σ        | `sigma_y` | m    |       | noise of a sample of y                 |
+| ÿ/g      | `ratio`   | 1    | (m,)  | of each of the m windows; −1 in flight |
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.datasets.format.samples import Samples
+
+PRECISION = 0.1  # one sigma of ÿ/g: rest (0) and flight (1) are then ten sigmas apart
+ABOUT_G = (
+    0.5,
+    2.0,
+)  # |ÿ|/g that passes for a flight: y may be scaled a little wrong, lengths are judged elsewhere
+SMALLEST_WINDOW = 5  # samples; two degrees of freedom are needed to see that it is a parabola
+LARGEST_WINDOW = 1000
+PARABOLA = 3.0  # reduced chi² of a window that may pass for a parabola
+NOISE_FLOOR = 1e-6  # m; simulated poses have no noise, but finitely many digits
+CLEARLY = 5.0  # windows that fall up for each that falls down; a true flight has none, small hits give a few
+
+
+@dataclass(frozen=True)
+class FlightWindows:
+    """Windows that look like free flight: how many fall towards larger y, how many towards smaller, and n."""
+
+    up: int
+    down: int
+    n: int
+
+    @property
+    def fall_up(self) -> bool:
+        """Whether bodies clearly fall towards larger y (a whole window's worth of evidence, hardly any against)."""
+        return self.up >= self.n and self.up > CLEARLY * self.down
+
+
+def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Integers (N,), constant over rows of one trial whose time steps are all about the usual one (s)."""
+    step = np.diff(t)
+    usable = (trial[1:] == trial[:-1]) & (step > 0.0)
+    usual = np.median(step[usable]) if usable.any() else np.inf
+    return np.r_[0, np.cumsum(~usable | (np.abs(step / usual - 1.0) > 0.5))]
+
+
+@dataclass(frozen=True)
+class Accelerations:
+    """ÿ in m/s², (m,), of the windows of n samples that are a parabola."""
+
+    values: np.ndarray
+    n: int
+
+
+def free_accelerations(samples: Samples, sigma_y: float, precision: float) -> Accelerations:
+    """Accelerations of y in windows as short as `precision` (m/s², one sigma) allows; `sigma_y` in m."""
+    inside = samples.run[1:] == samples.run[:-1]
+    none = Accelerations(np.zeros(0), 1)
+    if not inside.any():
+        return none
+    step = float(np.median(np.diff(samples.t)[inside]))
+    sigma = max(float(np.nan_to_num(sigma_y)), NOISE_FLOOR)
+    sizes = np.arange(SMALLEST_WINDOW, LARGEST_WINDOW + 1, dtype=float)
+    error = 2.0 * sigma / step**2 * np.sqrt(180.0 / (sizes * (sizes**2 - 1.0) * (sizes**2 - 4.0)))
+    precise = error < precision
+    if not precise.any() or len(samples) < sizes[precise][0]:
+        return none
+    n = int(sizes[precise][0])
+    basis, scale = np.linalg.qr(np.vander(np.arange(n) - (n - 1) / 2.0, 3, increasing=True))
+    y = samples.q[:, 1] - np.median(samples.q[:, 1])
+    c = [np.correlate(y, basis[:, k], "valid") for k in range(3)]
+    rest = np.correlate(y * y, np.ones(n), "valid") - c[0] ** 2 - c[1] ** 2 - c[2] ** 2
+    flight = (samples.run[n - 1 :] == samples.run[: len(y) - n + 1]) & (rest < PARABOLA * sigma**2 * (n - 3))
+    return Accelerations((2.0 * c[2] / scale[2, 2] / step**2)[flight], n)
+
+
+def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> FlightWindows:
+    """Count the windows of `samples` that accelerate by about `gravity` (m/s²), given the noise of y (m)."""
+    found = free_accelerations(samples, sigma_y, PRECISION * gravity)
+    ratio = found.values / gravity
+    low, high = ABOUT_G
+    up, down = (int(np.sum((low < sign * ratio) & (sign * ratio < high))) for sign in (1.0, -1.0))
+    return FlightWindows(up, down, found.n)

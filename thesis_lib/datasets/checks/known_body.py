@@ -1,0 +1,67 @@
+"""What is known of a body where units and signs are judged, and the limits and words that these checks share.
+
+| on paper | in code  | unit  |                                                     |
+|----------|----------|-------|-----------------------------------------------------|
+| e        | `extent` | m     | largest distance of the outline from the origin     |
+| k        | `k_g`    | m     | radius of gyration                                  |
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.validate import Report, Table
+
+FILE = "dataset.yaml"
+LARGEST_BODY = 10.0  # m; what is dropped on a rig fits on a table
+LARGEST_HEIGHT = 300.0  # in extents, lowest tenth: bodies come down to 1 extent, in millimetres to 1000
+LARGEST_SPEED = 100.0  # m/s, 90th percentile; a fall from 500 m
+TO_RAD = np.pi / 180.0
+
+RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180"
+METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
+SHAPE_METRES = METRES + " (--shape of the init command takes m, whatever --units says of the log)"
+UPWARDS = (
+    "y must point up, away from the surface: flip its sign (and that of theta if that turns clockwise then)"
+)
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is known of the body even where dataset.yaml is wrong elsewhere; without a shape there is no k_g either."""
+
+    shape: Shape | None = None
+    k_g: float | None = None
+    height: float = 0.0
+    gravity: float = 9.81
+
+    @classmethod
+    def of(cls, header: Header | None, shape: Shape | None) -> "Body":
+        """From a valid header, else from the shape alone."""
+        if header is None:
+            return cls(shape, None if shape is None else shape.extent / 2)
+        shape = header.body.shape
+        k_g = min(header.body.radius_of_gyration, shape.extent)  # a larger one is told by `check_header`
+        return cls(shape, k_g, header.surface.height, header.gravity)
+
+    @property
+    def oversized(self) -> bool:
+        """Whether the shape is far too large to be meant in m: no ratio to it says anything then."""
+        return self.shape is not None and self.shape.extent > LARGEST_BODY
+
+
+def sunk(below: np.ndarray, body: Body) -> str:
+    """What is wrong if centres are `below` the surface (n,) in most rows; '' otherwise."""
+    return (
+        f"the body's centre is below the surface ({body.height:g} m) in most rows"
+        if np.mean(below) > 0.5
+        else ""
+    )
+
+
+def report_sunk(table: Table, below: np.ndarray, what: str, report: Report) -> None:
+    """The error of bodies that are `sunk`, without other signs that y points down."""
+    remedy = UPWARDS + ", or correct surface.height in dataset.yaml"
+    report.error(table.file, f"column y, {table.rows(below)}", what, remedy)

@@ -1,0 +1,61 @@
+"""Do the shape and the surface of dataset.yaml fit the poses in which the body was found to touch?"""
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.checks.known_body import FILE, SHAPE_METRES
+from thesis_lib.datasets.format.validate import Problem
+
+GROSS_SIZE = 1.4  # ratio of heights at impact to those of the shape; beyond any error of ruler or frame
+FEW_HITS = 10  # impacts below which shape and surface are not judged
+BLIND_SHAPE = 0.1  # extents by which the lowest point moves over a turn; below, the gap says nothing of theta
+FACTORS = {  # a shape that is so many times too large, and why
+    2.0: "diameters given as semi-axes or radius?",
+    10.0: "centimetres for millimetres?",
+    0.1: "millimetres for centimetres?",
+    25.4: "inches?",
+    100.0: "centimetres?",
+    1000.0: "millimetres?",
+}
+NEAR = 0.15  # relative distance to such a factor
+
+
+def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
+    """What poses q (n, 3) at impact say against the shape and the height (m) of the surface in dataset.yaml.
+
+    At impact the lowest point touches, y − height = reach(θ): a ratio of the two that is far from 1 in most impacts
+    is the factor by which the shape is wrong, if that makes them agree, and an offset of the surface otherwise.
+    """
+    if len(q) < FEW_HITS:
+        return []
+    reach, centre = -shape.contact_point(q[:, 2])[:, 1], q[:, 1] - height
+    ratio = float(np.median(centre / reach))
+    if 1.0 / GROSS_SIZE < ratio < GROSS_SIZE:
+        return []
+    offset = float(np.median(centre - reach))
+
+    def scatter(rest: np.ndarray) -> float:
+        return float(np.median(np.abs(rest - np.median(rest))))
+
+    what = f"at {len(q)} impacts the centre is {ratio:.3g} times as high above the surface as the shape says"
+    closes = f"surface.height {height + offset:.4g} m instead of {height:g} m would close the gap of {offset:+.3g} m"
+    as_size, as_offset = scatter(centre - ratio * reach), scatter(centre - reach)
+    round_body = np.ptp(reach) < BLIND_SHAPE * shape.extent
+    if ratio > 0.0 and (round_body or as_size < as_offset):
+        times = 1.0 / ratio
+        why = next((f" ({text})" for factor, text in FACTORS.items() if abs(times / factor - 1.0) < NEAR), "")
+        size = f"the shape is {max(times, ratio):.3g} times too {'large' if times > 1 else 'small'}{why}"
+        other = f"; or {closes}" if round_body else ""
+        return [
+            Problem(
+                FILE, "body.shape", f"{what}: {size}{other}", SHAPE_METRES + ", semi-axes and not diameters"
+            )
+        ]
+    return [
+        Problem(
+            FILE,
+            "surface.height",
+            f"{what}: {closes}",
+            "correct surface.height, or the shape, or y, which must be that of the body's centre of mass",
+        )
+    ]

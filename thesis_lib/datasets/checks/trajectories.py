@@ -1,0 +1,185 @@
+"""Do units and signs of header and trajectories fit together?  Heuristics that must not misfire on real drops.
+
+y points down if bodies clearly fall towards larger y (free_fall.py), wherever the surface is said to be.
+Lengths are judged by ratios to the body (positions that never come within 300 body extents of the surface) and by
+speeds (above 100 m/s).
+Gravity is measured where bodies fall freely (windows of samples that are a parabola): a factor that no effect of a rig
+has is an error, with the likely cause.
+Angles are judged by lengths (plausible_angles.py), so they are not judged at all where lengths, or the shape, are in
+doubt; the shape and the surface themselves only where impacts were found (plausible_shape.py).
+"""
+
+import numpy as np
+
+from thesis_lib.datasets.checks.angles import check_degrees
+from thesis_lib.datasets.checks.difference_noise import noise_from_differences
+from thesis_lib.datasets.checks.free_fall import flight_windows, free_accelerations, runs_of
+from thesis_lib.datasets.checks.known_body import (
+    FILE,
+    LARGEST_BODY,
+    LARGEST_HEIGHT,
+    LARGEST_SPEED,
+    METRES,
+    SHAPE_METRES,
+    UPWARDS,
+    Body,
+    report_sunk,
+    sunk,
+)
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.validate import MIN_SAMPLES, Report, Table
+
+LARGEST_GRAVITY = 100.0  # m/s²; 9810 mm/s² and 981 cm/s² lie beyond, planets do not
+DENSEST = 22_600.0  # kg/m³, osmium
+FALL_PRECISION = 0.2  # m/s², one sigma of the acceleration in a window
+FALL_CLEAR = 5.0  # sigmas by which a window must fall to be a flight, and not a body at rest
+GROSS_FALL = 1.5  # ratio of gravity found to that stated; drag and guides stay below 1.2, time in a wrong unit does not
+FEW_FALLS = 0.05  # share of the flights that may fall as stated where all others contradict it
+NEAR = 0.15  # relative distance to gravity on Earth at which gravity was stated wrongly
+
+
+def check_header(header: Header, file: str, report: Report) -> None:
+    """Size, inertia, mass, gravity and noise against each other."""
+    extent, body, noise = header.body.shape.extent, header.body, header.noise
+    if extent > LARGEST_BODY:
+        report.error(
+            file,
+            "body.shape",
+            f"the body reaches {extent:g} m from its centre, more than {LARGEST_BODY:g} m: millimetres?",
+            SHAPE_METRES,
+        )
+    elif body.radius_of_gyration > extent:
+        report.error(
+            file,
+            "body.radius_of_gyration",
+            f"{body.radius_of_gyration:g} m is larger than the body, which reaches {extent:g} m from its centre",
+            "give sqrt(I/m) in m (not the moment of inertia, not millimetres); "
+            f"a uniform lamina of this shape has {body.shape.radius_of_gyration:.6g}",
+        )
+    elif body.mass is not None and body.mass > DENSEST * (2.0 * extent) ** 3:
+        report.warn(
+            file,
+            "body.mass",
+            f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?",
+            "give the mass in kg",
+        )
+    if header.gravity > LARGEST_GRAVITY:
+        report.error(
+            file, "gravity", f"{header.gravity:g} m/s² is no planet's", "give it in m/s² (9.81 on Earth)"
+        )
+    if noise is not None and noise.position is not None and noise.position > extent:
+        report.error(
+            file,
+            "noise.position",
+            f"{noise.position:g} m is larger than the body: millimetres?",
+            "give it in m",
+        )
+    if noise is not None and noise.angle is not None and noise.angle > 1.0:
+        report.warn(file, "noise.angle", f"{noise.angle:g} rad is most of a turn: degrees?", "give it in rad")
+
+
+def check_trajectories(table: Table, body: Body, report: Report) -> None:
+    """Directions and units of poses."""
+    data = table.data
+    trial = data["trial"].to_numpy()
+    t, x, y, theta = (data[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
+    dt = np.diff(t)
+    usable = (trial[1:] == trial[:-1]) & (dt > 0.0)
+    if not usable.any():
+        return
+    speeds = {
+        name: np.abs(np.diff(v))[usable] / dt[usable] for name, v in (("x", x), ("y", y), ("theta", theta))
+    }
+    samples = Samples(trial, t, np.column_stack([x, y, theta]), runs_of(trial, t))
+    noise = noise_from_differences(samples)
+    fall = _first_acceleration(trial, y, float(np.median(dt[usable]))) / -body.gravity
+    doubtful = _check_direction(table, samples, noise, body, report)
+    doubtful |= _check_lengths(table, x, y, speeds, body, fall, report)
+    if not doubtful and body.gravity <= LARGEST_GRAVITY:
+        doubtful = _check_gravity(table, samples, noise, body, report)
+    if not doubtful and not body.oversized:  # angles are judged by positions and by the shape
+        check_degrees(table, samples, speeds, noise, body, report)
+
+
+def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
+    """Median over trials of ÿ (m/s²) from a parabola through the first `MIN_SAMPLES` samples; NaN if none is long."""
+    starts = np.flatnonzero(np.diff(trial, prepend=trial[0] - 1) != 0)
+    starts = starts[np.diff(np.append(starts, len(trial))) >= MIN_SAMPLES]
+    if len(starts) == 0:
+        return float("nan")
+    i = np.arange(MIN_SAMPLES)
+    curvature = np.linalg.pinv(np.vander(i * 1.0, 3))[0]  # weights that give the coefficient of i²
+    return float(np.median(2.0 * (y[starts[:, None] + i] @ curvature)) / dt**2)
+
+
+def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: Body, report: Report) -> bool:
+    below = samples.q[:, 1] < body.height
+    wrong = sunk(below, body)
+    flights = flight_windows(samples, noise[1], body.gravity)
+    if flights.fall_up:
+        where = f", {table.rows(below)}" if wrong else ""
+        what = f"bodies fall towards larger y, by about gravity ({flights.up} windows of {flights.n} samples do so, "
+        what += f"{flights.down} fall towards smaller y)"
+        what = f"{wrong}, and {what}" if wrong else what
+        remedy = UPWARDS + ", and set surface.height in dataset.yaml accordingly"
+        report.error(table.file, f"column y{where}", what, remedy)
+    elif wrong:
+        report_sunk(table, below, wrong, report)
+    return bool(wrong) or flights.fall_up
+
+
+def _check_lengths(
+    table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: Body, fall: float, report: Report
+) -> bool:
+    suspicious = []
+    high = 0.0
+    if body.shape is not None and not body.oversized:
+        high = float(np.quantile(np.abs(y - body.height), 0.1)) / body.shape.extent
+    for name in ("x", "y"):
+        fast = float(np.quantile(speeds[name], 0.9))
+        if fast > LARGEST_SPEED:
+            suspicious.append((name, f"speeds reach {fast:.0f} m/s"))
+        elif name == "y" and high > LARGEST_HEIGHT:
+            suspicious.append((name, f"the body is {high:.0f} times its own size above the surface"))
+        elif name == "y" and high > 3.0 and (50.0 < abs(fall) < 200.0 or 500.0 < abs(fall) < 2000.0):
+            suspicious.append((name, f"bodies fall at {abs(fall):.0f} times gravity"))
+    for name, why in suspicious:
+        values = x if name == "x" else y
+        report.error(
+            table.file,
+            f"column {name}",
+            f"looks like millimetres or centimetres ({values.min():.4g} to {values.max():.4g}; {why})",
+            METRES,
+        )
+    return bool(suspicious)
+
+
+def _check_gravity(table: Table, samples: Samples, noise: np.ndarray, body: Body, report: Report) -> bool:
+    found = free_accelerations(samples, noise[1], FALL_PRECISION)
+    falls = -found.values[found.values < -FALL_CLEAR * FALL_PRECISION] / body.gravity
+    if len(falls) < 5 * found.n:
+        return False
+    ratio = float(np.median(falls))
+    as_stated = np.mean((falls > 1.0 / GROSS_FALL) & (falls < GROSS_FALL))
+    if 1.0 / GROSS_FALL < ratio < GROSS_FALL or as_stated > FEW_FALLS:
+        return False
+    found_g = ratio * body.gravity
+    if abs(found_g / 9.81 - 1.0) < NEAR:
+        report.error(
+            FILE,
+            "gravity",
+            f"bodies fall with {found_g:.3g} m/s², {ratio:.3g} times the {body.gravity:g} m/s² stated",
+            "give 9.81 (or leave gravity out)",
+        )
+        return True
+    clock, size = np.sqrt(ratio), ratio
+    report.error(
+        table.file,
+        "columns t and y",
+        f"bodies fall with {found_g:.3g} m/s², {ratio:.3g} times the {body.gravity:g} m/s² of {FILE}: times are "
+        f"{max(clock, 1 / clock):.3g} times too {'long' if clock < 1 else 'short'} (another frame rate than that "
+        f"of the camera?), or lengths are {max(size, 1 / size):.3g} times too {'small' if size < 1 else 'large'}",
+        "correct t (and rate), or the scale of x and y, or gravity if the rig is tilted or not on Earth",
+    )
+    return True

@@ -1,0 +1,157 @@
+"""Read dataset.yaml, with one problem for each thing that is wrong (see yaml_file for what keeps it safe)."""
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from thesis_lib.bodies.body import Body, Noise, Surface
+from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.validate import Report
+from thesis_lib.foundation.regular_file import FileProblem, MissingFile
+from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
+
+FILE = "dataset.yaml"
+MAX_TOLD = 1000  # mistakes, each with a look for what was meant
+
+SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
+_SECTIONS: dict[tuple, type[BaseModel]] = {
+    (): Header,
+    ("body",): Body,
+    ("surface",): Surface,
+    ("noise",): Noise,
+    **{("body", "shape", kind): model for kind, model in SHAPES.items()},
+}
+# what to do about a wrong or missing value; the nearest enclosing key counts
+_REMEDIES = {
+    ("schema",): "write 'schema: 1' (the version of the format that this program reads)",
+    ("description",): "write free text, in quotes if it holds a colon",
+    ("body",): "give the section body with shape and radius_of_gyration",
+    ("body", "shape"): "write {kind: ellipse, semi_axes: [a, b]}, {kind: disk, radius: R} or "
+    "{kind: polygon, vertices: [[x, y], ...]}, in m from the centre of mass",
+    ("body", "mass"): "give the mass in kg as a number above 0, or leave it out",
+    ("body", "radius_of_gyration"): "give it in m as a number above 0: sqrt(I/m) about the centre of mass "
+    "(a/sqrt(6) for a uniform square of side a)",
+    ("surface",): "write {height: 0.0}, the height of the surface in m, or leave it out",
+    ("gravity",): "give 9.81 in m/s² (positive: it points down by convention), or leave it out",
+    ("rate",): "give the sampling rate in Hz as a number above 0, or leave it out",
+    ("noise",): "give one-sigma values above 0 (position in m, angle in rad, velocity in m/s, "
+    "angular_velocity in rad/s), or leave noise out",
+}
+
+
+def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
+    """Header of the dataset in `folder` and the raw mapping; problems go to `report`.
+
+    Returns (None, raw) where something is wrong; raw is {} where the file is no mapping.
+    """
+    raw, lines = _parse(folder, report)
+    if raw is None:
+        return None, {}
+    try:
+        return Header.model_validate(raw), raw
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_context=True)
+        for entry in found[:MAX_TOLD]:
+            _tell(entry, lines, report)
+        if (more := len(found) - MAX_TOLD) > 0:
+            report.error(FILE, "", f"{more:,} further keys or values are wrong", "correct the others first")
+        return None, raw
+
+
+def salvage_shape(raw: Mapping) -> Shape | None:
+    """The shape from a header that is wrong elsewhere, so that lengths can be judged all the same."""
+    body = raw.get("body")
+    if not isinstance(body, Mapping):
+        return None
+    try:
+        return TypeAdapter(Shape).validate_python(body.get("shape"))
+    except ValidationError:
+        return None
+
+
+def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]:
+    try:
+        document = read_yaml(folder / FILE, folder, aliases=False)
+    except MissingFile:
+        remedy = "write it (README, 'Your own data'), or use the init command"
+        report.error(FILE, "", "the file is missing", remedy)
+        return None, {}
+    except (FileProblem, YamlProblem) as error:
+        report.error(FILE, getattr(error, "where", ""), error.what, error.remedy)
+        return None, {}
+    lines, raw = document.lines, document.content
+    for key, line in document.repeated:
+        where, what = f"line {line}, {_dotted(key)}", f"the key stands twice (first in line {lines[key]})"
+        report.error(FILE, where, what, "keep one of them")
+    if not isinstance(raw, dict):
+        kind = "empty" if raw is None else f"a {type(raw).__name__}"
+        what = f"is {kind}, not a mapping of keys to values"
+        report.error(FILE, "", what, "start with 'schema: 1' on a line of its own")
+        return None, {}
+    return raw, lines
+
+
+def _tell(entry: Mapping, lines: Mapping[tuple, int], report: Report) -> None:
+    """Turn one finding of pydantic into a problem."""
+    loc, kind = tuple(entry["loc"]), entry["type"]
+    key = tuple(part for i, part in enumerate(loc) if not (loc[:2] == ("body", "shape") and i == 2))
+    line = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
+    where = _dotted(key) if line is None else f"line {line}, {_dotted(key)}"
+    if kind == "extra_forbidden":
+        report.error(FILE, where, "unknown key", _unknown_key(loc))
+        return
+    remedy = next(
+        (_REMEDIES[key[:n]] for n in range(len(key), 0, -1) if key[:n] in _REMEDIES), "see the format"
+    )
+    value = _short(entry.get("input"))
+    context = entry.get("ctx", {})
+    what = {
+        "missing": "the key is missing",
+        "greater_than": f"is {value}, but must be above {context.get('gt')}",
+        "finite_number": f"is {value}, but must be a finite number",
+        "float_parsing": f"is {value}, but must be a number",
+        "float_type": f"is {value}, but must be a number",
+        "literal_error": f"is {value}, but must be {context.get('expected')}",
+        "union_tag_not_found": "the key kind is missing",
+        "string_type": f"is {value}, but must be text",
+    }.get(kind)
+    if kind == "union_tag_invalid":
+        tag = str(context.get("tag"))
+        what = f"kind is '{tag}', which is no shape"
+        remedy = _suggest(tag, list(SHAPES)) or remedy
+    elif kind in ("model_type", "model_attributes_type"):
+        what = f"is {value}, but must be a mapping of keys to values"
+    report.error(FILE, where, what or f"is {value}: {entry['msg']}", remedy)
+
+
+def _unknown_key(loc: tuple) -> str:
+    name, section = str(loc[-1]), loc[:-1]
+    known = _keys(_SECTIONS.get(section, Header))
+    if (hint := _suggest(name, known)) is not None:
+        return hint
+    for other, model in _SECTIONS.items():
+        if name in _keys(model) and other != section:
+            home = _dotted(other[:2]) if other else "the top level"
+            return f"it belongs under {home}"
+    return f"remove it; known keys here: {', '.join(known)}"
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _suggest(name: str, known: list[str]) -> str | None:
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else None
+
+
+def _dotted(key: tuple) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,264 @@
+"""What can be wrong with a dataset, and the checks of its tables.
+
+One reading collects every problem in a `Report`; errors are raised together as one `DatasetError`, warnings stay on
+the dataset.  "row" is the line in the file: the header of a CSV is row 1, the first data row is row 2.
+`check_trajectories` and `check_impacts` test structure; units and signs are judged in plausible.py.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, STATE, V_POST, V_PRE
+from thesis_lib.foundation.errors import UserError
+
+MIN_SAMPLES = 10  # two arcs of the fewest samples that carry a parabola and its covariance (5 each)
+RATE_TOLERANCE = (
+    0.02  # clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit or a dropped frame in two
+)
+SHOWN = 4  # row numbers spelled out before "and n more"
+SHOWN_PROBLEMS = 100  # beyond that nobody reads on; the count is still told
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: in which file, where in it, what, and what to do about it."""
+
+    file: str
+    where: str
+    what: str
+    remedy: str
+
+    def __str__(self) -> str:
+        place = f"{self.file}, {self.where}" if self.where else self.file
+        return f"{place}: {self.what}\n     -> {self.remedy}"
+
+
+class DatasetError(UserError):
+    """A dataset that cannot be used; `problems` lists all that is wrong with it."""
+
+    def __init__(self, name: str, problems: Sequence[Problem]):
+        self.name = name
+        self.problems = list(problems)
+        count = len(self.problems)
+        lines = [f"The dataset {name} has {count} problem{'s' if count != 1 else ''}:"]
+        lines += [f"{i:3d}. {problem}" for i, problem in enumerate(self.problems[:SHOWN_PROBLEMS], 1)]
+        if count > SHOWN_PROBLEMS:
+            lines.append(f"     ... and {count - SHOWN_PROBLEMS} more")
+        super().__init__("\n".join(lines))
+
+
+@dataclass
+class Report:
+    """Collects problems while a dataset is read."""
+
+    errors: list[Problem] = field(default_factory=list)
+    warnings: list[Problem] = field(default_factory=list)
+
+    def error(self, file: str, where: str, what: str, remedy: str) -> None:
+        self.errors.append(Problem(file, where, what, remedy))
+
+    def warn(self, file: str, where: str, what: str, remedy: str) -> None:
+        self.warnings.append(Problem(file, where, what, remedy))
+
+
+@dataclass(frozen=True)
+class Table:
+    """The usable rows of a file; the index of `data` counts its data rows, unusable ones included."""
+
+    file: str
+    data: pd.DataFrame
+    first_row: int  # row number of index 0
+    complete: bool  # False where unusable rows were taken out: counts within a trial then mean nothing
+
+    def rows(self, mask: np.ndarray) -> str:
+        """'row 7' or 'rows 7, 8, 9, 10 and 12 more' for a mask over `data`."""
+        return row_text(self.data.index.to_numpy()[np.asarray(mask)] + self.first_row)
+
+
+def row_text(rows: Sequence[int] | np.ndarray) -> str:
+    """Row numbers in words."""
+    shown = ", ".join(str(int(row)) for row in rows[:SHOWN])
+    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    return f"row{'s' if len(rows) != 1 else ''} {shown}{more}"
+
+
+def trial_text(trials: np.ndarray) -> str:
+    """Trial numbers in words."""
+    return row_text(trials).replace("row", "trial")
+
+
+def check_trajectories(table: Table, rate: float | None, report: Report) -> None:
+    """Order, continuity and length of trials, times and rate."""
+    data, file = table.data, table.file
+    trial, t = data["trial"].to_numpy(), data["t"].to_numpy(float)
+    _check_contiguous(table, trial, report)
+
+    same = np.zeros(len(t), dtype=bool)
+    same[1:] = trial[1:] == trial[:-1]
+    step = np.diff(t, prepend=t[0])
+    if np.any(bad := same & (step == 0.0)):
+        report.error(
+            file,
+            f"column t, {table.rows(bad)}",
+            "the time is the same as in the row before",
+            "delete the duplicated samples, or log t with more digits",
+        )
+    if np.any(bad := same & (step < 0.0)):
+        report.error(
+            file,
+            f"column t, {table.rows(bad)}",
+            "the time goes backwards within a trial",
+            "sort each trial by t, and give each release its own trial number",
+        )
+    if table.complete:
+        trials, count = np.unique(trial, return_counts=True)
+        if np.any(short := count < MIN_SAMPLES):
+            report.error(
+                file,
+                f"column trial, {trial_text(trials[short])}",
+                f"fewer than {MIN_SAMPLES} samples in a trial (the shortest has {count.min()})",
+                "remove these trials, or log them at a higher rate: a fit on either side of an impact needs 5 samples",
+            )
+    _check_copies(table, ["x", "y", "theta"], report)
+    if np.any(forward := same & (step > 0.0)):
+        _check_step(table, float(np.median(step[forward])), rate, report)
+        gaps = same & (step > 1.5 * np.median(step[forward]))
+        if np.any(gaps):
+            report.warn(
+                file,
+                f"column t, {table.rows(gaps)}",
+                "samples are missing before these rows (the time step is more than 1.5 times the usual one)",
+                "nothing, if frames were lost; impacts that fall into a gap are left out",
+            )
+
+
+def _check_copies(table: Table, columns: list[str], report: Report) -> None:
+    """Trials whose measured values are those of another, to the last digit: one release cannot be measured twice."""
+    values = table.data[columns].to_numpy(float)
+    if len(values) < 2 or (np.ptp(values, axis=0) == 0.0).any():
+        return  # a channel that never changes is no copy: it was not measured, which is told elsewhere
+    trial = table.data["trial"].to_numpy()
+    first: dict[bytes, int] = {}
+    pairs = []
+    for rows in np.split(np.arange(len(trial)), np.flatnonzero(np.diff(trial)) + 1):
+        number = int(trial[rows[0]])
+        original = first.setdefault(values[rows].tobytes(), number)
+        if original != number:
+            pairs.append((original, number))
+    if not pairs:
+        return
+    shown = ", ".join(f"{a} and {b}" for a, b in pairs[:SHOWN])
+    more = f" and {len(pairs) - SHOWN} more pairs" if len(pairs) > SHOWN else ""
+    report.error(
+        table.file,
+        "column trial",
+        f"trials {shown}{more} hold the same measurements to the last digit",
+        "keep one of each: copies would be in the training and in the held-out part, and count twice",
+    )
+
+
+def _check_step(table: Table, step: float, rate: float | None, report: Report) -> None:
+    slowest = 0.1  # s; a bounce of a hand-sized body lasts a few tenths of a second
+    if step > slowest:
+        hint = "milliseconds" if rate is None or abs(step * rate / 1000.0 - 1.0) < 0.1 else "frame numbers"
+        report.error(
+            table.file,
+            "column t",
+            f"the median time step is {step:.4g} s, too slow to see a bounce; t looks like {hint}",
+            "give t in seconds",
+        )
+    elif rate is not None and abs(step * rate - 1.0) > RATE_TOLERANCE:
+        report.error(
+            table.file,
+            "column t",
+            f"the median time step is {step:.6g} s ({1.0 / step:.6g} Hz), but dataset.yaml says rate: {rate:g} Hz",
+            "correct rate in dataset.yaml (or leave it out), or t if it is not in seconds",
+        )
+
+
+def check_impacts(table: Table, report: Report) -> None:
+    """Numbering of impacts, order of trials, and the optional columns."""
+    data, file = table.data, table.file
+    trial, impact = data["trial"].to_numpy(), data["impact"].to_numpy()
+    _check_contiguous(table, trial, report)
+
+    duplicated = data.duplicated(["trial", "impact"]).to_numpy()
+    if np.any(duplicated):
+        report.error(
+            file,
+            f"columns trial and impact, {table.rows(duplicated)}",
+            "the same impact of the same trial stands in an earlier row",
+            "give each release its own trial number, or delete the copies",
+        )
+    if table.complete:
+        # gaps are legitimate: an impact that could not be measured is left out and keeps its number
+        same = np.concatenate([[False], trial[1:] == trial[:-1]])
+        falls = np.concatenate([[False], impact[1:] <= impact[:-1]]) & same
+        bad = ((impact < 0) | falls) & ~np.isin(trial, trial[duplicated])
+        if not np.any(impact == 0):
+            bad |= True
+        if np.any(bad):
+            report.error(
+                file,
+                f"column impact, {table.rows(bad)}",
+                "within a trial, impact must count up from 0 (0, 1, 2, …) in order",
+                "renumber it; with one impact a trial, trial counts up and impact is 0 throughout",
+            )
+    _check_copies(table, [*V_PRE, *V_POST], report)
+    _check_optional(table, report)
+
+
+def _check_optional(table: Table, report: Report) -> None:
+    data, file = table.data, table.file
+    if ("r_x" in data) != ("r_y" in data):
+        there, lacking = ("r_x", "r_y") if "r_x" in data else ("r_y", "r_x")
+        report.error(
+            file,
+            f"column {lacking}",
+            f"is missing although {there} is there",
+            "give both coordinates of the contact point, or neither (then the shape and theta give it)",
+        )
+    present = [name for name in COVARIANCE_COLUMNS if name in data]
+    if 0 < len(present) < len(COVARIANCE_COLUMNS):
+        lacking = [name for name in COVARIANCE_COLUMNS if name not in data]
+        report.error(
+            file,
+            f"column {lacking[0]}" + (f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""),
+            f"only {len(present)} of the {len(COVARIANCE_COLUMNS)} covariance columns are there",
+            "give the whole lower triangle cov_<a>_<b>, or none of it",
+        )
+    for name in (f"cov_{state}_{state}" for state in STATE):
+        if name in data and np.any(bad := data[name].to_numpy(float) < 0.0):
+            report.error(
+                file,
+                f"column {name}, {table.rows(bad)}",
+                "a variance is negative",
+                "give variances of at least 0",
+            )
+    if "t" in data and table.complete:
+        known = data[np.isfinite(data["t"].to_numpy(float))]
+        step = known.groupby("trial", sort=False)["t"].diff().to_numpy(float)
+        if np.any(bad := step <= 0.0):
+            report.error(
+                file,
+                f"column t, {row_text(known.index.to_numpy()[bad] + table.first_row)}",
+                "an impact is not later than the one before it in the same trial",
+                "order the impacts of a trial by time",
+            )
+
+
+def _check_contiguous(table: Table, trial: np.ndarray, report: Report) -> None:
+    starts = np.flatnonzero(np.diff(trial, prepend=trial[0] - 1) != 0)
+    _, first = np.unique(trial[starts], return_index=True)
+    again = np.zeros(len(trial), dtype=bool)
+    again[np.delete(starts, first)] = True
+    if np.any(again):
+        report.error(
+            table.file,
+            f"column trial, {table.rows(again)}",
+            "a trial begins again after rows of another trial",
+            "keep the rows of a trial together, and give each release its own trial number",
+        )

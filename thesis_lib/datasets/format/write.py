@@ -1,0 +1,53 @@
+"""Write a dataset folder that `read_dataset` reads back."""
+
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import FLOAT_FORMAT, atomic, write_text
+
+
+def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None = FLOAT_FORMAT) -> Path:
+    """Write dataset.yaml, trajectories.csv and impacts.csv into `folder` and return it.
+
+    Args:
+        dataset: what to write; `path` and `warnings` are not part of it.
+        folder: made if needed; tables of the same names are replaced.
+        float_format: of the tables; None writes the shortest text that reads back to the same bits.
+
+    dataset.yaml comes last: without it the folder is no dataset, so a killed run leaves nothing half-finished.
+
+    Raises:
+        UserError: `folder` holds a table that the dataset lacks (it would be read as part of it).
+    """
+    folder = Path(folder)
+    tables = {"trajectories": dataset.trajectories, "impacts": dataset.impacts}
+    for stem, table in tables.items():
+        stale = [f"{stem}.parquet"] + ([f"{stem}.csv"] if table is None else [])
+        for name in stale:
+            if (folder / name).exists():
+                raise UserError(
+                    f"{folder / name} is in the way: it would be read as part of the dataset {dataset.name}. "
+                    "Delete it, or choose another folder."
+                )
+    for stem, table in tables.items():
+        if table is not None:
+            write_csv(table, folder / f"{stem}.csv", float_format)
+    write_text(header_text(dataset.header), folder / "dataset.yaml")
+    return folder
+
+
+def write_csv(table: pd.DataFrame, path: Path, float_format: str | None = None) -> None:
+    """Write a table as CSV, atomically; by default every float reads back to the same bits."""
+    with atomic(path) as tmp:
+        table.to_csv(tmp, index=False, float_format=float_format, lineterminator="\n")
+
+
+def header_text(header: Header) -> str:
+    """dataset.yaml as text, with the keys in the documented order."""
+    content = header.model_dump(mode="json", by_alias=True, exclude_none=True)
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)

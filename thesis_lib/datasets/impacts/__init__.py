@@ -1,0 +1,1 @@
+"""From trajectories to impacts with covariance: detection, arcs, noise, quality."""

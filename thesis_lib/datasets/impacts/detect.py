@@ -1,0 +1,308 @@
+"""From trajectories to impacts: the driver of detection, arc fits, noise estimate and quality tests.
+
+The steps, each for all impacts at once: sort and find gaps (`samples`), mask glitches and detect (`spikes`), fit
+two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`), fit again with it, test
+(`quality`).  Impacts that cannot be measured are left out with a reason; the others carry a covariance.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.checks.difference_noise import noise_from_differences
+from thesis_lib.datasets.checks.shape import contradictions
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples
+from thesis_lib.datasets.format.validate import DatasetError
+from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
+from thesis_lib.datasets.impacts.noise import (
+    SIGMA_FLOOR,
+    NoiseEstimate,
+    estimate_spread,
+    noise_from_arcs,
+    noise_warnings,
+    stated_sigma,
+)
+from thesis_lib.datasets.impacts.quality import assess_arcs, flag_physics, has_flag_text
+from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
+from thesis_lib.foundation.errors import UserError
+
+if TYPE_CHECKING:
+    from thesis_lib.datasets.format.dataset import Dataset
+
+LEFT_OUT_COLUMNS = ("trial", "impact", "t", "reason", "detail")
+ARC_COLUMNS = (
+    *("trial", "impact", "t", "t_std", "used", "n_pre", "n_post"),
+    *(f"rms_{axis}_{side}" for side in ("pre", "post") for axis in ("x", "y", "theta")),
+    *("chi2_pre", "chi2_post", "chi2_meet", "miss", "gap", "gap_std"),
+)
+_NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
+_MOST = 0.5  # share of the impacts used; one wrong surface gives 1, measured sets stay below 0.1
+_FASTEST = 5.0  # speed after an impact over that before it, or that of the median impact; no impact gains a factor of 2
+_MIN_CUT = 8  # samples: fewer could not tell free fall from rest
+
+
+@dataclass(frozen=True)
+class FoundImpacts:
+    """What `find_impacts` returns.
+
+    Attributes:
+        impacts: the usable ones, with t, cov and flags.
+        left_out: columns trial, impact, t, reason, detail; reasons are listed in `quality`, and `energy_gain` is that
+            of rows of impacts.csv which are no measurement.
+        arcs: a row per detected impact, used or not, with `ARC_COLUMNS` (s, m, rad; chi2_* per degree of freedom).
+        noise: see `NoiseEstimate`.
+        glitches: columns trial, t: samples masked as tracking glitches.
+        masked: (N,) which of the samples, sorted by trial and time, detection took no notice of: the glitches, and
+            ends of records that stand out; none where impacts.csv was given.
+        warnings: sentences for the user.
+    """
+
+    impacts: Impacts
+    left_out: pd.DataFrame
+    arcs: pd.DataFrame
+    noise: NoiseEstimate
+    glitches: pd.DataFrame
+    masked: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    warnings: tuple[str, ...] = ()
+
+    def summary(self) -> dict:
+        """Counts, reasons, flags, noise and warnings, ready for JSON (NaN as null)."""
+        flags = [flag for text in self.impacts.flags for flag in str(text).split(";") if flag]
+        noise = {"position": self.noise.position, "angle": self.noise.angle}
+        return {
+            "used": len(self.impacts),
+            "left_out": self.left_out["reason"].value_counts().sort_index().to_dict(),
+            "flagged": {flag: flags.count(flag) for flag in sorted(set(flags))},
+            "noise": {key: value if np.isfinite(value) else None for key, value in noise.items()},
+            "noise_source": self.noise.source,
+            "glitches": len(self.glitches),
+            "warnings": list(self.warnings),
+        }
+
+
+def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> FoundImpacts:
+    """Impacts of a dataset.
+
+    Where the user gives impacts.csv it is taken as it is, even if there are trajectories too: who measured
+    impacts by better means should not have them replaced by our fits.  Their covariance is then that of the
+    header's noise (diagonal), or the table's own columns, or None.
+
+    Args:
+        dataset: with `header`, and `impacts` (Impacts, table or None) and `trajectories` (table or None).
+        settings: `ArcSettings()` if None.
+
+    Raises:
+        UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
+    """
+    settings = settings or ArcSettings()
+    given = dataset.impacts
+    if given is not None and len(given):
+        return _from_given(given, dataset.header, settings)
+    if dataset.trajectories is None:
+        raise UserError(
+            f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them."
+        )
+    table, header = dataset.trajectories, dataset.header
+    found = find_in_arrays(
+        table["trial"].to_numpy(),
+        table["t"].to_numpy(float),
+        table[["x", "y", "theta"]].to_numpy(float),
+        header,
+        settings,
+    )
+    if wrong := contradictions(header.body.shape, header.surface.height, found.impacts.q):
+        raise DatasetError(dataset.name, wrong)
+    return found
+
+
+def find_in_arrays(
+    trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings | None = None
+) -> FoundImpacts:
+    """Impacts from poses: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped; in any order."""
+    settings = settings or ArcSettings()
+    samples = make_samples(trial, t, q, header, settings)
+    everything = samples
+    rough = noise_from_differences(samples)
+    stated = believed = stated_sigma(header)
+    for _ in range(2):
+        # the larger of the two keeps an optimistic header from turning noise into impacts
+        sigma = np.fmax(np.fmax(believed, rough), SIGMA_FLOOR)
+        glitch = find_glitches(everything, header.gravity, sigma, settings)
+        samples = everything.select(~glitch)
+        at = detect(samples, header, sigma, settings)
+        at = add_weak_hits(samples, at, header, sigma, settings)
+        fits = fit_arcs(samples, at, sigma, header, settings)
+        noise = noise_from_arcs(fits, rough, stated)
+        unchanged = np.array_equal(noise.stated, believed, equal_nan=True)
+        quiet = (noise.sigma < _NOISIER * sigma).all() or not np.isfinite(noise.sigma).all()
+        if quiet and unchanged:
+            break
+        believed = noise.stated
+        if not quiet:
+            rough = noise.sigma  # a long rest, or noise that is not white, hid part of it: detect again
+    glitches = _reported_glitches(everything, glitch)
+
+    if not settings.stray_acceleration:
+        noise = replace(noise, stray=np.zeros(3))
+    spread = settings.contact_spread
+    if spread is None:
+        spread = estimate_spread(fits, header.body.radius_of_gyration, sigma, noise, settings)
+    noise = replace(noise, contact_spread=spread)
+    fits = _fit_straightest(samples, at, noise, header, settings)
+
+    trial_of = samples.trial[at]
+    ordinal = _ordinal(trial_of)
+    reasons, details, flags = assess_arcs(fits, samples, noise.used, header, settings)
+    used = reasons == ""
+    impacts = Impacts(
+        trial=trial_of[used],
+        impact=ordinal[used],
+        q=fits.q[used],
+        v_pre=fits.v_pre[used],
+        v_post=fits.v_post[used],
+        r=header.body.shape.contact_point(fits.q[used, 2]),
+        k_g=header.body.radius_of_gyration,
+        mass=1.0 if header.body.mass is None else header.body.mass,
+        t=fits.t[used],
+        cov=fits.cov[used],
+        flags=flags[used],
+    )
+    left_out = pd.DataFrame(
+        dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))), columns=LEFT_OUT_COLUMNS
+    )
+    return FoundImpacts(
+        impacts=flag_physics(impacts, settings.mu_max),
+        left_out=left_out[~used].reset_index(drop=True),
+        arcs=_arc_table(fits, trial_of, ordinal, used),
+        noise=noise,
+        glitches=glitches,
+        masked=glitch,
+        warnings=(
+            *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
+            *noise_warnings(noise, stated, glitches, settings),
+        ),
+    )
+
+
+def _detection_warnings(
+    fits: ArcFits,
+    used: np.ndarray,
+    reasons: np.ndarray,
+    flags: np.ndarray,
+    header: Header,
+    trials: np.ndarray,
+) -> tuple[str, ...]:
+    """Sentences for the user where nothing was found, or where most impacts happen off the surface."""
+    advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
+    if not len(fits):
+        return (f"No impact was found in {len(trials)} trials. {advice}",)
+    if not used.any():
+        names, counts = np.unique(reasons.astype(str), return_counts=True)
+        why = ", ".join(f"{name} {count}" for name, count in zip(names, counts))
+        return (f"None of the {len(fits)} impacts found can be used ({why}). {advice}",)
+    off = has_flag_text(flags[used], "no_touch")
+    if off.mean() <= _MOST:
+        return ()
+    gap = float(np.median(fits.gap[used][off]))
+    return (
+        f"In {off.sum()} of {used.sum()} impacts the body is off the surface (no_touch; median gap {gap:+.3g} m). "
+        f"Correct surface.height ({header.surface.height:g} m; {header.surface.height + gap:.4g} m would close the "
+        "gap) or the shape in dataset.yaml, or y, which must be that of the body's centre of mass.",
+    )
+
+
+def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
+    """Those inside a run: the first or last sample of one may as well lie beyond a hit, and is only masked."""
+    inside = np.zeros(len(samples), bool)
+    inside[1:-1] = samples.run[2:] == samples.run[:-2]
+    return pd.DataFrame({"trial": samples.trial[glitch & inside], "t": samples.t[glitch & inside]})
+
+
+def _fit_straightest(
+    samples: Samples,
+    at: np.ndarray,
+    noise: NoiseEstimate,
+    header: Header,
+    settings: ArcSettings,
+) -> ArcFits:
+    """Arc fits in which a bent arc is cut to half its samples where that makes it straight.
+
+    A bent far end (a hit too weak to be seen, the body coming to rest) must not spoil the velocity at the near
+    one.  Bent is judged by the noise found in the data: a wrong header should not shorten every window.
+    """
+    sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
+
+    def fit(hits: np.ndarray, size: np.ndarray | None = None) -> ArcFits:
+        spread, colour, stray = noise.contact_spread, noise.colour, noise.stray
+        return fit_arcs(samples, hits, noise.used, header, settings, spread, size, colour, stray)
+
+    fits = fit(at)
+    bent = is_bent(fits, sigma, settings.arc_deviation)
+    if not bent.any():
+        return fits
+    # hits of one trial bound each other's windows and are fitted together
+    rows = np.flatnonzero(np.isin(samples.trial[at], samples.trial[at[bent.any(1)]]))
+    bent, whole = bent[rows], np.full((len(rows), 2), settings.max_window)
+    size, count = whole, fits.n_side[rows]
+    for _ in range(2):
+        size = np.where(bent & (count > _MIN_CUT), np.maximum(count // 2 + 1, _MIN_CUT), size)
+        shorter = fit(at[rows], size)
+        bent_still = is_bent(shorter, sigma, settings.arc_deviation)
+        bent, count = bent & bent_still, shorter.n_side
+    # a short arc is straight enough for anything: it must also fall rather than rest, or it is no flight at all
+    cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue]
+    final = fit(at[rows], np.where(cured, size, whole))
+    return fits.put(rows, final)
+
+
+def _ordinal(trial: np.ndarray) -> np.ndarray:
+    """0, 1, 2, … within each trial."""
+    first = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]][: len(trial)])
+    return np.arange(len(trial)) - np.repeat(first, np.diff(np.r_[first, len(trial)]))
+
+
+def _arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.ndarray) -> pd.DataFrame:
+    dof = np.maximum(fits.n_side - 2, 1)[..., None]
+    rms = np.sqrt(fits.ss / dof).reshape(len(fits), 6)  # over degrees of freedom: comparable with sigma
+    measured = (fits.n_side >= 2).all(1)  # a line needs two samples
+    t_std, gap, gap_std = (np.where(measured, a, np.nan) for a in (fits.t_std, fits.gap, fits.gap_std))
+    columns = [trial, ordinal, fits.t, t_std, used, *fits.n_side.T, *rms.T, *fits.reduced.T]
+    columns += [fits.chi2_meet / 2.0, np.where(measured, fits.miss, np.nan), gap, gap_std]
+    return pd.DataFrame(dict(zip(ARC_COLUMNS, columns)), columns=ARC_COLUMNS)
+
+
+def _impossible(given: Impacts) -> np.ndarray:
+    """Mask (n,) of impacts that gain energy beyond any noise, law or moving surface: rows that are no measurement."""
+    before, after = (
+        np.sqrt(((v * [1.0, 1.0, given.k_g]) ** 2).sum(axis=1)) for v in (given.v_pre, given.v_post)
+    )
+    typical = float(np.median(before)) if len(before) else 0.0
+    return after > _FASTEST * np.maximum(before, typical)
+
+
+def _from_given(given: "Impacts | pd.DataFrame", header: Header, settings: ArcSettings) -> FoundImpacts:
+    body, noise = header.body, header.noise
+    if isinstance(given, pd.DataFrame):
+        given = Impacts.from_table(given, body.shape, body.radius_of_gyration, body.mass)
+    sigma = stated_sigma(header)
+    speeds = (None, None) if noise is None else (noise.velocity, noise.angular_velocity)
+    if given.cov is None and np.isfinite(sigma).all() and None not in speeds:
+        velocity = [speeds[0], speeds[0], speeds[1]]
+        diagonal = np.diag(np.array([*sigma, *velocity, *velocity], float) ** 2)
+        given = replace(given, cov=np.tile(diagonal, (len(given), 1, 1)))
+    wild = _impossible(given)
+    reasons = np.full(int(wild.sum()), "energy_gain", object)
+    details = np.full(len(reasons), f"leaves more than {_FASTEST:g} times as fast as it came", object)
+    left_out = (given.trial[wild], given.impact[wild], given.t[wild], reasons, details)
+    given = given.select(~wild)
+    return FoundImpacts(
+        impacts=flag_physics(given, settings.mu_max),
+        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, left_out)), columns=LEFT_OUT_COLUMNS),
+        arcs=pd.DataFrame(columns=ARC_COLUMNS),
+        noise=NoiseEstimate(float(sigma[0]), float(sigma[2]), sigma, sigma, "header"),
+        glitches=pd.DataFrame(columns=["trial", "t"]),
+    )

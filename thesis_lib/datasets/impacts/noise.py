@@ -1,0 +1,182 @@
+"""Measurement noise from trajectories: third differences first, then the residuals of the arcs.
+
+Third differences of white noise have 20 times its variance and hold nothing of a parabola; their median size
+over all samples does not see the few that span an impact.  The residuals of arcs fitted to the flights give
+the final value, and show what third differences are blind to: slow errors of a tracker.  These make residuals
+of neighbouring samples alike, and fitted velocities worse than white noise of the same size would,
+
+    var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1), lag-one correlation ρ)
+
+| on paper | in code  | unit      | shape |                                                    |
+|----------|----------|-----------|-------|----------------------------------------------------|
+| σ        | `sigma`  | m, m, rad | (3,)  | noise of each sample of x, y, θ                    |
+| ρ        | `lag1`   | 1         | (3,)  | correlation of residuals of neighbouring samples   |
+| s        | `spread` | s         |       | offset of the arcs over |Δv| (see `arcs`)          |
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.checks.difference_noise import MAD_TO_STD
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.arcs import ArcFits
+
+SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero
+_MIN_ARCS = 6  # fewer arcs than this say too little about the noise; third differences are used instead
+_MIN_ARC_SAMPLES = 8
+_LONG_ARC_SAMPLES = 16  # used alone if there are enough: short ones are rattle, and hide correlation
+_MAX_LAG1 = 0.8  # beyond, an arc of 25 samples holds too little to tell noise from curvature
+_COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
+CONTRADICTED = (
+    2.0  # ratio of stated noise to that of the arcs, known to 10 %, beyond which it is not believed
+)
+_EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """One-sigma noise of a sample.
+
+    Attributes:
+        position, angle: m, rad; as estimated (x and y pooled). NaN where there is nothing to estimate from.
+        sigma: (3,) of x, y, θ in m, m, rad, as estimated.
+        used: (3,) the same, as used for the covariances: `stated` where that is a number, else `sigma`.
+        stated: (3,) the header's where it is believed: NaN where it states none, or one that the arcs contradict.
+        source: "arcs", "differences" or "header".
+        contact_spread: s, see `thesis_lib.datasets.impacts.arcs`.
+        lag1: (3,) correlation ρ of residuals of neighbouring samples of x, y, θ; near 0 for white noise.
+        colour: (3,) factor (1 + ρ)/(1 − ρ) by which covariances are larger than with white noise.
+        stray: (3,) one sigma of accelerations beyond gravity in flight, m/s², m/s², rad/s² (see `arcs`).
+    """
+
+    position: float
+    angle: float
+    sigma: np.ndarray
+    used: np.ndarray
+    source: str
+    contact_spread: float = 0.0
+    lag1: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+    colour: np.ndarray = field(default_factory=lambda: np.ones(3))
+    stray: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+
+
+def stated_sigma(header: Header) -> np.ndarray:
+    noise = header.noise
+    values = (None, None) if noise is None else (noise.position, noise.angle)
+    position, angle = (np.nan if value is None else value for value in values)
+    return np.array([position, position, angle])
+
+
+def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> NoiseEstimate:
+    """Noise from the residuals of all long arcs: a median over arcs, so that bad arcs do not count."""
+    n = np.maximum(fits.n_side, 4)
+    long = fits.n_side >= _LONG_ARC_SAMPLES
+    if long.sum() < _MIN_ARCS:
+        long = fits.n_side >= _MIN_ARC_SAMPLES
+    sigma, lag1, colour, source = rough, np.full(3, np.nan), np.ones(3), "differences"
+    if long.sum() >= _MIN_ARCS:
+        # the median of chi²_ν / ν is (1 − 2/(9ν))³ to within 0.2 % for ν ≥ 5
+        dof = n - 3.0  # of arcs with any acceleration: stray ones are no noise
+        sigma = np.sqrt(
+            np.median((fits.ss_free / (dof * (1.0 - 2.0 / (9.0 * dof)) ** 3)[..., None])[long], axis=0)
+        )
+        for enough in (_LONG_ARC_SAMPLES, _MIN_ARC_SAMPLES):
+            both = (n >= enough).all(1)
+            if both.sum() < _MIN_ARCS:
+                continue
+            # a parabola through n samples takes about (3 + 6ρ)/n off the correlation ρ of its residuals
+            shrink = 1.0 / n[both].mean(1)[:, None]
+            lag1 = np.median((fits.lag1[both] + 3.0 * shrink) / (1.0 - 6.0 * shrink), axis=0)
+            # AR(1) noise: the mean of many samples has (1 + ρ)/(1 − ρ) times the variance of white noise
+            rho = np.clip(np.where(lag1 > _COLOURED, lag1, 0.0), 0.0, _MAX_LAG1)
+            colour = (1.0 + rho) / (1.0 - rho)
+            # and a parabola takes as many times more than its 3 degrees of freedom out of the residuals
+            m = np.median(n[both])
+            sigma = sigma * np.sqrt((m - 3.0) / np.maximum(m - 3.0 * colour, 0.5 * m))
+            break
+        source = "arcs"
+    if source == "arcs":
+        stated = np.where(_contradicted(sigma, stated, colour), np.nan, stated)
+    used = np.fmax(np.where(np.isnan(stated), sigma, stated), SIGMA_FLOOR)
+    position = float(np.sqrt(np.mean(sigma[:2] ** 2)))
+    stray = _stray_acceleration(fits, sigma, colour)
+    return NoiseEstimate(position, float(sigma[2]), sigma, used, source, 0.0, lag1, colour, stray, stated)
+
+
+def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Mask (3,) of stated noise that is far from the scatter about the arcs.
+
+    Scatter that is larger and not white may be a motion that no arc describes, which must not pass for noise.
+    """
+    sigma = np.fmax(sigma, SIGMA_FLOOR)
+    return (sigma * CONTRADICTED < stated) | ((sigma > CONTRADICTED * stated) & (colour == 1.0))
+
+
+def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """One sigma (3,) of accelerations beyond gravity, from the curvature of long arcs beyond noise; else 0."""
+    long = fits.n_side >= _LONG_ARC_SAMPLES
+    if long.sum() < _MIN_ARCS:
+        return np.zeros(3)
+    found = (MAD_TO_STD * np.median(np.abs(fits.curvature[long]), axis=0)) ** 2
+    noise = np.median(1.0 / fits.bow2[long], axis=0)[..., None] * sigma**2 * colour
+    # the variance from a median has the relative error 2.3/√n; below a clear excess there is nothing to add
+    clear = found > noise * (1.3 + 3.0 * 2.3 / np.sqrt(long.sum()))
+    return np.sqrt(np.where(clear, found - noise, 0.0))
+
+
+def estimate_spread(
+    fits: ArcFits, k_g: float, assumed: np.ndarray, noise: NoiseEstimate, settings: ArcSettings
+) -> float:
+    """s from how far free arcs miss each other, beyond noise: (miss/|Δv|)² is Rayleigh, 2 of 3 dimensions."""
+    rescale = np.max(noise.used**2 * noise.colour / assumed**2)
+    dv = np.sqrt((((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g]) ** 2).sum(1))
+    good = (fits.n_side >= _MIN_ARC_SAMPLES).all(1) & fits.converged & (dv > settings.min_jump)
+    good &= fits.miss < settings.meet_time * dv  # beyond: two hits
+    if good.sum() < _MIN_ARCS:
+        return 0.0
+    noise2 = fits.miss_noise**2 * rescale
+    # chi² with 2 dof has its median at 2 ln 2, with standard error 2/√n: without a clear excess s is 0
+    typical = np.median(fits.chi2_meet[good]) / rescale
+    if typical < _EXCESS * (2.0 * np.log(2.0) + 3.0 * 2.0 / np.sqrt(good.sum())):
+        return 0.0
+    excess = np.median((fits.miss[good] / dv[good]) ** 2) / (2.0 * np.log(2.0))
+    return float(np.sqrt(max(excess - np.median(noise2[good] / dv[good] ** 2) / 2.0, 0.0)))
+
+
+def noise_warnings(
+    noise: NoiseEstimate, stated: np.ndarray, glitches: pd.DataFrame, settings: ArcSettings
+) -> tuple[str, ...]:
+    """Sentences for the user about noise and glitches (columns trial, t)."""
+    found = []
+    for name, unit, have, say, used in zip(
+        ("x", "y", "theta"), ("m", "m", "rad"), noise.sigma, stated, noise.stated
+    ):
+        ratio = have / say
+        if np.isfinite(ratio) and not 1.0 / settings.noise_ratio <= ratio <= settings.noise_ratio:
+            found.append(
+                f"dataset.yaml states noise of {say:.3g} {unit} for {name}, but its samples scatter by {have:.3g} "
+                f"{unit} about the arcs; the {'value of the arcs' if np.isnan(used) else 'stated value'} is used. "
+                "Correct it, or delete it to use the estimate."
+            )
+    if (noise.colour > 1.0).any():
+        found.append(
+            "The noise of neighbouring samples is correlated (lag-one correlation of x, y, theta: "
+            + ", ".join(f"{value:.2f}" for value in noise.lag1)
+            + "); the covariances of the impacts are widened accordingly."
+        )
+    if noise.stray.any():
+        found.append(
+            "In flight the body accelerates by more than gravity (one sigma of x, y, theta: "
+            + ", ".join(f"{value:.2g}" for value in noise.stray)
+            + " m/s², m/s², rad/s²: air, guides, cables or a tilt); the arcs allow for it."
+        )
+    if len(glitches):
+        found.append(
+            f"{len(glitches)} single samples in {glitches['trial'].nunique()} trials stand out like tracking "
+            "glitches and were treated as lost frames."
+        )
+    return tuple(found)

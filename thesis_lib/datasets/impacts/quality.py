@@ -1,0 +1,221 @@
+"""Quality tests of impacts: what cannot be measured is left out, what looks unphysical is flagged and kept.
+
+Left out, with a reason (the first that applies):
+
+| reason             | meaning                                                                                    |
+|--------------------|--------------------------------------------------------------------------------------------|
+| `lost_frames`      | a gap in time leaves too few samples on a side, or holds the impact itself                 |
+| `second_hit`       | another hit too near: few samples between them, arcs and samples that fit only two hits, or a  |
+|                    | second corner that touches at once                                                         |
+| `window_too_short` | the trial begins or ends too near                                                          |
+| `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet     |
+| `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                |
+
+Flagged (names joined by ';') and kept, because dropping them would drop the evidence of what a model lacks:
+
+| flag            | meaning                                                                                          |
+|-----------------|--------------------------------------------------------------------------------------------------|
+| `energy`        | contact-space energy grows: α = v_C+ᵀ M_C v_C+ / v_C−ᵀ M_C v_C− > 1                                |
+| `cone`          | |P_t| > mu_max P_n                                                                               |
+| `compression`   | v_n+ < 0: the impulse lies below the line of maximum compression                                 |
+| `arc_deviation` | an arc deviates from the parabola by more than noise explains, though not grossly                |
+| `no_touch`      | the gap at impact is not 0 within 5 sigma and 2 mm                                               |
+
+    v_C = J v,   J = [[1, 0, −r_y], [0, 1, r_x]],   M_C = (J M⁻¹ Jᵀ)⁻¹,   M = diag(m, m, m k²),   P = M_C J Δv
+
+Sources: thesis sections 3.3.1 and 3.4; mu_max and the compression test are in the authors' published code.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
+
+REASONS = ("lost_frames", "second_hit", "window_too_short", "not_ballistic", "no_approach")
+FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
+THESIS_FLAGS = ("energy", "cone", "compression")
+_APPROACH_SIGMA = 3.0  # 1 in 700 motionless contacts would pass
+_TOUCH_SIGMA = 5.0
+_REST = 9.0  # chi² (3 sigmas) by which rest must beat free fall to be believed
+_RESTITUTIONS = (0.2, 0.9)
+_ONE_PLACE = 0.2  # radii of gyration between two contact points
+_ROUNDING = 1e-9  # an impact without losses (α = 1) must not be flagged by the last digit
+
+
+@dataclass(frozen=True)
+class ContactMeasures:
+    """Measured impact in contact space.
+
+    Attributes:
+        v_c_pre, v_c_post: (n, 2) contact velocity (v_t, v_n), m/s.
+        impulse: (n, 2) P = (P_t, P_n), N s (per kg where the mass is unknown).
+        alpha: (n,) energy after over before, in contact space.
+    """
+
+    v_c_pre: np.ndarray
+    v_c_post: np.ndarray
+    impulse: np.ndarray
+    alpha: np.ndarray
+
+
+def contact_measures(impacts: Impacts) -> ContactMeasures:
+    """Contact velocities, impulse and energy ratio of n measured impacts.
+
+    Written out and not taken from contact/, so that an edit of an impact law does not rerun the search for impacts.
+    """
+    rx, ry = impacts.r[:, 0], impacts.r[:, 1]
+    m, k2 = impacts.mass, impacts.k_g**2
+
+    def at_contact(v: np.ndarray) -> np.ndarray:
+        return np.stack([v[:, 0] - ry * v[:, 2], v[:, 1] + rx * v[:, 2]], axis=1)
+
+    # K = J M⁻¹ Jᵀ = [[1 + r_y²/k², −r_x r_y/k²], [·, 1 + r_x²/k²]] / m;  M_C = K⁻¹
+    ktt, knn, ktn = (1 + ry**2 / k2) / m, (1 + rx**2 / k2) / m, -rx * ry / k2 / m
+    m_c = np.stack([np.stack([knn, -ktn], 1), np.stack([-ktn, ktt], 1)], 1)
+    m_c /= (ktt * knn - ktn**2)[:, None, None]
+    pre, post = at_contact(impacts.v_pre), at_contact(impacts.v_post)
+    before = np.einsum("ni,nij,nj->n", pre, m_c, pre)
+    after = np.einsum("ni,nij,nj->n", post, m_c, post)
+    alpha = np.divide(after, before, out=np.full(len(pre), np.inf), where=before > 0)
+    return ContactMeasures(pre, post, np.einsum("nij,nj->ni", m_c, post - pre), alpha)
+
+
+def flag_physics(impacts: Impacts, mu_max: float = 0.35) -> Impacts:
+    """The impacts with `energy`, `cone` and `compression` added to their flags where they fail."""
+    c = contact_measures(impacts)
+    p_t, p_n = c.impulse.T
+    failed = {
+        "energy": c.alpha > 1.0 + _ROUNDING,
+        "cone": np.abs(p_t) > mu_max * p_n,
+        "compression": c.v_c_post[:, 1] < 0,
+    }
+    return replace(impacts, flags=_add_flags(impacts.flags, failed))
+
+
+def has_flag(impacts: Impacts, *names: str) -> np.ndarray:
+    """Mask (n,) of impacts with any of the named flags."""
+    return np.any([has_flag_text(impacts.flags, name) for name in names], axis=0)
+
+
+def thesis_filter(impacts: Impacts) -> np.ndarray:
+    """Mask (n,) of the impacts that the thesis keeps: no energy, cone or compression flag."""
+    return ~has_flag(impacts, *THESIS_FLAGS)
+
+
+def assess_arcs(
+    fits: ArcFits, samples: Samples, sigma: np.ndarray, header: Header, settings: ArcSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reason ('' = usable), detail and flags, each (n,) text, of n fitted impacts; `sigma` (3,) is the noise."""
+    n = len(fits)
+    reason, detail = np.full(n, "", object), np.full(n, "", object)
+
+    def leave_out(mask: np.ndarray, name: str, text: np.ndarray | str) -> None:
+        mask = mask & (reason == "")
+        reason[mask] = name
+        detail[mask] = np.broadcast_to(text, n)[mask]
+
+    sides = _text(fits.n_side[:, 0]) + " samples before, " + _text(fits.n_side[:, 1]) + " after"
+    short = (fits.n_side < settings.min_window).any(1)
+    leave_out(short & _lost_near(fits, samples, settings), "lost_frames", sides)
+    leave_out(samples.run[fits.at] != samples.run[fits.at + 1], "lost_frames", "the gap holds the impact")
+    leave_out(short & _hit_near(fits, samples, settings), "second_hit", sides)
+    leave_out(short, "window_too_short", sides)  # pyright: ignore[reportArgumentType]
+
+    worst, beyond = np.nan_to_num(fits.reduced).max(1), np.nan_to_num(fits.chi2_rest).max(1)
+    k_g = header.body.radius_of_gyration
+    dv = np.sqrt((((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g]) ** 2).sum(1))
+    allowed = settings.meet_time * dv
+    # A second hit inside the first samples spoils only those; an arc that is bad beyond them is no flight.
+    stray = (fits.chi2_near > settings.meet_sigma**2) & (fits.near > allowed)
+    missing = (fits.chi2_meet > settings.meet_sigma**2) & (fits.miss > allowed)
+    bad_arc = "reduced chi² of an arc is "
+    leave_out(beyond > settings.not_ballistic, "not_ballistic", bad_arc + _text(beyond))
+    leave_out((fits.fall < -_REST).any(1), "not_ballistic", "the body does not fall on one side")  # pyright: ignore[reportArgumentType]
+    leave_out(stray, "second_hit", "samples beside the impact are off by " + _text(1e3 * fits.near) + " mm")
+    leave_out(worst > settings.not_ballistic, "not_ballistic", bad_arc + _text(worst))
+    leave_out(missing, "second_hit", "the arcs miss each other by " + _text(1e3 * fits.miss) + " mm")
+    leave_out(~fits.converged, "not_ballistic", "the arcs do not meet near the detected instant")
+    wait = _second_corner(fits, header)
+    leave_out(
+        wait < settings.double_hit, "second_hit", "the next corner hits after " + _text(1e3 * wait) + " ms"
+    )
+
+    r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
+    v_n = fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2]
+    row = np.zeros((n, 9))
+    row[:, 4], row[:, 5] = 1.0, r_x
+    v_n_std = np.sqrt(np.einsum("ni,nij,nj->n", row, fits.cov, row))
+    leave_out(v_n > -_APPROACH_SIGMA * v_n_std, "no_approach", "v_n is " + _text(v_n) + " m/s before")
+
+    failed = {
+        "arc_deviation": is_bent(fits, sigma, settings.arc_deviation).any(1),
+        "no_touch": np.abs(fits.gap) > np.maximum(_TOUCH_SIGMA * fits.gap_std, settings.touch_limit),
+    }
+    return reason, detail, _add_flags(np.full(n, "", object), failed)
+
+
+def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
+    """Time (n,) in s from the impact of a polygon's lowest corner to that of the next one; ∞ for other shapes.
+
+    From the state before the impact only, for impulses without friction, and the longest of those for little and for
+    much restitution: the pair is one hit in the samples, whatever the contact is like.
+    """
+    wait = np.full(len(fits), np.inf)
+    if not isinstance(header.body.shape, Polygon):
+        return wait
+    corners = np.asarray(header.body.shape.vertices)
+    cos, sin = np.cos(fits.q[:, 2])[:, None], np.sin(fits.q[:, 2])[:, None]
+    r_x, r_y = cos * corners[:, 0] - sin * corners[:, 1], sin * corners[:, 0] + cos * corners[:, 1]
+    rows, lowest = np.arange(len(fits)), r_y.argmin(axis=1)
+    height, lever = r_y - r_y[rows, lowest][:, None], r_x[rows, lowest][:, None]
+    v_n = fits.v_pre[:, 1:2] + r_x * fits.v_pre[:, 2:3]
+    k2, g = header.body.radius_of_gyration**2, header.gravity
+    last = np.zeros(len(fits))
+    for epsilon in _RESTITUTIONS:
+        c_n = -(1.0 + epsilon) * v_n[rows, lowest][:, None] / (1.0 + lever**2 / k2)
+        after = v_n + c_n * (1.0 + lever * r_x / k2)
+        fall = (after + np.sqrt(after**2 + 2.0 * g * height)) / g
+        # vertices side by side (a rounded corner drawn as a polygon) are one place
+        fall[np.abs(r_x - lever) < _ONE_PLACE * header.body.radius_of_gyration] = np.inf
+        last = np.maximum(last, fall.min(axis=1))
+    return last
+
+
+def _lost_near(fits: ArcFits, samples: Samples, settings: ArcSettings) -> np.ndarray:
+    """Mask (n,): a gap in time (not the trial's end) within min_window samples of the impact."""
+    gap_after = (samples.run[1:] != samples.run[:-1]) & (samples.trial[1:] == samples.trial[:-1])
+    count = np.r_[0, np.cumsum(gap_after), gap_after.sum()]
+    low = np.maximum(fits.at - settings.min_window, 0)
+    high = np.minimum(fits.at + settings.min_window + 1, len(samples))
+    return count[high] > count[low]
+
+
+def _hit_near(fits: ArcFits, samples: Samples, settings: ArcSettings) -> np.ndarray:
+    """Mask (n,): another detected hit of the same trial within min_window samples (and one for the guard)."""
+    close = np.diff(fits.at) <= settings.min_window + 1
+    close &= samples.trial[fits.at[1:]] == samples.trial[fits.at[:-1]]
+    return np.r_[False, close][: len(fits)] | np.r_[close, False][: len(fits)]
+
+
+def has_flag_text(flags: np.ndarray, name: str) -> np.ndarray:
+    """Mask (n,) of the texts (n,) of ';'-joined names that hold `name`."""
+    padded = np.char.add(np.char.add(";", flags.astype(str)), ";")
+    return np.char.find(padded, f";{name};") >= 0
+
+
+def _add_flags(flags: np.ndarray, failed: dict[str, np.ndarray]) -> np.ndarray:
+    flags = np.asarray(flags, object).copy()
+    for name, mask in failed.items():
+        new = mask & ~has_flag_text(flags, name)
+        flags[new] = np.where(flags[new] == "", name, flags[new] + f";{name}")
+    return flags
+
+
+def _text(values: np.ndarray) -> np.ndarray:
+    """Numbers as short text (n,), an object array that can be added to text."""
+    return np.array([f"{value:.3g}" for value in values], object)

@@ -1,0 +1,169 @@
+"""Spikes of the second derivative: detection of impacts, and of tracking glitches (thesis section 3.4).
+
+An impact is a spike in the second derivative of the pose, gravity removed.  The detector is the matched filter
+for it: at every instant between two samples the jump of velocity between line fits to w samples on either side,
+
+    T = Σ_i (slope_i^right − slope_i^left)² / var_i,    i = x, y + g t²/2, θ,
+
+which is chi² with 3 degrees of freedom where the body flies freely.  Instants at which T peaks above a
+threshold are impacts.  It runs from fine to coarse w; each pass treats the impacts found so far as the ends of
+a trial, so that strong hits are separated by the fine filter and weak ones are found by the coarse one, without
+the shoulders of a strong hit being taken for more hits.  A body at rest on the surface has no fall in y; what
+such support explains is taken off the jump of v_y first.  That hides the weakest hits, so a last pass looks for
+them without this allowance, and keeps those with ten samples of clean free fall on either side.
+
+A tracking glitch (one sample far off the line through its four neighbours, which fit one line among
+themselves: no lasting jump of velocity) is masked before.
+
+| on paper | in code  | unit          | shape  |                                                                  |
+|----------|----------|---------------|--------|------------------------------------------------------------------|
+| σ        | `sigma`  | m, m, rad     | (3,)   | noise of each sample                                             |
+| w        | `scales` | 1             |        | samples on either side                                           |
+| T        | `score`  | 1             | (N,)   | of the instant after each sample                                 |
+"""
+
+import numpy as np
+
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.impacts.arcs import fit_arcs
+
+_WEAK_SAMPLES = 10  # a flight of 10 samples at 250 Hz is 2 mm high: told from rest by noise up to 0.5 mm
+_FALL = 9.0  # chi² (3 sigmas) by which free fall must beat rest on both sides of a weak hit
+
+
+def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
+    """Mask (N,) of single samples that stand out from the line through four neighbours of the same run."""
+    n = len(samples)
+    if n < 5:
+        return np.zeros(n, bool)
+    q = samples.without_gravity(gravity)
+    starts = np.flatnonzero(np.r_[True, samples.run[1:] != samples.run[:-1]])
+    length = np.diff(np.r_[starts, n])
+    first, size = np.repeat(starts, length), np.repeat(length, length)
+    # only samples with a large second difference, and the ends of runs, are worth the closer look
+    large = np.ones(n, bool)
+    second = np.abs(q[2:] - 2.0 * q[1:-1] + q[:-2]) > settings.outlier_sigma * sigma
+    large[1:-1] = second.any(1) | (samples.run[2:] != samples.run[:-2])
+    here = np.flatnonzero(large & (size >= 5))
+    first, size = first[here], size[here]
+    start = np.clip(here - 2, first, first + size - 5)
+    window = start[:, None] + np.arange(5)
+    weight = (window != here[:, None]) * 1.0
+    tau = samples.t[window] - samples.t[here, None]
+    mean = (weight * tau).sum(1) / 4.0
+    centred = weight * (tau - mean[:, None])
+    spread = (centred**2).sum(1)
+    level = np.einsum("nw,nwi->ni", weight, q[window]) / 4.0
+    slope = np.einsum("nw,nwi->ni", centred, q[window]) / spread[:, None]
+    value = level - slope * mean[:, None]
+    off = ((q[here] - value) / sigma) ** 2 / (1.25 + mean**2 / spread)[:, None]
+    residual = q[window] - value[:, None] - slope[:, None] * tau[..., None]
+    others = ((weight[..., None] * residual / sigma) ** 2).sum((1, 2))
+    glitch = np.zeros(n, bool)
+    # A kink of velocity nearby gives off ≤ 2 × others at the middle of the window: five times keeps impacts.
+    glitch[here] = off.sum(1) > np.maximum(settings.outlier_sigma**2, 5.0 * others)
+    return glitch
+
+
+def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
+    """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial."""
+    n = len(samples)
+    q = samples.without_gravity(header.gravity)
+    boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]  # a segment ends after sample i
+    spoiled = np.zeros(n, bool)  # the two samples beside a hit may lie within the contact
+    found = np.zeros(n, bool)
+    for w in settings.scales:
+        segment = np.r_[0, np.cumsum(boundary | found)[:-1]][:n]
+        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings)
+        # the allowance for support flattens the peak of a weak hit: it says whether, `free` says where
+        peak = _peaks(free, w, settings) & (score > settings.threshold**2)
+        found |= peak
+        spoiled |= peak
+        spoiled[1:] |= peak[:-1]
+    return np.flatnonzero(found)
+
+
+def add_weak_hits(
+    samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings
+) -> np.ndarray:
+    """`at` and the weak hits (n',) that only show when y may not rest: those between two clean flights."""
+    n = len(samples)
+    q = samples.without_gravity(header.gravity)
+    spoiled = np.zeros(n, bool)
+    spoiled[at], spoiled[at + 1] = True, True
+    boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]
+    boundary[at] = True
+    segment = np.r_[0, np.cumsum(boundary)[:-1]][:n]
+    w = max(settings.scales)
+    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings)
+    weak = np.flatnonzero(_peaks(free, w, settings))
+    both = np.union1d(at, weak)
+    both = both[np.isin(samples.trial[both], samples.trial[weak])]  # only trials with such a hit
+    fits = fit_arcs(samples, both, sigma, header, settings)
+    flying = (fits.n_side >= _WEAK_SAMPLES) & (fits.fall > _FALL) & (fits.reduced < settings.arc_deviation)
+    return np.union1d(at, both[flying.all(1) & fits.converged])
+
+
+def _peaks(score: np.ndarray, w: int, settings: ArcSettings) -> np.ndarray:
+    peak = score > settings.threshold**2
+    for shift in range(1, max(2, w)):  # hits as near as w samples do not shade each other
+        peak[shift:] &= score[shift:] > score[:-shift]
+        peak[:-shift] &= score[:-shift] >= score[shift:]
+    return peak
+
+
+def _jump_scores(
+    t: np.ndarray,
+    q: np.ndarray,
+    segment: np.ndarray,
+    spoiled: np.ndarray,
+    w: int,
+    header: Header,
+    sigma: np.ndarray,
+    settings: ArcSettings,
+) -> tuple[np.ndarray, np.ndarray]:
+    """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines."""
+    n = len(t)
+    left = _running_lines(t, q, segment, spoiled, w)
+    # the same from the other end: mirrored in time, the window after an instant is one before it
+    right = [a[::-1] for a in _running_lines(-t[::-1], q[::-1], -segment[::-1], spoiled[::-1], w)]
+    scores = np.zeros((2, n))
+    if n < 2:
+        return scores[0], scores[1]
+    centre_l, slope_l, spread_l = (a[:-1] for a in left)
+    centre_r, slope_r, spread_r = (a[1:] for a in right)
+    ok = (segment[1:] == segment[:-1]) & (spread_l > 0) & (spread_r > 0)
+    variance = 1.0 / np.where(ok, spread_l, 1.0) + 1.0 / np.where(ok, spread_r, 1.0)
+    jump = -slope_r - slope_l
+    rise = header.gravity * (-centre_r - centre_l)  # of v_y + g t of a body at rest
+    for score, allowed in zip(scores, (rise, 0.0)):
+        d = jump.copy()
+        d[:, 1] = np.where(d[:, 1] > 0, np.maximum(d[:, 1] - allowed, 0.0), d[:, 1])
+        size2 = ((d * [1.0, 1.0, header.body.radius_of_gyration]) ** 2).sum(1)
+        enough = ok & (size2 > settings.min_jump**2)
+        score[:-1] = np.where(enough, ((d / sigma) ** 2).sum(1) / variance, 0.0)
+    return scores[0], scores[1]
+
+
+def _running_lines(
+    t: np.ndarray, q: np.ndarray, segment: np.ndarray, spoiled: np.ndarray, w: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Line through the last w samples up to each sample: mean time (N,), slope (N, 3), Σ(t − mean)² (N,)."""
+    n = len(t)
+    s0, s1, s2 = np.zeros(n), np.zeros(n), np.zeros(n)
+    sq, stq = np.zeros((n, 3)), np.zeros((n, 3))
+    for lag in range(min(w, n)):
+        now, then = slice(lag, n), slice(0, n - lag)
+        use = ((segment[now] == segment[then]) & ~spoiled[then]) * 1.0
+        tau = (t[then] - t[now]) * use
+        change = (q[then] - q[now]) * use[:, None]
+        s0[now] += use
+        s1[now] += tau
+        s2[now] += tau * tau
+        sq[now] += change
+        stq[now] += change * tau[:, None]
+    count = np.maximum(s0, 1.0)
+    spread = np.where(s0 >= 2, s2 - s1**2 / count, 0.0)
+    slope = (stq - sq * (s1 / count)[:, None]) / np.where(spread > 0, spread, 1.0)[:, None]
+    return t + s1 / count, slope, spread

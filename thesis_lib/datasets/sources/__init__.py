@@ -1,0 +1,1 @@
+"""Where datasets come from: a rig's own logs, and the published sets."""

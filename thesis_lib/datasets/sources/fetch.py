@@ -1,0 +1,150 @@
+"""Fetch a published measured set, from the network or from a local copy, and convert it.
+
+Nothing that comes from the network is trusted: downloads are bounded in size, archives are read by the names that
+are expected of them (nothing is unpacked to a path that the archive chooses), and no byte is parsed before its
+SHA-256 matches.
+"""
+
+import http.client
+import re
+import tempfile
+import urllib.error
+import urllib.request
+import zipfile
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+
+from thesis_lib.datasets.sources.published import (
+    SOURCES,
+    Source,
+    checksums,
+    convert_files,
+    convert_published,
+    published_name,
+)
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import regular_size
+
+RAW_HOST = "https://raw.githubusercontent.com"
+ARCHIVE_HOST = "https://codeload.github.com"
+TIMEOUT = 60.0  # s without a byte
+MAX_DOWNLOAD = 1_000_000_000  # bytes; the archive of the dice repository also holds its meshes and videos
+MAX_MEMBER = 1_000_000  # bytes; a dice file has 24 kB
+CHUNK = 1 << 20
+
+Say = Callable[[str], None]
+
+
+def fetch(
+    name: str,
+    to: str | Path,
+    source_dir: str | Path | None = None,
+    say: Say = lambda text: None,
+    raw_host: str = RAW_HOST,
+    archive_host: str = ARCHIVE_HOST,
+) -> Path:
+    """Get the published set `name` and convert it into the folder `<to>/<name>`, which is returned.
+
+    Args:
+        name: 'planar-impact' or 'planar-dice'.
+        to: folder of measured datasets, such as data/measured.
+        source_dir: a local copy to use instead of the network, or its parent folder.
+        say: is told the progress.
+        raw_host, archive_host: where single files and archives are served.
+
+    Raises:
+        UserError: no network, a wrong file, or an unsafe archive; nothing is written then.
+    """
+    name = published_name(name)
+    out_dir = Path(to) / name
+    if source_dir is not None:
+        say(f"checking and converting {name} from {source_dir}")
+        return convert_published(name, source_dir, out_dir)
+    source = SOURCES[name]
+    with tempfile.TemporaryDirectory() as folder:
+        files = {file: Path(folder) / file for file in checksums(name)}
+        try:
+            if source.archive is None:
+                for i, (file, path) in enumerate(source.raw.items(), 1):
+                    say(f"[{i}/{len(source.raw)}] {file}")
+                    download(f"{raw_host}/{path}", files[file], say)
+            else:
+                repository, commit = source.archive
+                archive = Path(folder) / "archive.zip"
+                say(f"archive of {repository} (can be large)")
+                download(f"{archive_host}/{repository}/zip/{commit}", archive, say)
+                unpack(archive, source, files)
+        except (OSError, http.client.HTTPException) as error:
+            reason = getattr(error, "reason", None) or error
+            raise UserError(
+                f"{name.replace('_', '-')} could not be downloaded ({reason}). Check the network, or get the files on "
+                f"another machine and run: python -m thesis_lib datasets fetch {name.replace('_', '-')} --from DIR"
+            ) from error
+        say(f"checking and converting {len(files)} files")
+        return convert_files(name, files, out_dir)
+
+
+def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MAX_DOWNLOAD) -> None:
+    """Stream `url` into `path`, at most `limit` bytes.
+
+    Raises:
+        OSError, http.client.HTTPException: the network failed, or the connection ended early.
+        UserError: more than `limit` bytes.
+    """
+    request = urllib.request.Request(url, headers={"User-Agent": "thesis_lib"})
+    done, told = 0, 0
+    with urllib.request.urlopen(request, timeout=TIMEOUT) as answer, path.open("wb") as file:
+        expected = answer.headers.get("Content-Length")
+        while block := answer.read(CHUNK):
+            done += len(block)
+            if done > limit:
+                raise UserError(f"{url} is larger than {limit:,} bytes, so it is not the expected file.")
+            file.write(block)
+            if done - told >= 10 * CHUNK:
+                told = done
+                say(f"  {done // CHUNK} MiB" + (f" of {int(expected) // CHUNK} MiB" if expected else ""))
+    if expected is not None and done != int(expected):
+        raise OSError(f"the connection ended after {done:,} of {expected} bytes")
+
+
+def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
+    """Copy the expected members `<any one folder>/<source.inside>/<file>` of a zip file to `files`.
+
+    Raises:
+        UserError: not a zip file, a member whose name leads out of it, one that is too large, or one missing.
+    """
+    regular_size(archive, MAX_DOWNLOAD)
+    try:
+        with zipfile.ZipFile(archive) as zipped:
+            members = {}
+            for info in zipped.infolist():
+                path = PurePosixPath(info.filename)
+                if path.is_absolute() or ".." in path.parts or re.search(r"[\\:\x00]", info.filename):
+                    raise UserError(
+                        f"The archive holds the unsafe name {info.filename!r}; it was not unpacked."
+                    )
+                if len(path.parts) == 3 and path.parts[1] == source.inside and path.name in files:
+                    if info.file_size > MAX_MEMBER:
+                        raise UserError(
+                            f"{path.name} in the archive claims {info.file_size:,} bytes; not unpacked."
+                        )
+                    members[path.name] = info
+            if missing := sorted(set(files) - set(members)):
+                raise UserError(
+                    f"The archive lacks {len(missing)} of {len(files)} files (first: {source.inside}/{missing[0]})."
+                )
+            for name, info in members.items():
+                with zipped.open(info) as member:
+                    content = member.read(MAX_MEMBER + 1)  # the claimed size may be a lie
+                if len(content) > MAX_MEMBER:
+                    raise UserError(
+                        f"{name} in the archive is larger than {MAX_MEMBER:,} bytes; not unpacked."
+                    )
+                files[name].write_bytes(content)
+    except UserError:
+        raise
+    except Exception as error:  # the library's own errors are of many kinds
+        raise UserError(f"The downloaded archive is damaged ({error}); fetch it again.") from error
+
+
+__all__ = ["ARCHIVE_HOST", "RAW_HOST", "download", "fetch", "unpack"]

@@ -1,0 +1,86 @@
+"""Where a dataset named in the configuration lies, and which files make it up.
+
+| origin      | what it is                                           | folder that the pipeline reads         |
+|-------------|------------------------------------------------------|----------------------------------------|
+| simulated   | made by the pipeline                                 | data/simulated/<name>                  |
+| folder      | a user's dataset, or a published set that was fetched | <searched folder>/<name>              |
+| published   | a published set as its authors' files                | results/datasets/<name>, converted     |
+| absent      | a published set that is not there: it is left out    |                                        |
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from thesis_lib.datasets.sources.published import SOURCES, checksums, find_source
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import is_file
+
+SIMULATED = ("drops",)
+
+
+@dataclass(frozen=True)
+class Located:
+    """A dataset of the pipeline.
+
+    Attributes:
+        name: as in the configuration.
+        origin: see the table above.
+        folder: in our format, relative to the working directory; '' if absent.
+        source: folder with the published files, for origin "published".
+        files: what a rule that reads the dataset must take as input.
+        has_trajectories: whether impacts are found in trajectories (and not given).
+    """
+
+    name: str
+    origin: Literal["simulated", "folder", "published", "absent"]
+    folder: str = ""
+    source: str = ""
+    files: tuple[str, ...] = ()
+    has_trajectories: bool = False
+
+    @property
+    def present(self) -> bool:
+        """Whether there is anything to study."""
+        return self.origin != "absent"
+
+    @property
+    def source_files(self) -> list[str]:
+        """The published files that are converted."""
+        return [str(Path(self.source) / name) for name in checksums(self.name)] if self.source else []
+
+
+def locate(name: str, search: Sequence[str | Path]) -> Located:
+    """Find a dataset by name.
+
+    Args:
+        name: a simulated or published set, or a folder in one of `search`.
+        search: folders, in order.
+
+    Raises:
+        UserError: no dataset of that name is known.
+    """
+    if name in SIMULATED:
+        folder = f"data/simulated/{name}"
+        return Located(
+            name, "simulated", folder, "", (f"{folder}/dataset.yaml", f"{folder}/trajectories.csv"), True
+        )
+    for base in map(Path, search):
+        folder = base / name
+        if is_file(folder / "dataset.yaml"):
+            files = sorted(str(p) for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet"))
+            stems = {Path(p).stem for p in files}
+            return Located(name, "folder", str(folder), "", tuple(files), "impacts" not in stems)
+        if name in SOURCES and (source := find_source(name, base)) is not None:
+            folder = f"results/datasets/{name}"
+            trajectories = bool(SOURCES[name].archive)
+            return Located(name, "published", folder, str(source), (f"{folder}/dataset.yaml",), trajectories)
+    if name in SOURCES:
+        return Located(name, "absent")
+    places = ", ".join(f"{base}/{name}" for base in search)
+    raise UserError(
+        f"There is no dataset {name!r}: no dataset.yaml in {places}. Known by name are "
+        f"{', '.join((*SOURCES, *SIMULATED))}; a dataset of your own is a folder in one of those that are searched "
+        "(measured: in the configuration; python -m thesis_lib datasets init makes one from a log file)."
+    )

@@ -1,0 +1,332 @@
+"""Convert a rig's own logs into a dataset folder: units, column names, signs, one file a trial or many.
+
+Everything that is changed or left out on the way is told in `Conversion.notes`, and what may be wrong with a log in
+`Conversion.warnings`.  "row" is the line in the file, the header being row 1.
+"""
+
+import csv
+import difflib
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pydantic import ValidationError
+
+from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
+from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, median_step, unwrap
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.validate import SHOWN, row_text
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import MissingFile, read_bytes
+
+UNITS = {  # name -> (quantity, factor to SI)
+    "m": ("length", 1.0),
+    "cm": ("length", 1e-2),
+    "mm": ("length", 1e-3),
+    "rad": ("angle", 1.0),
+    "deg": ("angle", np.pi / 180.0),
+    "s": ("time", 1.0),
+    "ms": ("time", 1e-3),
+    "us": ("time", 1e-6),
+}
+MAX_COLUMNS = 1000
+MAX_LOG = 200_000_000  # bytes; as lists of cells a log takes some ten times that
+QUANTITY = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
+
+
+@dataclass
+class Conversion:
+    """A converted log, what was done to it, and what the user should look at; both are sentences."""
+
+    dataset: Dataset
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def parse_units(text: str) -> dict[str, float]:
+    """'mm,deg,ms' -> factor to SI for each of length, angle and time (SI where not given).
+
+    Raises:
+        UserError: unknown or contradictory units.
+    """
+    factors: dict[str, float] = {}
+    for unit in filter(None, (part.strip() for part in text.split(","))):
+        if unit not in UNITS:
+            raise UserError(
+                f"--units: '{unit}' is unknown; known are {', '.join(UNITS)} (for example --units mm,deg)."
+            )
+        quantity, factor = UNITS[unit]
+        if quantity in factors:
+            raise UserError(f"--units: '{text}' gives two units of {quantity}; give one for each quantity.")
+        factors[quantity] = factor
+    return {"length": 1.0, "angle": 1.0, "time": 1.0} | factors
+
+
+def parse_columns(text: str) -> dict[str, tuple[str, float]]:
+    """'t=time_s,y=-Z' -> {'t': ('time_s', 1.0), 'y': ('Z', -1.0)}: our column -> (column of the log, sign).
+
+    Raises:
+        UserError: not of that form, or not a column of ours.
+    """
+    columns: dict[str, tuple[str, float]] = {}
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        ours, equals, theirs = (piece.strip() for piece in part.partition("="))
+        if not equals or not theirs or ours not in TRAJECTORY_COLUMNS or ours in columns:
+            raise UserError(
+                f"--columns: '{part}' is not OURS=YOURS with OURS one of {', '.join(TRAJECTORY_COLUMNS)}, each once "
+                "(for example --columns t=time_s,x=X,y=-Z,theta=angle; a minus sign flips the axis)."
+            )
+        sign = -1.0 if theirs.startswith("-") and ours in ("x", "y", "theta") else 1.0
+        columns[ours] = (theirs[1:] if sign < 0 else theirs, sign)
+    return columns
+
+
+def parse_shape(text: str) -> Shape:
+    """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'polygon:x1,y1;x2,y2;…' in m.
+
+    Raises:
+        UserError: not of that form, or no shape.
+    """
+    kind, _, rest = text.partition(":")
+    try:
+        points = [tuple(float(value) for value in point.split(",")) for point in rest.split(";")]
+        if kind == "ellipse":
+            return Ellipse(semi_axes=points[0])  # pyright: ignore[reportArgumentType]
+        if kind == "disk":
+            return Disk(radius=points[0][0])
+        if kind == "square":
+            h = points[0][0] / 2.0
+            return Polygon(vertices=((h, h), (-h, h), (-h, -h), (h, -h)))
+        if kind == "polygon":
+            return Polygon(vertices=tuple(points))  # pyright: ignore[reportArgumentType]
+    except (ValueError, ValidationError) as error:
+        reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        raise UserError(f"--shape: '{text}' is no shape ({reason}).") from error
+    raise UserError(
+        f"--shape: '{kind}' is unknown; give ellipse:A,B (semi-axes), disk:R, square:SIDE or polygon:x1,y1;x2,y2;… "
+        "in m."
+    )
+
+
+def convert_logs(
+    files: Sequence[str | Path],
+    name: str,
+    units: Mapping[str, float],
+    columns: Mapping[str, tuple[str, float]],
+    shape: Shape,
+    *,
+    mass: float | None = None,
+    k_g: float | None = None,
+    rate: float | None = None,
+    gravity: float = 9.81,
+    surface_height: float = 0.0,
+    delimiter: str = ",",
+    per_trial_files: bool = False,
+) -> Conversion:
+    """A dataset of trajectories from logs with a header line each.
+
+    Args:
+        files: CSV files; all have the same columns.
+        name: of the dataset.
+        units: factors to SI by quantity (`parse_units`).
+        columns: our column -> (column of the log, sign); columns not named are taken under our own names.
+        shape, mass (kg), k_g (m), gravity (m/s²), surface_height (m): of the experiment, in SI.  k_g is by
+            default that of a uniform lamina.
+        rate: Hz; needed where the log has no time.
+        delimiter: between cells.
+        per_trial_files: each file is one trial, whatever trial column it has.
+
+    Raises:
+        UserError: a file or column is missing, a row is too long, a cell is no number, or a value of the experiment
+            is impossible.
+    """
+    if rate is not None and not (np.isfinite(rate) and rate > 0):
+        raise UserError(f"--rate: {rate} Hz is impossible; give a number above 0.")
+    notes: list[str] = []
+    warnings: list[str] = []
+    source = {ours: columns.get(ours, (ours, 1.0)) for ours in TRAJECTORY_COLUMNS}
+    logs = [_read_log(Path(file), delimiter, warnings) for file in files]
+    tables = []
+    for number, (file, log) in enumerate(zip(files, logs)):
+        has_trial, has_t = (source[ours][0] in log.columns for ours in ("trial", "t"))
+        needed = [source[ours][0] for ours in ("x", "y", "theta")]
+        needed += [theirs for ours, (theirs, _) in columns.items() if ours in ("trial", "t")]
+        _require(Path(file), log, needed, columns)
+        if not has_t and rate is None:
+            raise UserError(
+                f"{file} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows."
+            )
+        one_trial = per_trial_files or not has_trial
+        trial = np.full(len(log), str(number)) if one_trial else log[source["trial"][0]].to_numpy(dtype=str)
+        table = pd.DataFrame({"trial": trial})
+        for ours in ("t", "x", "y", "theta"):
+            if ours == "t" and not has_t:
+                continue
+            theirs, sign = source[ours]
+            table[ours] = sign * units[QUANTITY[ours]] * _numbers(Path(file), log, theirs)
+        if rate is not None and not has_t:
+            table["t"] = table.groupby("trial", sort=False).cumcount() / rate
+        if number == 0:
+            ignored = [
+                name for name in log.columns if name and name not in {theirs for theirs, _ in source.values()}
+            ]
+            if ignored:
+                notes.append(f"columns left out: {', '.join(ignored)}")
+        tables.append(table)
+
+    poses = pd.concat(tables, ignore_index=True)[list(TRAJECTORY_COLUMNS)]
+    poses["trial"] = _number_trials(poses["trial"], notes)
+    lost = poses[["t", "x", "y", "theta"]].isna().any(axis=1)
+    if lost.any():
+        notes.append(
+            f"{int(lost.sum())} of {len(poses)} rows left out: a pose or time is empty, as where frames are lost "
+            f"({_lost_rows(files, logs, lost.to_numpy())})"
+        )
+        poses = poses[~lost].reset_index(drop=True)
+    if len(poses) == 0:
+        raise UserError(f"{files[0]} holds no row with a complete pose; nothing was converted.")
+    poses["t"] -= poses.groupby("trial", sort=False)["t"].transform("first")
+    before = poses["theta"].to_numpy(copy=True)
+    poses["theta"] = unwrap(before, poses["trial"].to_numpy())
+    if wrapped := int(np.sum(before != poses["theta"].to_numpy())):
+        notes.append(f"theta made continuous within trials ({wrapped} rows moved by whole turns)")
+
+    step = median_step(poses)
+    content = {
+        "schema": 1,
+        "description": f"converted from {Path(files[0]).name}"
+        + (f" and {len(files) - 1} more" if len(files) > 1 else ""),
+        "body": {
+            "shape": shape,
+            "mass": mass,
+            "radius_of_gyration": shape.radius_of_gyration if k_g is None else k_g,
+        },
+        "surface": {"height": surface_height},
+        "gravity": gravity,
+        "rate": rate if rate is not None else (float(f"{1.0 / step:.6g}") if step > 0 else None),
+    }
+    if k_g is None:
+        notes.append(
+            f"radius of gyration {shape.radius_of_gyration:.5g} m, that of a uniform lamina (--k-g to change)"
+        )
+    try:
+        header = Header.model_validate(content)
+    except ValidationError as error:
+        entry = error.errors()[0]
+        raise UserError(
+            f"--{str(entry['loc'][-1]).replace('_', '-')}: {entry['input']}: {entry['msg']}."
+        ) from error
+    return Conversion(Dataset(name, header, poses), notes, warnings)
+
+
+def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:
+    """The cells of a log as text, indexed by their row in the file; a last row that was cut off is left out."""
+    try:
+        content = read_bytes(path, MAX_LOG)
+        reader = csv.reader(
+            io.StringIO(content.decode("utf-8-sig"), newline=""), delimiter=delimiter, skipinitialspace=True
+        )
+        # blank lines carry nothing; `line_num` keeps the row numbers right all the same
+        lines = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells)) or len(cells) > 1]
+        complete = content.endswith((b"\n", b"\r"))
+    except MissingFile as error:
+        raise UserError(f"{path} does not exist; give the log as a CSV file with a header line.") from error
+    except (ValueError, csv.Error) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise UserError(f"{path} cannot be read as a table ({reason}). Is --delimiter right?") from error
+    if not lines:
+        raise UserError(f"{path} is empty; give the log as a CSV file with a header line.")
+    (_, names), *lines = lines
+    width = len(names)
+    if width > MAX_COLUMNS:
+        raise UserError(f"{path} has {width:,} columns; the limit is {MAX_COLUMNS:,}. Is --delimiter right?")
+    for row, cells in lines:
+        if any(map(str.strip, cells[width:])):  # a delimiter at the end of each row is no cell
+            raise UserError(
+                f"{path}, row {row}: {len(cells)} cells, but the header names {width} columns. Give each row one cell "
+                "for each column; write decimal points, not commas, and check --delimiter."
+            )
+    if lines and len(lines[-1][1]) < width:
+        row, cells = lines.pop()
+        warnings.append(
+            f"{path.name}, row {row}: the last row has {len(cells)} of {width} cells, so the file was cut off; the row "
+            "is left out. Check that the log is whole."
+        )
+    elif lines and not complete:
+        warnings.append(
+            f"{path.name}, row {lines[-1][0]}: the last row does not end with a line break, so its last number may "
+            "have been cut off; the row is kept. Check it, and that the log is whole."
+        )
+    cells = [(cells + [""] * width)[:width] for _, cells in lines]
+    return pd.DataFrame(cells, index=[row for row, _ in lines], columns=_distinct(names), dtype=str)
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Stripped column names; the second of a name becomes name.1, so that the first is meant by it."""
+    seen: dict[str, int] = {}
+    result = []
+    for name in map(str.strip, names):
+        seen[name] = seen.get(name, -1) + 1
+        result.append(f"{name}.{seen[name]}" if name and seen[name] else name)
+    return result
+
+
+def _lost_rows(files: Sequence[str | Path], logs: Sequence[pd.DataFrame], lost: np.ndarray) -> str:
+    """Row numbers of the `lost` (N,) of all logs together, with the file where there are several."""
+    parts = np.split(lost, np.cumsum([len(log) for log in logs])[:-1])
+    found = [
+        (Path(file).name, row_text(np.asarray(log.index[part])))
+        for file, log, part in zip(files, logs, parts)
+        if part.any()
+    ]
+    if len(files) == 1:
+        return found[0][1]
+    more = f"; and {len(found) - SHOWN} more files" if len(found) > SHOWN else ""
+    return "; ".join(f"{name} {rows}" for name, rows in found[:SHOWN]) + more
+
+
+def _require(path: Path, log: pd.DataFrame, needed: Sequence[str], columns: Mapping) -> None:
+    missing = [name for name in needed if name not in log.columns]
+    if not missing:
+        return
+    close = difflib.get_close_matches(missing[0], list(log.columns), n=1, cutoff=0.6)
+    hint = f" (did you mean '{close[0]}'?)" if close else ""
+    raise UserError(
+        f"{path} has no column {', '.join(missing)}{hint}. It has: {', '.join(map(str, log.columns))}. Name yours with "
+        "--columns trial=…,t=…,x=…,y=…,theta=…"
+        + ("" if len(log.columns) > 1 else ", and check --delimiter")
+        + "."
+    )
+
+
+def _numbers(path: Path, log: pd.DataFrame, name: str) -> np.ndarray:
+    """A column as floats (n,); empty cells and NaN are NaN."""
+    text = log[name].str.strip()
+    numbers = pd.to_numeric(text, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    bad = np.isnan(numbers) & ~text.str.lower().isin(["", "nan", "na", "null", "none"]).to_numpy()
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise UserError(
+            f"{path}, column {name}, row {log.index[first]}: {str(text.iloc[first])[:40]!r} is not a number "
+            f"({int(bad.sum())} such cells). Remove text and units from the cells; write decimal points."
+        )
+    return numbers
+
+
+def _number_trials(trial: pd.Series, notes: list[str]) -> np.ndarray:
+    """Whole numbers for trials: as in the log where they are whole numbers, else counted in order of appearance."""
+    numbers = pd.to_numeric(trial, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    if (
+        np.all(np.isfinite(numbers))
+        and np.all(numbers == np.rint(numbers))
+        and np.all(np.abs(numbers) < 2**53)
+    ):
+        return numbers.astype(np.int64)
+    codes, labels = pd.factorize(trial)
+    notes.append(
+        f"trials numbered in order of appearance: 0 = {labels[0]}, …, {len(labels) - 1} = {labels[-1]}"
+    )
+    return codes.astype(np.int64)

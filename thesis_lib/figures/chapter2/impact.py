@@ -1,0 +1,183 @@
+"""Figure 2-15, the force at one impact, and m/I from measured impacts against the authors' values.
+
+| on paper | in code        | unit | shape  | meaning                                                           |
+|----------|----------------|------|--------|-------------------------------------------------------------------|
+| f        | `force`        | N    | (s,)   | normal force on the body in Drake                                 |
+| s        | `reading`      | N    | (p,)   | what the sensor shows, 1000 times a second                        |
+| f̂        | `half_sine`    | N    |        | of the estimated impulse, over the declared duration              |
+| m/I      | `ratio`        | 1/m² |        |                                                                   |
+
+Equations and sources: `thesis_lib.identify.impacts.forces`, `thesis_lib.identify.impacts.measured_ratio`.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
+
+BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
+APPROACH = 7  # samples drawn before the hit
+BEFORE, AFTER = 1e-3, 15e-3  # s drawn before and after the touch
+THIN = 20  # of the sensor's response in continuous time every so many steps are drawn: 0.1 ms
+BINS, BINS_TO = 16, 4.0  # of errors over σ; larger ones are put into the last bin
+MISFIT = ("scale", "velocity_noise")
+NAMES = {
+    "as_published": "as published",
+    "mirrored_rotation": "rotation mirrored",
+    "angle_offset": "angle offset",
+    "rounded_corners": "rounded corners",
+    "earlier_vy_post": r"earlier $v_y^+$",
+}
+
+
+@house_style
+def figure_2_15(
+    row: pd.Series, history: ForceHistory, samples: pd.DataFrame, rows: pd.DataFrame, settings: ImpactForces
+) -> Drawn:
+    """An ellipse comes down, the force of that hit, and the errors of all impulses.
+
+    Args:
+        row: of the impact shown, as `impact_forces.shown_impact` returns it.
+        history: of the same.
+        samples: trial, t, x, y, theta, as tracked.
+        rows: of `impact_forces.study_impact_forces`.
+        settings: shape and sensor.
+    """
+    figure = new_figure(height=2.6)
+    left, middle, right = figure.subplots(1, 3, width_ratios=(0.8, 1.3, 1.1))
+    table = pd.concat(
+        [
+            _approach(left, row, samples, settings),
+            _forces(middle, row, history, settings),
+            _impulse_errors(right, rows[rows["method"] == row["method"]]),
+        ]
+    )
+    for ax, title in zip(
+        (left, middle, right),
+        ("(a) samples", "(b) force", f"(c) {len(rows) // rows['method'].nunique()} impulses"),
+    ):
+        ax.set_title(title)
+    return figure, table[["panel", "series", "t", "x", "y", "force", "z", "density"]]
+
+
+def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactForces) -> pd.DataFrame:
+    of = samples[(samples["trial"] == row["trial"]) & (samples["t"] <= row["t"])].tail(APPROACH)
+    outline, out = Ellipse(semi_axes=settings.semi_axes).outline(), []
+    for i, one in enumerate(of.itertuples()):
+        cos, sin = np.cos(one.theta), np.sin(one.theta)
+        x, y = one.x + outline @ [cos, -sin], one.y + outline @ [sin, cos]
+        last = i == len(of) - 1
+        ax.plot(
+            1e3 * np.append(x, x[0]), 1e3 * np.append(y, y[0]), color=INK if last else GREY, linewidth=0.8
+        )
+        out.append(pd.DataFrame({"t": one.t - row["t"], "x": x, "y": y}))
+    ax.axhline(0.0, color=INK, linewidth=1.2)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel("$x$ (mm)")
+    ax.set_ylabel("$y$ (mm)")
+    return pd.concat(out).assign(panel="a", series="outline")
+
+
+def _forces(ax: Axes, row: pd.Series, history: ForceHistory, settings: ImpactForces) -> pd.DataFrame:
+    t, force = np.append(history.t, settings.sensor_window), np.append(history.force[:, 1], 0.0)
+    T = settings.declared_duration
+    start = 0.5 * (history.t[-1] - T)  # the instant is not part of the estimate: centred on the contact
+    tau = np.linspace(0.0, T, 101)
+    peaks = [peak_force(row["c_n"] + s * row["c_n_std"], T) for s in (-1.96, 0.0, 1.96)]
+    low, half_sine, high = (peak * np.sin(np.pi * tau / T) for peak in peaks)
+    ax.plot(1e3 * t, force, color=INK, label="contact force (Drake)")
+    response_t, response = history.response_t[::THIN], history.response[::THIN]
+    ax.plot(1e3 * response_t, response, color=ORANGE, linewidth=0.6, alpha=0.8)
+    ax.plot(1e3 * history.sensor_t, history.reading, "o", color=ORANGE, label="sensor, 1000 Hz")
+    ax.plot(
+        1e3 * (start + tau), half_sine, color=BLUE, linestyle=(0, (4, 1.5)), label="estimate, $T_c$ declared"
+    )
+    ax.fill_between(1e3 * (start + tau), low, high, color=BLUE, alpha=0.25, linewidth=0)
+    ax.set_xlim(-1e3 * BEFORE, 1e3 * AFTER)
+    top = max(force.max(), response.max(), peaks[2])
+    ax.set_ylim(1.1 * response.min(), 1.75 * top)
+    ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+    ax.set_xlabel("time since touch (ms)")
+    ax.set_ylabel("normal force (N)")
+    ax.legend(loc="upper right")
+    parts = {
+        "contact_force": (t, force),
+        "sensor": (history.sensor_t, history.reading),
+        "sensor_continuous": (response_t, response),
+        "estimate": (start + tau, half_sine),
+        "estimate_low": (start + tau, low),
+        "estimate_high": (start + tau, high),
+    }
+    frames = [pd.DataFrame({"series": name, "t": a, "force": b}) for name, (a, b) in parts.items()]
+    return pd.concat(frames).assign(panel="b")
+
+
+def _impulse_errors(ax: Axes, rows: pd.DataFrame) -> pd.DataFrame:
+    edges = np.linspace(-BINS_TO, BINS_TO, BINS + 1)
+    z, out = 0.5 * (edges[1:] + edges[:-1]), []
+    for name, color, label in (("c_n", BLUE, "normal"), ("c_t", GREEN, "tangential")):
+        scaled = (rows[name] - rows[f"true_{name}"]) / rows[f"{name}_std"]
+        density = np.histogram(np.clip(scaled, -BINS_TO, BINS_TO), edges)[0] / (
+            len(rows) * (edges[1] - edges[0])
+        )
+        ax.stairs(density, edges, color=color, label=label)
+        out.append(pd.DataFrame({"series": label, "z": z, "density": density}))
+    fine = np.linspace(-BINS_TO, BINS_TO, 161)
+    normal = np.exp(-0.5 * fine**2) / np.sqrt(2.0 * np.pi)
+    ax.plot(fine, normal, color=INK, linewidth=0.8, linestyle=(0, (4, 1.5)), label="N(0, 1)")
+    out.append(pd.DataFrame({"series": "N(0, 1)", "z": fine, "density": normal}))
+    ax.set_xlabel("error of impulse / its stated $\\sigma$")
+    ax.set_ylabel("density")
+    ax.set_ylim(0.0, 1.35 * ax.get_ylim()[1])
+    ax.legend(loc="upper left")
+    return pd.concat(out).assign(panel="c")
+
+
+@house_style
+def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
+    """m/I with intervals under each hypothesis about the measurement, a panel per dataset, beside the authors' value.
+
+    At the right the scatter about the rigid impact: over the noise, or as a velocity where no noise is known.
+
+    Args:
+        table: rows of `measured_ratio`, of one dataset or more; those without an estimate are not drawn.
+
+    Raises:
+        UserError: no row has an estimate.
+    """
+    drawn = table[table["ratio"].notna()]
+    if drawn.empty:
+        raise UserError(f"No measured set is there to draw: {'; '.join(table['status'].astype(str))}.")
+    groups = list(drawn.groupby("dataset", sort=False))
+    figure = new_figure(height=1.0 + 0.27 * len(drawn) + 0.45 * (len(groups) - 1))
+    axes = figure.subplots(len(groups), 1, squeeze=False, height_ratios=[1 + len(g) for _, g in groups])[:, 0]
+    for ax, (name, group) in zip(axes, groups):
+        y = np.arange(len(group))[::-1]
+        ax.hlines(
+            y, group["lower"], group["upper"], color=BLUE, alpha=0.3, linewidth=5, label="any ratio of noises"
+        )
+        errors = np.abs(group[["low", "high"]].to_numpy().T - group["ratio"].to_numpy())
+        ax.errorbar(group["ratio"], y, xerr=errors, fmt="o", color=BLUE, capsize=2, label="estimate, 95 %")
+        ax.axvline(
+            group["published"].iloc[0], color=ORANGE, linestyle=(0, (4, 1.5)), label="1/k² of the header"
+        )
+        labels = [" + ".join(NAMES[part] for part in variant.split("+")) for variant in group["variant"]]
+        ax.set_yticks(y, labels)
+        ax.set_ylim(-0.7, len(group) - 0.3)
+        ax.set_title(name)
+        for height, one in zip(y, group.itertuples()):
+            known = np.isfinite(one.scale)
+            text = (
+                rf"misfit {one.scale:.1f} $\sigma$" if known else rf"$\sigma_v$ {one.velocity_noise:.2g} m/s"
+            )
+            ax.annotate(text, (1.01, height), xycoords=("axes fraction", "data"), va="center", fontsize=7)
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper center", ncols=3)
+    axes[-1].set_xlabel("m/I (1/m²)")
+    return figure, drawn[
+        ["dataset", "variant", "ratio", "std", "low", "high", "published", "lower", "upper", *MISFIT]
+    ]

@@ -1,0 +1,268 @@
+"""Figures 2-2, 2-4, 2-9 and 2-14: motions through contact, drawn to scale at regular times.
+
+What a contact does (open, sticks, slides) is read off the simulator's record, see simulate/chapter2/scenes.py.
+
+| on paper | in code | unit   | shape    |                                        |
+|----------|---------|--------|----------|----------------------------------------|
+| q        | `q`     | m, rad | (m+1, 3) | poses; x, y in the axes of the surface |
+| m        | `stop - start` |  |         | steps of the window of figure 2-4      |
+
+Source: thesis sections 2.2, 2.3.2, 2.4 and 2.5.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
+from matplotlib.lines import Line2D
+
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.figures.planar_drawing import COLORS, Sketch, outline_at
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.chapter2.scenes import Mode, NoisyMotion, RodFall
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
+from thesis_lib.simulate.stepping.stepping import Record
+
+MODE_LOOK = {
+    Mode.OPEN: (GREY, "open"),
+    Mode.STICKS: (COLORS["blue"], "sticks"),
+    Mode.SLIDES: (COLORS["red"], "slides"),
+}
+ROD_EVERY, DISK_EVERY = 0.04, 0.13  # s between the configurations drawn
+TRACE_SHOWN = {"block": 0.2, "ellipse": 0.25, "wheel": 0.25}  # s; outlines that can still be told apart
+OBSERVED_EVERY = 2  # samples between the dots of figure 2-4
+FALL_EVERY = 0.04  # s; figure 2-14, "a very sparse sub-sample": ten samples at 250 Hz
+BOUNCES = 3  # impacts of figure 2-14, those that the thesis uses of a drop
+
+
+@house_style
+def figure_2_2(fall: RodFall) -> Drawn:
+    """Falling rod: left end lands and sticks, right end lands and slides; below, what the two ends do in time."""
+    record, (left, right) = fall.record, fall.lands
+    figure = new_figure(height=3.0)
+    space, time = figure.subplots(1, 2, gridspec_kw={"width_ratios": (1.1, 1.0)})
+    sketch = Sketch(space, "configurations")
+    settled = int(np.flatnonzero(fall.modes[:, 1] == Mode.SLIDES)[-1]) + 1
+    stride = max(1, round(ROD_EVERY / record.h))
+    shown = sorted({*range(left % stride, settled + 1, stride), left, right, settled})
+    for step in shown:
+        color = MODE_LOOK[_leading_mode(fall, step)][0]
+        event = step in (left, right)
+        ends = outline_at(fall.body, record.q[step])
+        sketch.line(
+            "rod",
+            ends,
+            t=record.t[step],
+            color=color,
+            linewidth=2.4 if event else 1.0,
+            solid_capstyle="round",
+            zorder=4 if event else 2,
+        )
+        sketch.ax.plot(*ends[0], "o", color=color, markersize=2.5, zorder=4)
+    poses = outline_at(fall.body, record.q[0]), outline_at(fall.body, record.q[settled])
+    sketch.ground(poses[0][:, 0].min() - 0.35, poses[1][:, 0].max() + 0.35, 0.06)
+    for number, step, end in ((1, left, 0), (2, right, 1)):
+        at = outline_at(fall.body, record.q[step])[end]
+        sketch.point(f"event {number}", at, markersize=5, zorder=6)
+    at = outline_at(fall.body, record.q[left])[0]
+    sketch.label(at + [-0.08, 0.12], "1: left end lands\nand sticks", ha="right", fontsize=7.5)
+    at, rests = outline_at(fall.body, record.q[right])[1], outline_at(fall.body, record.q[settled])[1]
+    slides = f"2: right end lands\nand slides {100.0 * (rests[0] - at[0]):.0f} cm"
+    sketch.label(at + [-0.03, 0.3], slides, ha="left", fontsize=7.5)
+
+    t = record.t
+    for row in range(2):
+        for mode, (color, _) in MODE_LOOK.items():
+            on = fall.modes[:, row] == mode
+            bars = [(t[k], record.h) for k in np.flatnonzero(on)]
+            time.broken_barh(bars, (0.8 - row, 0.4), color=color, linewidth=0)
+    for number, step in ((1, left), (2, right)):
+        time.axvline(t[step], ymax=0.93, color=INK, linewidth=0.8)
+        time.text(t[step], 1.45, f"{number}", ha="center", va="bottom", fontsize=7)
+    time.set_yticks([1.0, 0.0], ["left\nend", "right\nend"])
+    time.tick_params(axis="y", length=0)
+    time.spines["left"].set_visible(False)
+    time.set_xlim(0.0, t[settled])
+    time.set_ylim(-0.5, 1.6)
+    time.set_box_aspect(0.45)
+    time.set_xlabel("time (s)")
+    handles = [Line2D([], [], color=color, label=name, linewidth=3) for color, name in MODE_LOOK.values()]
+    time.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.05), ncols=3)
+
+    steps = np.arange(settled + 1)
+    outline = np.stack([outline_at(fall.body, q) for q in record.q[steps]])
+    rows = [
+        pd.DataFrame(
+            {
+                "panel": "modes",
+                "series": pair,
+                "t": t[steps],
+                "x": outline[:, end, 0],
+                "y": outline[:, end, 1],
+                "mode": [MODE_LOOK[Mode(mode)][1] for mode in fall.modes[np.minimum(steps, len(t) - 2), end]],
+            }
+        )
+        for end, pair in enumerate(("left end", "right end"))
+    ]
+    return figure, pd.concat([sketch.table(), *rows], ignore_index=True)
+
+
+@house_style
+def figure_2_4(motion: NoisyMotion) -> Drawn:
+    """Disk from free flight to rolling: true path (line), noisy observations (dots) and the window of length m."""
+    record, body = motion.record, motion.body
+    figure = new_figure(height=3.0)
+    sketch = Sketch(figure.add_subplot())
+    radius = body.shape.extent
+    for step in range(0, record.steps + 1, max(1, round(DISK_EVERY / record.h))):
+        outline = outline_at(body, record.q[step])
+        look = {"t": record.t[step], "color": "0.7", "linewidth": 0.8, "zorder": 1}
+        sketch.line("disk", outline, **look)
+        # the first point of the outline is a mark on the rim
+        sketch.line("mark on the rim", np.stack([record.q[step, :2], outline[0]]), **look)
+    sketch.ground(record.q[0, 0] - 1.2 * radius, record.q[-1, 0] + 1.2 * radius, 0.12 * radius)
+    sketch.line(
+        "true path", record.q[:, :2], t=record.t, linewidth=1.4, zorder=3, label="true path of the centre"
+    )
+    inside = np.zeros(record.steps + 1, dtype=bool)
+    inside[motion.start : motion.stop] = True
+    every = np.arange(record.steps + 1) % OBSERVED_EVERY == 0
+    for series, mask, color in (
+        ("observations in the window", every & inside, COLORS["red"]),
+        ("observations outside", every & ~inside, GREY),
+    ):
+        look = {"color": color, "marker": ".", "linestyle": "", "markersize": 3.5, "zorder": 4}
+        sketch.line(series, motion.observed.q[mask, :2], t=record.t[mask], label=series, **look)
+    sketch.ax.legend(loc="lower left", bbox_to_anchor=(0.02, 0.12))
+    first, last = record.q[motion.start, :2], record.q[motion.stop - 1, :2]
+    top = record.q[0, 1] + 1.4 * radius
+    for name, at in (("start", first), ("end", last)):
+        sketch.line(
+            f"{name} of the window",
+            np.array([[at[0], 0.0], [at[0], top]]),
+            color=COLORS["red"],
+            linewidth=0.8,
+            linestyle=(0, (4, 2)),
+        )
+    sketch.dimension(
+        "window", np.array([first[0], top - 0.06]), np.array([last[0], top - 0.06]), COLORS["red"]
+    )
+    m = motion.stop - motion.start
+    sketch.label((0.5 * (first[0] + last[0]), top + 0.07), f"window of length $m$ = {m}", COLORS["red"])
+    sketch.label((0.5 * (record.q[0, 0] + first[0]), top - 0.06), "free flight", fontsize=8)
+    sketch.label((0.5 * (record.q[-1, 0] + last[0]), top - 0.06), "rolling", fontsize=8)
+    table = sketch.table()
+    return figure, table.assign(m=m)
+
+
+@house_style
+def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, Record]]) -> Drawn:
+    """Traces of block (a), ellipse (b) and rimless wheel (c) with high (top) and low friction (bottom).
+
+    Args:
+        shown: bodies and records with the keys of `chapter2_scenes.traces`.
+    """
+    figure = new_figure(height=6.4)
+    grid = figure.add_gridspec(3, 2, height_ratios=(1.0, 1.0, 1.0))
+    panels = {
+        "block": ("a) block", grid[0, 0]),
+        "ellipse": ("b) ellipse", grid[0, 1]),
+        "wheel, high friction": ("c) rimless wheel, high friction", grid[1, :]),
+        "wheel, low friction": ("c) rimless wheel, low friction", grid[2, :]),
+    }
+    missing = sorted(set(panels) - set(shown))
+    if missing:
+        raise UserError(f"Figure 2-9 shows four motions; {', '.join(missing)} is missing.")
+    # the two wheels share their limits, so that their ways can be compared
+    far = max(float(shown[name][1].q[:, 0].max()) for name in panels if name.startswith("wheel"))
+    parts = []
+    for name, (title, place) in panels.items():
+        body, record = shown[name]
+        ax = figure.add_subplot(place)
+        ax.set_title(title)
+        every = max(1, round(TRACE_SHOWN[name.split(",")[0]] / record.h))
+        right = far if name.startswith("wheel") else None
+        parts.append(_trace(ax, name, body, record.q, record.t, every, right))
+    return figure, pd.concat(parts, ignore_index=True)
+
+
+@house_style
+def figure_2_14(dataset: Dataset, trial: int | None = None) -> Drawn:
+    """Falling body of a dataset: a sparse sub-sample of one trial's samples up to its third impact.
+
+    Args:
+        dataset: with trajectories.
+        trial: number of the trial; by default the first.
+
+    Raises:
+        UserError: the dataset has no trajectories, or not this trial.
+    """
+    if dataset.trajectories is None:
+        raise UserError(
+            f"Dataset {dataset.name!r} has no trajectories.csv, so there is no falling body to draw."
+        )
+    table = dataset.trajectories
+    trial = int(table["trial"].min()) if trial is None else trial
+    samples = table[table["trial"] == trial]
+    if samples.empty:
+        raise UserError(f"Dataset {dataset.name!r} has no trial {trial}.")
+    q, t = samples[["x", "y", "theta"]].to_numpy(float), samples["t"].to_numpy(float)
+    end = _end_of_bounces(dataset, q)
+    body = PlanarFreeBody(dataset.shape, 1.0, dataset.k_g**2)
+    q = q - [0.0, dataset.height, 0.0]
+    figure = new_figure(3.6, 3.6)
+    ax = figure.add_subplot()
+    every = max(1, round(FALL_EVERY / float(np.median(np.diff(t)))))
+    return figure, _trace(ax, f"trial {trial}", body, q[:end], t[:end], every)
+
+
+def _trace(
+    ax: Axes,
+    panel: str,
+    body: PlanarFreeBody,
+    q: np.ndarray,
+    t: np.ndarray,
+    every: int,
+    far: float | None = None,
+) -> pd.DataFrame:
+    """Outlines of a body at every so many poses, from light to dark, and the path of its centre."""
+    sketch = Sketch(ax, panel, tilt=-body.tilt)
+    shown = np.arange(0, len(q), every)
+    colors = _darkening(len(shown))
+    wheel = isinstance(body, RimlessWheel)
+    for color, step in zip(colors, shown):
+        look = {"color": color, "linewidth": 0.9 if wheel else 1.0, "zorder": 2}
+        sketch.line("outline", outline_at(body, q[step]), t=t[step], **look)
+    sketch.line("path of the centre", q[:, :2], t=t, color=COLORS["red"], linewidth=0.9, zorder=3)
+    size = body.length if wheel else body.shape.extent
+    right = float(q[:, 0].max()) if far is None else far
+    left, right = float(q[:, 0].min()) - 1.25 * size, right + 1.25 * size
+    sketch.ground(left, right, 0.025 * (right - left))
+    return sketch.table()
+
+
+def _darkening(n: int) -> np.ndarray:
+    """n greys to blue, later ones darker."""
+    from matplotlib import colormaps
+
+    ramp: Colormap = colormaps["Blues"]
+    return ramp(np.linspace(0.3, 1.0, n))
+
+
+def _leading_mode(fall: RodFall, step: int) -> Mode:
+    """What the rod's leading contact does at a step: the right end once it has landed, before that the left end."""
+    left, right = fall.modes[min(step, len(fall.modes) - 1)]
+    return Mode(right if step >= fall.lands[1] else left)
+
+
+def _end_of_bounces(dataset: Dataset, q: np.ndarray) -> int:
+    """Number of samples of a trial up to the one after its third impact; all of them if there are fewer.
+
+    An impact shows as a local minimum of the gap within a tenth of the body's size from the surface.
+    """
+    gap = dataset.shape.gap(q[:, 1], q[:, 2], dataset.height)
+    low = (gap[1:-1] <= gap[:-2]) & (gap[1:-1] < gap[2:]) & (gap[1:-1] < 0.1 * dataset.shape.extent)
+    hits = np.flatnonzero(low) + 1
+    return int(hits[BOUNCES - 1]) + 2 if len(hits) >= BOUNCES else len(q)

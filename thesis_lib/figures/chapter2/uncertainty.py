@@ -1,0 +1,178 @@
+"""Figure 2-5: noisy poses and the contact manifold; flat and tilted landing as excitation.
+
+Poses in contact form the manifold φ_n(q) = 0; of a body over a flat surface it is the curve y = -r_y(θ).  Noise moves
+measured poses off it, where eq. 2.12 allows no force; `identify/base_parameters/projection.py` moves them back along
+the shortest way in the kinetic metric δx² + δy² + k² δθ², the distance in panel (b), whose axes are k θ and y.
+
+What a landing identifies is its `identifiability` with nothing known (unknown m and I, no external force), and with the
+mass given.  The square that lands flat does not turn: its I is in the null space even with the mass known.
+
+| on paper | in code           | unit | shape    |                                                                 |
+|----------|-------------------|------|----------|-----------------------------------------------------------------|
+| k        | `k_g`             | m    |          | radius of gyration                                              |
+| W        | `metric`          | 1, m² | (3,)    | (1, 1, k²)                                                      |
+| σ_i      | `singular_values` | 1    | (n_Θ,)   | of the regressor outside the span of possible contact forces    |
+
+Source: thesis section 2.3.2, approach 3, and section 2.3.3.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from thesis_lib.figures.planar_drawing import COLORS, Sketch, outline_at
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.base_parameters.identifiability import identifiability
+from thesis_lib.identify.base_parameters.projection import ProjectedRecord, project_to_contact
+from thesis_lib.identify.base_parameters.window import ContactWindow
+from thesis_lib.simulate.chapter2.scenes import NoisyMotion
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.simulate.stepping.stepping import Record
+
+GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
+SAMPLE_EVERY = 3  # poses between the dots of panel (a)
+LANDING_SHOWN = 5  # squares drawn of each landing, at equal intervals
+NOISY, MOVED = COLORS["red"], COLORS["blue"]
+
+
+def project_motion(motion: NoisyMotion) -> ProjectedRecord:
+    """The noisy states of a motion, projected to the contact manifold in the kinetic metric.
+
+    The tolerances come from the noise that was added, which an estimator is not told: a picture, not an estimate.
+    """
+    body, sigma, reach = motion.body, motion.observed.sigma, motion.body.shape.extent
+    noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)
+    inertias = np.diag(body.mass_matrix(motion.record.q[0]))
+    # the gap moves with y and with r θ, the touching point's velocity with v_x and r ω
+    gap, slip = (float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
+    return project_to_contact(
+        noisy,
+        body,
+        a_free=np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1)),
+        gap_tolerance=GAP_SIGMAS * gap,
+        v_tolerance=GAP_SIGMAS * slip,
+        metric=inertias / body.mass,
+    )
+
+
+@house_style
+def figure_2_5(motion: NoisyMotion, landings: dict[str, tuple[Record, ContactWindow]]) -> Drawn:
+    """Projection of noisy poses to the contact manifold (a, b), and flat against tilted landing as excitation (c, d).
+
+    Args:
+        motion: a body that stays in contact, with its noisy states.
+        landings: "flat" and "tilted": the motion of a square and its window in unknown (m, I), as
+            `excitation_table.excitation_cases` has them.
+
+    Raises:
+        UserError: a landing is missing, or no noisy pose is near the manifold.
+    """
+    if set(landings) != {"flat", "tilted"}:
+        raise UserError(f"Figure 2-5 compares a flat and a tilted landing; got {sorted(landings)}.")
+    projected = project_motion(motion)
+    steps = np.flatnonzero(projected.closed.any(axis=1))
+    if not len(steps):
+        raise UserError("No noisy pose lies near enough to the surface to be projected; lower the noise.")
+    figure = new_figure(height=4.4)
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0))
+    parts = [
+        _one_pose(figure.add_subplot(grid[0, 0]), motion, projected),
+        _manifold(figure.add_subplot(grid[0, 1]), motion, projected),
+    ]
+    for place, (letter, name) in zip((grid[1, 0], grid[1, 1]), (("c", "flat"), ("d", "tilted"))):
+        parts.append(_landing(figure.add_subplot(place), letter, name, motion.body, *landings[name]))
+    return figure, pd.concat(parts, ignore_index=True)
+
+
+def _one_pose(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.DataFrame:
+    """The corner that touches, of the pose with one contact and the largest gap, and of its projection."""
+    body, steps = motion.body, len(projected.closed)
+    gaps = np.where(projected.closed, body.contacts_of(motion.observed.q[:steps]).phi, 0.0).sum(axis=1)
+    step = int(np.argmax(np.where(projected.closed.sum(axis=1) == 1, np.abs(gaps), -1.0)))
+    pair = int(np.argmax(projected.closed[step]))
+    sketch = Sketch(ax, "a")
+    ax.set_title("(a) pose off the contact manifold")
+    near = 0.3 * body.shape.extent
+    for name, poses, color, dash in (
+        ("measured", motion.observed.q, NOISY, (0, (4, 2))),
+        ("projected", projected.q, MOVED, "-"),
+    ):
+        q = poses[step]
+        corner = q[:2] + body.contact_points(q[2:])[0, pair]
+        sketch.line(name, outline_at(body, q), color=color, linestyle=dash, label=name)
+        sketch.point(f"corner, {name}", corner, color=color, zorder=4)
+    sketch.ground(corner[0] - 1.5 * near, corner[0] + 1.2 * near, 0.12 * near)
+    text = rf"measured $\phi_n$ = {1e3 * gaps[step]:.0f} mm"
+    sketch.label(corner + near * np.array([-0.12, 0.12]), text, NOISY, ha="right", fontsize=8)
+    ax.legend(loc="upper left")
+    ax.set_xlim(corner[0] - 1.3 * near, corner[0] + 0.9 * near)
+    ax.set_ylim(-0.12 * near, 1.4 * near)
+    return sketch.table()
+
+
+def _manifold(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.DataFrame:
+    """Poses in the plane of k θ and y: the manifold, measured poses and where the projection puts them."""
+    body, m = motion.body, projected.closed.shape[0]
+    k_g = float(np.sqrt(body.inertia / body.mass))
+    ax.set_title("(b) measured and projected poses")
+    steps = np.flatnonzero(projected.closed.any(axis=1))[::SAMPLE_EVERY]
+    measured, moved = motion.observed.q[:m][steps], projected.q[:m][steps]
+    theta = np.linspace(*np.array([-0.05, 0.05]) + [moved[:, 2].min(), moved[:, 2].max()], 121)
+    # φ_n = 0: y = -min r_y(θ)
+    height = -body.contact_points(theta)[..., 1].min(axis=1)
+    ax.plot(k_g * theta, height, color=INK, linewidth=1.0, label=r"manifold $\phi_n = 0$")
+    for a, b in zip(measured, moved):
+        ax.plot([k_g * a[2], k_g * b[2]], [a[1], b[1]], color=GREY, linewidth=0.6, zorder=1)
+    ax.plot(k_g * measured[:, 2], measured[:, 1], ".", color=NOISY, label="measured")
+    ax.plot(k_g * moved[:, 2], moved[:, 1], ".", color=MOVED, label="projected")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel(r"$k\,\theta$ (m)")
+    ax.set_ylabel("$y$ (m)")
+    ax.legend(loc="upper left")
+    curves = {"manifold": (theta, height), "measured": (measured[:, 2], measured[:, 1])}
+    curves["projected"] = moved[:, 2], moved[:, 1]
+    return pd.concat(
+        [
+            pd.DataFrame({"panel": "b", "series": name, "k_theta": k_g * angle, "y": y})
+            for name, (angle, y) in curves.items()
+        ],
+        ignore_index=True,
+    )
+
+
+def _landing(
+    ax: Axes, letter: str, name: str, body: PlanarFreeBody, record: Record, window: ContactWindow
+) -> pd.DataFrame:
+    """Squares during a landing, side by side in time, and what the window identifies."""
+    free, known = identifiability(window), identifiability(window.fix({"m": body.mass}))
+    sketch = Sketch(ax, letter)
+    ax.set_title(f"({letter}) square lands {name}")
+    size = body.shape.extent
+    shown = np.linspace(0, record.steps, LANDING_SHOWN).astype(int)
+    for column, step in enumerate(shown):
+        # moved to the right in time, else the squares would hide each other; true to scale otherwise
+        shift = np.array([1.65 * size * column, 0.0])
+        points = outline_at(body, record.q[step]) - [record.q[0, 0], 0.0] + shift
+        sketch.line("square", points, t=record.t[step], linewidth=0.9)
+        sketch.point("centre", record.q[step, :2] - [record.q[0, 0], 0.0] + shift, markersize=2)
+    sketch.ground(-1.1 * size, 1.65 * size * (len(shown) - 1) + 1.1 * size, 0.12 * size)
+    verdict = {0: "nothing, not even $m/I$", 1: "$m/I$ only", 2: "$m$ and $I$"}[free.rank]
+    given = "$I$" if known.rank else "still nothing"
+    ax.text(
+        0.0,
+        -0.05,
+        f"identifiable without known force: {verdict}\nif the mass is known: {given}",
+        transform=ax.transAxes,
+        va="top",
+        fontsize=7.5,
+    )
+    columns = {
+        "rank": free.rank,
+        "sigma_1": free.singular_values[0],
+        "sigma_2": free.singular_values[1],
+        "rank_mass_known": known.rank,
+    }
+    return sketch.table().assign(**columns)

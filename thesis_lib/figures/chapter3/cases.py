@@ -1,0 +1,130 @@
+"""Figure 3-11: two single impacts that explain odd parameters, each drawn in its energy ellipse.
+
+| on paper | in code                  | unit | shape |                                                           |
+|----------|--------------------------|------|-------|-----------------------------------------------------------|
+| c_irb    | `Target.c_t`, `.c_n`     | N s  | (n,)  | measured impulse, eq. 3.7                                 |
+| r_x      | `Impacts.r[:, 0]`        | m    | (n,)  | how far the contact lies from under the centre of mass    |
+
+(a) μ = 0.  Among impacts whose individual μ is below `MU_ZERO`, the quarter with the contact point nearest to below
+    the centre of mass; of these the one with the largest misfit.  Without such impacts: the one with the least μ.
+(b) Spin reversal.  Among impacts whose measured impulse lies beyond the line of sticking, the one at the median
+    distance beyond it.  Without such impacts: the one that comes nearest to it.
+"Beyond" is as seen from the impulse without friction, c_t = 0 at the same c_n: friction has then turned round the slip
+v_t + K_tn c_n that it opposed.  A mere change of sign of v_t would not do: in a skewed contact the normal impulse alone
+can cause it, and every law predicts that.
+Ties go to the first impact, so that equal data give equal figures.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact import LAWS
+from thesis_lib.contact.space import beyond_sticking
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.figures.chapter3.contact_space import draw_ellipse, draw_region, region_outline
+from thesis_lib.figures.style import INK, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.impact_study.cost import Target, target_of
+from thesis_lib.impact_study.individual_statements import MU_ZERO
+
+MARKS = {  # series: marker, size, colour, filled
+    "measured impulse": ("X", 7, INK, True),
+    "best of this impact": ("o", 6, "#D55E00", False),
+    "ensemble prediction": ("s", 5, "#0072B2", False),
+}
+
+
+def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> int:
+    """Row of case (a) among impacts with individual `mu` (n,) and remaining `misfit` (n,) in N s.
+
+    Raises:
+        UserError: no impact has individual parameters.
+    """
+    usable = np.flatnonzero(np.isfinite(mu) & np.isfinite(misfit))
+    if not len(usable):
+        raise UserError("No impact has individual parameters, so there is no case with μ = 0 to show.")
+    zero = usable[mu[usable] < MU_ZERO]
+    if not len(zero):
+        return int(usable[np.argmin(mu[usable])])
+    offset = np.abs(impacts.r[zero, 0])
+    central = zero[offset <= np.quantile(offset, 0.25)]
+    return int(central[np.argmax(misfit[central])])
+
+
+def spin_reversal_case(target: Target) -> int:
+    """Row of case (b) among n measured impulses.
+
+    Raises:
+        UserError: no impulse is finite.
+    """
+    beyond = beyond_sticking(target.space, target.c_t, target.c_n)
+    usable = np.flatnonzero(np.isfinite(beyond))
+    if not len(usable):
+        raise UserError("No measured impulse is finite, so there is no case of spin reversal to show.")
+    order = usable[np.argsort(beyond[usable], kind="stable")]
+    reversed_ = order[beyond[order] > 0.0]
+    return int(order[-1] if not len(reversed_) else reversed_[(len(reversed_) - 1) // 2])
+
+
+@house_style
+def figure_3_11(
+    impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, mass_known: bool
+) -> Drawn:
+    """The two cases with ellipse, region of `law`, measured impulse, the law's best and its ensemble prediction.
+
+    Args:
+        impacts: all impacts studied.
+        individual: trial, impact, law, mu, epsilon, misfit (N s) of one weighting.
+        ensemble: law, mu, epsilon of the same weighting.
+        law: the law shown (AP Newton in the thesis).
+        mass_known: whether impulses are in N s or in N s/kg.
+
+    Raises:
+        UserError: nothing to select from.
+    """
+    unit = ImpulseAxis.of(mass_known)
+    target = target_of(impacts)
+    keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
+    each = individual[individual["law"] == law].set_index(["trial", "impact"]).reindex(keys)
+    mu, epsilon, misfit = (each[name].to_numpy(float) for name in ("mu", "epsilon", "misfit"))
+    fit = ensemble[ensemble["law"] == law].iloc[0]
+    cases = {
+        "a": (zero_friction_case(impacts, mu, misfit), r"$\mu = 0$"),
+        "b": (spin_reversal_case(target), "spin reversal"),
+    }
+    figure = new_figure(height=4.3, layout="compressed")
+    axes = figure.subplots(1, 2)
+    parts = []
+    for ax, (letter, (row, title)) in zip(axes, cases.items()):
+        space = target.space[np.array([row])]
+        part = [draw_ellipse(ax, space, unit, labels=True)]
+        outline = region_outline(LAWS[law], space)
+        draw_region(ax, LAWS[law], outline, unit, f"region of {LAWS[law].title}")
+        part.append(pd.DataFrame(outline, columns=["c_t", "c_n"]).assign(series="region"))
+        own = LAWS[law].impulse(space, mu[[row]], epsilon[[row]])
+        common = LAWS[law].impulse(space, np.array([fit["mu"]]), np.array([fit["epsilon"]]))
+        points = ((target.c_t[row], target.c_n[row]), own, common)
+        for (name, (marker, size, color, filled)), point in zip(MARKS.items(), points):
+            c_t, c_n = (float(np.squeeze(value)) for value in point)
+            ax.plot(
+                unit.factor * c_t,
+                unit.factor * c_n,
+                marker,
+                markersize=size,
+                color=color,
+                markerfacecolor=color if filled else "none",
+                markeredgewidth=0.6 if filled else 1.3,
+                label=name,
+                clip_on=False,
+            )
+            part.append(pd.DataFrame({"series": [name], "c_t": [c_t], "c_n": [c_n]}))
+        ax.set_title(f"({letter}) {title}: trial {impacts.trial[row]}, impact {impacts.impact[row]}")
+        ax.set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
+        parts.append(
+            pd.concat(part).assign(panel=letter, trial=impacts.trial[row], impact=impacts.impact[row])
+        )
+    axes[0].set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    table = pd.concat(parts, ignore_index=True)
+    return figure, table[["panel", "trial", "impact", "series", "c_t", "c_n"]]

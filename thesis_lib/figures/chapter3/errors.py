@@ -1,0 +1,172 @@
+"""Figures 3-8 and 3-9: how large held-out errors are, and where before the impact they are large.
+
+| on paper            | in code                  | unit | shape |                                                   |
+|---------------------|--------------------------|------|-------|---------------------------------------------------|
+| ‖v⁺ − v̂⁺‖_k         | `error`                  | m/s  | (n,)  | √(δv_x² + δv_y² + (k δω)²), held-out impacts      |
+| (p_t, p_n) = M_C v_C| `momentum_t, momentum_n` | N s  | (n,)  | momentum at the contact point before impact       |
+
+Errors come from thesis_lib.impact_study.study.held_out_errors.  Densities are reflected at zero (`densities`).
+The thesis's figure 3-9 does not say how it smooths; here each node of a grid takes the mean error of its nearest
+impacts, and nodes without impacts nearby stay empty.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact.bounds import best_post_hoc
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.figures.densities import error_curves, local_mean
+from thesis_lib.figures.law_style import style_of
+from thesis_lib.figures.style import PANELS, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.tables import VARIANTS
+
+GRID = 100  # points of a curve
+SIDE = 40  # nodes of the map along each axis
+NEIGHBOURS = 12  # impacts that make the mean at a node: their mean has a third of a single error's spread
+REACH = 0.25  # standard deviations of momentum; nodes with no impact as near as this stay empty
+TALL = 10.0  # where the highest peak is this many times the lowest, densities are drawn on a logarithmic axis
+
+
+@house_style
+def figure_3_8(errors: pd.DataFrame) -> Drawn:
+    """Densities and cumulative shares of held-out errors: six laws, Best Post Hoc and IRB Bound, in both variants.
+
+    Args:
+        errors: trial, impact, model, velocity_error; a failed solve (NaN) counts as infinite in the share.
+
+    Raises:
+        UserError: a model has no finite error.
+    """
+    wide = errors.pivot(index=["trial", "impact"], columns="model", values="velocity_error")
+    figure = new_figure(height=5.0)
+    figure.get_layout_engine().set(wspace=0.08)
+    axes = figure.subplots(2, 2, sharex="col", sharey="col")
+    grid = np.linspace(0.0, _upper(wide), GRID)
+    parts = []
+    for row, (variant, laws) in zip(axes, VARIANTS.items()):
+        values = {name: wide[name].to_numpy() for name in laws}
+        values["best_post_hoc"] = best_post_hoc(np.stack(list(values.values()), axis=1))[1]
+        values["irb_bound"] = wide["irb_bound"].to_numpy()
+        for name, error in values.items():
+            if not np.isfinite(error).any():
+                raise UserError(f"{name} has no finite held-out error; look at errors.csv and its status.")
+            look = style_of(name)
+            density, quantile, shares = error_curves(error, grid)
+            row[0].plot(grid, density, **look.line)
+            row[1].plot(quantile, shares, **look.line)
+            parts += [
+                pd.DataFrame({"panel": "density", "error": grid, "density": density}).assign(
+                    variant=variant, model=name
+                ),
+                pd.DataFrame({"panel": "cumulative", "error": quantile, "share_below": shares}).assign(
+                    variant=variant, model=name
+                ),
+            ]
+        row[0].set_title(f"({'ab'[list(VARIANTS).index(variant)]}) {PANELS[variant]}")
+        row[0].set_ylabel("density (s/m)")
+        row[1].set_ylabel("share of impacts below")
+    table = pd.concat(parts, ignore_index=True)
+    _limits(axes, table)
+    for ax in axes[-1]:
+        ax.set_xlabel("error of the velocity after impact (m/s)")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure, table[["variant", "panel", "model", "error", "density", "share_below"]]
+
+
+def _upper(wide: pd.DataFrame) -> float:
+    """End of the error axis of densities: beyond the tail of the typical model; the cumulative panel has the rest."""
+    return 1.25 * float(np.nanmedian(wide.quantile(0.95))) or 1.0
+
+
+def _limits(axes: np.ndarray, table: pd.DataFrame) -> None:
+    peaks = table[table["panel"] == "density"].groupby(["variant", "model"])["density"].max()
+    if peaks.max() > TALL * peaks.min():
+        axes[0, 0].set_yscale("log")
+        axes[0, 0].set_ylim(0.4 * peaks.min(), 1.5 * peaks.max())  # below it single impacts show
+    else:
+        axes[0, 0].set_ylim(0.0, 1.05 * peaks.max())
+    axes[0, 0].set_xlim(0.0, float(table.loc[table["panel"] == "density", "error"].max()))
+    low = table.loc[table["share_below"].between(0.03, 0.06), "error"].min()
+    high = table.loc[table["panel"] == "cumulative", "error"].max()
+    axes[0, 1].set_xscale("log")
+    axes[0, 1].set_xlim(max(float(low), 1e-4 * high), high)
+    axes[0, 1].set_ylim(0.0, 1.0)
+
+
+@house_style
+def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known: bool) -> Drawn:
+    """Mean held-out error of one law over the momentum at the contact point before impact.
+
+    Args:
+        held_out: held-out impacts.
+        errors: trial, impact, model, velocity_error; rows of `law` for these impacts.
+        law: the law shown (AP Poisson in the thesis).
+        mass_known: whether momenta are in N s or in N s/kg.
+
+    Raises:
+        UserError: no held-out impact has a finite error.
+    """
+    unit = ImpulseAxis.of(mass_known)
+    keys = pd.MultiIndex.from_arrays([held_out.trial, held_out.impact])
+    error = errors[errors["model"] == law].set_index(["trial", "impact"])["velocity_error"].reindex(keys)
+    solved = np.isfinite(error.to_numpy())
+    if not solved.any():
+        raise UserError(f"{law} has no finite held-out error; look at errors.csv.")
+    error = error.to_numpy()[solved]
+    momentum = contact_momentum(held_out)[solved]
+    low, high = np.quantile(momentum, [0.002, 0.998], axis=0)
+    pad = 0.03 * (high - low)
+    axis_t, axis_n = (np.linspace(a, b, SIDE) for a, b in zip(low - pad, high + pad))
+    nodes = np.stack(np.meshgrid(axis_t, axis_n), axis=-1).reshape(-1, 2)
+    mean, distance = local_mean(momentum, error, nodes, NEIGHBOURS)
+    mean = np.where(distance <= REACH, mean, np.nan)
+    # by impacts, not by area: a few wild ones, far from the others, must not flatten the rest of the map
+    top = float(np.quantile(local_mean(momentum, error, momentum, NEIGHBOURS)[0], 0.95)) or 1.0
+
+    figure = new_figure(4.6, 3.4)
+    ax = figure.add_subplot()
+    mesh = ax.pcolormesh(
+        unit.factor * axis_t,
+        unit.factor * axis_n,
+        mean.reshape(SIDE, SIDE),
+        shading="nearest",
+        rasterized=True,
+        vmin=0.0,
+        vmax=top,
+    )
+    ax.plot(*(unit.factor * momentum.T), ".", color="black", markersize=1.2, alpha=0.5, linestyle="none")
+    ax.axvline(0.0, color="white", linewidth=0.8, linestyle=(0, (4, 2)))
+    ax.set_xlim(unit.factor * axis_t[[0, -1]])
+    ax.set_ylim(unit.factor * axis_n[[0, -1]])
+    ax.set_xlabel(f"tangential contact momentum before impact ({unit.unit})")
+    ax.set_ylabel(f"normal contact momentum before impact ({unit.unit})")
+    bar = figure.colorbar(mesh, ax=ax, aspect=30, extend="max" if np.nanmax(mean) > top else "neither")
+    bar.set_label(f"mean error of the {min(NEIGHBOURS, len(error))} nearest impacts (m/s)")
+    bar.outline.set_visible(False)
+    table = pd.DataFrame(
+        {
+            "series": "map",
+            "momentum_t": nodes[:, 0],
+            "momentum_n": nodes[:, 1],
+            "error": mean,
+            "n": min(NEIGHBOURS, len(error)),
+        }
+    )
+    dots = pd.DataFrame(
+        {
+            "series": "impact",
+            "momentum_t": momentum[:, 0],
+            "momentum_n": momentum[:, 1],
+            "error": error,
+            "n": 1,
+        }
+    )
+    return figure, pd.concat([table, dots], ignore_index=True)
+
+
+def contact_momentum(impacts: Impacts) -> np.ndarray:
+    """Momentum M_C v_C (n, 2) in N s at the contact point before impact: minus the impulse that stops that point."""
+    return -np.stack(target_of(impacts).space.impulse_to(0.0, 0.0), axis=-1)

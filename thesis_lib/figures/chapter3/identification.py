@@ -1,0 +1,178 @@
+"""Figures 3-7 and 3-10: what identification sees, over many impacts and impact by impact.
+
+| on paper     | in code            | unit | shape |                                                     |
+|--------------|--------------------|------|-------|-----------------------------------------------------|
+| (μ, ε)       | `mu`, `epsilon`    | 1    |       | ensemble parameters, eq. 3.8 summed over impacts    |
+| (μ_i, ε_i)   | `mu`, `epsilon`    | 1    | (n,)  | individual parameters of impact i                   |
+| k            | `k`                | 1    |       | number of impacts identified from                   |
+
+Tables come from thesis_lib.impact_study.study; columns are named there.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from thesis_lib.contact import LAWS
+from thesis_lib.figures.densities import reflected_density
+from thesis_lib.figures.law_style import style_of
+from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.foundation.errors import UserError
+
+SETTLED = 100  # impacts after which the thesis finds the parameters converged
+SUBSET_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)))
+GRID = 200  # points of a density
+# of individual μ within the axis; the rest, often at the limit of the box, is counted in a note
+SHOWN_SHARE = 0.99
+
+
+@house_style
+def figure_3_7(topography: pd.DataFrame, convergence: pd.DataFrame, *, mass_known: bool) -> Drawn:
+    """(a) Cost over (μ, ε) with its minimum; (b) parameters and cost against the number of impacts k.
+
+    Args:
+        topography: law, n, mu, epsilon, cost on a full grid; lighter is better, as in the thesis.
+        convergence: law, subset, k, mu, epsilon, cost.
+        mass_known: whether impulses are in N s or in N s/kg.
+    """
+    unit = ImpulseAxis.of(mass_known)
+    figure = new_figure(height=3.7)
+    left, right = figure.subfigures(1, 2, width_ratios=(1.05, 1.0))
+    _topography(left.subplots(), topography, unit)
+    axes = right.subplots(3, 1, sharex=True)
+    for ax, column, label, factor in zip(
+        axes,
+        ("mu", "epsilon", "cost"),
+        (r"$\mu$", r"$\epsilon$", f"cost ({unit.unit})"),
+        (1.0, 1.0, unit.factor),
+    ):
+        ax.axvline(SETTLED, color=GREY, linewidth=0.7)
+        for (law, subset), curve in convergence.groupby(["law", "subset"], sort=False):
+            look = style_of(law)
+            ax.plot(
+                curve["k"],
+                factor * curve[column],
+                color=look.color,
+                linestyle=SUBSET_DASHES[subset % len(SUBSET_DASHES)],
+                linewidth=1.1,
+                marker="o" if curve["k"].nunique() < 3 else None,
+                label=LAWS[law].title if subset == 0 else None,
+            )
+        ax.set_xscale("log")
+        ax.set_ylabel(label)
+    axes[0].set_title("(b)", pad=22)
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0, ncols=1)
+    axes[-1].set_xlabel("impacts identified from, $k$")
+    axes[-1].xaxis.set_major_formatter("{x:g}")
+    right.align_ylabels(axes)
+    columns = ["panel", "law", "subset", "k", "mu", "epsilon", "cost"]
+    table = pd.concat([topography.assign(panel="a"), convergence.assign(panel="b")], ignore_index=True)
+    table["subset"] = table["subset"].astype("Int64")
+    table["k"] = table["k"].fillna(table["n"]).astype("Int64")
+    return figure, table[columns]
+
+
+def _topography(ax: Axes, topography: pd.DataFrame, unit: ImpulseAxis) -> None:
+    cost = unit.factor * topography.pivot(index="epsilon", columns="mu", values="cost")
+    mu, epsilon = cost.columns.to_numpy(), cost.index.to_numpy()
+    mesh = ax.pcolormesh(mu, epsilon, cost.to_numpy(), cmap="viridis_r", shading="gouraud", rasterized=True)
+    # evenly spaced in the root of the rise above the minimum: even spacing would leave the valley empty
+    low, high = float(cost.min().min()), float(cost.max().max())
+    levels = low + (high - low) * np.linspace(0.0, 1.0, 11)[1:-1] ** 2
+    if high > low:
+        ax.contour(mu, epsilon, cost.to_numpy(), levels=levels, colors="white", linewidths=0.6)
+    best = topography.loc[topography["cost"].idxmin()]
+    ax.plot(
+        best["mu"], best["epsilon"], "*", color="#D55E00", markersize=9, label="least cost", clip_on=False
+    )
+    ax.set_xlabel(r"coefficient of friction $\mu$")
+    ax.set_ylabel(r"coefficient of restitution $\epsilon$")
+    title = LAWS[topography["law"].iloc[0]].title
+    ax.set_title(f"(a) {title}, {topography['n'].iloc[0]} impacts", pad=22)
+    ax.legend(loc="lower left", bbox_to_anchor=(-0.05, 1.01), borderaxespad=0.0)
+    bar = ax.figure.colorbar(mesh, ax=ax, location="bottom", aspect=30, pad=0.02)
+    bar.set_label(f"mean cost ({unit.unit})")
+    bar.outline.set_visible(False)
+
+
+@house_style
+def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, mass_known: bool) -> Drawn:
+    """(a) Individual (μ, ε) coloured by the misfit that remains; (b) densities of μ and of ε, ensemble value marked.
+
+    Args:
+        individual: trial, impact, law, mu, epsilon, misfit (N s) of one weighting; only rows of `law` are used.
+        ensemble: law, mu, epsilon of the same weighting.
+        law: the law shown.
+        mass_known: whether impulses are in N s or in N s/kg.
+
+    Raises:
+        UserError: no impact has individual parameters under this law.
+    """
+    unit = ImpulseAxis.of(mass_known)
+    each = individual[(individual["law"] == law) & individual["misfit"].notna()]
+    if not len(each):
+        raise UserError(f"No impact has individual parameters under {law}; look at individual.csv.")
+    fit = ensemble[ensemble["law"] == law].iloc[0]
+    mu_max = 1.05 * max(float(each["mu"].quantile(SHOWN_SHARE)), 0.02, 1.3 * fit["mu"])
+    figure = new_figure(height=3.3)
+    axes = figure.subplot_mosaic([["a", "mu"], ["a", "epsilon"]], width_ratios=(1.25, 1.0))
+
+    ax = axes["a"]
+    shown = each.sort_values("misfit", kind="stable")  # the worst on top
+    top = max(float(shown["misfit"].quantile(0.98)), np.finfo(float).tiny)
+    dots = ax.scatter(
+        shown["mu"],
+        shown["epsilon"],
+        c=unit.factor * shown["misfit"],
+        vmin=0.0,
+        vmax=unit.factor * top,
+        s=5,
+        linewidths=0,
+        clip_on=True,
+    )
+    ax.plot(fit["mu"], fit["epsilon"], "*", color="#D55E00", markersize=10, markeredgecolor="white")
+    ax.set_xlim(-0.02 * mu_max, mu_max)
+    ax.set_ylim(-0.02, 1.03)
+    ax.set_xlabel(r"individual $\mu$")
+    ax.set_ylabel(r"individual $\epsilon$")
+    beyond = int((each["mu"] > mu_max).sum())
+    note = f", {beyond} beyond the axis" if beyond else ""
+    ax.set_title(f"(a) {LAWS[law].title}, {len(each)} impacts{note}")
+    bar = figure.colorbar(dots, ax=ax, location="bottom", aspect=30, pad=0.02, extend="max")
+    bar.set_label(f"misfit that remains ({unit.unit})")
+    bar.outline.set_visible(False)
+
+    parts = [
+        each.assign(panel="a", series="individual")[
+            ["panel", "series", "trial", "impact", "mu", "epsilon", "misfit"]
+        ],
+        pd.DataFrame(
+            {"panel": ["a"], "series": ["ensemble"], "mu": [fit["mu"]], "epsilon": [fit["epsilon"]]}
+        ),
+    ]
+    for name, symbol, upper in (("mu", r"\mu", np.inf), ("epsilon", r"\epsilon", 1.0)):
+        low, high = (0.0, mu_max) if name == "mu" else _shown_range(each[name].to_numpy())
+        grid = np.linspace(low, high, GRID)
+        density = reflected_density(each[name].to_numpy(), grid, 0.0, upper)
+        ax = axes[name]
+        ax.fill_between(grid, density, color="#009E73", alpha=0.25, linewidth=0)
+        ax.plot(grid, density, color="#009E73")
+        ax.axvline(fit[name], color="#D55E00", linestyle=(0, (5, 1.5)), label="ensemble")
+        ax.axvline(each[name].mean(), color=INK, linestyle=(0, (1, 1.2)), label="mean of individual")
+        ax.set_xlabel(f"${symbol}$")
+        ax.set_ylabel("density")
+        ax.set_ylim(bottom=0.0)
+        ax.set_xlim(grid[0], grid[-1])
+        parts.append(pd.DataFrame({"panel": "b", "series": name, "parameter": grid, "density": density}))
+    axes["mu"].set_title("(b)", pad=22)
+    axes["mu"].legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0)
+    table = pd.concat(parts, ignore_index=True)
+    table[["trial", "impact"]] = table[["trial", "impact"]].astype("Int64")
+    return figure, table
+
+
+def _shown_range(epsilon: np.ndarray) -> tuple[float, float]:
+    """Part of [0, 1] that holds nearly all values, with room at either side."""
+    low, high = np.quantile(epsilon, [0.01, 0.99])
+    room = max(0.3 * (high - low), 0.05)
+    return max(0.0, float(low) - room), min(1.0, float(high) + room)

@@ -1,0 +1,1 @@
+"""Figures of chapter 4: learned contact models and thrown dice."""

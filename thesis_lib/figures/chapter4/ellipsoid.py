@@ -1,0 +1,184 @@
+"""Figures 4-1 and 4-2: the body at contact with its energy ellipse, and the ellipsoid that a wrench opens.
+
+    ellipse    (c + M_C v_C)ᵀ M_C⁻¹ (c + M_C v_C) ≤ v_Cᵀ M_C v_C                          equation 4.5
+    ellipsoid  |z + B w|² ≤ |z|²,   z = (v_x, v_y, k ω),  w = (c_t, c_n, τ),  z⁺ = z + B w
+
+The ellipsoid is the image of the ball of all velocities with no more kinetic energy than before; its cut with τ = 0 is
+the ellipse, and its part on one side of the plane v_n⁺ = 0 is what neither penetrates nor gains energy.
+
+| on paper | in code      | unit | shape  |                                                   |
+|----------|--------------|------|--------|---------------------------------------------------|
+| c        | `c_t`, `c_n` | N s  | (P,)   | impulse                                           |
+| τ/k      | `tau_over_k` | N s  | (P,)   | couple about the contact point over radius of gyration |
+
+The impact is that of figures 3-1 to 3-3.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.figures.chapter3.contact_space import EXAMPLE, SHADE, Example, draw_ellipse
+from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.residual.learners.features import impulse_of
+
+ORANGE, BLUE, GREEN = "#D55E00", "#0072B2", "#009E73"
+MERIDIANS, POINTS = 12, 73
+
+
+@house_style
+def figure_4_1(body: Body, example: Example = EXAMPLE) -> Drawn:
+    """Planar body that touches a level surface, and the energy ellipse of this impact."""
+    unit = ImpulseAxis.of(body.mass is not None)
+    figure = new_figure(height=3.2)
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    outline = _draw_body(left, body, example)
+    left.set_title("(a)")
+    ellipse = draw_ellipse(right, example.space(body), unit, labels=True)
+    right.set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
+    right.set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
+    right.set_title("(b)")
+    figure.legend(loc="outside lower center", ncols=3)
+    table = pd.concat([outline.assign(panel="a"), ellipse.assign(panel="b")], ignore_index=True)
+    return figure, table[["panel", "series", "x", "y", "c_t", "c_n"]]
+
+
+def _draw_body(ax: Axes, body: Body, example: Example) -> pd.DataFrame:
+    r, size = example.contact_point(body)[0], body.shape.extent
+    centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
+    cos, sin = np.cos(example.theta), np.sin(example.theta)
+    outline = centre + body.shape.outline() @ np.array([[cos, sin], [-sin, cos]])
+    v = np.array(example.v)
+    v_c = v[:2] + v[2] * np.array([-r[1], r[0]])
+    scale = 0.6 * size / np.hypot(*v_c)
+    arrows = {
+        r"$\mathbf{v}$": (centre, scale * v[:2], GREEN),
+        r"$\mathbf{v}_C$": (contact, scale * v_c, ORANGE),
+        r"$\mathbf{r}$": (centre, contact - centre, BLUE),
+    }
+    ax.set_axis_off()
+    ax.set_aspect("equal")
+    ax.fill(*outline.T, facecolor=SHADE, edgecolor=INK, linewidth=1.2)
+    edge = np.array([outline[:, 0].min() - 0.5 * size, outline[:, 0].max() + 0.5 * size])
+    ax.fill([*edge, *edge[::-1]], [0, 0, -0.15 * size, -0.15 * size], fill=False, linewidth=0, hatch="////")
+    ax.plot(edge, [0.0, 0.0], color=INK, linewidth=1.2)
+    for name, (start, vector, color) in arrows.items():
+        look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", start + vector, start, arrowprops=look)
+        side = np.array([vector[1], -vector[0]]) / np.hypot(*vector)
+        side *= (np.sign(side[0]) or 1.0) * (-1.0 if "r" in name else 1.0)  # r and v point much the same way
+        ax.text(*(start + 0.6 * vector + 0.16 * size * side), name, color=color, ha="center", va="center")
+    ax.plot(*np.stack([centre, contact], axis=1), "o", color=INK, markersize=4)
+    ax.text(*(contact + size * np.array([-0.17, 0.12])), "$C$", ha="center", va="center")
+    ax.set_xlim(edge)
+    ax.set_ylim(min(-0.2 * size, (contact + scale * v_c)[1] - 0.1 * size), outline[:, 1].max() + 0.15 * size)
+    rows = [("outline", *point) for point in outline]
+    rows += [
+        (name.strip("$"), *point) for name, (start, v, _) in arrows.items() for point in (start, start + v)
+    ]
+    return pd.DataFrame(rows, columns=["series", "x", "y"])
+
+
+@house_style
+def figure_4_2(body: Body, example: Example = EXAMPLE) -> Drawn:
+    """Energy ellipsoid of wrenches, with the plane of maximum compression and the energy ellipse of point impulses."""
+    unit = ImpulseAxis.of(body.mass is not None)
+    impact = _impact(body, example)
+    curves = _ellipsoid(impact)
+    figure = new_figure(4.6, 4.4)
+    ax = figure.add_subplot(projection="3d", computed_zorder=False)
+    looks = {
+        "feasible": {"color": BLUE, "linewidth": 0.7, "alpha": 0.75},
+        "penetrates": {"color": GREY, "linewidth": 0.5, "alpha": 0.6},
+        "maximum compression": {"color": INK, "linewidth": 1.2, "linestyle": (0, (1, 1.2))},
+        "energy ellipse, τ = 0": {"color": ORANGE, "linewidth": 2.0},
+    }
+    labels = dict.fromkeys(looks)
+    for (series, _), points in curves.groupby(["series", "curve"], sort=False):
+        xyz = unit.factor * points[["c_t", "tau_over_k", "c_n"]].to_numpy().T
+        ax.plot(*xyz, label=series if labels[series] is None else None, **looks[series])
+        labels[series] = series
+    disc = unit.factor * curves.loc[curves["series"] == "maximum compression", ["c_t", "tau_over_k", "c_n"]]
+    _fill(figure, disc.to_numpy())
+    ax.plot([0.0], [0.0], [0.0], "o", color=INK, markersize=4, label="no impulse")
+    ax.set_xlabel(f"$c_t$ ({unit.unit})")
+    ax.set_ylabel(rf"$\tau/k$ ({unit.unit})")
+    ax.set_zlabel(f"$c_n$ ({unit.unit})")
+    xyz = unit.factor * curves[["c_t", "tau_over_k", "c_n"]].to_numpy()
+    low, high = xyz.min(axis=0), xyz.max(axis=0)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_zlim(low[2], high[2])
+    ax.set_box_aspect(high - low, zoom=0.9)
+    ax.view_init(elev=18.0, azim=-50.0)
+    ax.locator_params(nbins=4)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        axis._axinfo["grid"].update(color="0.9", linewidth=0.5)  # mplot3d has no public way to set it
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure, curves
+
+
+def _fill(figure: Figure, disc: np.ndarray) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    figure.axes[0].add_collection3d(Poly3DCollection([disc], facecolor=SHADE, alpha=0.5, linewidth=0))
+
+
+def _impact(body: Body, example: Example) -> Impacts:
+    q = np.array([[0.0, 0.0, example.theta]])
+    v, zero = np.array([example.v]), np.zeros(1, int)
+    mass = body.mass or 1.0
+    return Impacts(zero, zero, q, v, v, example.contact_point(body), k_g=body.radius_of_gyration, mass=mass)
+
+
+def _ellipsoid(impact: Impacts) -> pd.DataFrame:
+    """Curves on the ellipsoid about the direction of the contact's normal: series, curve, c_t, c_n, tau_over_k."""
+    k_g, r = impact.k_g, impact.r[0]
+    z = impact.v_pre[0] * [1.0, 1.0, k_g]
+    radius = np.linalg.norm(z)
+    n = np.array([0.0, 1.0, r[0] / k_g])
+    n /= np.linalg.norm(n)
+    t = np.array([1.0, 0.0, -r[1] / k_g])
+    t -= (t @ n) * n
+    t /= np.linalg.norm(t)
+    b = np.cross(n, t)
+    around = np.linspace(0.0, 2.0 * np.pi, POINTS)
+    up = np.linspace(-0.5 * np.pi, 0.5 * np.pi, POINTS)
+    parts = []
+
+    def add(series: str, curve: int, directions: np.ndarray) -> None:
+        v_post = radius * directions / [1.0, 1.0, k_g]
+        w = impulse_of(v_post - impact.v_pre, impact, wrench=True)
+        parts.append(
+            pd.DataFrame(
+                {
+                    "series": series,
+                    "curve": curve,
+                    "c_t": w[:, 0],
+                    "c_n": w[:, 1],
+                    "tau_over_k": w[:, 2] / k_g,
+                }
+            )
+        )
+
+    def on_sphere(height: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        cos = np.cos(height)[:, None]
+        return np.sin(height)[:, None] * n + cos * (np.cos(angle)[:, None] * t + np.sin(angle)[:, None] * b)
+
+    for side, series in ((-1.0, "penetrates"), (1.0, "feasible")):
+        for i in range(MERIDIANS):
+            rows = up[side * up >= 0.0]
+            add(series, i, on_sphere(rows, np.full(len(rows), 2.0 * np.pi * i / MERIDIANS)))
+        for j in (1, 2):
+            add(series, MERIDIANS + j, on_sphere(np.full(POINTS, side * j * np.pi / 6.0), around))
+    add("maximum compression", 0, on_sphere(np.zeros(POINTS), around))
+    # z·b does not change under a point impulse: a circle of the sphere at that height
+    fixed = z @ b / radius
+    ring = np.sqrt(1.0 - fixed**2)
+    circle = fixed * b + ring * (np.cos(around)[:, None] * t + np.sin(around)[:, None] * n)
+    add("energy ellipse, τ = 0", 0, circle)
+    return pd.concat(parts, ignore_index=True)

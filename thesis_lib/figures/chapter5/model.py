@@ -1,0 +1,246 @@
+"""Figure 5-7, the abstractions themselves, and a hidden effect: what has been learned of the tower.
+
+    friction cone:  |f_t| ≤ μ f_n,   μ = 0.42 (plastic on wood; 0.35 to 0.5 in the thesis)
+
+| on paper | in code  | unit | meaning                                              |
+|----------|----------|------|------------------------------------------------------|
+| f_n, f_t |          | N    | force on the block along and across the push         |
+| μ        | `MU`     | 1    | friction coefficient of finger and block             |
+| c        | `abstraction` | | name of the abstraction, as `mixture.names_of` gives it |
+
+Source: thesis, section 5.5.4 and figure 5-7.  The other figures are own: the thesis describes abstractions in words.
+"""
+
+import re
+from collections import Counter
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, Rectangle
+
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.jenga.tower.tower_model import LAYERS, PER_LAYER
+
+MU, MU_RANGE = 0.42, (0.35, 0.5)
+COLORS = {
+    "no block": "#999999",
+    "easy move": "#009E73",
+    "hard move": "#E69F00",
+    "no move": "#D55E00",
+    "drags tower": "#CC79A7",
+}
+SPARE = ("#0072B2", "#56B4E9", "#000000")
+DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (3, 1, 1, 1)))
+QUANTITIES = {
+    "share": "share of\nsamples",
+    "force": "force\n(N)",
+    "rise": "force's rise\n(N/mm)",
+    "move": "block's\nmove (1)",
+    "lag": "lag\n(1)",
+    "drag": "tower's\nmove (1)",
+    "stuck_share": "truth:\nstuck",
+}
+STAGES = {"before": ("#D55E00", "o", "before"), "relearned": ("#0072B2", "s", "relearned")}
+GROUPS = {
+    "all": "all pushes",
+    "failing": "pushes that fail",
+    "affected": "blocks with\nthe effect",
+    "others": "other\nblocks",
+}
+AS_PREDICTED = "#E0E0E0"
+
+
+def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
+    """Colour by what an abstraction is (also a new one), line style by its number among those called alike."""
+    styles, seen, colors = {}, Counter(), dict(COLORS)
+    for name in names:
+        kind = re.sub(r" \d+$", "", name.removeprefix("new: "))
+        color = colors.setdefault(kind, SPARE[(len(colors) - len(COLORS)) % len(SPARE)])
+        styles[name] = (color, DASHES[seen[kind] % len(DASHES)])
+        seen[kind] += 1
+    return styles
+
+
+@house_style
+def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
+    """(A) predicted forces over the friction cone; (B) force against the height of the block.
+
+    Args:
+        cone: f_n, f_t (N, predicted next forces), abstraction, inside (1: within the cone, by the rule of who made
+            the table).
+        height: height_mm (of the block above the base), f_n (N, measured), abstraction; f_n_pred (N) if the model's
+            line is to be drawn: its mean at each height.
+    """
+    names = list(dict.fromkeys([*cone["abstraction"], *height["abstraction"]]))
+    styles = abstraction_style(names)
+    figure = new_figure(height=2.9)
+    left, right = figure.subplots(1, 2)
+    far = 1.05 * max(float(cone["f_n"].max()), 0.5)
+    left.fill([0.0, far, far], [0.0, MU * far, -MU * far], color="0.93", zorder=0)
+    for mu, dash in ((MU, "-"), *((mu, (0, (3, 2))) for mu in MU_RANGE)):
+        for sign in (-1.0, 1.0):
+            left.plot([0.0, far], [0.0, sign * mu * far], color=GREY, linewidth=0.8, linestyle=dash, zorder=1)
+    for name, part in cone.groupby("abstraction", sort=False):
+        share = f"{name} ({100 * part['inside'].mean():.0f} % inside)"
+        left.plot(part["f_n"], part["f_t"], ".", color=styles[name][0], markersize=3, alpha=0.6, label=share)
+    left.set_xlim(min(0.0, float(cone["f_n"].min())) - 0.02 * far, far)
+    widest = 1.05 * max(MU_RANGE[1] * far, float(cone["f_t"].abs().max()))
+    left.set_ylim(-widest, widest)
+    left.set_xlabel("normal force $f_n$ (N)")
+    left.set_ylabel("tangential force $f_t$ (N)")
+    left.set_title("A  predicted forces over the friction cone")
+    for mu, side in ((MU, 1.0), *((mu, -1.0) for mu in MU_RANGE)):
+        beside = {"xytext": (2, 0), "textcoords": "offset points", "va": "center", "fontsize": 7}
+        left.annotate(f"μ = {mu:g}", (far, side * mu * far), **beside)
+    for name, part in height.groupby("abstraction", sort=False):
+        color, dash = styles[name]
+        right.plot(part["height_mm"], part["f_n"], ".", color=color, markersize=3, alpha=0.35)
+        value = "f_n_pred" if "f_n_pred" in part else "f_n"
+        line = part.groupby("height_mm")[value].mean()
+        right.plot(line.index, line, color=color, linestyle=dash, label=name)
+        if value == "f_n_pred":
+            mean = part.groupby("height_mm")["f_n"].mean()
+            right.plot(mean.index, mean, "o", color=color, markersize=3.5, markerfacecolor="white")
+    right.set_ylim(bottom=min(0.0, float(height["f_n"].min())))
+    right.set_xlabel("height of the block above the base (mm)")
+    right.set_ylabel("normal force $f_n$ (N)")
+    said = "rings: measured" if "f_n_pred" in height else "lines: mean"
+    right.set_title(f"B  resistance ({said})")
+    handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
+    labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
+    shown = {label.split(" (")[0]: (handle, label) for handle, label in reversed([*zip(handles, labels)])}
+    figure.legend(
+        *zip(*[shown[name] for name in names]), loc="outside lower center", ncols=3, markerscale=2.5
+    )
+    parts = [cone.assign(panel="A"), height.assign(panel="B")]
+    table = pd.concat(parts, ignore_index=True)
+    first = ["panel", "abstraction", "f_n", "f_t", "inside", "height_mm"]
+    return figure, table[first + [name for name in ("f_n_pred",) if name in table]]
+
+
+@house_style
+def figure_abstractions(table: pd.DataFrame) -> Drawn:
+    """What each abstraction looks like: a row of bars for each, a panel for each quantity.
+
+    `table`: abstraction (its name, or its number beside a column `name`), share (1), force (N), rise (N/mm), move, lag,
+    drag (1), stuck_share (how much of it is of blocks that are stuck in truth); stuck (1: counts as stuck without
+    truth) if it is to be marked.
+    """
+    names = list(table["name" if "name" in table else "abstraction"])
+    styles = abstraction_style(names)
+    colors = [styles[name][0] for name in names]
+    figure = new_figure(height=0.9 + 0.26 * len(table))
+    axes = figure.subplots(1, len(QUANTITIES), sharey=True)
+    places = np.arange(len(table))
+    for ax, (name, title) in zip(axes, QUANTITIES.items()):
+        values = table[name].to_numpy(float)
+        ax.barh(places, np.nan_to_num(values), color=colors, height=0.65)
+        ax.axvline(0.0, color=INK, linewidth=0.7)
+        low, high = min(0.0, np.nan_to_num(values).min()), max(1e-3, np.nan_to_num(values).max())
+        span = high - low
+        ax.set_xlim(low - 0.05 * span, high + 0.55 * span)
+        for place, value in zip(places, values):
+            text = "–" if np.isnan(value) else f"{value:.2f}"
+            ax.text(max(np.nan_to_num(value), 0.0) + 0.05 * span, place, text, va="center", fontsize=6.5)
+        ax.set_title(title, fontsize=7.5)
+        ax.set_xticks([])
+        ax.spines[["bottom", "left"]].set_visible(False)
+        ax.tick_params(axis="y", length=0)
+    stuck = table["stuck"] if "stuck" in table else np.zeros(len(table))
+    labels = [f"{name} *" if mark == 1 else name for name, mark in zip(names, stuck)]
+    axes[0].set_yticks(places, labels)
+    axes[0].set_ylim(len(table) - 0.4, -0.6)
+    if "stuck" in table:
+        figure.supxlabel("* counts as stuck, by a rule without truth", fontsize=7, x=0.01, ha="left")
+    return figure, table.reset_index(drop=True)
+
+
+@house_style
+def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame | None = None) -> Drawn:
+    """A hidden effect: one-step error before and after relearning, and the blocks on which predictions fail.
+
+    Args:
+        errors: effect, stage (before, relearned), group (see `GROUPS`), error (1), low, high, n (pushes).
+        pushes: effect, block, fails (1: the predictive check fails), abstraction (the one that came nearest: its name,
+            or its number if names are not at hand).
+    """
+    effects = list(errors["effect"].unique())
+    if pushes is None:
+        figure = new_figure(height=2.5)
+        panels = [(ax, None) for ax in figure.subplots(1, len(effects), sharey=True, squeeze=False)[0]]
+        fills = {}
+    else:
+        figure = new_figure(height=0.75 + 2.0 * len(effects))
+        panels = figure.subplots(len(effects), 2, squeeze=False, width_ratios=[1.6, 1])
+        fills = _fills(pushes.loc[pushes["fails"] == 1, "abstraction"].unique())
+    tables = []
+    for (left, right), effect in zip(panels, effects):
+        own = errors[errors["effect"] == effect]
+        _errors(left, own)
+        left.set_title(effect.replace("_", " "), fontweight="bold")
+        tables.append(own.assign(panel="error"))
+        if right is not None:
+            table = _map_of_tower(right, pushes[pushes["effect"] == effect], fills)
+            tables.append(table.assign(panel="blocks", effect=effect))
+    handles, top = {}, 1.08 * float(errors[["error", "high"]].max().max())
+    for left, right in panels:
+        left.set_ylim(0.0, top)
+        if right is not None or left is panels[0][0]:
+            left.set_ylabel("one-step error\n(in spreads of a change)")
+        handles |= dict(zip(*reversed(left.get_legend_handles_labels())))
+    if pushes is not None:
+        shown = {f"fails: {name}": fill for name, fill in fills.items()} | {"as predicted": AS_PREDICTED}
+        shown["not pushed"] = "white"
+        handles |= {name: Patch(facecolor=fill, edgecolor=INK) for name, fill in shown.items()}
+    figure.legend(handles.values(), handles.keys(), loc="outside upper left", ncols=4, columnspacing=1.2)
+    columns = ["panel", "effect", "stage", "group", "error", "low", "high", "n"]
+    columns += ["block", "failed", "abstraction"] if pushes is not None else []
+    return figure, pd.concat(tables, ignore_index=True)[columns]
+
+
+def _errors(ax: Axes, own: pd.DataFrame) -> None:
+    """Errors of one effect with their intervals, groups side by side."""
+    groups = [group for group in GROUPS if group in set(own["group"])]
+    for row in own.itertuples():
+        color, marker, label = STAGES[row.stage]
+        side = -1.0 if row.stage == "before" else 1.0
+        x = groups.index(row.group) + 0.1 * side
+        ax.plot([x, x], [row.low, row.high], color=color, linewidth=1.2)
+        ax.plot(x, row.error, marker, color=color, markersize=5, label=label)
+        beside = {"xytext": (6 * side, 0), "textcoords": "offset points", "va": "center", "fontsize": 7}
+        ax.annotate(f"{row.error:.2f}", (x, row.error), ha="right" if side < 0 else "left", **beside)
+    pushes = own.groupby("group")["n"].max()
+    ax.set_xticks(range(len(groups)), [f"{GROUPS[group]}\n(n = {pushes[group]:.0f})" for group in groups])
+    ax.set_xlim(-0.6, len(groups) - 0.4)
+
+
+def _fills(names: np.ndarray) -> dict[object, str]:
+    """A colour for each abstraction, given by names or numbers."""
+    if all(isinstance(name, str) for name in names):
+        return {name: color for name, (color, _) in abstraction_style(sorted(names)).items()}
+    palette = [*COLORS.values(), *SPARE]
+    return {int(name): palette[int(name) % len(palette)] for name in sorted(names)}
+
+
+def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[object, str]) -> pd.DataFrame:
+    """The 45 blocks that may be pushed; coloured where any push to a block failed."""
+    rows = []
+    for block, part in pushes.groupby("block"):
+        failing = part.loc[part["fails"] == 1, "abstraction"]
+        rows.append((int(block), len(part), len(failing), failing.mode().iloc[0] if len(failing) else ""))
+    table = pd.DataFrame(rows, columns=["block", "n", "failed", "abstraction"])
+    colors = {row.block: fills[row.abstraction] if row.failed else AS_PREDICTED for row in table.itertuples()}
+    for block in range((LAYERS - 3) * PER_LAYER):
+        layer, place = divmod(block, PER_LAYER)
+        face = colors.get(block, "white")
+        ax.add_patch(Rectangle((place, layer), 1, 1, facecolor=face, edgecolor=INK, linewidth=0.5))
+    ax.set_xlim(0, PER_LAYER)
+    ax.set_ylim(0, LAYERS - 3)
+    ax.set_box_aspect(1.6)
+    ax.set_xticks([0.5, 1.5, 2.5], ["side", "middle", "side"])
+    ax.set_yticks([0.5, 4.5, 9.5, 14.5], ["0", "4", "9", "14"])
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+    ax.set_ylabel("layer")
+    return table

@@ -1,0 +1,161 @@
+"""Figures 5-8 and 5-9: the belief during a push that is stuck and one that is easy, and how a block is steered.
+
+Angles are drawn in mm, as in the thesis: yaw · r_g with the radius of gyration r_g = 23 mm.
+
+| on paper | in code | unit   | meaning                                                             |
+|----------|---------|--------|---------------------------------------------------------------------|
+| p(c | z) | `belief` | 1     | of each abstraction, by the bank of filters; `belief_nuts` by NUTS  |
+| f_n, x   |         | N, mm  | reading, and what each abstraction predicted for it                 |
+| y, θ r_g | `y`, `yaw` | mm  | block across the push, turned                                       |
+| a_t      | `offset`, `heading` | mm, rad | contact location on the end face, heading of the next 1 mm |
+
+Source: thesis, section 5.5.4, figures 5-8 and 5-9.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from thesis_lib.figures.chapter5.model import abstraction_style
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.jenga.robot.samples import RADIUS_OF_GYRATION
+
+CASES = {"stuck": "A  block that is stuck", "easy": "B  block that moves easily"}
+LENGTH, WIDE = 75.0, 25.0  # mm, of a block
+SHOWN = 6  # steps drawn from above in figure 5-9
+ARROW = 24.0  # mm, length of the heading's arrow
+
+
+@house_style
+def figure_5_8(showcase: pd.DataFrame) -> Drawn:
+    """Readings, predictions and belief of each abstraction, step by step: force, displacement, probability.
+
+    `showcase`: case (stuck, easy), step, abstraction (name), belief, belief_nuts (1; NaN where there is none), f_n (N)
+    and x (mm) as read, f_n_pred and x_pred as that abstraction predicted them.
+    """
+    styles = abstraction_style(list(showcase["abstraction"].unique()))
+    cases = [case for case in CASES if case in set(showcase["case"])]
+    figure = new_figure(height=4.6)
+    axes = figure.subplots(3, len(cases), sharex="col", sharey="row", squeeze=False)
+    for column, case in zip(axes.T, cases):
+        own = showcase[showcase["case"] == case]
+        for name, part in own.groupby("abstraction", sort=False):
+            color, dash = styles[name]
+            part = part.sort_values("step")
+            look = {"color": color, "linestyle": dash, "linewidth": 1.1}
+            column[0].plot(part["step"], part["f_n_pred"], **look)
+            column[1].plot(part["step"], part["x_pred"], **look)
+            column[2].plot(part["step"], part["belief"], label=name, **look)
+            column[2].plot(
+                part["step"], part["belief_nuts"], "o", color=color, markersize=3.5, markeredgecolor=INK
+            )
+        seen = own.drop_duplicates("step").sort_values("step")
+        for ax, name in zip(column, ("f_n", "x")):
+            ax.plot(seen["step"], seen[name], ".", color=INK, markersize=3.5, zorder=3)
+        column[0].set_title(CASES[case])
+        column[2].set_ylim(-0.04, 1.04)
+        column[2].set_xlabel("step of 1 mm")
+    for ax, text in zip(axes[:, 0], ("force $f_n$ (N)", "displacement $x$ (mm)", "probability")):
+        ax.set_ylabel(text)
+    figure.align_ylabels(axes[:, 0])
+    axes[0, 0].plot([], [], ".", color=INK, label="read")
+    axes[2, 0].plot(
+        [], [], "o", color="white", markeredgecolor=INK, markersize=3.5, label="NUTS (line: filter)"
+    )
+    handles, labels = [], []
+    for ax in axes.ravel():
+        for handle, label in zip(*ax.get_legend_handles_labels()):
+            if label not in labels:
+                handles.append(handle)
+                labels.append(label)
+    figure.legend(handles, labels, loc="outside upper left", ncols=min(4, len(labels)))
+    columns = ["case", "step", "abstraction", "belief", "belief_nuts", "f_n", "x", "f_n_pred", "x_pred"]
+    return figure, showcase[columns].reset_index(drop=True)
+
+
+@house_style
+def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
+    """The block from above at several steps of a steered push, and where it goes with and without steering.
+
+    Args:
+        steering: of one block: steered (0, 1), step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm),
+            heading (rad), controlled (0 or 1: after the disturbance).
+        exaggeration: factor by which y, yaw and heading are drawn larger from above.
+    """
+    steering = steering.sort_values(["steered", "step"], ignore_index=True)
+    own = steering[steering["steered"] == 1]
+    figure = new_figure(height=3.9)
+    grid = figure.add_gridspec(2, 1, height_ratios=[1.7, 1])
+    chosen = own.index[np.unique(np.linspace(0, len(own) - 1, SHOWN).round().astype(int))]
+    panels = grid[0].subgridspec(1, len(chosen)).subplots(sharex=True, sharey=True, squeeze=False)[0]
+    for ax, row in zip(panels, own.loc[chosen].itertuples()):
+        _from_above(ax, row, exaggeration)
+    # room for the widest turn, alike in all panels
+    corners = np.concatenate(
+        [
+            outline_from_above(row.x, exaggeration * row.y, exaggeration * row.yaw / RADIUS_OF_GYRATION)
+            for row in own.loc[chosen].itertuples()
+        ]
+    )
+    half = float(np.abs(corners[:, 1]).max()) + 4.0
+    panels[0].set_xlim(half, -half)  # y to the left: x points up, seen from above
+    panels[0].set_ylim(-0.5 * LENGTH - ARROW - 8.0, float(corners[:, 0].max()) + 4.0)
+    figure.suptitle(
+        f"steered push from above, upwards, y to the left; y, yaw and heading × {exaggeration:g}; "
+        "dotted: block at first, dashed: goal",
+        fontsize=7.5,
+        x=0.01,
+        ha="left",
+    )
+    ax = figure.add_subplot(grid[1])
+    for name, symbol, colour in (("y", "$y$", "#0072B2"), ("yaw", r"$\theta\, r_g$", "#D55E00")):
+        for steered, line in ((1, "-"), (0, (0, (1.2, 1.2)))):
+            part = steering[steering["steered"] == steered]
+            label = f"{symbol} {'steered' if steered else 'straight on'}"
+            ax.plot(part["advance"], part[name], color=colour, linestyle=line, label=label)
+    ax.axhline(0.0, color=GREY, linestyle=(0, (4, 2)), linewidth=0.9)
+    takes_over = own.loc[own["controlled"] == 1, "advance"].min()
+    ax.axvspan(float(own["advance"].min()), float(takes_over), color=GREY, alpha=0.2, linewidth=0)
+    bottom = ax.get_ylim()[0]
+    places = own.loc[chosen, "advance"]
+    ax.plot(places, np.full(len(chosen), bottom), "^", color=INK, clip_on=False)
+    ax.set_ylim(bottom=bottom)
+    ax.set_xlabel("advance (mm); grey: pushed off centre on purpose; triangles: steps above")
+    ax.set_ylabel("across, turn (mm)")
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)
+    columns = ["steered", "step", "advance", "x", "y", "yaw", "offset", "heading", "controlled"]
+    return figure, steering[columns].assign(shown=steering.index.isin(chosen).astype(int))
+
+
+def outline_from_above(x: float, y: float, angle: float) -> np.ndarray:
+    """Corners (5, 2) in mm, along and across the push, of a block at x, y (mm) turned by `angle` (rad); closed."""
+    corners = 0.5 * np.array(
+        [[-LENGTH, -WIDE], [LENGTH, -WIDE], [LENGTH, WIDE], [-LENGTH, WIDE], [-LENGTH, -WIDE]]
+    )
+    return corners @ _turn(angle).T + [x, y]
+
+
+def _turn(angle: float) -> np.ndarray:
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _from_above(ax: Axes, row: tuple, factor: float) -> None:
+    """One step: the block, the goal line, the contact and the heading of the next 1 mm."""
+    angle = factor * row.yaw / RADIUS_OF_GYRATION
+    outline = outline_from_above(row.x, factor * row.y, angle)
+    place = outline_from_above(0.0, 0.0, 0.0)
+    ax.plot(place[:, 1], place[:, 0], color=GREY, linewidth=0.7, linestyle=":")
+    ax.fill(outline[:, 1], outline[:, 0], facecolor="#EAD7BD", edgecolor=INK, linewidth=0.9, alpha=0.9)
+    ax.axvline(0.0, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)))
+    centre = np.array([row.x, factor * row.y])
+    nose = centre + _turn(angle) @ [0.5 * LENGTH, 0.0]
+    ax.plot([centre[1], nose[1]], [centre[0], nose[0]], color=INK, linewidth=0.6)
+    contact = centre + _turn(angle) @ [-0.5 * LENGTH, row.offset]
+    heading = factor * row.heading
+    tail = contact - ARROW * np.array([np.cos(heading), np.sin(heading)])
+    look = {"arrowstyle": "-|>", "color": "#D55E00", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", contact[::-1], tail[::-1], arrowprops=look | {"mutation_scale": 8})
+    ax.plot(contact[1], contact[0], "o", color="#D55E00", markersize=3)
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    ax.set_title(f"{row.advance:.0f} mm", loc="center", fontsize=7.5)

@@ -1,0 +1,317 @@
+"""Figures 5-5A, 5-5B and 5-6, paired comparisons and the movable blocks: how far each policy plays.
+
+| on paper                                 | in code      | unit   |
+|------------------------------------------|--------------|--------|
+| successful consecutive block extractions | `mean`       | blocks, mean over towers, with `low` to `high` |
+| number of samples                        | `size`       | 1; 0 for policies that do not learn            |
+| attempts, successes                      | as there     | 1; `share` with `low` to `high`                |
+
+Intervals are those of the tables given (95 %); the only one made here is that of the mean share of movable blocks.
+
+Source: thesis, sections 5.4.4 and 5.5.2, figures 5-5 and 5-6.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from thesis_lib.figures.chapter5.render import PLACED, PUSHED, colours_of, strip_figure, tower_figure
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+
+GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
+PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; own choice of what counts as reproduced
+STACKED = 10e-3  # m: a block that lies so much higher than at first was placed on top
+POLICY_STYLE = {
+    "hma": ("#D55E00", "-", "o", "HMA"),
+    "hma_without_cost": ("#E69F00", (0, (4, 1.5)), "D", "HMA without “no move” cost"),
+    "hma_one_shot": ("#56B4E9", (0, (4, 1, 1, 1)), "P", "HMA in one shot"),
+    "mor": ("#0072B2", (0, (5, 1.5)), "s", "MOR"),
+    "network": ("#009E73", (0, (3, 1, 1, 1)), "^", "network"),
+    "ppo": ("#CC79A7", (0, (1, 1.2)), "v", "PPO"),
+    "oracle": (INK, "-", "", "oracle"),
+    "rule": ("0.35", (0, (6, 2)), "", "rule"),
+    "exploration": ("0.5", (0, (3, 2)), "", "exploration"),
+    "always_push": ("0.6", (0, (1.5, 1.5)), "", "always push"),
+}
+COLUMNS = (48, 100, 136)  # points right of the bars of figure 5-6, at which its columns of text end
+PANELS_ACROSS = 4
+# how bars look: also apart where colour is lost
+PHASES = {
+    "exploration": {"color": "0.72", "hatch": "////", "edgecolor": "white", "linewidth": 0},
+    "learned": {"color": "#56B4E9"},
+}
+
+
+def policy_style(name: str) -> tuple[str, object, str, str]:
+    """Colour, line style, marker and label of a policy; unknown ones keep their name."""
+    return POLICY_STYLE.get(name, ("#7F3C8D", "-", "x", name.replace("_", " ")))
+
+
+def figure_5_5a(poses: np.ndarray, sizes: np.ndarray, pushed: int | None = None) -> Drawn:
+    """The simulated tower, the block that is pushed in red.
+
+    Args:
+        poses: (54, 7), m and unit quaternions.
+        sizes: (54, 3), m.
+        pushed: number of that block.
+    """
+    return tower_figure(poses, sizes, None if pushed is None else colours_of({pushed: PUSHED}))
+
+
+def figure_game(
+    frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], blocks: Sequence[int]
+) -> Drawn:
+    """Strip of pictures of one game: the block that it is about in red, those placed on top before in blue.
+
+    Args:
+        frames: poses (54, 7) each, the untouched tower first.
+        sizes: (54, 3), m.
+        titles: one a frame.
+        blocks: the block of each frame, -1 for none.
+    """
+    first = np.asarray(frames[0])[:, 2]
+    colours = []
+    for poses, block in zip(frames, blocks):
+        placed = np.flatnonzero(np.asarray(poses)[:, 2] > first + STACKED)
+        colours.append(colours_of({int(b): PLACED for b in placed} | ({block: PUSHED} if block >= 0 else {})))
+    return strip_figure([np.asarray(poses) for poses in frames], sizes, titles, colours)
+
+
+@house_style
+def figure_5_5b(curve: pd.DataFrame) -> Drawn:
+    """Consecutive extractions against the number of samples, with the policies that do not learn as levels.
+
+    `curve`: policy, size, mean, low, high, n (towers); size 0 is a policy that does not learn.  The table returned
+    holds the thesis's goal as policy `thesis`.
+    """
+    figure = new_figure(height=3.2)
+    ax = figure.add_subplot()
+    learners, levels = curve[curve["size"] > 0], curve[curve["size"] == 0]
+    names = list(learners["policy"].unique())
+    for i, name in enumerate(names):
+        color, dash, marker, label = policy_style(name)
+        part = learners[learners["policy"] == name].sort_values("size")
+        # beside each other where sizes are the same
+        x = part["size"] * 1.04 ** (i - 0.5 * (len(names) - 1))
+        ax.plot(x, part["mean"], color=color, linestyle=dash, marker=marker, markersize=4, label=label)
+        ax.vlines(x, part["low"], part["high"], color=color, linewidth=1.0)
+    ax.set_xscale("log")
+    sizes = np.sort(learners["size"].unique()) if names else np.array([100])
+    ax.set_xticks(sizes, [f"{size:g}" for size in sizes])
+    ax.set_xticks([], minor=True)
+    marks = [("goal of the thesis", float(GOAL), INK)]
+    ax.axhline(GOAL, color=INK, linewidth=0.9, linestyle=":")
+    for row in levels.itertuples():
+        color, dash, _, label = policy_style(row.policy)
+        ax.axhline(row.mean, color=color, linewidth=1.0, linestyle=dash, zorder=1)
+        ax.axhspan(row.low, row.high, color=color, alpha=0.12, linewidth=0, zorder=0)
+        marks.append((label, row.mean, color))
+    ax.set_xlim(sizes[0] / 1.6, sizes[-1] * 1.6)
+    ax.set_ylim(0.0, 1.08 * np.nanmax([GOAL, curve["mean"].max(), curve["high"].max()]))
+    _beside(ax, marks)
+    ax.set_xlabel("samples (pushes of 1 mm)")
+    ax.set_ylabel(f"consecutive extractions\n(mean over {_counted(curve['n'])}, 95 %)")
+    if names:
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(5, len(names)), columnspacing=1.2)
+    goal = pd.DataFrame([("thesis", 0, float(GOAL), np.nan, np.nan, 0)], columns=list(_CURVE))
+    return figure, pd.concat([curve[list(_CURVE)], goal], ignore_index=True)
+
+
+@house_style
+def figure_paired(pairs: pd.DataFrame) -> Drawn:
+    """Differences of extractions on the same towers, a panel for each policy and its number of samples.
+
+    A dot is filled where the interval is clear of zero.  `pairs`: policy, rival, size (samples of the policy),
+    difference, low, high, n (towers); rival_size if rivals of other sizes than that and 0 are among them.
+    """
+    own = pairs.assign(other=pairs["rival_size"] if "rival_size" in pairs else pairs["size"])
+    # a rival of other sizes has a row for each of them
+    sized = set(own.loc[(own["other"] != own["size"]) & (own["other"] != 0), "rival"])
+    own["row"] = [
+        policy_style(rival)[3] + (f" ({other:g})" if rival in sized else "")
+        for rival, other in zip(own["rival"], own["other"])
+    ]
+    known = list(POLICY_STYLE)
+    own["place"] = [known.index(rival) if rival in known else len(known) for rival in own["rival"]]
+    rows = list(own.sort_values(["place", "rival", "other"], kind="stable")["row"].unique())
+    panels = list(own.groupby(["policy", "size"], sort=False))
+    across = min(PANELS_ACROSS, len(panels))
+    down = -(-len(panels) // across)
+    figure = new_figure(height=down * (0.5 + 0.25 * len(rows)) + 0.4)
+    axes = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
+    for ax in axes.ravel()[len(panels) :]:
+        ax.set_visible(False)
+    for ax, ((policy, size), part) in zip(axes.ravel(), panels):
+        color, _, _, label = policy_style(policy)
+        ax.axvline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        for row in part.itertuples():
+            y = rows.index(row.row)
+            clear = row.low > 0.0 or row.high < 0.0
+            ax.plot([row.low, row.high], [y, y], color=color, linewidth=1.4, zorder=2)
+            ax.plot(
+                row.difference, y, "o", color=color, markerfacecolor=color if clear else "white", zorder=3
+            )
+            ax.annotate(
+                f"{row.difference:+.1f}",
+                (row.difference, y),
+                xytext=(0, 3),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=7,
+            )
+        ax.set_title(f"{label} ({size:g}) minus" if size else f"{label} minus", fontsize=8)
+        ax.tick_params(axis="y", length=0)
+        ax.spines["left"].set_visible(False)
+    axes[0, 0].set_yticks(range(len(rows)), rows)
+    axes[0, 0].set_ylim(len(rows) - 0.6, -0.8)
+    figure.supxlabel(
+        f"difference of extractions on the same tower (95 %), {_counted(pairs['n'])}", fontsize=8
+    )
+    return figure, pairs.reset_index(drop=True)
+
+
+@house_style
+def figure_5_6(success: pd.DataFrame) -> Drawn:
+    """Success of push, extraction and placement, exploration against learned, beside the thesis's numbers.
+
+    `success`: phase (exploration, learned), position (all, side, middle), action (push, extract, place), attempts,
+    successes, share, low, high, published (shares 0 to 1, NaN where nothing was tried or published).
+    """
+    figure = new_figure(height=3.9)
+    ax = figure.add_subplot()
+    ticks, y = [], 0.0
+    for position in success["position"].unique():
+        top = y
+        for action in success["action"].unique():
+            ticks.append((y + 0.19, action))
+            for offset, (phase, look) in zip((0.0, 0.38), PHASES.items()):
+                one = success[
+                    (success[["position", "action", "phase"]] == [position, action, phase]).all(axis=1)
+                ]
+                for row in one.itertuples():
+                    _success_row(ax, row, y + offset, look)
+            y += 1.0
+        _aside(ax, 0.0, -46, 0.5 * (top + y) - 0.3, position, fontsize=8, fontweight="bold")
+        ax.axhline(y - 0.16, color="0.85", linewidth=0.7)
+        y += 0.3
+    for name, place in zip(("successes", "95 %", "thesis"), COLUMNS):
+        _aside(ax, 1.0, place, -0.6, name, color=GREY, fontsize=7)
+    for phase, look in PHASES.items():
+        ax.barh([np.nan], [np.nan], label=phase, **look)
+    ax.plot([], [], "D", color="#D55E00", markersize=3.5, label="thesis, real robot")
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=3)
+    ax.set_yticks([place for place, _ in ticks], [text for _, text in ticks])
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlim(0.0, 100.0)
+    ax.set_ylim(y - 0.4, -0.4)
+    ax.set_xlabel("success (%)")
+    return figure, success.reset_index(drop=True)
+
+
+@house_style
+def figure_movable(fractions: pd.DataFrame, threshold: float) -> Drawn:
+    """Share of movable blocks against the threshold, and of each tower at the one that was fixed.
+
+    Args:
+        fractions: tower, set (development, test), threshold_mm, share.
+        threshold: mm, fixed on the development towers.
+    """
+    figure = new_figure(height=2.5)
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
+    looks = {"development": ("#0072B2", "o", "-"), "test": ("#D55E00", "s", (0, (5, 1.5)))}
+    for ax in (left, right):
+        ax.axhspan(PUBLISHED_MOVABLE - TOLERANCE, PUBLISHED_MOVABLE + TOLERANCE, color="0.92", zorder=0)
+        ax.axhline(PUBLISHED_MOVABLE, color=GREY, linewidth=0.8, zorder=0)
+    grid = np.sort(fractions["threshold_mm"].unique())
+    nearest = grid[np.abs(grid - threshold).argmin()]
+    for i, (name, part) in enumerate(fractions.groupby("set", sort=True)):
+        color, marker, dash = looks[name]
+        for _, tower in part.groupby("tower"):
+            left.plot(tower["threshold_mm"], tower["share"], color=color, linewidth=0.5, alpha=0.35)
+        mean = part.groupby("threshold_mm")["share"].mean()
+        n = part["tower"].nunique()
+        left.plot(
+            mean.index, mean, color=color, marker=marker, linestyle=dash, label=f"{name}: mean of {n} towers"
+        )
+        own = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
+        across = np.linspace(-0.16, 0.16, len(own)) if len(own) > 1 else np.zeros(1)
+        right.plot(i + across, np.sort(own), marker, color=color, markersize=3, alpha=0.5)
+        half = _half_interval(own)
+        right.errorbar(i + 0.32, own.mean(), half, fmt="D", color=color, markersize=4, capsize=2)
+        right.text(i + 0.38, own.mean() + 0.004, f" {100 * own.mean():.0f} %", fontsize=7, color=color)
+    left.axvline(threshold, color=INK, linewidth=0.8, linestyle=(0, (2, 2)), label="fixed")
+    left.set_xlabel("other blocks move at most (mm)")
+    left.set_ylabel("share of 45 blocks movable")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper left", ncols=3, columnspacing=1.2)
+    right.set_xticks(range(fractions["set"].nunique()), sorted(fractions["set"].unique()))
+    right.set_xlim(-0.4, fractions["set"].nunique() - 0.3)
+    right.set_title(f"at {nearest:g} mm; mean, 95 %", fontsize=7.5)
+    return figure, fractions[["set", "tower", "threshold_mm", "share"]].reset_index(drop=True)
+
+
+_CURVE = ("policy", "size", "mean", "low", "high", "n")
+
+
+def _counted(n: pd.Series) -> str:
+    """How many towers values are of."""
+    low, high = int(n.min()), int(n.max())
+    if low == high:
+        return "1 tower" if low == 1 else f"{low} towers"
+    return f"{low} to {high} towers"
+
+
+def _beside(ax: Axes, marks: list[tuple[str, float, str]]) -> None:
+    """Names of levels at the right edge, moved apart where they would cover each other."""
+    bottom, top = ax.get_ylim()
+    least = 0.055 * (top - bottom)
+    places: list[float] = []
+    for text, level, color in sorted(marks, key=lambda mark: mark[1]):
+        place = max(level, places[-1] + least) if places else level
+        places.append(place)
+        ax.annotate(
+            text,
+            (1.0, level),
+            (1.04, place),
+            xycoords=ax.get_yaxis_transform(),
+            textcoords=ax.get_yaxis_transform(),
+            color=color,
+            fontsize=7,
+            va="center",
+            arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.5, "shrinkA": 1, "shrinkB": 0},
+        )
+
+
+def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
+    """One bar with its interval, its counts at the right and the thesis's number as a mark."""
+    ax.barh(y, 100 * np.nan_to_num(row.share), height=0.34, **look)
+    if row.attempts > 0:
+        ax.plot([100 * row.low, 100 * row.high], [y, y], color=INK, linewidth=0.8)
+    if np.isfinite(row.published):
+        ax.plot(
+            100 * row.published, y, "D", color="#D55E00", markersize=3.5, markeredgecolor="white", zorder=3
+        )
+    known = row.attempts > 0
+    texts = (
+        f"{row.successes:.0f} / {row.attempts:.0f}",
+        f"{100 * row.low:.0f} to {100 * row.high:.0f} %" if known else "none tried",
+        f"{100 * row.published:.1f} %" if np.isfinite(row.published) else "",
+    )
+    for place, text in zip(COLUMNS, texts):
+        _aside(ax, 1.0, place, y, text, fontsize=6.5)
+
+
+def _aside(ax: Axes, edge: float, points: float, y: float, text: str, **look: object) -> None:
+    """Text at height y that ends `points` away from an edge (0 left, 1 right) of the panel."""
+    offset = {"xytext": (points, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
+    ax.annotate(text, (edge, y), xycoords=ax.get_yaxis_transform(), **(offset | look))
+
+
+def _half_interval(values: np.ndarray) -> float:
+    """Half width of the 95 % interval of the mean (Student's t); 0 of a single value."""
+    from scipy.stats import t
+
+    n = len(values)
+    return float(t.ppf(0.975, n - 1) * values.std(ddof=1) / np.sqrt(n)) if n > 1 else 0.0

@@ -1,0 +1,200 @@
+"""The user's own data: a few trials with arcs and detected impacts, the states before impact, what was left out.
+
+Arcs are the flights that the critique fitted on either side of each impact, with gravity as the dataset states it.
+"""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.words import reason_text
+from thesis_lib.critique.results.numbers import FEATURE_LABEL, unit_of
+from thesis_lib.critique.results.tables import left_out_impacts
+from thesis_lib.figures.critique.errors import set_title
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+
+PANEL = 1.3  # width of a trial's panel over its height
+TRIALS = 3  # drawn
+USED, LEFT_OUT, ARC = "#0072B2", "#D55E00", "0.45"
+STATES = ("v_t", "v_n", "omega", "theta")
+
+
+@house_style
+def draw_data(critique: Critique) -> Drawn:
+    """Trials in the plane, histograms of the states before impact, and reasons for what was left out."""
+    o = critique.observations
+    shown = trials_to_show(critique)
+    left_out = (
+        left_out_impacts(o)["reason"].map(reason_text).value_counts().sort_index().sort_values(kind="stable")
+    )
+    has_paths = len(shown) > 0
+    heights = [2.0] * has_paths + [1.45] + [0.35 + 0.17 * (len(left_out) + 1)] * bool(len(left_out))
+    figure = new_figure(height=sum(heights) + 0.9)
+    parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    rows = []
+    if has_paths:
+        axes = np.atleast_1d(parts[0].subplots(1, len(shown)))
+        for ax, trial in zip(axes, shown):
+            rows += _path(ax, critique, int(trial))
+        axes[0].set_ylabel("height $y$ (m)")
+        _path_legend(parts[0])
+    table = features(critique.ladder[0][1], o)
+    held = np.isin(o.trial, np.unique(critique.held_out.trial))
+    below = parts[int(has_paths)]
+    for i, (ax, name) in enumerate(zip(below.subplots(1, len(STATES)), STATES)):
+        rows += _histogram(ax, name, table[name].to_numpy(), held)
+        if i == 0:
+            ax.set_ylabel("impacts")
+    kinds = [Patch(color="0.8", label="training"), Patch(color=USED, label="held out")]
+    below.legend(handles=kinds, loc="outside upper left", ncols=2, handlelength=1.2)
+    if len(left_out):
+        rows += _left_out(parts[-1].add_subplot(), left_out, len(o))
+    set_title(figure, data_sentence(critique))
+    return figure, pd.DataFrame(rows, columns=["panel", "series", "x", "y", "count", "trial"])
+
+
+def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
+    """Bars: impacts left out, by reason, and impacts used."""
+    names = [*left_out.index, "used"]
+    counts = np.array([*left_out.to_numpy(), used])
+    ax.barh(range(len(names)), counts, color=[LEFT_OUT] * len(left_out) + [USED], height=0.7)
+    for i, count in enumerate(counts):
+        ax.annotate(
+            f"{count}", (count, i), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7
+        )
+    ax.set_yticks(range(len(names)), names)
+    ax.set_xlabel("impacts detected")
+    ax.set_xlim(0, 1.1 * counts.max())
+    return [("impacts", name, np.nan, np.nan, float(n), np.nan) for name, n in zip(names, counts)]
+
+
+def left_out_share(critique: Critique) -> float:
+    """Share of the detected impacts that were left out."""
+    out = len(left_out_impacts(critique.observations))
+    return out / max(out + len(critique.observations), 1)
+
+
+def data_sentence(critique: Critique) -> str:
+    """How much there is and how much of it is used."""
+    o = critique.observations
+    out = len(left_out_impacts(o))
+    text = f"{len(o)} impacts of {len(np.unique(o.trial))} trials are used"
+    return (
+        f"{text}; {out} ({100 * left_out_share(critique):.0f} %) were left out"
+        if out
+        else f"{text}, none left out"
+    )
+
+
+def trials_to_show(critique: Critique) -> np.ndarray:
+    """Numbers of up to `TRIALS` trials with a usual number of impacts, from start, middle and end of the dataset."""
+    source = critique.source
+    if source is None or source.trajectories is None or not critique.observations.arcs:
+        return np.zeros(0, int)
+    trials, counts = np.unique(critique.observations.trial, return_counts=True)
+    usual = trials[np.abs(counts - np.median(counts)) <= 1]
+    usual = usual if len(usual) >= TRIALS else trials
+    return usual[np.unique(np.linspace(0, len(usual) - 1, TRIALS).astype(int))]
+
+
+def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
+    """One trial in the plane: samples, fitted arcs, outline of the body at each impact, surface."""
+    source, o = critique.source, critique.observations
+    samples = source.trajectories[source.trajectories["trial"] == trial]
+    hits = o.found.arcs[o.found.arcs["trial"] == trial].sort_values("t")
+    t, x, y, theta = (samples[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
+    last = hits["t"].max() + 0.12 if len(hits) else t.max()
+    seen = t <= last  # what follows the last hit is mostly rest
+    ax.plot(x[seen], y[seen], ".", color="0.6", markersize=1.6, zorder=1)
+    rows = [("path", "sample", a, b, np.nan, trial) for a, b in zip(x[seen], y[seen])]
+    outline = o.rig.shape.outline(60)
+    outline = np.concatenate([outline, outline[:1]])
+    for hit in hits.itertuples():
+        angle, at_x, at_y = (np.interp(hit.t, t, values) for values in (theta, x, y))
+        cos, sin = np.cos(angle), np.sin(angle)
+        color = USED if hit.used else LEFT_OUT
+        ax.plot(
+            at_x + cos * outline[:, 0] - sin * outline[:, 1],
+            at_y + sin * outline[:, 0] + cos * outline[:, 1],
+            color=color,
+            linewidth=0.8,
+            linestyle="-" if hit.used else (0, (2, 1.5)),
+            zorder=2,
+        )
+        ax.plot(at_x, at_y, "o" if hit.used else "x", color=color, markersize=3.5, zorder=4)
+        rows.append(("path", "impact" if hit.used else "impact left out", at_x, at_y, np.nan, trial))
+    step = source.rate and 1.0 / source.rate
+    for i in np.flatnonzero(o.trial == trial):
+        fitted = hits.iloc[np.argmin(np.abs(hits["t"].to_numpy() - o.t[i]))]
+        for side, count in ((0, -fitted["n_pre"]), (1, fitted["n_post"])):
+            tau = np.linspace(0.0, float(count) * step, 15)
+            q = o.value[i, side] + tau[:, None] * o.slope[i, side]
+            # the line through a parabola of gravity, and the parabola itself
+            bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
+            height = q[:, 1] - o.rig.gravity * bow
+            ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
+            rows += [("path", "arc", a, b, np.nan, trial) for a, b in zip(q[:, 0], height)]
+    margin = o.rig.shape.extent
+    low, high = o.rig.height - 0.4 * margin, y[seen].max() + margin
+    left, right = x[seen].min() - margin, x[seen].max() + margin
+    # both axes to one scale in a panel of the proportions `PANEL`
+    wide = max(right - left, PANEL * (high - low))
+    ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
+    ax.axhline(o.rig.height, color=GREY, linewidth=0.8, zorder=0)
+    ax.set_xlim(0.5 * (left + right - wide), 0.5 * (left + right + wide))
+    ax.set_ylim(low, low + wide / PANEL)
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_xlabel("position $x$ (m)")
+    ax.set_title(f"trial {trial}", fontsize=7.5)
+    ax.locator_params(nbins=5)
+    return rows
+
+
+def _path_legend(part: SubFigure) -> None:
+    handles = [
+        Line2D([], [], color="0.6", marker=".", linestyle="", markersize=3, label="samples"),
+        Line2D([], [], color=INK, linewidth=1.1, label="fitted flight"),
+        Line2D([], [], color=USED, marker="o", linewidth=0.8, label="impact used"),
+        Line2D(
+            [],
+            [],
+            color=LEFT_OUT,
+            marker="x",
+            linestyle=(0, (2, 1.5)),
+            linewidth=0.8,
+            label="impact left out",
+        ),
+    ]
+    part.legend(handles=handles, loc="outside upper left", ncols=4)
+
+
+def _histogram(ax: Axes, name: str, values: np.ndarray, held: np.ndarray) -> list[tuple]:
+    low, high = np.quantile(values, [0.002, 0.998])
+    edges = np.linspace(low, high, 21) if high > low else np.linspace(low - 0.5, high + 0.5, 3)
+    values = np.clip(values, edges[0], edges[-1])
+    kinds = (("training", ~held, "0.8"), ("held out", held, USED))
+    counts = [np.histogram(values[rows], edges)[0] for _, rows, _ in kinds]
+    ax.hist(
+        [edges[:-1]] * 2,
+        edges,
+        weights=counts,
+        stacked=True,
+        color=[color for *_, color in kinds],
+        edgecolor="white",
+        linewidth=0.3,
+    )
+    unit = unit_of(name)
+    label = FEATURE_LABEL[name].replace("velocity ", "velocity\n").replace("angle ", "angle\n")
+    ax.set_xlabel(f"{label} ({unit})" if unit else label)
+    ax.locator_params(nbins=4)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return [
+        (f"state {name}", kind, float(x), np.nan, float(n), np.nan)
+        for (kind, *_), own in zip(kinds, counts)
+        for x, n in zip(middle, own)
+    ]

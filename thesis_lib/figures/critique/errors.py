@@ -1,0 +1,351 @@
+"""Errors of the critique: the ladder of added effects, the laws beside their bounds, the error budget, the parameters.
+
+Every error is the held-out mean of √(δv_x² + δv_y² + (k δω)²) in m/s unless an axis says otherwise.
+"""
+
+import textwrap
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.words import listed
+from thesis_lib.critique.results.numbers import (
+    BASE_NAMES,
+    GREEK,
+    Z95,
+    compensated,
+    effect_title,
+    handy_unit,
+    ladder_table,
+    law_errors,
+    law_title,
+    mean_interval,
+    number,
+    parameter_table,
+    rung_title,
+)
+from thesis_lib.figures.law_style import LAW_STYLE
+from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+
+BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito; the second is darker in grey
+TITLE_WIDTH = 76  # characters a line of a figure's title
+LABEL_WIDTH = 34  # characters a line of a rung's label
+SAME_BOUND = 0.02  # share by which two bounds may differ and be drawn as one line
+ALIKE = 0.1  # share by which errors of laws may differ for their choice not to matter
+FAR = 8.0  # misfit in units of noise above which its axis is logarithmic
+CHANNELS = {"flight": ("o", "flight"), "meet": ("^", "poses"), "touch": ("s", "gap")}
+BUDGET_LOOK = {  # by term: grey value falls from left to right, so that the bar reads without colour
+    "noise": ("noise", "#dddddd", ""),
+    "parameters": ("parameters", "#56B4E9", "...."),
+    "choice_of_law": ("choice of law", "#E69F00", "////"),
+    "rigid_point_contact": ("rigid point contact", "#0072B2", "\\\\\\\\"),
+    "rest": ("rest", "#333333", ""),
+}
+
+
+def set_title(figure: Figure, text: str, width: int = TITLE_WIDTH) -> None:
+    """The one sentence that states what the figure shows, above all panels."""
+    figure.suptitle(
+        textwrap.fill(text, width, break_on_hyphens=False), x=0.01, ha="left", fontsize=9, fontweight="bold"
+    )
+
+
+def step_label(critique: Critique, i: int) -> str:
+    """Label of the i-th rung of the ladder."""
+    return textwrap.fill(rung_title(critique, i), LABEL_WIDTH)
+
+
+BUDGET_WORDS = {  # completing "so much of the error ..."
+    "noise": "is noise of the measurement",
+    "parameters": "comes from the uncertainty of the parameters",
+    "choice_of_law": "would go with another law, impact by impact",
+    "rigid_point_contact": "is beyond any rigid impulse at the believed contact point",
+    "rest": "is neither noise nor the choice of law: an effect that is missing, or scatter",
+}
+
+
+@house_style
+def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
+    """Held-out error after each added effect with 95 % intervals, between noise floor and no-impact baseline."""
+    table = ladder_table(critique, tables)
+    labels = [step_label(critique, i) for i in range(len(table))]
+    channels = [name for name in CHANNELS if np.isfinite(table[name]).any()]
+    figure = new_figure(height=1.75 + 0.36 * len(table))
+    ratios = {"width_ratios": [2.1, 1.0]} if channels else None
+    axes = np.atleast_1d(figure.subplots(1, 2 if channels else 1, sharey=True, gridspec_kw=ratios))
+    y = np.arange(len(table))
+    ax = axes[0]
+    floor = critique.ladder[-1][2].floor
+    best = float(law_errors(critique)[1].mean())
+    lines = bound_lines(ax, floor, critique.irb, best, critique.no_impact, critique.irb_augmented)
+    ax.plot(table["error"], y, color=GREY, linewidth=0.8, zorder=1)
+    error_dots(ax, table["error"], table["error_low"], table["error_high"], y, color=INK)
+    for i, row in table.iterrows():
+        ax.annotate(
+            number(row["error"]),
+            (row["error"], i),
+            xytext=(0, 6),
+            textcoords="offset points",
+            ha="center",
+            fontsize=7,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.85},
+        )
+    ax.set_yticks(y, labels)
+    ax.set_ylim(len(table) - 0.4, -0.75)
+    readable_log(
+        ax, [*table["error_low"], *table["error"], *lines.values()], [*table["error_high"], *lines.values()]
+    )
+    ax.set_xlabel("held-out error of the velocity after impact (m/s)")
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    if channels:
+        side = axes[1]
+        side.axvline(1.0, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
+        shift = np.linspace(-0.14, 0.14, len(channels)) if len(channels) > 1 else [0.0]
+        for name, dy in zip(channels, shift):
+            marker, text = CHANNELS[name]
+            side.plot(
+                table[name], y + dy, marker, color=INK, markerfacecolor="white", markersize=4, label=text
+            )
+        largest = float(table[channels].max(axis=None))
+        if largest > FAR:
+            readable_log(side, [*table[channels].min(), 0.8], [*table[channels].max(), 1.3])
+        else:
+            side.set_xlim(0.0, max(1.15 * largest, 1.6))
+        side.set_xlabel("misfit (noise = 1)")
+        side.tick_params(axis="y", left=False)
+        side.legend(
+            loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=3, handletextpad=0.1, columnspacing=0.8
+        )
+    set_title(figure, ladder_sentence(critique))
+    bounds = pd.DataFrame({"label": list(lines), "error": list(lines.values())})
+    return figure, pd.concat([table, bounds], ignore_index=True)
+
+
+def ladder_sentence(critique: Critique) -> str:
+    """What the ladder shows, in one sentence."""
+    first, last = critique.ladder[0][2], critique.ladder[-1][2]
+    before, after, floor = float(first.error.mean()), float(last.error.mean()), last.floor
+    to_floor = f"; the noise floor is {number(floor)} m/s" if np.isfinite(floor) else ""
+    if len(critique.ladder) == 1:
+        return f"No effect was added: the held-out error is {number(before)} m/s{to_floor}"
+    names = listed([effect_title(label) for label, *_ in critique.ladder[1:]])
+    if abs(before - after) < 0.02 * before:
+        return f"The held-out error of impacts stays at {number(after)} m/s with {names}{to_floor}"
+    verb = "falls" if after < before else "rises"
+    return f"The held-out error {verb} from {number(before)} to {number(after)} m/s with {names}{to_floor}"
+
+
+@house_style
+def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
+    """Held-out error and log score of the six laws without effects, beside Best Post Hoc, IRB bound and floor."""
+    table, best = law_errors(critique)
+    figure = new_figure(height=3.0)
+    left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.25, 1.0]})
+    y = np.arange(len(table))
+    colors = [LAW_STYLE[name].color if name in LAW_STYLE else INK for name in table["model"]]
+    floor = critique.ladder[-1][2].floor  # the one that all other places name
+    lines = bound_lines(left, floor, critique.irb, float(best.mean()), None)
+    for ax, names in (
+        (left, ("error", "error_low", "error_high")),
+        (right, ("gain", "gain_low", "gain_high")),
+    ):
+        for i, color in enumerate(colors):
+            error_dots(ax, *(table[name].iloc[[i]] for name in names), y[[i]], color=color)
+    base = critique.discovery.base
+    left.set_yticks(y, [law_title(name) + ("  (base)" if name == base else "") for name in table["model"]])
+    left.set_ylim(len(table) - 0.5, -0.5)
+    left.set_xlim(left=0.0)
+    left.set_xlabel("held-out error (m/s)")
+    right.axvline(0.0, color=GREY, linewidth=0.8)
+    right.set_xlabel("log score above the base law\n(nats an impact)")
+    right.tick_params(axis="y", left=False)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    set_title(figure, laws_sentence(table))
+    bounds = pd.DataFrame({"model": list(lines), "error": list(lines.values())})
+    low_high = mean_interval(best, critique.ladder[0][2].trial)[1:]
+    bounds.loc[bounds["model"] == "best_post_hoc", ["error_low", "error_high"]] = low_high
+    return figure, pd.concat([table, bounds], ignore_index=True)
+
+
+def laws_sentence(table: pd.DataFrame) -> str:
+    """How much the choice of law matters."""
+    worst, best = table.iloc[-1], table.iloc[0]
+    alike = table[table["error"] <= (1.0 + ALIKE) * best["error"]]
+    if len(alike) < len(table) and len(alike) >= len(table) / 2:
+        return (
+            f"{len(alike)} of {len(table)} laws err alike on held-out impacts, by {number(best['error'])} to "
+            f"{number(alike['error'].iloc[-1])} m/s; "
+            f"{law_title(worst['model'])} errs most, by {number(worst['error'])} m/s"
+        )
+    if len(alike) == len(table):
+        return (
+            f"The choice of law hardly matters: all six err by {number(best['error'])} to "
+            f"{number(worst['error'])} m/s on held-out impacts"
+        )
+    return (
+        f"The choice of law matters: held-out errors range from {number(best['error'])} m/s "
+        f"({law_title(best['model'])}) to {number(worst['error'])} m/s ({law_title(worst['model'])})"
+    )
+
+
+@house_style
+def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
+    """Of what the mean square of the base law's held-out error consists."""
+    table = tables["budget"]
+    total = float(table["mean_square"].sum())
+    figure = new_figure(height=1.9)
+    ax = figure.add_subplot()
+    left = 0.0
+    for row in table.itertuples():
+        label, color, hatch = BUDGET_LOOK.get(row.part, (row.part.replace("_", " "), "#999999", ""))
+        share = 100.0 * row.mean_square / total
+        ax.barh(0, share, left=left, color=color, hatch=hatch, edgecolor="white", linewidth=0.6)
+        # without known noise its part is 0: nobody should read that as data without noise
+        said = f"{label} {number(share, 2)} %" if row.part != "noise" or share > 0 else f"{label} unknown"
+        ax.barh(0, 0, color=color, hatch=hatch, edgecolor="white", label=said)
+        if share > 7:
+            light = row.part in ("rest", "rigid_point_contact")
+            box = {"facecolor": color, "edgecolor": "none", "pad": 1.0}
+            ax.text(
+                *(left + share / 2, 0, f"{share:.0f} %"),
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="white" if light else "black",
+                bbox=box,
+            )
+        left += share
+    ax.set_yticks([])
+    ax.set_xlim(0, 100)
+    ax.spines["left"].set_visible(False)
+    ax.set_xlabel(f"share of the mean square, {number(total)} (m/s)², of the base law's held-out error (%)")
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    largest = table.loc[table["mean_square"].idxmax()]
+    share = f"{100 * largest['mean_square'] / total:.0f} %"
+    set_title(figure, f"{share} of the base law's mean square error {BUDGET_WORDS[largest['part']]}")
+    return figure, table
+
+
+@house_style
+def draw_parameters(critique: Critique) -> Drawn:
+    """Each parameter with its 95 % interval at each step: one that moves when an effect comes in had compensated."""
+    declared = critique.ladder[-1][1].model.parameters
+    table = parameter_table(critique)
+    table = table[[declared[name].discrete is None for name in table["parameter"]]].reset_index(drop=True)
+    names = list(dict.fromkeys(table["parameter"]))
+    rows = -(-len(names) // 4)
+    columns = -(-len(names) // rows)
+    n = len(critique.ladder)
+    figure = new_figure(height=0.75 + rows * (0.75 + 0.24 * n))
+    axes = figure.subplots(rows, columns, sharey=True, squeeze=False)
+    for ax in axes.ravel()[len(names) :]:
+        ax.set_axis_off()
+    labels = [step_label(critique, i) for i in range(n)]
+    at = {label: i for i, (label, *_) in enumerate(critique.ladder)}
+    for ax, name in zip(axes.ravel(), names):
+        own = table[table["parameter"] == name]
+        y = own["label"].map(at).to_numpy()
+        factor, unit = handy_unit(float(own["value"].abs().max()), own["unit"].iloc[0])
+        half, value = factor * Z95 * own["std"].to_numpy(), factor * own["value"].to_numpy()
+        error_dots(ax, value, value - half, value + half, y, color=INK)
+        ax.plot(value, y, color=GREY, linewidth=0.8, zorder=1)
+        symbol = symbol_of(name.split(".")[-1])
+        ax.set_xlabel(symbol if unit == "1" else f"{symbol} ({unit})")
+        if name not in BASE_NAMES:
+            ax.set_title(textwrap.fill(effect_title(name.split(".")[0]), 20), fontsize=7)
+        ax.margins(x=0.2)
+        ax.locator_params(axis="x", nbins=3 if np.ptp(value) + half.max() > 0.02 * np.abs(value).max() else 2)
+        ax.ticklabel_format(axis="x", useOffset=False)
+    for ax in axes[:, 0]:
+        ax.set_yticks(range(n), labels)
+        ax.set_ylim(n - 0.5, -0.5)
+    set_title(figure, parameters_sentence(critique))
+    return figure, table
+
+
+def symbol_of(name: str) -> str:
+    """A parameter's name as mathematics: Greek letters and subscripts."""
+    first, *rest = [_glyph(part) for part in name.split("_")]
+    return f"${first}_{{{','.join(rest)}}}$" if rest else f"${first}$"
+
+
+def _glyph(part: str) -> str:
+    part = GREEK.get(part, part)
+    return part if len(part) == 1 else rf"\mathrm{{{part}}}"
+
+
+def parameters_sentence(critique: Critique) -> str:
+    """Which parameters had compensated for what was missing."""
+    names = {"mu": "friction μ", "epsilon": "restitution ε"}
+    if len(critique.ladder) == 1:
+        return "Parameters of the base law with 95 % intervals"
+    first, last = (critique.ladder[i][1].model.law.name for i in (0, -1))
+    if first != last:
+        better = f"{law_title(last)} fits better than {law_title(first)}"
+        return f"With the effects {better}, whose μ and ε mean other things"
+    moved = compensated(critique)
+    if moved.empty:
+        return "No parameter of the base law had compensated for what was missing: none moves by much"
+    parts = [
+        f"{names.get(r.parameter, r.parameter)} moves from {number(r.before)} to {number(r.after)}"
+        for r in moved.itertuples()
+    ]
+    return "What had compensated for the missing effects: " + " and ".join(parts)
+
+
+def error_dots(ax: Axes, value, low, high, y, color: str) -> None:
+    """Dots with horizontal intervals."""
+    value, low, high = (np.asarray(a, float) for a in (value, low, high))
+    ax.errorbar(
+        value, y, xerr=np.abs([value - low, high - value]), fmt="o", color=color, capsize=2.5, linewidth=1.2
+    )
+
+
+def bound_lines(
+    ax: Axes,
+    floor: float,
+    irb: float,
+    best: float | None,
+    nothing: float | None,
+    irb_augmented: float | None = None,
+) -> dict[str, float]:
+    """Vertical lines of the bounds; returns those that exist.
+
+    The IRB bound with the effects on is drawn where it is another one: they put right what the bound takes as given.
+    """
+    if irb_augmented is not None and abs(irb_augmented - irb) < SAME_BOUND * irb:
+        irb_augmented = None
+    looks = {
+        "noise_floor": (floor, GREY, (0, (4, 2)), "noise floor"),
+        "irb_bound": (irb, "black", "-", "IRB bound"),
+        "irb_bound_augmented": (irb_augmented, INK, (0, (6, 1.5)), "IRB bound with the effects"),
+        "best_post_hoc": (best, "0.45", (0, (3, 1, 1, 1, 1, 1)), "Best Post Hoc"),
+        "no_impact": (nothing, "black", (0, (1, 1.5)), "if nothing happened"),
+    }
+    drawn = {}
+    for name, (value, color, dash, label) in looks.items():
+        if value is not None and np.isfinite(value):
+            ax.axvline(value, color=color, linestyle=dash, linewidth=1.0, label=label, zorder=0)
+            drawn[name] = float(value)
+    return drawn
+
+
+def readable_log(ax: Axes, low, high) -> None:
+    """A logarithmic axis over the given values, with plain numbers at 1, 2 and 5 (or 1 only, over many decades)."""
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    low, high = low[np.isfinite(low) & (low > 0)], high[np.isfinite(high) & (high > 0)]
+    if not len(low) or not len(high):
+        return
+    first, last = low.min() / 1.25, high.max() * 1.25
+    ax.set_xscale("log")
+    ax.set_xlim(first, last)
+    digits = (1.0, 2.0, 5.0) if last / first < 3000 else (1.0,)
+    ticks = [d * 10.0**k for k in range(-9, 9) for d in digits]
+    ax.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if first <= tick <= last]))
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

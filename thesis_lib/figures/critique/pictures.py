@@ -1,0 +1,52 @@
+"""All pictures of one critique, by name."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.figures.critique.data import draw_data
+from thesis_lib.figures.critique.errors import draw_budget, draw_ladder, draw_laws, draw_parameters
+from thesis_lib.figures.critique.residuals import BINS, draw_flights, draw_residuals
+from thesis_lib.figures.critique.where import draw_where
+from thesis_lib.figures.style import Drawn, house_style
+
+NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "ladder", "parameters")
+
+
+@house_style
+def pictures(
+    critique: Critique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None
+) -> dict[str, Drawn]:
+    """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
+
+    Args:
+        critique: what was found.
+        tables: `ladder`, `comparison` (IRB bound) and `budget` are used; without a budget there is no such picture.
+            There is none of flights either where there are hardly any.
+        where: content of where.json.
+    """
+    tables = tables or {}
+    drawn = {"data": draw_data(critique), "laws": draw_laws(critique, tables)}
+    if "budget" in tables:
+        drawn["budget"] = draw_budget(tables)
+    drawn["where"] = draw_where(critique, where)
+    drawn["residuals"] = draw_residuals(critique)
+    if len(critique.observations.flights) > BINS:
+        drawn["flights"] = draw_flights(critique)
+    drawn["ladder"] = draw_ladder(critique, tables)
+    drawn["parameters"] = draw_parameters(critique)
+    for figure, _ in drawn.values():
+        settle(figure)
+    return drawn
+
+
+def settle(figure: Figure) -> None:
+    """Lay a figure out once and for all.
+
+    Constrained layout starts each time from where it stopped, and with panels of fixed aspect it never stops: without
+    this the second file of one figure (the page, then .png and .pdf) would not be that of the first.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")

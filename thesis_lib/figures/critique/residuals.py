@@ -1,0 +1,218 @@
+"""Residuals against the state, before and after adding effects: of impacts in the contact frame, and of flights.
+
+Columns of panels are the features on which the components depend most (`critique_numbers.dependence`).  All impacts and
+flights are shown, training and held out; residuals of flights are accelerations in units of noise (`critique.flights`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.flights import FLIGHT_UNITS, flight_features, flight_table, relative_residuals
+from thesis_lib.critique.results.numbers import (
+    FEATURE_LABEL,
+    Z95,
+    bin_of,
+    contact_residuals,
+    dependence,
+    number,
+)
+from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
+from thesis_lib.figures.critique.where import axis_label
+from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure
+
+SHOWN_FEATURES = 3
+BINS = 8
+WILD = 5.0  # robust standard deviations
+LITTLE = 0.05  # share of variance below which a dependence is not told
+LOOKS = {"before": (BEFORE, "o", "base law"), "after": (AFTER, "s", "with the effects")}
+FLIGHT_LABEL = FEATURE_LABEL | {
+    "v_x": "velocity along the surface $v_x$",
+    "v_y": "velocity upwards $v_y$",
+    "r_x": "lowest point $r_x$",
+    "y": "height $y$",
+    "span": "duration of the flight",
+}
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What one picture shows.
+
+    Attributes:
+        components: names of the rows of panels, with the label of their axes.
+        labels: axis label of each feature.
+        table: (n,) features.
+        values: residuals (n, components), by "before" and "after".
+    """
+
+    components: Mapping[str, str]
+    labels: Mapping[str, str]
+    table: pd.DataFrame
+    values: Mapping[str, np.ndarray]
+
+    @property
+    def shares(self) -> pd.DataFrame:
+        """Share of the base law's variance of each component (rows) that each feature explains (columns)."""
+        return dependences(self.values["before"], self.table, tuple(self.components))
+
+
+@house_style
+def draw_residuals(critique: Critique) -> Drawn:
+    """Residuals in the contact frame against the features on which they depend most, before and after the effects."""
+    o = critique.observations
+    values = {kind: contact_residuals(fitted, o) for kind, fitted in _fits(critique).items()}
+    symbols = {"tangential": r"$\delta v_t$", "normal": r"$\delta v_n$", "couple": r"$\delta\tau/k$"}
+    table = features(critique.ladder[0][1], o)
+    shown = Residuals(
+        {name: f"{name} {symbol}\n(m/s)" for name, symbol in symbols.items()},
+        {name: axis_label(name) for name in table},
+        table,
+        values,
+    )
+    figure, rows = _panels(shown)
+    set_title(figure, residuals_sentence(shown))
+    return figure, rows
+
+
+@house_style
+def draw_flights(critique: Critique) -> Drawn:
+    """Residual accelerations of flights, in units of noise, against the state at mid-flight; numbers: each flight."""
+    o = critique.observations
+    values = {kind: relative_residuals(fitted, o.flights, o.rig) for kind, fitted in _fits(critique).items()}
+    table = flight_features(critique.ladder[0][1], o.flights, o.rig)
+    units = {name: "" if unit == "1" else f" ({unit})" for name, unit in FLIGHT_UNITS.items()}
+    shown = Residuals(
+        {name: f"{name}\n(over noise)" for name in ("horizontal", "vertical", "angular")},
+        {name: FLIGHT_LABEL[name] + units[name] for name in table},
+        table,
+        values,
+    )
+    figure, _ = _panels(shown)
+    set_title(figure, flights_sentence(critique, shown))
+    return figure, flight_table(critique)
+
+
+def _fits(critique: Critique) -> dict:
+    fits = {"before": critique.ladder[0][1]}
+    if len(critique.ladder) > 1:
+        fits["after"] = critique.ladder[-1][1]
+    return fits
+
+
+def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
+    """A row of panels for each component, a column for each feature; the means drawn, one row a bin."""
+    shares, before = shown.shares, shown.values["before"]
+    names = features_to_show(shares)
+    figure = new_figure(height=4.6)
+    axes = figure.subplots(len(shown.components), len(names), sharex="col", sharey="row", squeeze=False)
+    rows = []
+    for i, (component, label) in enumerate(shown.components.items()):
+        spread = np.quantile(np.abs(before[:, i]), 0.97)
+        for j, name in enumerate(names):
+            ax = axes[i, j]
+            ax.axhline(0.0, color=GREY, linewidth=0.7, zorder=0)
+            x = shown.table[name].to_numpy(float)
+            ax.plot(x, before[:, i], ".", color="0.75", markersize=1.6, zorder=1, rasterized=True)
+            for kind, residual in shown.values.items():
+                color, marker, kind_label = LOOKS[kind]
+                binned = _binned(x, residual[:, i])
+                ax.errorbar(
+                    *(binned["x"], binned["mean"]),
+                    yerr=Z95 * binned["std"],
+                    fmt=marker,
+                    linestyle="-",
+                    linewidth=1.0,
+                    color=color,
+                    markersize=3,
+                    capsize=1.5,
+                    label=kind_label,
+                    zorder=3,
+                )
+                rows.append(binned.assign(component=component, feature=name, series=kind))
+            ax.set_ylim(-1.25 * spread, 1.25 * spread)
+            ax.set_xlim(*np.quantile(x, [0.005, 0.995]))
+            ax.annotate(
+                f"explains {100 * shares.loc[component, name]:.0f} %",
+                (0.98, 0.97),
+                xycoords="axes fraction",
+                ha="right",
+                va="top",
+                fontsize=6.5,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
+            )
+            ax.locator_params(nbins=5)
+            if i == len(shown.components) - 1:
+                ax.set_xlabel(shown.labels[name])
+        axes[i, 0].set_ylabel(label)
+    figure.align_ylabels(axes[:, 0])
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    columns = ["component", "feature", "series", "x", "mean", "std", "n"]
+    return figure, pd.concat(rows, ignore_index=True)[columns]
+
+
+def dependences(residual: np.ndarray, table: pd.DataFrame, components: Sequence[str]) -> pd.DataFrame:
+    """Share of the variance of each residual component (rows) that each feature's bins explain (columns)."""
+    count = range(len(components))
+    return pd.DataFrame(
+        {name: [dependence(residual[:, i], table[name].to_numpy(float)) for i in count] for name in table},
+        index=list(components),
+    )
+
+
+def features_to_show(shares: pd.DataFrame) -> list[str]:
+    """The feature on which each component depends most, the strongest first, and then the next strongest."""
+    best = shares.max(axis=1).sort_values(ascending=False, kind="stable")
+    first = [shares.loc[component].idxmax() for component in best.index if best[component] >= LITTLE]
+    rest = shares.max(axis=0).sort_values(ascending=False, kind="stable").index
+    return list(dict.fromkeys([*first, *rest]))[:SHOWN_FEATURES]
+
+
+def residuals_sentence(shown: Residuals) -> str:
+    """The strongest dependence, before and after."""
+    told = _strongest(shown)
+    return told or "The residuals of the base law depend on no single feature of the state"
+
+
+def flights_sentence(critique: Critique, shown: Residuals) -> str:
+    """By how much flights miss the prediction, and on what that depends most."""
+    first, last = (float(np.sqrt(critique.ladder[i][2].sigmas["flight"])) for i in (0, -1))
+    told = _strongest(shown) or "The residuals in flight depend on no single feature of the state"
+    if not np.isfinite(first):  # no flight is held out
+        return told
+    text = f"Held-out flights miss the base law by {number(first, 2)} times the noise"
+    if len(critique.ladder) > 1:
+        text += f", by {number(last, 2)} with the effects"
+    return f"{text}. {told}"
+
+
+def _strongest(shown: Residuals) -> str:
+    """Which component depends most on which feature; '' where none depends on any."""
+    shares = shown.shares
+    component, name = shares.stack().idxmax()
+    share = float(shares.loc[component, name])
+    if share < LITTLE:
+        return ""
+    words = shown.labels[name].split(" (")[0].replace("$", "").replace(r"\omega", "ω").replace(r"\theta", "θ")
+    text = f"The {component} residual depends most on the {words}: {100 * share:.0f}\u00a0% of its variance"
+    if "after" in shown.values:
+        i = list(shown.components).index(component)
+        left = dependence(shown.values["after"][:, i], shown.table[name].to_numpy(float))
+        text += f" before the effects are added, {100 * left:.0f}\u00a0% after"
+    return text
+
+
+def _binned(x: np.ndarray, y: np.ndarray) -> pd.DataFrame:
+    """Mean of `y` with its standard error in quantile bins of `x`; wild values of a bin are clipped."""
+    label = bin_of(x, BINS)
+    table = pd.DataFrame({"x": x, "y": y})
+    centre = table.groupby(label)["y"].transform("median")
+    limit = WILD * 1.4826 * (table["y"] - centre).abs().groupby(label).transform("median")
+    table["y"] = table["y"].clip(centre - limit, centre + limit)
+    found = table.groupby(label).agg(x=("x", "mean"), mean=("y", "mean"), std=("y", "sem"), n=("y", "size"))
+    return found.reset_index(drop=True)

@@ -1,0 +1,237 @@
+"""Where a model fails: maps of the error before and after adding effects.
+
+Maps are over the two features of the worst region of where.json (without one, over the contact point's velocity before
+impact) and over the energy disc (`critique_numbers`), with all impacts, training and held out; means in titles are
+those of held-out impacts.
+"""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.words import plain_rule
+from thesis_lib.critique.results.numbers import FEATURE_LABEL, energy_disc, impact_errors, number, unit_of
+from thesis_lib.figures.critique.errors import set_title
+from thesis_lib.figures.style import INK, Drawn, house_style, new_figure
+
+Box = tuple[float, float, float, float]
+# quantile of the errors at which the colour scale ends, so that a few bad impacts do not bleach it
+DARK = 0.95
+REGION_COLORS = ("#CC0000", "#0072B2", "black")
+
+
+def inside(region: Mapping, table: pd.DataFrame) -> np.ndarray | None:
+    """Mask (n,) of the impacts in a region, or None where it is about a feature that `table` lacks."""
+    mask = np.ones(len(table), bool)
+    for condition in region["conditions"]:
+        if condition["feature"] not in table:
+            return None
+        values = table[condition["feature"]].to_numpy(float)
+        values = np.abs(values) if condition["absolute"] else values
+        low, high = limits(condition)
+        mask &= (values > low) & (values < high)
+    return mask
+
+
+def limits(condition: Mapping) -> tuple[float, float]:
+    """Lower and upper limit of one condition, infinite where it has none."""
+    low, high = condition["low"], condition["high"]
+    return -np.inf if low is None else float(low), np.inf if high is None else float(high)
+
+
+def map_axes(regions: Sequence[Mapping]) -> tuple[str, str]:
+    """The two features over which errors are mapped: those of the worst region, else v_t and v_n."""
+    named = [condition["feature"] for condition in regions[0]["conditions"]] if regions else []
+    named = sorted(
+        dict.fromkeys([*named, "v_t", "v_n"][: max(2, len(set(named)))]), key=list(FEATURE_LABEL).index
+    )
+    return named[0], (named[1] if len(named) > 1 else "v_n")
+
+
+def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | None:
+    """Rectangles (low, high of the first feature, low, high of the second) within `box` that a region covers.
+
+    None where the region is about other features than the two of `axes`.
+    """
+    found = [box]
+    for condition in region["conditions"]:
+        if condition["feature"] not in axes:
+            return None
+        low, high = limits(condition)
+        parts = [(low, high)]
+        if condition["absolute"]:
+            parts = [(low, high), (-high, -low)] if low > 0.0 else [(-high, high)]
+        k = 2 * axes.index(condition["feature"])
+        cut = []
+        for old in found:
+            for a, b in parts:
+                new = list(old)
+                new[k], new[k + 1] = max(old[k], a), min(old[k + 1], b)
+                if new[k] < new[k + 1]:
+                    cut.append(tuple(new))
+        found = cut
+    return found
+
+
+@house_style
+def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
+    """Maps of the error over (v_t, v_n) and over the energy disc, before and after the effects."""
+    o = critique.observations
+    base, final = critique.ladder[0][1], critique.ladder[-1][1]
+    table = features(base, o)
+    disc = energy_disc(base, o)
+    errors = {"before": impact_errors(base, o)}
+    if len(critique.ladder) > 1:
+        errors["after"] = impact_errors(final, o)
+    regions = list((where or {}).get("regions", []))
+    top = max(float(np.quantile(errors["before"], DARK)), 1e-12)
+    over = map_axes(regions)
+    x, y = (table[name].to_numpy(float) for name in over)
+    lines = [textwrap.fill(f"{i + 1}: {region_text(region)}", 110) for i, region in enumerate(regions)]
+    if len(errors) == 2:
+        figure = new_figure(height=5.3 + 0.15 * len(lines))
+        axes = figure.subplots(2, 2)
+    else:
+        figure = new_figure(height=2.9 + 0.15 * len(lines))
+        axes = figure.subplots(1, 2).reshape(2, 1)
+    names = {"before": "base law", "after": "with the effects"}
+    means = dict(zip(names, (critique.ladder[i][2].error.mean() for i in (0, -1))))
+    shown = None
+    for column, (kind, error) in enumerate(errors.items()):
+        ax = axes[0, column]
+        shown = _tiles(ax, x, y, error, top)
+        _outline(ax, regions, over)
+        ax.set_xlabel(axis_label(over[0]))
+        ax.set_title(f"{names[kind]}: held-out mean {number(means[kind])} m/s")
+        ax = axes[1, column]
+        _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
+        turn = np.linspace(0.0, 2.0 * np.pi, 181)
+        ax.plot(np.cos(turn), np.sin(turn), color=INK, linewidth=0.9)
+        for at_x, at_y, text, anchor in (
+            (0, -1, "nothing", "top"),
+            (0, 0, "dead stop", "center"),
+            (0, 1, "reversal", "bottom"),
+        ):
+            ax.plot(at_x, at_y, "+", color=INK, markersize=5, markeredgewidth=0.8)
+            ax.annotate(
+                text,
+                (at_x, at_y),
+                xytext=(5 if at_y == 0 else 0, {-1: -4, 0: 0, 1: 4}[at_y]),
+                textcoords="offset points",
+                ha="left" if at_y == 0 else "center",
+                va=anchor,
+                fontsize=6.5,
+                zorder=5,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.75},
+            )
+        ax.set_aspect("equal")
+        ax.set_xlim(-1.3, 1.3)
+        ax.set_ylim(-1.3, 1.3)
+        ax.set_xlabel("less ←  impulse against the slip  → more")
+        ax.set_xticks([-1, 0, 1])
+        ax.set_yticks([-1, 0, 1])
+        if len(errors) == 1:
+            ax.set_title("energy disc")
+    axes[0, 0].set_ylabel(axis_label(over[1]))
+    axes[1, 0].set_ylabel("energy disc:  impulse  → more")
+    bar = figure.colorbar(shown, ax=axes, shrink=0.7, aspect=30, pad=0.02, extend="max")
+    bar.set_label("mean error of an impact, training and held out (m/s)")
+    bar.outline.set_linewidth(0.5)
+    if lines:
+        figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7)
+    set_title(figure, where_sentence(critique, regions))
+    data = table.assign(held_out=np.isin(o.trial, critique.held_out.trial).astype(int))
+    data = data.assign(disc_across=disc[:, 0], disc_along=disc[:, 1], error_before=errors["before"])
+    if "after" in errors:
+        data["error_after"] = errors["after"]
+    for i, region in enumerate(regions):
+        mask = inside(region, table)
+        if mask is not None:
+            data[f"region_{i + 1}"] = mask.astype(int)
+    return figure, data
+
+
+def region_text(region: Mapping) -> str:
+    """A region in words and numbers."""
+    text = plain_rule(region)
+    if region["ratio"] is not None and region["ratio"] > 1.0:
+        on = "held-out" if region["on"] == "held_out" else "all"
+        text += f": {number(region['ratio'], 2)} times the error elsewhere (of {on} impacts)"
+    else:
+        text += ": larger over what the noise allows there than elsewhere"
+    return f"{text}, {100 * region['support']:.0f} % of impacts (p = {number(region['p_value'], 2)})"
+
+
+def where_sentence(critique: Critique, regions: Sequence[Mapping]) -> str:
+    """Where the base law fails, and whether that is still so with the effects."""
+    if not regions:
+        return "The error of the base law is spread over all states: no rule marks a region in which it is larger"
+    text = f"The base law fails most where {plain_rule(regions[0])}"
+    ratio = regions[0]["ratio"]
+    if ratio is not None and ratio > 1.0:
+        text += f" ({number(ratio, 2)} times the error elsewhere)"
+    if len(critique.ladder) > 1:
+        before, after = (critique.ladder[i][2].error.mean() for i in (0, -1))
+        fall = 1.0 - after / before
+        text += f"; the effects take {100 * fall:.0f} % of the held-out error away" if fall > 0.02 else ""
+    return text
+
+
+def _tiles(ax: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, top: float, extent=None):
+    """Hexagons with the mean error of the impacts in them; few impacts give few and large ones."""
+    size = int(np.clip(0.85 * np.sqrt(len(x)), 7, 24))
+    if extent is None:
+        # a few far impacts must not shrink the map of all others
+        (x_low, x_high), (y_low, y_high) = np.quantile(x, [0.005, 0.995]), np.quantile(y, [0.005, 0.995])
+        extent = (x_low, x_high, y_low, y_high)
+    inner = (x >= extent[0]) & (x <= extent[1]) & (y >= extent[2]) & (y <= extent[3])
+    return ax.hexbin(
+        x[inner],
+        y[inner],
+        C=error[inner],
+        reduce_C_function=np.mean,
+        gridsize=(size, max(int(0.6 * size), 4)),
+        extent=extent,
+        cmap="cividis_r",
+        vmin=0.0,
+        vmax=top,
+        linewidths=0.2,
+        edgecolors="white",
+    )
+
+
+def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> None:
+    """Numbered rectangles around the regions that the two features of the map describe."""
+    (x_low, x_high), (y_low, y_high) = ax.get_xlim(), ax.get_ylim()
+    for i, region in enumerate(regions):
+        color = REGION_COLORS[i % len(REGION_COLORS)]
+        for a, b, c, d in boxes_of(region, over, (x_low, x_high, y_low, y_high)) or ():
+            ax.add_patch(
+                Rectangle((a, c), b - a, d - c, fill=False, edgecolor=color, linewidth=1.4, clip_on=False)
+            )
+            ax.annotate(
+                str(i + 1),
+                (a, d),
+                xytext=(3, -3),
+                textcoords="offset points",
+                ha="left",
+                va="top",
+                fontsize=7,
+                color=color,
+                fontweight="bold",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
+            )
+    ax.set_xlim(x_low, x_high)
+    ax.set_ylim(y_low, y_high)
+
+
+def axis_label(feature: str) -> str:
+    """Name, symbol and unit of a feature."""
+    unit = unit_of(feature)
+    return f"{FEATURE_LABEL[feature]} ({unit})" if unit else FEATURE_LABEL[feature]

@@ -1,0 +1,1 @@
+"""Pictures of the proof of the critique."""

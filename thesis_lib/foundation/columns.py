@@ -1,0 +1,43 @@
+"""Unit and meaning of every column in the tables under results/: one dictionary, written to results/columns.csv.
+
+It stands in columns.yaml.  A column means the same in every table, except where `tables` there says otherwise for one
+table (by the file's stem).  Impulses of a dataset without a mass are per kilogram, N s/kg = m/s.
+"""
+
+import functools
+from collections.abc import Iterable
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+MEANINGS = Path(__file__).with_suffix(".yaml")
+_COVARIANCE = ("product of both", "covariance of the two quantities in the column's name")
+
+
+@functools.cache
+def meanings() -> tuple[dict[str, list[str]], dict[str, dict[str, list[str]]]]:
+    """(unit, meaning) by column, and by table and column: '' is the unit of text, "1" that of pure numbers."""
+    content = yaml.safe_load(MEANINGS.read_text(encoding="utf-8"))
+    return content["columns"], content["tables"]
+
+
+def explain(table: str, columns: Iterable[str]) -> pd.DataFrame:
+    """Rows (table, column, unit, meaning) for the columns of the table with file stem `table`.
+
+    Raises:
+        KeyError: a column is not explained.
+    """
+    columns_of_all, tables = meanings()
+    own = tables.get(table, {})
+    rows, unknown = [], []
+    for name in columns:
+        # cov_<one>_<other>: see datasets/format/impacts.py
+        meaning = _COVARIANCE if name.startswith("cov_") else own.get(name) or columns_of_all.get(name)
+        if meaning is None:
+            unknown.append(name)
+        else:
+            rows.append((table, name, *meaning))
+    if unknown:
+        raise KeyError(f"{table} has columns without unit and meaning in columns.yaml: {', '.join(unknown)}")
+    return pd.DataFrame(rows, columns=["table", "column", "unit", "meaning"])

@@ -1,0 +1,125 @@
+"""What all commands share: errors in one block, exit codes, Ctrl-C, a closed pipe, colours on a terminal only.
+
+| exit code | when                                                                |
+|-----------|---------------------------------------------------------------------|
+| 0         | done                                                                |
+| 1         | what was checked fails                                              |
+| 2         | wrong use or bad input; stderr says what is wrong and what to do     |
+| 130       | interrupted (Ctrl-C)                                                |
+"""
+
+import argparse
+import contextlib
+import difflib
+import functools
+import os
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import NoReturn, TextIO
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.terminal import VisibleStream, visible
+
+FAILED, WRONG, INTERRUPTED = 1, 2, 130
+COLOURS = {  # what stands at the start of a line -> SGR code of its first group
+    r"(error:)": "1;31",
+    r"(warning:)": "1;33",
+    r"(usage:|examples:)": "1",
+    r"\S[^:]*: (adequate|effects|unexplained)$": "1",
+}
+
+
+class TerminalStream(VisibleStream):
+    """Shows what is not printable; on a terminal that wants colours, colours the words of `COLOURS`.
+
+    Colour is added here, last, so that no text carries codes and none of a stranger's gets through.
+    """
+
+    def __init__(self, stream: TextIO):
+        super().__init__(stream)
+        self.terminal = stream.isatty()
+        self._colours = self.terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+        self._starts_line = True
+
+    def write(self, text: str) -> int:
+        shown = visible(text)
+        if self._colours and text:
+            lines = shown.split("\n")
+            first = 0 if self._starts_line else 1
+            self._starts_line = text.endswith("\n")
+            shown = "\n".join([*lines[:first], *map(_coloured, lines[first:])])
+        self._stream.write(shown)
+        return len(text)
+
+    def flush(self) -> None:
+        self._stream.flush()
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def rewrite(self, text: str) -> None:
+        """Put `text` in place of the current line; on a terminal only."""
+        self._stream.write(f"\r{visible(text)}\x1b[K")
+        self._stream.flush()
+
+
+def _coloured(line: str) -> str:
+    for pattern, code in COLOURS.items():
+        if found := re.match(pattern, line):
+            start, end = found.span(1)
+            return f"{line[:start]}\x1b[{code}m{line[start:end]}\x1b[0m{line[end:]}"
+    return line
+
+
+def terminal_stream(stream: TextIO) -> TerminalStream:
+    """The stream as commands write to it; itself if a command called another."""
+    return stream if isinstance(stream, TerminalStream) else TerminalStream(stream)
+
+
+def command(main: Callable[[Sequence[str] | None], int]) -> Callable[..., int]:
+    """Decorator of a command: its mistakes, interruptions and closed pipes become text and exit codes."""
+
+    @functools.wraps(main)
+    def run(argv: Sequence[str] | None = None) -> int:
+        out, err = terminal_stream(sys.stdout), terminal_stream(sys.stderr)
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            try:
+                try:
+                    return main(argv)
+                finally:
+                    out.flush()  # so that a closed pipe is noticed here and not while Python shuts down
+            except UserError as error:
+                print(f"error: {error}", file=sys.stderr)
+                return WRONG
+            except KeyboardInterrupt:
+                print("interrupted", file=sys.stderr)
+                return INTERRUPTED
+            except BrokenPipeError:  # the reader (head, less) has seen enough
+                with contextlib.suppress(OSError):
+                    os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
+                return 0
+            except OSError as error:
+                print(f"error: {error.filename or 'a file'}: {error.strerror or error}", file=sys.stderr)
+                return WRONG
+
+    return run
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose help keeps its line breaks and whose mistakes look like all others."""
+
+    def __init__(self, *args, formatter_class: type = argparse.RawDescriptionHelpFormatter, **kwargs):
+        super().__init__(*args, formatter_class=formatter_class, **kwargs)
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, how it is used and where that is explained; exit code 2."""
+        if found := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message):
+            message += near(found[1], re.findall(r"'([^']*)'", found[2]))
+        self.exit(WRONG, f"error: {message}\n{self.format_usage()}{self.prog} --help explains it\n")
+
+
+def near(word: str, known: Iterable[str]) -> str:
+    """A question for what was meant, to be added to a message; empty if nothing is alike."""
+    found = difflib.get_close_matches(word, list(known), n=3)
+    return f"; did you mean {' or '.join(found)}?" if found else ""

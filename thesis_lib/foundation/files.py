@@ -1,0 +1,191 @@
+"""Reading and writing result files: atomic, deterministic, and with errors that name the file.
+
+Every result is written under a temporary name and renamed, so that an interrupted run leaves either the old
+file or the whole new one.  Tables are CSV with a fixed float format; JSON has sorted keys; neither holds
+times or paths, so that equal inputs give equal bytes.
+"""
+
+import contextlib
+import csv
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.foundation.columns import explain, meanings
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes, regular_size
+
+# finer than any measurement here, coarser than the last bits that differ between BLAS builds
+FLOAT_FORMAT = "%.9g"
+MAX_TABLE = 200_000_000  # bytes; the largest table of a full run has 7 MB
+MAX_CELLS = 100_000_000  # of a Parquet table, whose size on disk says little
+MAX_HEADER = 100_000  # characters in the first line
+MAX_JSON = 50_000_000  # bytes
+TEXT = ("", "")  # unit and meaning of a column that the column dictionary does not know
+
+
+@contextlib.contextmanager
+def atomic(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; rename it to `path` if the block succeeds.
+
+    The temporary name is fixed, so leftovers of a killed run are overwritten instead of piling up.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    tmp = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        yield tmp
+        tmp.replace(path)
+    except BaseException:
+        tmp.unlink(missing_ok=True)
+        raise
+
+
+def write_table(table: pd.DataFrame, path: str | Path) -> None:
+    """Write a table as CSV (or Parquet, by suffix), atomically and with reproducible bytes."""
+    with atomic(path) as tmp:
+        if tmp.suffix == ".parquet":
+            table.to_parquet(tmp, index=False)
+        else:
+            table.to_csv(tmp, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+
+
+def write_result(table: pd.DataFrame, path: str | Path) -> None:
+    """Write a table of results, all of whose columns are explained in columns.yaml.
+
+    Raises:
+        KeyError: a column is not explained.
+    """
+    explain(Path(path).stem, table.columns)
+    write_table(table, path)
+
+
+def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Read a table that this program wrote; `columns` must be present.
+
+    Raises:
+        UserError: the file is missing.
+        CorruptFileError: it cannot be parsed, was cut off within a row, has rows of different lengths, holds text in a
+            column of numbers, or lacks a column.
+    """
+    path = Path(path)
+    with _named(path):
+        size = regular_size(path, MAX_TABLE)
+        table = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path, size)
+    missing = [name for name in columns if name not in table.columns]
+    if missing:
+        raise CorruptFileError(f"{path} lacks column(s) {', '.join(missing)}; delete it and run again.")
+    return table
+
+
+def _read_csv(path: Path, size: int) -> pd.DataFrame:
+    # pandas fills a row that is too short with NaN, so that a table that was cut off would pass for a whole one
+    with path.open("rb") as file:
+        head = file.readline(MAX_HEADER)
+        if len(head) == MAX_HEADER:
+            raise ValueError(f"its first line is longer than {MAX_HEADER:,} characters")
+        file.seek(max(0, size - 1))
+        if file.read(1) != b"\n":
+            raise ValueError("the last row was cut off")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = csv.reader(file, strict=True)
+        names = next(rows)
+        if len(set(names)) < len(names):
+            raise ValueError("two columns have the same name")
+        for row in rows:
+            if len(row) != len(names):
+                raise ValueError(f"line {rows.line_num} has {len(row)} cells instead of {len(names)}")
+    table = pd.read_csv(path)
+    _check_numbers(path.stem, table)
+    return table
+
+
+def _check_numbers(name: str, table: pd.DataFrame) -> None:
+    """A column that has a unit in the column dictionary holds no text."""
+    columns, tables = meanings()
+    for column in table.columns[[not pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]]:
+        unit, _ = tables.get(name, {}).get(column) or columns.get(column) or TEXT
+        cells = table[column].dropna()
+        stray = cells[pd.to_numeric(cells, errors="coerce").isna()]
+        if len(stray) and unit not in ("", "see figure"):
+            raise ValueError(f"column {column} holds the text {str(stray.iloc[0])[:40]!r}, expected numbers")
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    import pyarrow.parquet
+
+    with pyarrow.parquet.ParquetFile(path) as file:
+        if file.metadata.num_rows * file.metadata.num_columns > MAX_CELLS:
+            raise ValueError(f"claims {file.metadata.num_rows:,} rows")
+    return pd.read_parquet(path)
+
+
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Whatever goes wrong while one of our own files is read becomes an error that names it and the remedy."""
+    try:
+        yield
+    except MissingFile as error:
+        raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).") from error
+    except FileProblem as error:
+        raise CorruptFileError(f"{path} {error.what}; delete it and run again.") from error
+    # the parsers' own errors are of many kinds, RecursionError and MemoryError among them
+    except Exception as error:
+        reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
+        kind = "valid JSON" if path.suffix == ".json" else f"a {path.suffix.lstrip('.').upper()} table"
+        raise CorruptFileError(
+            f"{path} is not {kind} ({reason[0][:200]}); delete it and run again."
+        ) from error
+
+
+def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Tables of the same kind, one below the other, in the order of `paths`; errors as in `read_table`."""
+    return pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
+
+
+def column_dictionary(paths: Iterable[str | Path]) -> pd.DataFrame:
+    """The explanations of all columns in the given CSV files, one set of rows a kind of table."""
+    parts = {}
+    for path in sorted(map(Path, paths)):
+        parts[path.stem] = explain(path.stem, pd.read_csv(path, nrows=0).columns)
+    return pd.concat([parts[name] for name in sorted(parts)], ignore_index=True)
+
+
+def write_text(text: str, path: str | Path) -> None:
+    """Write text atomically."""
+    with atomic(path) as tmp:
+        tmp.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_json(value: object, path: str | Path) -> None:
+    """Write JSON atomically with sorted keys; NaN is refused (it is not JSON)."""
+    write_text(json.dumps(value, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n", path)
+
+
+def read_json(path: str | Path) -> dict:
+    """Read a JSON object that this program wrote.
+
+    Raises:
+        UserError: the file is missing.
+        CorruptFileError: it is not JSON, holds NaN or a key twice, or is no object.
+    """
+    path = Path(path)
+    with _named(path):
+        text = read_bytes(path, MAX_JSON).decode("utf-8")
+        value = json.loads(text, parse_constant=_no_number, object_pairs_hook=_each_once)
+        if not isinstance(value, dict):
+            raise ValueError(f"it holds a {type(value).__name__}, expected keys and values")
+    return value
+
+
+def _no_number(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _each_once(pairs: list[tuple[str, object]]) -> dict:
+    value = dict(pairs)
+    if len(value) < len(pairs):
+        raise ValueError(f"a key stands twice among {', '.join(key for key, _ in pairs)[:100]}")
+    return value

@@ -1,0 +1,218 @@
+"""Tasks in processes of their own: one that crashes, hangs or takes all memory ends alone, and memory stays flat.
+
+Processes are forked from a server that has imported the heavy packages once (`forkserver`), so that a task pays no
+start-up; and as its process ends with it, whatever a task leaves in memory is given back.
+
+Tasks answer in JSON.  A process ends when its parent does, however that ended; where memory runs out, the kernel takes
+a task before the parent.
+"""
+
+import contextlib
+import faulthandler
+import json
+import multiprocessing
+import multiprocessing.connection
+import multiprocessing.forkserver
+import multiprocessing.resource_tracker
+import os
+import resource
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.terminal import VisibleStream
+
+POLL = 0.25  # s between looks at time and memory; what is allocated faster overshoots the limit by that much
+GRACE = 5.0  # s for a process to end after it has answered
+MIB = 2**20
+KILLED_FIRST = 800  # oom_score_adj, -1000 to 1000
+
+
+@dataclass(frozen=True)
+class Task:
+    """Work to be done in a process of its own.
+
+    Attributes:
+        name: for the outcome.
+        arguments: of the work; they are pickled to our own process.
+        log: file that takes what the process prints; replaced.
+    """
+
+    name: str
+    arguments: tuple
+    log: Path
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a task ended.
+
+    Attributes:
+        name: of the task.
+        result: what the work returned; None if it failed.
+        failure: why it failed, in words; None if it did not.
+        wall_s, cpu_s: seconds; cpu_s is None where the process was killed.
+        peak_mib: peak of resident memory, MiB; None where the process was killed.
+    """
+
+    name: str
+    result: dict | None
+    failure: str | None
+    wall_s: float
+    cpu_s: float | None = None
+    peak_mib: float | None = None
+
+
+def run_isolated(
+    work: Callable[..., dict],
+    tasks: Iterable[Task],
+    *,
+    jobs: int,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+    preload: Sequence[str] = (),
+) -> Generator[Outcome]:
+    """Outcomes of `work(*task.arguments)`, in the order in which tasks end; none of them raises.
+
+    Args:
+        work: function of a module that can be imported; returns what JSON can hold.
+        tasks: to be done, in order of their start.
+        jobs: processes at a time.
+        time_limit: s of wall time a task; None: no limit.
+        memory_limit: bytes of resident memory a task; None: no limit but the machine's.
+        preload: modules that the server imports once.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(preload))
+    # Ctrl-C reaches all processes of a terminal; ours are ended by this one, and inherit that they wait for it
+    multiprocessing.resource_tracker.ensure_running()  # its start would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        multiprocessing.forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    waiting, running = deque(tasks), []
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                task = waiting.popleft()
+                try:
+                    running.append(_Running(context, work, task))
+                except (OSError, EOFError) as error:
+                    yield Outcome(task.name, None, f"its process could not be started: {error}", 0.0)
+            multiprocessing.connection.wait([one.channel for one in running], POLL)
+            for one in list(running):
+                outcome = one.look(time_limit, memory_limit)
+                if outcome:
+                    running.remove(one)
+                    yield outcome
+    finally:
+        for one in running:
+            one.end()
+
+
+class _Running:
+    """A task under way."""
+
+    def __init__(self, context, work: Callable[..., dict], task: Task) -> None:
+        self.task = task
+        self.channel, theirs = context.Pipe(duplex=False)
+        arguments = (work, task.arguments, str(task.log), theirs)
+        self.process = context.Process(target=_child, args=arguments, daemon=True)
+        self.process.start()
+        self.start = time.monotonic()  # the first start waits for the server
+        theirs.close()  # so that the end of the process ends the channel
+
+    def look(self, time_limit: float | None, memory_limit: float | None) -> Outcome | None:
+        """The outcome if the task has ended, or has been ended for its limits; else None."""
+        wall = time.monotonic() - self.start
+        if self.channel.poll():
+            try:
+                answer = json.loads(self.channel.recv_bytes())
+            except (EOFError, OSError):
+                answer = {}
+            self.process.join(GRACE)
+            code = self.end()
+            answer = {"result": None, "failure": None} | answer
+            if answer["result"] is None and answer["failure"] is None:
+                answer["failure"] = _exit_text(code)
+            return Outcome(self.task.name, wall_s=wall, **answer)
+        failure = None
+        if time_limit is not None and wall > time_limit:
+            failure = f"took longer than the time limit of {time_limit:g} s"
+        elif memory_limit is not None and _resident(self.process.pid) > memory_limit:
+            failure = f"took more memory than the limit of {memory_limit / 1e9:g} GB"
+        if failure is None:
+            return None
+        self.end()
+        return Outcome(self.task.name, None, failure, wall)
+
+    def end(self) -> int | None:
+        """Kill the process if it is alive, and return its exit code (negative: the signal that ended it)."""
+        self.process.kill()
+        self.process.join()
+        self.channel.close()
+        return self.process.exitcode
+
+
+def _child(work: Callable[..., dict], arguments: tuple, log: str, channel) -> None:
+    """Do the work, print into the log, and answer with the result or the reason of the failure, and what it took."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(str(KILLED_FIRST))
+    with Path(log).open("w", encoding="utf-8", errors="replace", buffering=1) as stream:
+        os.dup2(stream.fileno(), 1)
+        os.dup2(stream.fileno(), 2)
+        sys.stdout = sys.stderr = VisibleStream(stream)  # a log is read on terminals, too
+        faulthandler.enable(stream)
+        answer = _answer(work, arguments)
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        answer |= {"cpu_s": used.ru_utime + used.ru_stime, "peak_mib": used.ru_maxrss * 1024 / MIB}
+        channel.send_bytes(json.dumps(answer).encode())
+
+
+def _answer(work: Callable[..., dict], arguments: tuple) -> dict:
+    try:
+        return {"result": work(*arguments)}
+    except UserError as error:
+        print(f"error: {error}")
+        return {"failure": str(error)}
+    except MemoryError:
+        traceback.print_exc()
+        return {"failure": "ran out of memory"}
+    except Exception as error:
+        traceback.print_exc()
+        return {"failure": f"crashed: {type(error).__name__}: {error}"}
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        multiprocessing.connection.wait([parent.sentinel])
+    os._exit(1)
+
+
+def _resident(pid: int) -> int:
+    """Bytes of resident memory of a process; 0 if it has ended."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except (OSError, IndexError):
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def _exit_text(code: int | None) -> str:
+    """How a process ended that said nothing."""
+    if code is None or code >= 0:
+        return f"ended without an answer (exit code {code})"
+    name = signal.Signals(-code).name
+    if code == -signal.SIGKILL:
+        return f"was killed ({name}); most likely the machine ran out of memory: give fewer --jobs"
+    return f"crashed ({name})"

@@ -1,0 +1,95 @@
+"""How far a long command is: on a terminal a line that is rewritten, elsewhere a line a minute; on stderr.
+
+The time left is told where the share done is known: from "3 of 10" in what is said, or from a table of stages.
+"""
+
+import re
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Self
+
+from thesis_lib.foundation.command_line import terminal_stream
+
+EVERY_TERMINAL, EVERY_LOG = 1.0, 60.0  # s between two lines
+SHORT = 2.0  # s; before that a forecast is a guess
+
+
+class Progress:
+    """Context manager that is called with what is being done: `with Progress("my_drops") as say: say("fitting")`."""
+
+    def __init__(
+        self,
+        label: str,
+        *,
+        quiet: bool = False,
+        stages: Mapping[str, float] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        """
+        Args:
+            label: what the work is about; begins each line.
+            quiet: whether nothing is shown.
+            stages: how a text begins -> share of the time (0 to 1) that has usually passed by then.
+            clock: seconds.
+        """
+        self._label, self._quiet, self._stages, self._clock = label, quiet, stages or {}, clock
+        self._stream = terminal_stream(sys.stderr)
+        self._text, self._end = "", 0.0  # s from the start
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._tick, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._start = self._clock()
+        if not self._quiet:
+            self._thread.start()
+        return self
+
+    def __call__(self, text: str) -> None:
+        """Tell what is being done now."""
+        spent, share = self._clock() - self._start, self._share(text)
+        self._text = text
+        if share and spent > SHORT:
+            self._end = spent / share
+        if self._stream.terminal and not self._quiet:
+            self._show()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        if not self._quiet:
+            self._thread.join()
+            if self._stream.terminal:
+                self._stream.rewrite("")
+
+    def line(self) -> str:
+        """What is shown now."""
+        spent = self._clock() - self._start
+        left = self._end - spent
+        return f"{self._label}: {self._text}, {_time(spent)}" + (
+            f"; about {_time(left)} left" if left > 0.5 else ""
+        )
+
+    def _share(self, text: str) -> float:
+        if found := re.search(r"(\d+) of (\d+)", text):
+            return int(found[1]) / max(int(found[2]), 1)
+        return next((share for begin, share in self._stages.items() if text.startswith(begin)), 0.0)
+
+    def _tick(self) -> None:
+        while not self._over.wait(EVERY_TERMINAL if self._stream.terminal else EVERY_LOG):
+            if self._text:
+                self._show()
+
+    def _show(self) -> None:
+        if self._stream.terminal:
+            self._stream.rewrite(self.line()[: shutil.get_terminal_size().columns - 1])
+        else:
+            print(self.line(), file=self._stream, flush=True)
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

@@ -1,0 +1,265 @@
+"""Which code, versions and data made a result.
+
+`lib_hash` is the part of it that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses,
+directly or through other modules.  Rules carry it as a parameter, so that an edit reruns exactly the rules that use
+the edited module; comments, layout and docstrings do not count, nor does the place of a module.  Imports are
+followed statically, also those inside functions.  Packages that are registries are hashed as whole folders, because
+a new file in them is a new member.
+"""
+
+import ast
+import functools
+import hashlib
+import json
+import platform
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+PACKAGE = "thesis_lib"
+REGISTRIES = ("contact", "effects")
+# what BLAS and torch choose their kernels by
+VECTOR = {"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512bw"}
+DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
+
+
+def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
+    """Hash (16 hex digits) of a script and of every module of thesis_lib that it uses.
+
+    It depends on what modules say, not on where they stand: a module that moves, with the imports that name it, changes
+    nothing.
+
+    Args:
+        script: Python file.
+        root: folder that holds the package; by default the one this module is in.
+    """
+    root = Path(root) if root else Path(__file__).resolve().parents[2]
+    script = Path(script)
+    hashes: dict[Path, str] = {}
+    queue = [script]
+    while queue:
+        path = queue.pop()
+        if path in hashes:
+            continue
+        if path.suffix != ".py":
+            hashes[path] = file_sha256(path)
+            continue
+        module = _read_module(path.read_text(encoding="utf-8"), str(path))
+        hashes[path] = _hash_with_imports(module, root)
+        queue += [file for name in module.names for file in _files_of(name, root)]
+        if path != script:
+            queue += [p for p in path.parent.iterdir() if p.suffix in DATA_SUFFIXES]
+    used = sorted({value for path, value in hashes.items() if path != script})
+    return hashlib.sha256("\n".join([hashes[script], *used]).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class _Module:
+    """What a module says.
+
+    Attributes:
+        code: without docstrings, comments and layout; an import from the package is `_IMPORT`, its path left out.
+        imports: (path, name) of each of these imports, in their order in `code`.
+        names: all that is imported from the package, with the packages on the way.
+    """
+
+    code: str
+    imports: tuple[tuple[str, str], ...]
+    names: tuple[str, ...]
+
+
+_IMPORT = "import from the package"
+
+
+@functools.cache  # scripts share most of their modules
+def _read_module(text: str, filename: str) -> _Module:
+    tree = ast.parse(text, filename=filename)
+    names: list[str] = []
+    imports: list[tuple[str, str]] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        _strip_docstring(node)
+        for field in ("body", "orelse", "finalbody"):
+            block = getattr(node, field, None)
+            if isinstance(block, list):
+                setattr(node, field, _without_paths(block, imports))
+    ours = tuple(dict.fromkeys(name for name in names if name.split(".")[0] == PACKAGE))
+    return _Module(ast.dump(tree), tuple(imports), ours)
+
+
+def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> list[ast.stmt]:
+    """A block whose imports from the package hold only the names that they bind; paths go into `imports`.
+
+    Neighbouring imports are put into one order, because that in the file follows the paths.
+    """
+    out: list[ast.stmt] = []
+    run: list[tuple[str, str, str]] = []  # name that is bound, name in the module, its path
+
+    def close() -> None:
+        for bound, name, path in sorted(run):
+            imports.append((path, name))
+            out.append(ast.Expr(ast.Constant(f"{_IMPORT}: {bound}")))
+        run.clear()
+
+    for node in block:
+        ours = (
+            isinstance(node, ast.ImportFrom)
+            and node.level == 0
+            and (node.module or "").split(".")[0] == PACKAGE
+        )
+        if ours:
+            run += [(alias.asname or alias.name, alias.name, node.module or "") for alias in node.names]
+        else:
+            close()
+            out.append(node)
+    close()
+    return out
+
+
+def _hash_with_imports(module: _Module, root: Path) -> str:
+    """Hash of a module's code, and of the code of each module that it imports from, in the place of its path."""
+    digest = hashlib.sha256(module.code.encode())
+    for path, name in module.imports:
+        inner = _module_file(f"{path}.{name}", root)  # a module is imported, whose own name is a place, too
+        file = inner or _module_file(path, root)
+        code = _read_module(file.read_text(encoding="utf-8"), str(file)).code if file else path
+        digest.update(f"\n{'' if inner else name}:{hashlib.sha256(code.encode()).hexdigest()}".encode())
+    return digest.hexdigest()
+
+
+def _module_file(name: str, root: Path) -> Path | None:
+    """The file of a module or a package; None where the name is that of something within a module."""
+    path = root.joinpath(*name.split("."))
+    return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
+
+
+def _files_of(name: str, root: Path) -> list[Path]:
+    """Files of the package that importing `name` runs: the module, and the __init__ files on its way."""
+    parts = name.split(".")
+    files = [root.joinpath(*parts[:i], "__init__.py") for i in range(1, len(parts) + 1)]
+    files.append(root.joinpath(*parts).with_suffix(".py"))
+    if len(parts) > 1 and parts[1] in REGISTRIES:
+        files += (root / PACKAGE / parts[1]).rglob("*.py")
+    return [path for path in files if path.is_file()]
+
+
+def _strip_docstring(node: ast.AST) -> None:
+    body = getattr(node, "body", None)
+    if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and body:
+        first = body[0]
+        if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+            node.body = body[1:] or [ast.Pass()]
+
+
+def file_sha256(path: str | Path) -> str:
+    """SHA-256 of a file as hex digits."""
+    digest = hashlib.sha256()
+    with Path(path).open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def folder_sha256(folder: str | Path) -> str:
+    """One SHA-256 over names and contents of all files below a folder, as hex digits."""
+    folder, digest = Path(folder), hashlib.sha256()
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        digest.update(f"{path.relative_to(folder).as_posix()}:{file_sha256(path)}\n".encode())
+    return digest.hexdigest()
+
+
+def code_sha256(root: str | Path) -> str:
+    """One SHA-256 over the source of a checkout: Snakefile, and all of thesis_lib and workflow but caches."""
+    root, digest = Path(root), hashlib.sha256()
+    files = [root / "Snakefile", *(p for name in (PACKAGE, "workflow") for p in (root / name).rglob("*"))]
+    for path in sorted(p for p in files if p.is_file() and "__pycache__" not in p.parts):
+        digest.update(f"{path.relative_to(root).as_posix()}:{file_sha256(path)}\n".encode())
+    return digest.hexdigest()
+
+
+def value_sha256(value: object) -> str:
+    """SHA-256 of what can be written as JSON, whatever the order of keys."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def environment(requirements: str | Path) -> dict:
+    """What else decides the bits of a result: versions, processor, BLAS, commit.
+
+    Args:
+        requirements: file with a line `name==version` for each direct dependency, in the root of the checkout.
+
+    Returns:
+        `python`, `platform`, `processor` (model, and the vector instructions for which kernels are chosen), `blas`
+        (library, version and kernel of each that NumPy and SciPy bring along), `packages` (all that is installed, and
+        those that should be and are not), `commit`, `local_changes` (null outside a git checkout), `code` (SHA-256).
+    """
+    root = Path(requirements).resolve().parent
+    lines = Path(requirements).read_text(encoding="utf-8").splitlines()
+    pinned = [line.split("==")[0].strip() for line in lines if "==" in line and not line.startswith("#")]
+    installed = {found.metadata["Name"]: found.version for found in metadata.distributions()}
+    return {
+        "python": sys.version.split()[0],
+        "platform": platform.platform(),
+        "processor": processor(),
+        "blas": _blas(),
+        "packages": installed | {name: _version(name) for name in pinned},
+        **_commit(root),
+        "code": code_sha256(root),
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def processor(file: Path = Path("/proc/cpuinfo")) -> dict:
+    """`model` of the processor and its `vector` instructions, as far as the system (Linux: `file`) tells."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError:
+        return {"model": platform.processor() or platform.machine(), "vector": []}
+    values = dict(re.findall(r"^(model name|flags)\s*:\s*(.*)$", text, re.MULTILINE))
+    return {
+        "model": values.get("model name", platform.machine()),
+        "vector": sorted(VECTOR & set(values.get("flags", "").split())),
+    }
+
+
+def _blas() -> list[dict]:
+    import numpy as np  # noqa: F401
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import threadpool_info
+
+    found = [
+        {
+            "of": Path(one["filepath"]).parent.name.removesuffix(".libs"),
+            "library": one["internal_api"],
+            "version": one["version"],
+            "kernel": one.get("architecture"),
+        }
+        for one in threadpool_info()
+        if one["user_api"] == "blas"
+    ]
+    return sorted(found, key=lambda one: (one["of"], str(one["version"])))
+
+
+def _commit(folder: Path) -> dict:
+    try:
+        commit = _git(folder, "rev-parse", "HEAD")
+        return {"commit": commit, "local_changes": bool(_git(folder, "status", "--porcelain"))}
+    except (OSError, subprocess.CalledProcessError):
+        return {"commit": "unknown (not a git checkout)", "local_changes": None}
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True, check=True)
+    return done.stdout.strip()

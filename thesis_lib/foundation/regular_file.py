@@ -1,0 +1,76 @@
+"""What a reader asks before it opens a file: a regular file, of bounded size, inside its folder.
+
+A folder, a pipe or a device under the name of a file would fail oddly or never end, a huge file would fill the memory,
+and a link in a stranger's folder can lead anywhere.
+"""
+
+import os
+import stat
+from pathlib import Path
+
+from thesis_lib.foundation.errors import UserError
+
+
+class FileProblem(UserError):
+    """A path that is not read: `what` is wrong with it, and the `remedy`."""
+
+    def __init__(self, path: str | Path, what: str, remedy: str):
+        self.what, self.remedy = what, remedy
+        super().__init__(f"{path} {what}; {remedy}.")
+
+
+class MissingFile(FileProblem):
+    """There is nothing under this path."""
+
+
+def regular_size(path: str | Path, limit: int, within: str | Path | None = None) -> int:
+    """Size in bytes of a regular file.
+
+    Args:
+        limit: most bytes that the reader takes.
+        within: folder that links must not leave; None where any place will do.
+
+    Raises:
+        MissingFile: there is none.
+        FileProblem: it is something else, is larger than `limit`, or lies outside `within`.
+    """
+    try:
+        status = os.stat(path)  # noqa: PTH116  (Path.stat says the same)
+        outside = within is not None and not Path(path).resolve().is_relative_to(Path(within).resolve())
+    except FileNotFoundError as error:
+        raise MissingFile(path, "does not exist", "give a file that does") from error
+    except (OSError, ValueError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FileProblem(path, f"cannot be opened ({reason})", "check the path and the rights") from error
+    if stat.S_ISDIR(status.st_mode):
+        raise FileProblem(path, "is a folder, expected a file", "give the file")
+    if not stat.S_ISREG(status.st_mode):
+        raise FileProblem(path, "is a pipe or a device, expected a file", "give a regular file")
+    if outside:
+        raise FileProblem(path, "is a link that leads out of its folder", "put the file itself there")
+    if status.st_size > limit:
+        raise FileProblem(
+            path, f"has {status.st_size:,} bytes; the limit is {limit:,}", "give a smaller file"
+        )
+    return status.st_size
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether there is a regular file; False, too, for names that no file can have."""
+    try:
+        return Path(path).is_file()
+    except OSError:
+        return False
+
+
+def read_bytes(path: str | Path, limit: int, within: str | Path | None = None) -> bytes:
+    """Content of a regular file; arguments and errors as in `regular_size`."""
+    regular_size(path, limit, within)
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(limit + 1)
+    except OSError as error:
+        raise FileProblem(path, f"cannot be read ({error.strerror})", "check the rights") from error
+    if len(content) > limit:  # files of the kernel claim 0 bytes
+        raise FileProblem(path, f"has more than {limit:,} bytes", "give a smaller file")
+    return content

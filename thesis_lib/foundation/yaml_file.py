@@ -1,0 +1,135 @@
+"""YAML of a stranger: plain values only, bounded in size, nesting and use of aliases, with the line of every key.
+
+The library recurses into what is nested, and aliases make a few lines unfold into gigabytes, so both are bounded before
+any value is built.  Keys that stand twice, of which YAML silently keeps the last, are listed for the caller to refuse.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import FileProblem, read_bytes
+
+MAX_BYTES = 1_000_000  # the largest of this project, config/claims.yaml, has 175 kB
+MAX_DEPTH = 20  # the deepest legitimate nesting is 6
+MAX_NODES = 200_000  # keys and values once aliases are written out; config/claims.yaml has some 10,000
+# libyaml, where PyYAML was built with it, is ten times faster
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+Key = tuple[str | int, ...]
+
+
+class YamlProblem(UserError):
+    """YAML that is not used: `where` in the file, `what` is wrong, and the `remedy`."""
+
+    def __init__(self, path: str | Path, where: str, what: str, remedy: str):
+        self.where, self.what, self.remedy = where, what, remedy
+        super().__init__(f"{path} {what}{' in ' if where else ''}{where}; {remedy}.")
+
+
+@dataclass
+class Document:
+    """The content of a YAML file.
+
+    Attributes:
+        content: mappings, lists and plain values.
+        lines: line of each key and list item, by its place, e.g. ("body", "vertices", 0).
+        repeated: (place, line) of each key that stands again in the same mapping.
+        nodes: number of keys and values, aliases written out.
+    """
+
+    content: Any = None
+    lines: dict[Key, int] = field(default_factory=dict)
+    repeated: list[tuple[Key, int]] = field(default_factory=list)
+    nodes: int = 0
+
+    def refuse_repeated(self, path: str | Path) -> None:
+        """Refuse what YAML would take the last of without a word.
+
+        Raises:
+            UserError: keys stand twice, with their lines.
+        """
+        if self.repeated:
+            found = [
+                f"the key '{key[-1]}' stands in line {self.lines[key]} and again in line {line}"
+                for key, line in self.repeated
+            ]
+            more = f"; and {len(found) - 20} more" if len(found) > 20 else ""
+            raise UserError(f"{path}: {'; '.join(found[:20])}{more}. Keep one of them.")
+
+
+def read_yaml(path: str | Path, within: str | Path | None = None, aliases: bool = True) -> Document:
+    """The content of a YAML file; `within` as in `regular_size`, `aliases`: whether they may be used.
+
+    Raises:
+        FileProblem: there is no such file, or it is none that can be read.
+        YamlProblem: it is not YAML of plain values in UTF-8, or exceeds the bounds.
+    """
+    try:
+        return _parse(path, read_bytes(path, MAX_BYTES, within).decode("utf-8-sig"), aliases)
+    except (FileProblem, YamlProblem):
+        raise
+    except UnicodeDecodeError as error:
+        raise YamlProblem(path, "", "is not UTF-8 text", "save it as UTF-8") from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        what = f"is not valid YAML ({error.problem})"
+        raise YamlProblem(path, where, what, "check indentation, colons and brackets there") from error
+    except Exception as error:  # the library's own errors are of many kinds: 2020-99-99, !!int '', !!bool x
+        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        remedy = "check it for odd characters and values"
+        raise YamlProblem(path, "", f"is not valid YAML ({reason})", remedy) from error
+
+
+def _parse(path: str | Path, text: str, aliases: bool) -> Document:
+    depth = 0
+    for event in yaml.parse(text, Loader=LOADER):
+        if isinstance(event, yaml.AliasEvent) and not aliases:
+            where, what = f"line {event.start_mark.line + 1}", "uses a YAML alias (*name)"
+            raise YamlProblem(path, where, what, "write the value out where it is needed")
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_DEPTH:
+            _refuse_nesting(path, event)
+    loader = LOADER(text)
+    try:
+        node = loader.get_single_node()
+        document = Document()
+        if node is not None:
+            _locate(path, node, (), document)
+            document.content = loader.construct_document(node)
+        return document
+    finally:
+        loader.dispose()
+
+
+def _refuse_nesting(path: str | Path, place: yaml.Event | yaml.Node) -> None:
+    what = f"is nested more than {MAX_DEPTH} levels deep"
+    raise YamlProblem(path, f"line {place.start_mark.line + 1}", what, "follow the documented format")
+
+
+def _locate(path: str | Path, node: yaml.Node, at: Key, document: Document) -> None:
+    """Walk over all nodes with aliases written out: lines, keys that stand twice, and the bounds."""
+    document.nodes += 1
+    if document.nodes > MAX_NODES:
+        what = f"holds more than {MAX_NODES:,} keys and values, aliases written out"
+        raise YamlProblem(path, "", what, "follow the documented format")
+    if len(at) > MAX_DEPTH:  # an alias inside of what it stands for
+        _refuse_nesting(path, node)
+    if isinstance(node, yaml.MappingNode):
+        seen = set()
+        for key, value in node.value:
+            where = (*at, key.value if isinstance(key.value, str) else "?")
+            line = key.start_mark.line + 1
+            if where in seen and key.tag != "tag:yaml.org,2002:merge":
+                document.repeated.append((where, line))
+            seen.add(where)
+            document.lines.setdefault(where, line)
+            _locate(path, value, where, document)
+    elif isinstance(node, yaml.SequenceNode):
+        for i, value in enumerate(node.value):
+            document.lines[(*at, i)] = value.start_mark.line + 1
+            _locate(path, value, (*at, i), document)

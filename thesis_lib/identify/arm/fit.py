@@ -1,0 +1,357 @@
+"""Base parameters and contact forces of arm and disk from noisy states and torques, from blind starts (thesis 2.4).
+
+What is known: lengths, radius, gravity, torques, μ and ε.  What is not: the base parameters, of which a prior of two
+decades of mass is drawn (`ArmPrior`), the start and the noise level.  The way to the maximum likelihood:
+
+1. screen: draws of the prior predict short segments from the measured states; the best few go on;
+2. segments: 10, 25 and 60 steps, each with a start of its own (`arm_shooting`);
+3. growth: one motion from the first sample on, over a horizon that grows to the whole record;
+4. kicks: the best answer is shaken by some of its standard errors and fitted again, with differences taken over a
+   standard error, until χ² falls no more: what is left are kinks where a contact event moves by a step;
+5. gate: χ²/n of the residuals over their own white part must stay below `gate`, or the fit is tried from new draws, and
+   in the end counted as failed.
+
+The covariance of (x_0, ξ, ψ) is the inverse of J'J of the whitened residuals, the Cramér-Rao bound at the estimate,
+with differences over a standard error for derivatives; forces have theirs from the same moves.
+
+| on paper | in code     | unit            | shape   |                                                           |
+|----------|-------------|-----------------|---------|-----------------------------------------------------------|
+| Θ        | `theta`     | kg, kg m, kg m² | (6,)    | base parameters in the order of `arm_parameters.NAMES`    |
+| ψ        | `psi`       | mixed           | (k,)    | parameters of an extra force                              |
+| c_n, c_t | `c_n`, `c_t` | N              | (m, 2)  | contact forces, pairs ("arm", "ground")                   |
+
+Sources: as `arm_shooting`; J. von Neumann, Ann. Math. Statist. 12 (1941), doi 10.1214/aoms/1177731677 (ratio of
+the mean square successive difference to the variance).
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.identify.arm.parameters import NAMES, free_coordinates, from_free, from_free_jacobian
+from thesis_lib.identify.arm.settings import ArmFitSettings
+from thesis_lib.identify.arm.shooting import (
+    ArmData,
+    Extra,
+    Point,
+    Shooting,
+    Stage,
+    equal_segments,
+    noise_of_residuals,
+)
+from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+
+AXES_REPETITIONS = 3  # of the axes' search; most settle in two
+SAME = 1.001  # ratio of χ² up to which two candidates count as one answer
+HOPELESS = 10.0  # ratio to the best χ² above which a candidate is dropped
+KICK = (0.05, 3.0)  # sizes of kicks in standard errors, smallest and largest
+# of what a coordinate may change by itself, over which differences are taken, in turn; 0 for derivatives
+SHARES = (1.0, 0.0, 0.3)
+SILENT = 1e-8  # share of the largest information below which a direction counts as not determined
+DEFAULT_FIT = ArmFitSettings()
+
+
+@dataclass(frozen=True)
+class ArmFit:
+    """Answer of a fit; symbols as in the module's table.
+
+    Attributes:
+        names: (6+k,) of Θ and ψ.
+        covariance: (6+k, 6+k) of (Θ, ψ); NaN where the data do not determine them.
+        q, v: (m+1, 5) estimated motion.
+        c_n_std, c_t_std: (m, 2) standard errors of the forces in N.
+        mode: (m, 2) contact modes of the estimated motion, codes of `arm_stepping`.
+        sigma: (2, 5) noise of q and v, from the residuals.
+        chi2: χ²/n against that noise.
+        accepted: whether χ²/n passes the gate.
+        attempts: how many sets of draws were used.
+        cpu_s: CPU seconds.
+    """
+
+    names: tuple[str, ...]
+    theta: np.ndarray
+    psi: np.ndarray
+    covariance: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    c_n: np.ndarray
+    c_t: np.ndarray
+    c_n_std: np.ndarray
+    c_t_std: np.ndarray
+    mode: np.ndarray
+    sigma: np.ndarray
+    chi2: float
+    accepted: bool
+    attempts: int
+    cpu_s: float
+
+    @property
+    def std(self) -> np.ndarray:
+        """(6+k,) standard errors of (Θ, ψ)."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def fit(
+    arm: ArmDisk,
+    data: ArmData,
+    rng: np.random.Generator,
+    settings: ArmFitSettings = DEFAULT_FIT,
+    extra: Extra | None = None,
+    start: np.ndarray | None = None,
+) -> ArmFit:
+    """Maximum-likelihood parameters and forces of one motion, with an honest verdict in `accepted`.
+
+    Args:
+        arm: its lengths, base, radius and gravity are used; its inertia is not.
+        data: see `arm_shooting.measured`.
+        rng: draws starts and kicks.
+        settings: how to search.
+        extra: force with parameters ψ of its own, which start at 0; its scale is the size of the kicks' first steps.
+        start: (r, 6) base parameters to begin with in place of the prior's draws, for example of a fit without `extra`.
+
+    Raises:
+        UserError: a start has no positive definite mass matrix.
+    """
+    begin = time.process_time()
+    best: tuple[Shooting, Point, float] | None = None
+    attempt = 0
+    while attempt < settings.attempts:
+        attempt += 1
+        shooting = Shooting(arm, data, extra)
+        theta = settings.prior.draw(settings.draws, arm, rng) if start is None else np.atleast_2d(start)
+        point = _screened(shooting, theta, settings)
+        growth = (
+            settings.growth if attempt == 1 else int(rng.integers(settings.growth // 3, 2 * settings.growth))
+        )
+        point = _grown(shooting, point, settings, growth)
+        if np.isfinite(point.cost).any():
+            shooting, point = _kicked(shooting, point, rng, settings)
+            chi2 = _chi2(shooting, point)
+            if best is None or chi2 < best[2]:
+                best = shooting, point, chi2
+        if best is not None and best[2] < settings.gate:
+            break
+    if best is None:
+        return _nothing(data, extra, attempt, time.process_time() - begin)
+    answer = _answer(*best, settings.gate, attempt)
+    return replace(answer, cpu_s=time.process_time() - begin)
+
+
+def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, v0: np.ndarray) -> np.ndarray:
+    """Cramér-Rao bound (6,) on the standard errors of Θ at known truth, with the start and Θ unknown.
+
+    Args:
+        data: torques, and the noise level in `sigma`; its states are not used.
+        theta: (6,) true Θ.
+        q0, v0: (5,) true start.
+    """
+    shooting = Shooting(arm, data)
+    xi = free_coordinates(theta, arm.link_lengths[0])
+    A = _axes(shooting, Point(xi[None], np.concatenate([q0, v0])[None, None], np.zeros(1)))
+    D = from_free_jacobian(xi, arm.link_lengths[0])
+    return np.linalg.norm(D @ A[10:], axis=1)
+
+
+def _whole(data: ArmData, stop: int | None = None) -> Stage:
+    return Stage(((0, data.steps if stop is None else stop),))
+
+
+def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -> Point:
+    """The candidates that predict short segments best from the measured states."""
+    stage = equal_segments(shooting.data.steps, settings.segments[0])
+    p = np.zeros((len(theta), shooting.n_parameters))
+    p[:, :6] = free_coordinates(theta, shooting.arm.link_lengths[0])
+    x = np.tile(shooting.z[[start for start, _ in stage.segments]], (len(p), 1, 1))
+    r = shooting.residuals(stage, p, x)
+    chi2 = np.nan_to_num(np.einsum("nsr,nsr->ns", r, r), nan=np.inf) / r.shape[2]
+    # the logarithm: a start a little on the wrong side of a contact spoils its segment for every candidate
+    score = np.log1p(np.minimum(chi2, 1e12)).sum(axis=1)
+    order = np.argsort(score, kind="stable")[: settings.candidates]
+    return Point(p[order], x[order], np.full(len(order), np.inf))
+
+
+def _grown(shooting: Shooting, point: Point, settings: ArmFitSettings, growth: int) -> Point:
+    """Candidates over the whole motion, by way of longer and longer segments and then of a growing horizon."""
+    data = shooting.data
+    longest = settings.segments[-1]
+    stages = [equal_segments(data.steps, length) for length in settings.segments]
+    stages += [_whole(data, stop) for stop in range(longest, data.steps, growth)] + [_whole(data)]
+    old = stages[0]
+    for stage in stages:
+        point = shooting.minimise(stage, shooting.moved(point, old, stage), settings.iterations)
+        if len(stage.segments) == 1:
+            point = _distinct(point)
+        old = stage
+    return point
+
+
+def _distinct(point: Point) -> Point:
+    """Candidates in ascending χ² without those that came to the same answer and those that are far worse."""
+    order = np.argsort(point.cost, kind="stable")
+    kept = [order[0]]
+    for i in order[1:]:
+        if SAME * point.cost[kept[-1]] < point.cost[i] < HOPELESS * point.cost[order[0]]:
+            kept.append(i)
+    return point[np.array(kept)]
+
+
+def _kicked(
+    shooting: Shooting, point: Point, rng: np.random.Generator, settings: ArmFitSettings
+) -> tuple[Shooting, Point]:
+    """The best candidate with the noise level of its residuals, shaken until χ² falls no more."""
+    stage = _whole(shooting.data)
+    best = point[[int(point.cost.argmin())]]
+    idle = 0
+    for round_ in range(settings.rounds):
+        shooting, best = _weighed(shooting, best, settings)
+        A = _axes(shooting, best)
+        trial = _neighbours(shooting, best, A, rng, settings)
+        share = SHARES[round_ % len(SHARES)]
+        # differences over a share of what each coordinate may change by itself
+        steps = share / np.sqrt(np.diag(np.linalg.inv(A @ A.T))) if share else None
+        trial = shooting.minimise(stage, trial, settings.iterations, steps)
+        i = int(trial.cost.argmin())
+        gain = 1.0 - trial.cost[i] / best.cost[0]
+        if gain > 0.0:
+            best = trial[[i]]
+        idle = 0 if gain > settings.gain else idle + 1
+        if idle == 2:
+            break
+    return _weighed(shooting, best, settings)
+
+
+def _neighbours(
+    shooting: Shooting, best: Point, A: np.ndarray, rng: np.random.Generator, settings: ArmFitSettings
+) -> Point:
+    """Points within a few standard errors whose sequences of contact modes differ, those of least χ².
+
+    Half of them lie along the axes of the uncertainty: where a grazing contact makes the motion unstable, the right
+    sequence fills a thousandth of a standard error in one direction, which only a line can meet.
+    """
+    n = len(A)
+    coordinates = np.zeros((settings.kicks, n))
+    half = settings.kicks // 2
+    coordinates[np.arange(half), np.arange(half) % n] = rng.uniform(-KICK[1], KICK[1], half)
+    size = np.exp(rng.uniform(*np.log(KICK), (settings.kicks - half, 1)))
+    coordinates[half:] = size * rng.standard_normal((settings.kicks - half, n))
+    move = coordinates @ A.T
+    p, x = best.p + move[:, 10:], best.x + move[:, None, :10]
+    out = shooting.copies(p, x[:, 0], shooting.data.f_ext)
+    r = (np.concatenate([out.q, out.v], axis=2) - shooting.z) / shooting.sigma
+    cost = np.nan_to_num(np.einsum("nkc,nkc->n", r, r), nan=np.inf)
+    chosen: dict[bytes, int] = {}
+    for i in np.argsort(cost, kind="stable"):
+        chosen.setdefault(out.mode[i].tobytes(), int(i))
+        if len(chosen) == settings.candidates:
+            break
+    rows = np.array(list(chosen.values()))
+    return Point(p[rows], x[rows], cost[rows])
+
+
+def _weighed(shooting: Shooting, best: Point, settings: ArmFitSettings) -> tuple[Shooting, Point]:
+    """The same problem with the noise level of the residuals, and the candidate fitted to it."""
+    stage = _whole(shooting.data)
+    r = shooting.residuals(stage, best.p, best.x)[0, 0].reshape(-1, 10)
+    sigma = (noise_of_residuals(r) * shooting.sigma).reshape(2, 5)
+    again = Shooting(shooting.arm, replace(shooting.data, sigma=sigma), shooting.extra)
+    return again, again.minimise(stage, best, settings.iterations)
+
+
+def _axes(shooting: Shooting, best: Point) -> np.ndarray:
+    """Axes A (n, n) of the uncertainty of (x_0, p), a standard error each: their covariance is A A'.
+
+    At a kink, where an event is about to move by a step, the derivative on one side says nothing of the other side: the
+    axes are those over which the residuals change by one on average of both sides, found by repetition.
+    """
+    stage = _whole(shooting.data)
+    _, J = shooting.differences(stage, best.p, best.x)
+    H = J[0, 0] @ J[0, 0].T
+    d = np.sqrt(np.diag(H)) + 1e-12
+    A = _inverse_root(H / np.outer(d, d)) / d[:, None]
+    for _ in range(AXES_REPETITIONS):
+        both = np.concatenate([A.T, -A.T])
+        r = shooting.residuals(stage, best.p + both[:, 10:], best.x + both[:, None, :10])[:, 0]
+        n = len(A)
+        J = 0.5 * (r[:n] - r[n:])
+        if not np.isfinite(J).all():
+            break
+        A = A @ _inverse_root(J @ J.T)
+    return A
+
+
+def _inverse_root(H: np.ndarray) -> np.ndarray:
+    """B with B B' = H⁻¹, where H is cut off below for directions that the data say nothing about."""
+    values, U = np.linalg.eigh(H)
+    return U / np.sqrt(np.maximum(values, SILENT * values[-1]))
+
+
+def _chi2(shooting: Shooting, best: Point) -> float:
+    """χ²/n against the white part of the residuals, n less the number of unknowns."""
+    r = shooting.residuals(_whole(shooting.data), best.p, best.x)[0, 0].reshape(-1, 10)
+    ratio = np.mean(np.mean(r**2, axis=0) / noise_of_residuals(r) ** 2)
+    return float(ratio * r.size / (r.size - 10 - shooting.n_parameters))
+
+
+def _answer(shooting: Shooting, best: Point, chi2: float, gate: float, attempts: int) -> ArmFit:
+    data, extra = shooting.data, shooting.extra
+    xi, l1 = best.p[0, :6], shooting.arm.link_lengths[0]
+    out = shooting.copies(best.p, best.x[:, 0], data.f_ext)
+    A = _axes(shooting, best)
+    C = A @ A.T
+    D = np.eye(shooting.n_parameters)
+    D[:6, :6] = from_free_jacobian(xi, l1)
+    std_n, std_t = _force_std(shooting, best, A)
+    return ArmFit(
+        names=NAMES + (() if extra is None else extra.names),
+        theta=from_free(xi, l1),
+        psi=best.p[0, 6:].copy(),
+        covariance=D @ C[10:, 10:] @ D.T,
+        q=out.q[0],
+        v=out.v[0],
+        c_n=out.c_n[0],
+        c_t=out.c_t[0],
+        c_n_std=std_n,
+        c_t_std=std_t,
+        mode=out.mode[0],
+        sigma=data.sigma,
+        chi2=chi2,
+        accepted=bool(chi2 < gate),
+        attempts=attempts,
+        cpu_s=0.0,
+    )
+
+
+def _force_std(shooting: Shooting, best: Point, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Standard errors (m, 2) of c_n and c_t: how far the forces go over one standard error along each axis."""
+    both = np.concatenate([A.T, -A.T])
+    out = shooting.copies(best.p + both[:, 10:], best.x[:, 0] + both[:, :10], shooting.data.f_ext)
+    centre = shooting.copies(best.p, best.x[:, 0], shooting.data.f_ext)
+    pair = []
+    for moved, c in ((out.c_n, centre.c_n), (out.c_t, centre.c_t)):
+        pair.append(np.sqrt(0.5 * np.nansum((moved - c) ** 2, axis=0)))
+    return pair[0], pair[1]
+
+
+def _nothing(data: ArmData, extra: Extra | None, attempts: int, cpu_s: float) -> ArmFit:
+    """A fit that found no motion at all."""
+    k = 0 if extra is None else len(extra.names)
+    states, forces = np.full((data.steps + 1, 5), np.nan), np.full((data.steps, 2), np.nan)
+    return ArmFit(
+        names=NAMES + (() if extra is None else extra.names),
+        theta=np.full(6, np.nan),
+        psi=np.full(k, np.nan),
+        covariance=np.full((6 + k, 6 + k), np.nan),
+        q=states,
+        v=states,
+        c_n=forces,
+        c_t=forces,
+        c_n_std=forces,
+        c_t_std=forces,
+        mode=np.zeros(forces.shape, dtype=np.int8),
+        sigma=data.sigma,
+        chi2=np.inf,
+        accepted=False,
+        attempts=attempts,
+        cpu_s=cpu_s,
+    )

@@ -1,0 +1,332 @@
+"""Maximum likelihood of arm and disk by shooting through the contact simulator (thesis 2.4, beyond eqs. 2.12 to 2.14).
+
+Given known torques, the motion from a start x_0 = (q_0, v_0) with base parameters Θ(ξ) and further parameters ψ (none,
+or those of an `Extra` force) is simulated with the step of `arm_stepping`, contact modes and all, and
+
+    χ²(x_0, ξ, ψ) = Σ_k |W (z_k - z(k; x_0, ξ, ψ))|²,     W = 1/σ per channel,  z = (q, v),
+
+is least.  Over the whole motion χ² is rough: an impact that comes a step late costs thousands.  The way in is to cut
+the motion into segments with a start of their own each and to lengthen them, every stage beginning at the answer of
+the last: many short segments have hardly a false minimum, one segment over all is the likelihood itself.  The starts
+of a segment are eliminated from the normal equations, which are arrow shaped.  Several beginnings run side by side, and
+all their perturbed copies are simulated in one batch.
+
+The noise level is estimated, see `noise_level` and `noise_of_residuals`, such that χ²/n near 1 is a test that a fit
+can fail.
+
+| on paper | in code        | unit             | shape     |                                                           |
+|----------|----------------|------------------|-----------|-----------------------------------------------------------|
+| z        | `q`, `v`       | m, rad; per s    | (m+1, 5)  | measured states                                           |
+| σ        | `sigma`        | as z             | (2, 5)    | noise of q and of v, estimated                            |
+| ξ, ψ     | `p`            | mixed            | (6+k,)    | free coordinates of Θ, then the further parameters        |
+| χ²/n     | `chi2`         | 1                |           | n = 10 (m+1) less the number of unknowns                  |
+
+Sources: H. G. Bock, Recent advances in parameter identification techniques for O.D.E., 1983,
+doi 10.1007/978-1-4684-7324-7_7 (multiple shooting); D. W. Marquardt, SIAM J. 11 (1963), doi 10.1137/0111030.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.arm.parameters import from_free
+from thesis_lib.identify.arm.stepping import Copies, simulate_copies
+from thesis_lib.identify.segmentation import MAD
+from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+
+STEP = 1e-6  # of a parameter's or a state's scale: forward differences, whose rounding is then 1e-8
+DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that an iteration tries side by side
+LARGEST_STEP = 1.5  # of a logarithm: no parameter changes by more than a factor of 4.5 in an iteration
+CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off there
+
+
+@dataclass(frozen=True)
+class ArmData:
+    """What is known of one motion: states with noise, torques, and the contacts' coefficients.
+
+    Attributes:
+        h: s.
+        q, v: (m+1, 5) measured states.
+        f_ext: (m, 5) known external force in N, N m.
+        mu, epsilon: of both pairs.
+        sigma: (2, 5) noise of q and v, estimated by `noise_level`.
+    """
+
+    h: float
+    q: np.ndarray
+    v: np.ndarray
+    f_ext: np.ndarray
+    mu: float
+    epsilon: float
+    sigma: np.ndarray
+
+    @property
+    def steps(self) -> int:
+        """Number of steps m."""
+        return len(self.f_ext)
+
+
+@dataclass(frozen=True)
+class Extra:
+    """A force with parameters ψ of its own that are fitted beside the base parameters.
+
+    Attributes:
+        names: (k,) of ψ.
+        scale: (k,) typical size of each; its null is 0.
+        force: (q (n, 5), v (n, 5), c_n (n, 2) of the step before, ψ (n, k)) -> generalised force (n, 5) in N, N m.
+    """
+
+    names: tuple[str, ...]
+    scale: np.ndarray
+    force: Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Segments (start, stop) in steps that a stage of the fit predicts, each from a start of its own."""
+
+    segments: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Point:
+    """P candidate answers side by side: p (P, 6+k), starts x (P, S, 10) of the segments, χ² (P,)."""
+
+    p: np.ndarray
+    x: np.ndarray
+    cost: np.ndarray
+
+    def __getitem__(self, rows: np.ndarray) -> "Point":
+        return Point(self.p[rows], self.x[rows], self.cost[rows])
+
+
+def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
+    """Standard deviations (2, 5) of the noise of q and v (m+1, 5) before anything is known of the motion.
+
+    The time step makes q_{k+1} - q_k = h v_{k+1} exactly, so that for q, whose noise is far above h times that of v,
+
+        rms of (q_{k+1} - q_k - h v_{k+1}) = √2 σ_q
+
+    whatever the contacts do.  For v, second differences are taken, with variance 6 σ² and little of the motion; their
+    median does not see the few steps with events.
+    """
+    slack = np.diff(q, axis=0) - h * v[1:]
+    second = np.abs(np.diff(v, n=2, axis=0))
+    return np.stack([slack.std(axis=0) / np.sqrt(2.0), np.median(second, axis=0) / (MAD * np.sqrt(6.0))])
+
+
+def noise_of_residuals(r: np.ndarray) -> np.ndarray:
+    """Standard deviations (...,) of the white part of residuals (n, ...), from their first differences (von Neumann).
+
+    What a wrong model leaves lasts for many steps and shows in the residuals, but hardly in their differences: the
+    ratio of the two is a test of the fit that needs no noise level.
+    Differences beyond `CLIP` standard deviations are left out: an impact that the model has a step too late must not
+    pass as noise.
+    """
+    d = np.diff(r, axis=0) / np.sqrt(2.0)
+    scale = np.median(np.abs(d), axis=0) / MAD
+    within = np.abs(d) <= CLIP * scale
+    return np.sqrt(
+        np.sum(np.where(within, d, 0.0) ** 2, axis=0) / np.maximum(within.sum(axis=0), 1) / CLIPPED
+    )
+
+
+def measured(
+    q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: float, epsilon: float = 0.0
+) -> ArmData:
+    """Data of one motion with their noise level estimated.
+
+    Raises:
+        UserError: shapes do not fit, values are not finite, the motion is too short, or a channel has no noise at all.
+    """
+    q, v, f_ext = (np.asarray(a, dtype=float) for a in (q, v, f_ext))
+    m = len(f_ext)
+    if q.shape != (m + 1, 5) or v.shape != q.shape or f_ext.shape != (m, 5):
+        raise UserError(
+            f"Arm and disk need states (m+1, 5) and external forces (m, 5); got {q.shape}, {v.shape}, {f_ext.shape}."
+        )
+    if not (np.isfinite(q).all() and np.isfinite(v).all() and np.isfinite(f_ext).all()):
+        raise UserError("The arm's states or torques hold NaN or infinite values; cut or repair them first.")
+    if m < 10:
+        raise UserError(f"A motion of {m} steps is too short to identify arm and disk; give at least 10.")
+    sigma = noise_level(q, v, h)
+    if not (sigma > 0).all():
+        raise UserError(
+            "A channel of the arm's states shows no noise at all, so that it cannot be weighed; without noise, use the "
+            "mode QP (mode_qp.solve_mode_qp)."
+        )
+    return ArmData(float(h), q, v, f_ext, float(mu), float(epsilon), sigma)
+
+
+def equal_segments(steps: int, length: int) -> Stage:
+    """The whole motion in segments of about `length` steps."""
+    edges = np.linspace(0, steps, max(round(steps / length), 1) + 1).round().astype(int)
+    return Stage(tuple(zip(edges[:-1].tolist(), edges[1:].tolist())))
+
+
+class Shooting:
+    """χ² of a motion over the segments of a stage, and its minimisation.
+
+    Args:
+        arm: lengths, base, radius and gravity are used, its inertia is not.
+        data: of one motion.
+        extra: force with parameters of its own.
+    """
+
+    def __init__(self, arm: ArmDisk, data: ArmData, extra: Extra | None = None) -> None:
+        self.arm, self.data, self.extra = arm, data, extra
+        self.z = np.concatenate([data.q, data.v], axis=1)
+        self.sigma = data.sigma.ravel()
+        self.scale = np.ones(6) if extra is None else np.concatenate([np.ones(6), extra.scale])
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of shared parameters 6+k."""
+        return len(self.scale)
+
+    def copies(self, p: np.ndarray, x: np.ndarray, f_ext: np.ndarray) -> Copies:
+        """Motions of n copies with parameters p (n, 6+k) from x (n, 10) under f_ext (m, 5) or (n, m, 5)."""
+        force = None
+        if self.extra is not None:
+            psi, of = p[:, 6:], self.extra.force
+            force = lambda q, v, c_n: of(q, v, c_n, psi)  # noqa: E731
+        theta = from_free(p[:, :6], self.arm.link_lengths[0])
+        d = self.data
+        return simulate_copies(self.arm, theta, x[:, :5], x[:, 5:], f_ext, d.h, d.mu, d.epsilon, force)
+
+    def residuals(self, stage: Stage, p: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Whitened residuals (n, S, (L+1) 10) for p (n, 6+k), x (n, S, 10); zero beyond a segment's end, else NaN
+        where a motion has no solution."""
+        n, S = x.shape[:2]
+        lengths = np.array([stop - start for start, stop in stage.segments])
+        L = int(lengths.max())
+        f_ext, z = np.zeros((S, L, 5)), np.zeros((S, L + 1, 10))
+        inside = np.arange(L + 1) <= lengths[:, None]
+        for s, (start, stop) in enumerate(stage.segments):
+            f_ext[s, : stop - start] = self.data.f_ext[start:stop]
+            z[s, : stop - start + 1] = self.z[start : stop + 1]
+        forces = f_ext if S == 1 else np.tile(f_ext, (n, 1, 1))
+        out = self.copies(np.repeat(p, S, axis=0), x.reshape(n * S, 10), forces)
+        r = np.concatenate([out.q, out.v], axis=2).reshape(n, S, L + 1, 10)
+        r -= z
+        r /= self.sigma
+        r[:, ~inside] = 0.0
+        return r.reshape(n, S, -1)
+
+    def cost(self, stage: Stage, p: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """χ² (n,); infinite where a motion has no solution."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            r = self.residuals(stage, p, x)
+            total = np.einsum("nsr,nsr->n", r, r)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def differences(
+        self, stage: Stage, p: np.ndarray, x: np.ndarray, steps: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (P, S, R) and their derivatives (P, S, 10 + 6+k, R) by the segment's start, then by p.
+
+        `steps` (10 + 6+k,) are those of the forward differences; by default small enough for derivatives.
+        """
+        P, S = x.shape[:2]
+        n_p = self.n_parameters
+        width = 11 + n_p
+        if steps is None:
+            steps = STEP * np.concatenate([np.ones(10), self.scale])
+        pp = np.repeat(p[:, None], width, axis=1)
+        xx = np.repeat(x[:, None], width, axis=1)
+        for j in range(10):
+            xx[:, 1 + j, :, j] += steps[j]
+        for j in range(n_p):
+            pp[:, 11 + j, j] += steps[10 + j]
+        r = self.residuals(stage, pp.reshape(P * width, n_p), xx.reshape(P * width, S, 10))
+        r = r.reshape(P, width, S, -1)
+        base = r[:, 0]
+        jacobian = (r[:, 1:] - base[:, None]) / steps[:, None, None]
+        return base, np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0).transpose(0, 2, 1, 3)
+
+    def minimise(
+        self,
+        stage: Stage,
+        point: Point,
+        iterations: int,
+        steps: np.ndarray | None = None,
+        tolerance: float = 1e-3,
+    ) -> Point:
+        """Levenberg-Marquardt of P candidates side by side, each until χ² falls by less than `tolerance` twice.
+
+        `steps` as in `differences`: with steps of the parameters' uncertainty the slopes are those of χ² over its
+        kinks, from which derivatives do not lead away.
+        """
+        p, x = point.p.copy(), point.x.copy()
+        cost = self.cost(stage, p, x)
+        P, S = x.shape[:2]
+        n_p, n_d = self.n_parameters, len(DAMPING)
+        damping, idle = np.full(P, 1e-2), np.zeros(P, dtype=int)
+        for _ in range(iterations):
+            run = np.flatnonzero((idle < 2) & np.isfinite(cost))
+            if not len(run):
+                break
+            r, J = self.differences(stage, p[run], x[run], steps)
+            H = np.matmul(J, J.transpose(0, 1, 3, 2))
+            g = np.matmul(J, r[..., None])[..., 0]
+            dp = np.empty((len(run), n_d, n_p))
+            dx = np.empty((len(run), n_d, S, 10))
+            for i, a in enumerate(run):
+                for d, factor in enumerate(DAMPING):
+                    dp[i, d], dx[i, d] = _arrow_step(H[i], g[i], damping[a] * factor)
+            shrink = LARGEST_STEP / np.maximum(np.abs(dp / self.scale).max(axis=2), LARGEST_STEP)
+            dp, dx = dp * shrink[..., None], dx * shrink[..., None, None]
+            new_p, new_x = p[run][:, None] + dp, x[run][:, None] + dx
+            trial = self.cost(stage, new_p.reshape(-1, n_p), new_x.reshape(-1, S, 10)).reshape(len(run), n_d)
+            best = trial.argmin(axis=1)
+            for i, a in enumerate(run):
+                b = best[i]
+                if trial[i, b] < cost[a]:
+                    idle[a] = idle[a] + 1 if cost[a] - trial[i, b] < tolerance * cost[a] else 0
+                    p[a], x[a], cost[a] = new_p[i, b], new_x[i, b], trial[i, b]
+                    damping[a] = max(damping[a] * DAMPING[b], 1e-9)
+                else:
+                    damping[a] *= DAMPING[-1] * 2.0
+                    if damping[a] > 1e8:
+                        idle[a] = 2
+        return Point(p, x, cost)
+
+    def moved(self, point: Point, old: Stage, new: Stage) -> Point:
+        """The candidates with starts for the segments of another stage, simulated from those of the old one."""
+        x = np.empty((len(point.p), len(new.segments), 10))
+        begins = [start for start, _ in old.segments]
+        for j, (start, _) in enumerate(new.segments):
+            i = max(k for k, begin in enumerate(begins) if begin <= start)
+            x[:, j] = point.x[:, i]
+            if begins[i] < start:
+                out = self.copies(point.p, point.x[:, i], self.data.f_ext[begins[i] : start])
+                x[:, j] = np.concatenate([out.q[:, -1], out.v[:, -1]], axis=1)
+        # where the way there has no solution, the data themselves
+        lost = ~np.isfinite(x).all(axis=2)
+        x[lost] = np.broadcast_to(self.z[[start for start, _ in new.segments]], x.shape)[lost]
+        return Point(point.p, x, np.full(len(x), np.inf))
+
+
+def _arrow_step(H: np.ndarray, g: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+    """Damped Gauss-Newton step (p, x (S, 10)) of S segments with H (S, 10+n, 10+n), g (S, 10+n), by elimination of x.
+
+    (H + λ diag H) δ = -g;  with blocks xx, xp, pp:  (Σ H_pp - H_px H_xx⁻¹ H_xp) δp = -Σ (g_p - H_px H_xx⁻¹ g_x)
+    """
+    H = H.copy()
+    n = H.shape[1] - 10
+    at = np.arange(10)
+    H[:, at, at] *= 1.0 + damping
+    H[:, at, at] += 1e-12
+    Hpp = H[:, 10:, 10:].sum(axis=0)
+    diagonal = np.diag(Hpp).copy()
+    Hpp[np.arange(n), np.arange(n)] += damping * diagonal + 1e-12 * diagonal.max() + 1e-12
+    solved = np.linalg.solve(H[:, :10, :10], np.concatenate([H[:, :10, 10:], g[:, :10, None]], axis=2))
+    A = Hpp - np.einsum("sxp,sxq->pq", H[:, :10, 10:], solved[..., :n])
+    b = g[:, 10:].sum(axis=0) - np.einsum("sxp,sx->p", H[:, :10, 10:], solved[..., n])
+    try:
+        dp = -np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        dp = np.zeros(n)
+    return dp, -solved[..., n] - solved[..., :n] @ dp

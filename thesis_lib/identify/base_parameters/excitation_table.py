@@ -1,0 +1,133 @@
+"""What a rigid body's contact identifies: the cases of thesis section 2.3.3 as singular values.
+
+Each case is a simulated motion of a free body with nothing known about its inertia (m, I unknown), analysed by
+`identifiability`: sliding or sticking contact, with and without a known external force, in flight, and the cases that
+the thesis names (a square that lands flat, figure 2-5, left) or leaves out (a disk that only rolls).  For the sliding
+cases the columns of eq. 2.18 in (m/I, 1/m, 1/I, m/I²) are analysed beside it.
+
+| column           | unit | meaning |
+| ---------------- | ---- | --- |
+| `sigma_1`, `2`   | 1    | singular values of the regressor outside the span of contact forces, columns of unit norm |
+| `rank`           | 1    | combinations of (m, I) that are determined |
+| `eq_2_18_rank`   | 1    | rank of eq. 2.18's four columns; -1 where the case does not slide |
+| `not_identified` |      | changes of the parameters that nothing observes |
+
+Source: thesis section 2.3.3, eqs. 2.15-2.18.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.identify.base_parameters.combinations import linear_combination
+from thesis_lib.identify.base_parameters.identifiability import (
+    RANK_TOLERANCE,
+    identifiability,
+    sliding_regressor,
+)
+from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_window
+from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, block, disk
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.simulate.stepping.stepping import Record, simulate
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STEPS = 60
+# N and N m at 1 kg: an uneven push with turns in all directions, less than the weight, so that the contact stays
+PUSH = ((2.0, 5.0, 0.3), (1.0, 7.0, 1.1), (0.15, 3.0, 0.7))
+GAP = 1e-4  # m, expected gap within which the contact of a body that stays on the surface counts as closed
+LOW_FRICTION, HIGH_FRICTION = 0.1, 5.0  # so that the pushed body slides all the time, or never
+
+
+def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Known external force (3,) at time t in s: three sines, in N, N and N m."""
+    return np.array([a * np.sin(w * t * 2.0 * np.pi + phase) for a, w, phase in PUSH])
+
+
+def _balanced(
+    body: PlanarFreeBody, mu: float, v: tuple[float, float, float], force: Callable | None
+) -> Record:
+    """A disk on the surface: its one contact stays closed whatever acts."""
+    q = np.array([0.0, 0.0, 0.0])
+    q[1] = -body.contacts_of(q[None]).phi[0].min()
+    return simulate(body, q, np.array(v), force, DEFAULT.h, STEPS, mu, 0.0)
+
+
+def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
+    """The cases by name, each with its motion and its window in unknown (m, I)."""
+    rolling, square = disk(settings), block(settings)
+    fast, still = (4.0, 0.0, 3.0), (0.0, 0.0, 0.0)
+    high, flat, tilted = (0.0, 3.0, 0.4), (0.0, 0.8, 0.0), (0.0, 0.95, 0.35)
+
+    def released(q: tuple, v: tuple, force: Callable | None) -> tuple[Record, float]:
+        arguments = (settings.h, STEPS, settings.mu, settings.epsilon)
+        return simulate(square, np.array(q), np.array(v), force, *arguments), settings.mu
+
+    motions = {
+        "disk slides, no force": (_balanced(rolling, LOW_FRICTION, fast, None), LOW_FRICTION),
+        "disk slides, force": (_balanced(rolling, LOW_FRICTION, fast, push), LOW_FRICTION),
+        "disk rolls, no force": (_balanced(rolling, HIGH_FRICTION, still, None), HIGH_FRICTION),
+        "disk rolls, force": (_balanced(rolling, HIGH_FRICTION, still, push), HIGH_FRICTION),
+        "flight, no force": released(high, (1.0, 0.0, 2.0), None),
+        "flight, force": released(high, (1.0, 0.0, 2.0), push),
+        "square lands tilted, no force": released(tilted, still, None),
+        "square lands tilted, force": released(tilted, still, push),
+        "square lands flat, no force": released(flat, still, None),
+    }
+    return {
+        name: (
+            record,
+            free_body_window(record, friction, gravity=(0.0, -settings.gravity), gap_tolerance=GAP),
+        )
+        for name, (record, friction) in motions.items()
+    }
+
+
+def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
+    """The square of figure 2-5 without external force: landing "flat" and "tilted"."""
+    cases = excitation_cases(settings)
+    return {name: cases[f"square lands {name}, no force"] for name in ("flat", "tilted")}
+
+
+def excitation_table(settings: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
+    """One row per case; columns as in the module's table."""
+    import pandas as pd
+
+    rows = []
+    for name, (record, window) in excitation_cases(settings).items():
+        found = identifiability(window)
+        rows.append(
+            {
+                "case": name,
+                "sigma_1": found.singular_values[0],
+                "sigma_2": found.singular_values[1],
+                "rank": found.rank,
+                "eq_2_18_rank": _sliding_rank(record, window, settings),
+                "not_identified": "; ".join(linear_combination(c, window.names) for c in found.null_space.T),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _sliding_rank(record: Record, window: ContactWindow, settings: Chapter2Bodies) -> int:
+    if window.gap.shape[1] != 1:
+        return -1
+    slides = window.touching[:, 0] & (window.v_t[:, 0] != 0.0) & (record.c_n[:, 0] > 0.0)
+    if not slides.any():
+        return -1
+    Y, _ = sliding_regressor(
+        record.v[:-1][slides],
+        record.v[1:][slides],
+        record.f_ext[slides],
+        record.J_n[slides, 0],
+        record.J_t[slides, 0],
+        h=record.h,
+        mu=window.mu,
+        gravity=settings.gravity,
+    )
+    columns = Y.reshape(-1, 4)
+    size = np.linalg.norm(columns, axis=0)
+    values = np.linalg.svd(columns[:, size > RANK_TOLERANCE] / size[size > RANK_TOLERANCE], compute_uv=False)
+    return int((values > RANK_TOLERANCE * values[0]).sum()) if len(values) else 0

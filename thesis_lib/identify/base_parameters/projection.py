@@ -1,0 +1,105 @@
+"""Projection of measured states to the contact manifold: the thesis's third treatment of uncertainty (section 2.3.2).
+
+Noise and discretisation leave a contact at a small gap, where eq. 2.12 allows no force.  A step whose expected gap lies
+below a tolerance is taken as contact, and its pose moves to the nearest one that touches, by Newton's steps
+
+    q ← q − W⁻¹ J_n' (J_n W⁻¹ J_n')⁻¹ φ(q)
+
+over all its closed contacts at once; where the sliding velocity at the end of the step is below a tolerance, the
+velocity is projected likewise to J_t v = 0, which makes the contact stick exactly.  W weighs turning against moving.
+Contacts that cannot all close at once (more than the pose can meet) close in the least-squares sense.
+
+What the thesis leaves open, which contacts touch, is decided here by tolerances; a wrong choice is not undone later.
+
+| on paper | in code         | unit    | shape       |                                                           |
+|----------|-----------------|---------|-------------|-----------------------------------------------------------|
+| W        | `metric`        |         | (nv,)       | diagonal; 1 for metres, a squared length for radians      |
+| φ        | `phi`           | m       | (n, p)      | gaps, zero at closed contacts after projection            |
+
+Source: thesis section 2.3.2, approach 3, figure 2-5.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.base_parameters.window import States, expected_gap
+from thesis_lib.simulate.stepping.multibody import Mechanism
+from thesis_lib.simulate.stepping.stepping import Record
+
+# Newton's steps; three or four are needed for a body, more only if contacts contradict each other
+ITERATIONS = 20
+CLOSED = 1e-12  # m, gap at which Newton's steps end
+
+
+@dataclass(frozen=True)
+class ProjectedRecord(States):
+    """States moved to the contact manifold.
+
+    Attributes:
+        closed: (m, p) contacts that were projected; hand them to the window.
+        moved: (m,) distance in the metric by which each pose was moved.
+    """
+
+    closed: np.ndarray
+    moved: np.ndarray
+
+
+def project_to_contact(
+    record: Record | States,
+    mechanism: Mechanism,
+    *,
+    a_free: np.ndarray,
+    gap_tolerance: float,
+    v_tolerance: float,
+    metric: np.ndarray | None = None,
+) -> ProjectedRecord:
+    """Poses with contact moved to touch, velocities after them to stick where they nearly do.
+
+    Args:
+        record: m steps; its gaps and Jacobians are recomputed.
+        mechanism: gives gaps and Jacobians of poses.
+        a_free: (m, nv) acceleration without contact forces.
+        gap_tolerance, v_tolerance: m and m/s, a few standard deviations of the noise of gap and sliding velocity.
+        metric: (nv,) diagonal of W; ones by default.
+
+    Raises:
+        UserError: states are not finite.
+    """
+    q, v = np.array(record.q, dtype=float), np.array(record.v, dtype=float)
+    if not (np.isfinite(q).all() and np.isfinite(v).all()):
+        raise UserError("poses or velocities are not finite: repair or cut the record before projecting it")
+    W_inverse = 1.0 / np.broadcast_to(1.0 if metric is None else np.asarray(metric, dtype=float), q.shape[1])
+    steps = len(record.f_ext)
+    contacts = mechanism.contacts_of(q[:steps])
+    closed = expected_gap(contacts.phi, contacts.J_n, v[:steps], a_free, record.h, gap_tolerance) == 0.0
+    for k in np.flatnonzero(closed.any(axis=1)):
+        for _ in range(ITERATIONS):
+            at = mechanism.contacts_of(q[k][None])
+            phi, J_n = at.phi[0, closed[k]], at.J_n[0, closed[k]]
+            if np.abs(phi).max() <= CLOSED:
+                break
+            q[k] -= _shortest(J_n, phi, W_inverse)
+    contacts = mechanism.contacts_of(q[:steps])
+    v_t = np.einsum("kpv,kv->kp", contacts.J_t, v[1 : steps + 1])
+    sticks = closed & (np.abs(v_t) <= v_tolerance)
+    for k in np.flatnonzero(sticks.any(axis=1)):
+        v[k + 1] -= _shortest(contacts.J_t[k, sticks[k]], v_t[k, sticks[k]], W_inverse)
+    moved = np.sqrt(np.sum((q - record.q)[:steps] ** 2 / W_inverse, axis=1))
+    return ProjectedRecord(
+        record.h,
+        q,
+        v,
+        np.asarray(record.f_ext, dtype=float),
+        contacts.phi,
+        contacts.J_n,
+        contacts.J_t,
+        closed,
+        moved,
+    )
+
+
+def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.ndarray:
+    """Shortest δ in the metric with J δ = value, in the least-squares sense where there is none."""
+    return W_inverse * (J.T @ np.linalg.lstsq((J * W_inverse) @ J.T, value, rcond=1e-10)[0])

@@ -1,0 +1,102 @@
+"""Cramér-Rao bound on m/I from the noisy states of one drop.
+
+No unbiased estimator has a smaller variance than the inverse of the Fisher information at the truth.  With impact
+steps and vertices known, the arcs are linear in their numbers u (information N) and linked by the rows g(u, η) = 0 of
+`arc_likelihood`; the information on η that is left when u is estimated too is
+
+    I_η = G_η' (G N⁻¹ G')⁻¹ G_η,     std(m/I) >= √(I_η⁻¹)_{00}.
+
+Without a contact law (impulses free, η = m/I) it bounds every estimator that knows nothing of friction and
+restitution; with the law, η = (m/I, ε, μ).  Two things it leaves out, so that it is no strict bound for an estimator
+that uses them: the steps at which the impacts fall say something about the gap, which is geometry, and are not
+differentiable; and at a low signal-to-noise ratio the steps themselves are uncertain, which makes the true limit
+larger.
+
+| on paper | in code  | unit               | shape    |                                            |
+|----------|----------|--------------------|----------|--------------------------------------------|
+| σ        | `sigma`  | m, rad; m/s, rad/s | (2, 3)   | noise of q and v                           |
+| k_j      | `steps`  | 1                  | (J,)     | true impact steps                          |
+
+Sources: C. R. Rao, Bulletin of the Calcutta Mathematical Society 37 (1945) 81; P. Stoica, B. C. Ng,
+IEEE Signal Processing Letters 5 (1998) 177, doi 10.1109/97.700921 (the bound under constraints).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.mass_ratio.likelihood import STICK, ArcModel, BodyShape, fit_arcs
+from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
+from thesis_lib.identify.segmentation import check_states, without_gravity
+from thesis_lib.simulate.stepping.stepping import Record
+
+# of μ c_n that |c_t| reaches when an impact slides; sticking ones miss it by far more
+SLIDE_SHARE = 1.0 - 1e-6
+
+
+@dataclass(frozen=True)
+class TrueImpacts:
+    """The impacts of a simulated drop of one free body.
+
+    Attributes:
+        steps: (J,) steps with a contact force.
+        vertices: (J,) contact pair with the largest force.
+        modes: (J,) 0 stick, ±1 slide with that sign of c_t.
+        alone: (J,) bool, no second pair has a force in that step.
+    """
+
+    steps: np.ndarray
+    vertices: np.ndarray
+    modes: np.ndarray
+    alone: np.ndarray
+
+
+def true_impacts(record: Record, mu: float) -> TrueImpacts:
+    """The steps of `record` with contact forces, friction coefficient `mu`."""
+    steps = np.flatnonzero((record.c_n > 0).any(axis=1))
+    c_n, c_t = record.c_n[steps], record.c_t[steps]
+    vertices = c_n.argmax(axis=1)
+    own_n, own_t = (np.take_along_axis(c, vertices[:, None], axis=1)[:, 0] for c in (c_n, c_t))
+    slides = (np.abs(own_t) >= SLIDE_SHARE * mu * own_n) & (own_t != 0.0)
+    modes = np.where(slides, np.sign(own_t), STICK).astype(int)
+    return TrueImpacts(steps, vertices, modes, (c_n > 0).sum(axis=1) == 1)
+
+
+def ratio_bound(
+    h: float,
+    q: np.ndarray,
+    v: np.ndarray,
+    sigma: np.ndarray,
+    impacts: TrueImpacts,
+    shape: BodyShape,
+    gravity: float = 9.81,
+    *,
+    law: bool = False,
+) -> float:
+    """Least standard deviation of m/I in 1/m²; infinite if the drop says nothing about it.
+
+    Args:
+        h: time step, s.
+        q, v: (m+1, 3) true states.
+        sigma: (2, 3) noise.
+        impacts: the true ones.
+        shape, gravity: of the body; m/s².
+        law: Newton's restitution and Coulomb's friction are known to hold, with unknown coefficients.
+
+    Raises:
+        UserError: the states cannot be a drop, or the noise is not positive.
+    """
+    check_states(h, q, v)
+    if not (np.asarray(sigma) > 0).all():
+        raise UserError(
+            "The Cramér-Rao bound needs noise above zero in every channel: without noise it is zero."
+        )
+    if not len(impacts.steps):
+        return np.inf
+    sums = ArcSums(h, *without_gravity(h, q, v, gravity))
+    statistics = sums.statistics(impacts.steps[None], np.asarray(sigma, dtype=float))
+    modes = impacts.modes[None] if law else None
+    # at the truth the rows already hold: the fit stays there and its std is the bound
+    fit = fit_arcs(ArcModel(statistics, impacts.vertices[None], h, shape, gravity, modes))
+    return float(fit.std[0, 0])

@@ -1,0 +1,191 @@
+"""The mass-to-inertia ratio m/I of a body from the noisy states of one drop.
+
+The samples are noisy in position and velocity, and m/I multiplies noisy quantities; the programs that take the samples
+as the truth (thesis eq. 2.12, 2.23) are therefore biased, see `plain_program`.  Here the truth is unknown too:
+
+1. noise from differences, flights by dynamic programming (`segmentation`);
+2. noise again, from the residuals of the arcs;
+3. every hypothesis that the samples leave open about steps, vertices and modes is fitted (`arc_hypotheses`) by maximum
+   likelihood (`arc_likelihood`);
+4. the estimate is the mean over the hypotheses with weights exp(-χ²/2), its variance theirs plus that between them;
+5. a χ² test of what links the arcs, and one of the noise of the arcs against that of differences, decide whether the
+   drop is believed; a drop that fails is first tried with one impact more, two vertices that hit within few steps.
+
+With `law=True` the hypotheses share ε and μ over the drop, both unknown, and start from what the free impulses say; if
+the samples reject the law, the estimate is that with free impulses.  The bias that is left, of second order in the
+noise, is taken out by refitting around the estimate (`arc_hypotheses`).
+
+| on paper | in code | unit   |                                             |
+|----------|---------|--------|---------------------------------------------|
+| m/I      | `value` | 1/m²   | for a planar body 1 / k², k radius of gyration |
+| ε, μ     | `epsilon`, `mu` | 1 |                                          |
+| σ        | `sigma` | m, rad, m/s, rad/s | (2, 3): of q and of v, estimated |
+
+Sources: thesis section 2.4, table 2.1; A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 7.4 (averaging over
+discrete hypotheses).
+"""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+
+from thesis_lib.identify.mass_ratio.hypotheses import DropHypotheses, FittedHypotheses
+from thesis_lib.identify.mass_ratio.likelihood import STICK, BodyShape
+from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
+from thesis_lib.identify.segmentation import (
+    check_states,
+    floored,
+    impact_steps,
+    noise_from_differences,
+    without_gravity,
+)
+
+P_MISFIT = 1e-4  # probability of a larger χ² under which a drop is not believed
+NOISE_SIGMAS = 5.0  # standard deviations by which noise of arcs may exceed that of differences
+MAX_IMPACTS = 6  # more in one window make the hypotheses too many; cut the window
+
+
+class EstimateStatus(IntEnum):
+    """What became of one drop."""
+
+    OK = 0
+    NO_IMPACT = 1  # nothing in the window tells m/I: no impact was found
+    NOT_DETERMINED = 2  # impacts, but their levers r_x Δv_y - r_y Δv_x are lost in the noise
+    MISFIT = 3  # the impacts contradict each other at any m/I
+    NOISE = 4  # the arcs leave residuals larger than the noise of differences: not free flight
+    NOT_CONVERGED = 5
+    TOO_MANY_IMPACTS = 6
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """m/I of one drop.
+
+    Attributes:
+        value: m/I in 1/m²; NaN where no number could be computed, else also given for drops that are not believed.
+        std: its standard deviation, 1/m².
+        status: `EstimateStatus`; only `OK` is to be used.
+        chi2: χ² of what links the arcs, `dof` its degrees of freedom, `p_value` the probability of more.
+        impacts: impact steps k of the best hypothesis: the velocity changes from v_k to v_{k+1}.
+        vertices: the vertices that hit, numbered as in the shape (0 for smooth shapes).
+        sigma: (2, 3) standard deviations of q and v, estimated.
+        law: whether the contact law was used.
+        epsilon, mu: under the contact law, else NaN; mu is NaN too if no impact slides.
+        hypotheses: number of hypotheses fitted.
+    """
+
+    value: float
+    std: float
+    status: EstimateStatus
+    chi2: float
+    dof: int
+    p_value: float
+    impacts: tuple[int, ...]
+    vertices: tuple[int, ...]
+    sigma: np.ndarray
+    law: bool = False
+    epsilon: float = np.nan
+    mu: float = np.nan
+    hypotheses: int = 0
+
+
+def estimate_ratio(
+    h: float,
+    q: np.ndarray,
+    v: np.ndarray,
+    shape: BodyShape,
+    gravity: float = 9.81,
+    *,
+    law: bool = False,
+    use_gap: bool = True,
+    correct: bool = True,
+    sigma: np.ndarray | None = None,
+) -> Estimate:
+    """Estimate m/I from one drop on the level surface y = 0.
+
+    Args:
+        h: time step between samples, s.
+        q, v: (m+1, 3) noisy positions (m, m, rad) and velocities; θ continuous.
+        shape: of the body; a polygon's vertices are its possible contact points.
+        gravity: m/s².
+        law: assume Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop.
+        use_gap: use that an impulse acts in the first step that would end in the surface.
+        correct: take the second-order bias out.
+        sigma: (2, 3) noise if known; estimated otherwise.
+
+    Raises:
+        UserError: states of wrong shape, with NaN or infinity, or too few.
+    """
+    check_states(h, q, v)
+    q, v = without_gravity(h, np.asarray(q), np.asarray(v), gravity)
+    noise = noise_from_differences(q, v) if sigma is None else np.asarray(sigma, dtype=float)
+    steps = impact_steps(h, q, v, noise)
+    if not 0 < len(steps) <= MAX_IMPACTS:
+        status = EstimateStatus.TOO_MANY_IMPACTS if len(steps) else EstimateStatus.NO_IMPACT
+        return _without_value(status, steps, noise)
+    sums = ArcSums(h, q, v)
+    drop = DropHypotheses(sums, h, shape, gravity, use_gap, floored(noise, q, v))
+    if sigma is None:
+        drop.estimate_noise(steps)
+    best = drop.fit_best(steps)
+    estimate = _estimate(best, noise, drop.sigma, len(q))
+    if law and best.any:
+        lawful = drop.fit_law(best)
+        if lawful.any and lawful.p_value >= P_MISFIT:
+            best, estimate = lawful, _estimate(lawful, noise, drop.sigma, len(q))
+    if correct and estimate.status == EstimateStatus.OK:
+        bias = drop.bias(best)
+        if abs(bias) < estimate.std:
+            estimate = replace(estimate, value=estimate.value - bias)
+    return estimate
+
+
+def _estimate(best: FittedHypotheses, noise: np.ndarray, sigma: np.ndarray, n: int) -> Estimate:
+    f, row = best.fit, best.row
+    weight = best.weight / max(best.weight.sum(), np.finfo(float).tiny)
+    used = weight > 1e-6
+    value = float(weight[used] @ f.ratio[used])
+    std = float(np.sqrt(weight[used] @ (f.std[used, 0] ** 2 + (f.ratio[used] - value) ** 2)))
+    # the median deviation of n samples spreads by 1.17 / √n, the residual spread by 0.7 / √n
+    excess = (sigma / noise - 1.0) / (1.4 / np.sqrt(n))
+    if not best.any:
+        status = EstimateStatus.NOT_CONVERGED
+    elif (excess > NOISE_SIGMAS).any():
+        status = EstimateStatus.NOISE
+    elif best.p_value < P_MISFIT:
+        status = EstimateStatus.MISFIT
+    elif not std < value:
+        status = EstimateStatus.NOT_DETERMINED
+    else:
+        status = EstimateStatus.OK
+    lawful = best.modes is not None
+    return Estimate(
+        value=value if best.any else np.nan,
+        std=std if best.any else np.nan,
+        status=status,
+        chi2=float(f.misfit[row]),
+        dof=best.dof,
+        p_value=best.p_value,
+        impacts=tuple(int(k) for k in best.statistics.steps[row]),
+        vertices=tuple(int(i) for i in best.vertices[row]),
+        sigma=sigma,
+        law=lawful,
+        epsilon=float(f.eta[row, 1]) if lawful else np.nan,
+        mu=float(f.eta[row, 2]) if lawful and (best.modes[row] != STICK).any() else np.nan,
+        hypotheses=best.tried,
+    )
+
+
+def _without_value(status: EstimateStatus, steps: np.ndarray, sigma: np.ndarray) -> Estimate:
+    return Estimate(
+        value=np.nan,
+        std=np.nan,
+        status=status,
+        chi2=np.nan,
+        dof=0,
+        p_value=np.nan,
+        impacts=tuple(int(k) for k in steps),
+        vertices=(),
+        sigma=sigma,
+    )

@@ -1,0 +1,230 @@
+"""Hypotheses about the impacts of one drop: which steps, which vertices, which modes, one hit or two.
+
+The samples leave open what a drop consisted of: impact steps up to `STEP_WINDOW` away from those of the segmentation,
+vertices of nearly equal height, two vertices that hit within a few steps instead of one, and under the contact law
+the mode of each impact.  χ²_free, which costs next to nothing, bounds χ² of a hypothesis from below and rules out
+most; the rest are fitted together (`arc_likelihood`).
+
+| on paper  | in code     | unit | shape  |                                       |
+|-----------|-------------|------|--------|---------------------------------------|
+| k_j       | `steps`     | 1    | (J,)   | impact steps of the segmentation      |
+|           | `vertices`  | 1    | (B, J) | touching vertices, numbered as in the shape |
+|           | `modes`     | 1    | (B, J) | 0 stick, ±1 slide with that sign of c_t |
+
+Source: A. H. Land, A. G. Doig, Econometrica 28 (1960) 497, doi 10.2307/1910129 (ruling out by a bound).
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.identify.mass_ratio.likelihood import (
+    SLIDE_BACK,
+    SLIDE_FORWARD,
+    STICK,
+    ArcFit,
+    ArcModel,
+    BodyShape,
+    corner_points,
+    fit_arcs,
+)
+from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcStatistics, ArcSums
+from thesis_lib.identify.segmentation import floored
+
+STEP_WINDOW = 2  # steps to each side of the segmentation's that are tried
+# with more, one step to each side is tried: the hypotheses grow as 5 to the number of impacts
+MANY_IMPACTS = 4
+# χ² by which a hypothesis may be worse than the best and still be tried: weights of e^-12 do not count
+OPEN = 25.0
+MAX_HYPOTHESES = 3000  # per number of impacts; the best by χ²_free are kept
+DOUBLE_HIT_STEPS = 8  # how far apart the two hits of a split impact are looked for
+P_SPLIT = 0.02  # probability of a larger χ² under which a split is tried
+SLIDE_COST = 8.0  # χ² that letting impacts slide has to save: it adds μ, known then to about 1 % of its range
+# a sticking impact with |Δv_x| above this times μ Δv_y contradicts the μ of the sliding ones
+CONE_SLACK = 1.2
+SPLIT_GAIN = 20.0  # χ² a split has to save: three unknowns more, looked for at about a hundred places
+
+
+@dataclass
+class FittedHypotheses:
+    """Hypotheses of one number of impacts, fitted.
+
+    Attributes:
+        statistics, vertices, modes, fit: of B hypotheses; `modes` is None where impulses are free.
+        tried: number of hypotheses fitted on the way here.
+        any: whether one of them converged.
+        row: the best one, `chi2_min` its χ²; `dof` and `p_value` are of its misfit.
+        weight: (B,) exp(-χ²/2) relative to the best; 0 where not converged.
+    """
+
+    statistics: ArcStatistics
+    vertices: np.ndarray
+    modes: np.ndarray | None
+    fit: ArcFit
+    tried: int
+
+    def __post_init__(self):
+        from scipy.stats import chi2
+
+        usable = self.fit.converged & np.isfinite(self.fit.chi2)
+        score = self.fit.chi2.copy()
+        if self.modes is not None:
+            slides = self.modes != STICK
+            u, mu = self.fit.u, self.fit.eta[:, 2]
+            held = np.abs(u[:, 0, 2:]) <= CONE_SLACK * mu[:, None] * u[:, 1, 2:]
+            # a negative μ is the other direction of sliding, which has a hypothesis of its own
+            usable &= ~slides.any(axis=1) | ((mu >= 0) & (held | slides).all(axis=1))
+            score += SLIDE_COST * slides.any(axis=1)
+        score[~usable] = np.inf
+        self.any = bool(usable.any())
+        self.row = int(np.argmin(score))
+        self.chi2_min = float(score[self.row])
+        self.weight = np.exp(-0.5 * (score - self.chi2_min)) if self.any else np.zeros(len(score))
+        self.dof = int(self.fit.dof[self.row])
+        # a drop with as many unknowns as rows fits exactly: nothing to test
+        self.p_value = float(chi2.sf(self.fit.misfit[self.row], self.dof)) if self.dof > 0 else 1.0
+
+
+class DropHypotheses:
+    """What may have happened in one drop.
+
+    Args:
+        sums: of the samples.
+        h: time step, s.
+        shape, gravity: of the body; m/s².
+        use_gap: whether the gaps at the impacts are part of the likelihood.
+        sigma: (2, 3) noise.
+    """
+
+    def __init__(
+        self, sums: ArcSums, h: float, shape: BodyShape, gravity: float, use_gap: bool, sigma: np.ndarray
+    ):
+        self.sums, self.h, self.shape, self.gravity, self.use_gap = sums, h, shape, gravity, use_gap
+        self.sigma = sigma
+
+    def estimate_noise(self, steps: np.ndarray) -> None:
+        """Noise from the residuals of the best free arcs near `steps`."""
+        near = self._near(steps)
+        best = near.take(np.argmin(near.chi2_free)[None])
+        spread = self.sums.residual_spread(best.steps[0], best.u[0])
+        self.sigma = floored(spread, self.sums.q, self.sums.v)
+
+    def fit_best(self, steps: np.ndarray) -> FittedHypotheses:
+        """As `fit`, with one impact taken as two hits where the samples clearly prefer that."""
+        unsplit = best = self.fit(steps)
+        if corner_points(self.shape) is not None:
+            for j in range(len(steps)):
+                split = self.fit_split(steps, j, unsplit)
+                if split is not None and split.chi2_min < min(best.chi2_min, unsplit.chi2_min - SPLIT_GAIN):
+                    best = split
+        return best
+
+    def fit(self, steps: np.ndarray) -> FittedHypotheses:
+        """Every open hypothesis with the number of impacts of `steps`, impulses free."""
+        return self._fit_all(self._near(steps))
+
+    def fit_split(self, steps: np.ndarray, j: int, unsplit: FittedHypotheses) -> FittedHypotheses | None:
+        """As `fit`, with impact j taken as two; None if that promises nothing over `unsplit`."""
+        k = steps[j]
+        pairs = [
+            (a, b)
+            for a in range(k - DOUBLE_HIT_STEPS, k + DOUBLE_HIT_STEPS)
+            for b in range(a + 1, min(a + DOUBLE_HIT_STEPS, k + DOUBLE_HIT_STEPS) + 1)
+            if a <= k <= b
+        ]
+        candidates = [np.concatenate([steps[:j], pair, steps[j + 1 :]]) for pair in pairs]
+        candidates = self._valid(np.array(candidates))
+        if not len(candidates):
+            return None
+        statistics = self.sums.statistics(candidates, self.sigma)
+        gain = unsplit.statistics.chi2_free[unsplit.row] - statistics.chi2_free.min()
+        return self._fit_all(statistics) if gain > SPLIT_GAIN or unsplit.p_value < P_SPLIT else None
+
+    def fit_law(self, free: FittedHypotheses) -> FittedHypotheses:
+        """The open hypotheses of `free` under the contact law, with every combination of modes."""
+        open_ = np.flatnonzero(free.fit.chi2 < free.chi2_min + OPEN)
+        J = free.statistics.steps.shape[1]
+        modes = np.array(list(itertools.product((STICK, SLIDE_FORWARD, SLIDE_BACK), repeat=J)))
+        limit = max(1, MAX_HYPOTHESES // len(modes))
+        open_ = open_[np.argsort(free.fit.chi2[open_], kind="stable")][:limit]
+        rows, modes = np.repeat(open_, len(modes)), np.tile(modes, (len(open_), 1))
+        statistics, vertices = free.statistics.take(rows), free.vertices[rows]
+        model = self._model(statistics, vertices, modes)
+        fit = fit_arcs(model, free.fit.u[rows])
+        return FittedHypotheses(statistics, vertices, modes, fit, free.tried + len(rows))
+
+    def bias(self, best: FittedHypotheses) -> float:
+        """Second-order bias of m/I, 1/m²: half the curvature of the estimate along each direction of the noise.
+
+        E[f(û)] - f(u) = ½ Σ_i L_i' f'' L_i with L L' = N⁻¹ the covariance of the arcs; f'' by refitting at u ± L_i.
+        """
+        s = best.statistics.take(np.array([best.row]))
+        u, n = best.fit.u[best.row], s.u.shape[2]
+        columns = np.swapaxes(np.linalg.inv(s.root[0]), 1, 2)  # (3, n, n): rows are the columns of R⁻¹
+        moves = np.zeros((3 * n, 3, n))
+        for c in range(3):
+            moves[c * n : (c + 1) * n, c] = columns[c]
+        moved = np.concatenate([u[None], u + moves, u - moves])
+        B = len(moved)
+        rows = np.zeros(B, dtype=int)
+        statistics = replace(s.take(rows), u=moved)
+        modes = None if best.modes is None else np.repeat(best.modes[[best.row]], B, axis=0)
+        fit = fit_arcs(
+            self._model(statistics, np.repeat(best.vertices[[best.row]], B, axis=0), modes),
+            moved,
+            np.repeat(best.fit.eta[[best.row]], B, axis=0),
+        )
+        if not fit.converged.all():
+            return 0.0
+        return float(0.5 * (fit.ratio[1:] - fit.ratio[0]).sum())
+
+    def _near(self, steps: np.ndarray) -> ArcStatistics:
+        window = STEP_WINDOW if len(steps) <= MANY_IMPACTS else 1
+        offsets = np.array(list(itertools.product(range(-window, window + 1), repeat=len(steps))))
+        return self.sums.statistics(self._valid(steps + offsets), self.sigma)
+
+    def _valid(self, steps: np.ndarray) -> np.ndarray:
+        inside = (steps[:, 0] >= 1) & (steps[:, -1] < self.sums.m) & (np.diff(steps, axis=1) > 0).all(axis=1)
+        return np.unique(steps[inside], axis=0)
+
+    def _model(self, statistics: ArcStatistics, vertices: np.ndarray, modes: np.ndarray | None) -> ArcModel:
+        return ArcModel(statistics, vertices, self.h, self.shape, self.gravity, modes, self.use_gap)
+
+    def _fit_all(self, statistics: ArcStatistics) -> FittedHypotheses:
+        # χ²_free bounds χ² from below: what is far above the best of it stays so
+        order = np.argsort(statistics.chi2_free, kind="stable")
+        order = order[statistics.chi2_free[order] < statistics.chi2_free[order[0]] + 2.0 * OPEN]
+        rows, vertices = self._vertices(statistics.take(order))
+        rows, vertices = rows[:MAX_HYPOTHESES], vertices[:MAX_HYPOTHESES]
+        statistics = statistics.take(order[rows])
+        fit = fit_arcs(self._model(statistics, vertices, None))
+        return FittedHypotheses(statistics, vertices, None, fit, len(rows))
+
+    def _vertices(self, s: ArcStatistics) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (H,) of `s` and vertices (H, J): each combination of vertices that could be the lowest."""
+        B, J = s.steps.shape
+        corners = corner_points(self.shape)
+        if corners is None:
+            return np.arange(B), np.zeros((B, J), dtype=int)
+        model = self._model(s, np.zeros((B, J), dtype=int), None)
+        theta = model.angles(s.u)
+        theta_std = np.sqrt(
+            np.einsum("bji,bij->bj", model.at, np.linalg.solve(s.N[:, 2], np.swapaxes(model.at, 1, 2)))
+        )
+        x, y = corners.T
+        sin, cos = np.sin(theta)[..., None], np.cos(theta)[..., None]
+        r_x, r_y = cos * x - sin * y, sin * x + cos * y
+        low = np.argmin(r_y, axis=2)[..., None]
+        above = r_y - np.take_along_axis(r_y, low, 2)
+        turn = np.abs(r_x - np.take_along_axis(r_x, low, 2))
+        # a higher vertex can hit if the angle is uncertain, or within the way of a few steps (two hits in a row)
+        way = 2.0 * self.h * np.abs(s.u[:, 1, 2:])
+        able = above <= 4.0 * theta_std[..., None] * turn + way[..., None]
+        rows, chosen = [], []
+        for b in range(B):
+            options = [np.flatnonzero(able[b, j]) for j in range(J)]
+            for pick in itertools.product(*options):
+                rows.append(b)
+                chosen.append(pick)
+        return np.array(rows), np.array(chosen, dtype=int)

@@ -1,0 +1,125 @@
+"""The thesis's program for m/I of one free body, eq. 2.23, on samples taken as the truth: what the noise does to it.
+
+    minimise over m/I, c   Σ_k |v_{k+1} - v_k - h g - diag(1, 1, m/I) (J_n' c_n + J_t' c_t)_k|²
+    subject to             c_n >= 0,  |c_t| <= μ c_n,  c_n = 0 off contact,  c_t = -sign(v_t) μ c_n if sliding,
+
+impulses per mass.  For given samples the gap, the Jacobians and the sliding velocity are numbers, so that for each
+m/I the program falls apart into one convex problem of two unknowns per step, solved in closed form (projection on a
+cone in the plane): the whole program is a search over one number.  One pair, the lowest at its end, may act in a
+step.  With noise no sample lies on the contact manifold; as the thesis softens the distance (its approach 1), a gap
+or a sliding velocity within `TOLERANCE` standard deviations of zero counts as zero.  That the thesis used just this
+variant is not known.
+
+| on paper | in code   | unit   | shape    |                                                           |
+|----------|-----------|--------|----------|-----------------------------------------------------------|
+| b        | `b`       | m/s, rad/s | (s, 3) | velocity change beyond gravity in s steps near contact  |
+| A        | `A_t`, `A_n` |     | (r, s, 3) | columns diag(1, 1, m/I) J', for r trial values of m/I    |
+
+Source: thesis eq. 2.12, 2.13, 2.23 and table 2.1.
+"""
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.segmentation import check_states
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+
+TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
+EXACT = 1e-9  # m, m/s: the same without noise, well above rounding
+# range of m/I times the extent squared: 1 has all mass at the extent, 100 at a tenth of it
+SEARCH = (0.01, 100.0)
+_GRID, _REFINEMENTS = 121, 6  # points per search; each refinement narrows to the two cells around the best
+
+
+def plain_ratio(
+    body: PlanarFreeBody, h: float, q: np.ndarray, v: np.ndarray, mu: float, sigma: np.ndarray | None = None
+) -> float:
+    """m/I in 1/m² by eq. 2.23; NaN if no sample is near contact.
+
+    Args:
+        body: its shape and gravity are used, its inertia is not.
+        h: time step, s.
+        q, v: (m+1, 3) noisy states.
+        mu: friction coefficient, known.
+        sigma: (2, 3) noise of q and v, for the tolerances; None: exact data.
+
+    Raises:
+        UserError: the states cannot be a drop, or the friction coefficient is negative.
+    """
+    check_states(h, q, v)
+    if not mu >= 0:
+        raise UserError(f"The program of eq. 2.23 needs a friction coefficient of at least 0; got {mu}.")
+    sigma = np.zeros((2, 3)) if sigma is None else np.asarray(sigma, dtype=float)
+    free = h * body.gravity(q[0]) / body.mass
+    contacts = body.contacts_of(q[:-1])
+    # the time stepper acts when the step would end below: gap after the free step, cut at 0
+    ahead = contacts.phi + h * np.einsum("kpi,ki->kp", contacts.J_n, v[:-1] + free)
+    rows, lowest = np.arange(len(q) - 1), ahead.argmin(axis=1)
+    J_n, J_t = contacts.J_n[rows, lowest], contacts.J_t[rows, lowest]
+    gap = np.maximum(ahead[rows, lowest], 0.0)
+    gap_std = np.sqrt(sigma[0, 1] ** 2 + (J_n[:, 2] * sigma[0, 2]) ** 2)
+    near = gap <= TOLERANCE * gap_std + EXACT
+    if not near.any():
+        return np.nan
+    J_n, J_t = J_n[near], J_t[near]
+    b = (v[1:] - v[:-1] - free)[near]
+    v_t = np.einsum("ki,ki->k", J_t, v[1:][near])
+    v_t_std = np.sqrt(sigma[1, 0] ** 2 + (J_t[:, 2] * sigma[1, 2]) ** 2)
+    slides = np.abs(v_t) > TOLERANCE * v_t_std + EXACT
+    sign = np.where(slides, -np.sign(v_t), 0.0)
+
+    low, high = np.log(np.array(SEARCH) / _extent(body) ** 2)
+    for _ in range(_REFINEMENTS):
+        grid = np.linspace(low, high, _GRID)
+        best = int(np.argmin(_cost(np.exp(grid), b, J_n, J_t, mu, sign)))
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, _GRID - 1)]
+    return float(np.exp(grid[best]))
+
+
+def impact_least_squares(
+    body: PlanarFreeBody, h: float, q: np.ndarray, v: np.ndarray, steps: np.ndarray
+) -> float:
+    """m/I in 1/m² by least squares of Δω on r_x Δv_y - r_y Δv_x at known impact steps (J,); NaN without any.
+
+    What eq. 2.23 comes to when the contact steps are known, friction is left free and only Δω has to be explained:
+    the classical case of noise in the regressor, which draws the slope towards zero.
+    """
+    check_states(h, q, v)
+    if not len(steps):
+        return np.nan
+    free = h * body.gravity(q[0]) / body.mass
+    contacts = body.contacts_of(q[steps])
+    ahead = contacts.phi + h * np.einsum("kpi,ki->kp", contacts.J_n, v[steps] + free)
+    rows, lowest = np.arange(len(steps)), ahead.argmin(axis=1)
+    r_x, minus_r_y = contacts.J_n[rows, lowest, 2], contacts.J_t[rows, lowest, 2]
+    change = v[steps + 1] - v[steps] - free
+    lever = r_x * change[:, 1] + minus_r_y * change[:, 0]
+    return float(lever @ change[:, 2] / (lever @ lever))
+
+
+def _extent(body: PlanarFreeBody) -> float:
+    return float(np.linalg.norm(body.shape.outline(), axis=1).max())
+
+
+def _cost(
+    ratio: np.ndarray, b: np.ndarray, J_n: np.ndarray, J_t: np.ndarray, mu: float, sign: np.ndarray
+) -> np.ndarray:
+    """Σ_k min_c |b - A c|² (r,) for trial ratios (r,), up to Σ |b|²; `sign` (s,) of c_t where sliding, else 0."""
+    weight = np.stack([np.ones_like(ratio), np.ones_like(ratio), ratio], axis=1)[:, None, :]
+    A_t, A_n = weight * J_t, weight * J_n
+    tt, nn, tn = (A_t**2).sum(-1), (A_n**2).sum(-1), (A_t * A_n).sum(-1)
+    bt, bn = (A_t * b).sum(-1), (A_n * b).sum(-1)
+    # explained part of |b|² on each edge of the cone, c = s (±μ, 1) with s >= 0
+    edges = []
+    for side in (1.0, -1.0):
+        along, square = bn + side * mu * bt, nn + 2.0 * side * mu * tn + mu**2 * tt
+        edge = np.maximum(along, 0.0) ** 2 / square
+        edges.append(np.where((sign == 0.0) | (sign == side), edge, 0.0))
+    explained = np.maximum(*edges)
+    # and inside of it, where sticking
+    det = tt * nn - tn**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        c_t, c_n = (nn * bt - tn * bn) / det, (tt * bn - tn * bt) / det
+    inside = (sign == 0.0) & (det > 0) & (c_n >= 0) & (np.abs(c_t) <= mu * c_n)
+    explained = np.where(inside, c_t * bt + c_n * bn, explained)
+    return -explained.sum(axis=1)

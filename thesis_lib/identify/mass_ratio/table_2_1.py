@@ -1,0 +1,224 @@
+"""Table 2.1 of the thesis: m/I of block and ellipse from drops at four signal-to-noise ratios, with bounds.
+
+Drops are simulated (`simulate.chapter2`: releases, time step, coefficients), cut before the fourth impact, and left
+out, with a count, when two corners hit in one step (the impulse is then shared in a way no state shows), when fewer
+than two impacts happen, or when fewer than `min_after` samples follow the last one.  Each ratio adds fresh noise
+(`simulate.noise_snr`). Methods on the same noisy states:
+
+- plain: eq. 2.23 on the samples, noise level and μ given (`plain_program.plain_ratio`)
+- least_squares: Δω against lever at the true impact steps (`plain_program.impact_least_squares`)
+- arcs: maximum likelihood over arcs and impulses, noise estimated (`arcs_ml.estimate_ratio`), impulses free, no gap
+- arcs_gap: the same, with the gap at the impacts
+- arcs_law: the same, with the contact law, μ and ε unknown
+
+The bound of a row is the root mean square of the Cramér-Rao bounds of its drops, without contact law for all methods,
+so that errors of arcs_gap and arcs_law below it are what geometry and the law add; `law_bound` is that with the law.
+Bounds differ much between drops (an ellipse that hardly turns says little), and the root mean square is that of the
+worst: `error_over_bound` divides each error by its own drop's bound and is 1 for an efficient estimator.
+
+The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.
+
+Source: thesis section 2.4, table 2.1.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound, true_impacts
+from thesis_lib.identify.mass_ratio.estimate import EstimateStatus, estimate_ratio
+from thesis_lib.identify.mass_ratio.plain_program import impact_least_squares, plain_ratio
+from thesis_lib.identify.segmentation import MAD
+from thesis_lib.identify.settings import Table21
+from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, releases
+from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.simulate.stepping.stepping import Record, simulate
+
+Method = Literal["plain", "least_squares", "arcs", "arcs_gap", "arcs_law"]
+METHODS: tuple[Method, ...] = ("plain", "least_squares", "arcs", "arcs_gap", "arcs_law")
+# table 2.1: mean error and its standard deviation in 1/m², and the mean error in percent; by SNR in dB
+THESIS = {
+    "block": {
+        40: (-0.021, 0.097, -0.35),
+        30: (-0.125, 0.311, -2.083),
+        20: (-0.659, 0.912, -10.98),
+        10: (-3.491, 1.366, -58.197),
+    },
+    "ellipse": {
+        40: (-0.031, 0.101, -0.31),
+        30: (-0.136, 0.443, -2.34),
+        20: (-0.712, 0.820, -11.71),
+        10: (-4.891, 1.938, -80.44),
+    },
+}
+LEFT_OUT = ("not solved", "two corners at once", "few impacts", "short end")
+_BATCH = 64  # releases drawn at a time
+_MAX_BATCHES = 100
+
+
+@dataclass(frozen=True)
+class Drops:
+    """Drops of one body that are kept.
+
+    Attributes:
+        body: what fell.
+        records: windows of the simulation.
+        impacts: of each record.
+        left_out: number of drops left out for each reason of `LEFT_OUT`.
+    """
+
+    body: PlanarFreeBody
+    records: tuple[Record, ...]
+    impacts: tuple[TrueImpacts, ...]
+    left_out: dict[str, int]
+
+
+def make_drops(
+    kind: str,
+    n: int,
+    rng: np.random.Generator,
+    settings: Table21 | None = None,
+    bodies: Chapter2Bodies = DEFAULT,
+) -> Drops:
+    """Simulate drops of "block" or "ellipse" until n are kept.
+
+    Raises:
+        RuntimeError: hardly any drop is kept; the settings contradict each other.
+    """
+    settings = settings or Table21()
+    body = BODIES[kind](bodies)
+    reasons: Counter[str] = Counter({reason: 0 for reason in LEFT_OUT})
+    records, impacts = [], []
+    for _ in range(_MAX_BATCHES):
+        for q, v in zip(*releases(kind, _BATCH, rng, bodies)):
+            record = simulate(body, q, v, None, bodies.h, bodies.steps, bodies.mu, bodies.epsilon)
+            record, found, reason = _window(record, bodies.mu, settings)
+            if reason:
+                reasons[reason] += 1
+                continue
+            records.append(record)
+            impacts.append(found)
+            if len(records) == n:
+                return Drops(body, tuple(records), tuple(impacts), dict(reasons))
+    raise RuntimeError(
+        f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {dict(reasons)}"
+    )
+
+
+def _window(record: Record, mu: float, settings: Table21) -> tuple[Record, TrueImpacts | None, str]:
+    if not record.solved:
+        return record, None, "not solved"
+    steps = true_impacts(record, mu).steps
+    if len(steps) > settings.max_impacts:
+        if steps[settings.max_impacts] == 0:
+            return record, None, "few impacts"
+        record = record.window(0, int(steps[settings.max_impacts]))
+    found = true_impacts(record, mu)
+    if len(found.steps) < settings.min_impacts:
+        return record, None, "few impacts"
+    if not found.alone.all():
+        return record, None, "two corners at once"
+    if record.steps - found.steps[-1] < settings.min_after:
+        return record, None, "short end"
+    return record, found, ""
+
+
+def left_out_table(kind: str, drops: Drops) -> pd.DataFrame:
+    """Numbers of drops that were left out, a row per reason of `LEFT_OUT`."""
+    reasons = list(drops.left_out)
+    return pd.DataFrame({"shape": kind, "reason": reasons, "drops": [drops.left_out[r] for r in reasons]})
+
+
+def study(
+    kind: str,
+    drops: Drops,
+    rng: np.random.Generator,
+    settings: Table21 | None = None,
+    bodies: Chapter2Bodies = DEFAULT,
+    methods: tuple[Method, ...] = METHODS,
+) -> pd.DataFrame:
+    """Every method on every drop at every ratio, a row each.
+
+    Columns: shape, snr, drop, method, ratio (1/m²), error (%), std (%, stated), bound, law_bound (%), status.
+    """
+    settings = settings or Table21()
+    body, mu = drops.body, bodies.mu
+    truth = body.mass / body.inertia
+    rows = []
+    for snr in settings.snr:
+        for i, (record, impacts) in enumerate(zip(drops.records, drops.impacts)):
+            noisy = add_noise(record, snr, rng)
+            exact = (record.h, record.q, record.v, noisy.sigma, impacts, body.shape, bodies.gravity)
+            bounds = [100.0 * ratio_bound(*exact, law=law) / truth for law in (False, True)]
+            for method in methods:
+                value, std, status = _apply(method, body, record.h, noisy, impacts, mu, bodies.gravity)
+                error = 100.0 * (value / truth - 1.0)
+                rows.append((kind, snr, i, method, value, error, 100.0 * std / truth, *bounds, status))
+    columns = ["shape", "snr", "drop", "method", "ratio", "error", "std", "bound", "law_bound", "status"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _apply(method, body, h, noisy, impacts, mu, gravity) -> tuple[float, float, str]:
+    q, v = noisy.q, noisy.v
+    if method == "plain":
+        value = plain_ratio(body, h, q, v, mu, noisy.sigma)
+    elif method == "least_squares":
+        value = impact_least_squares(body, h, q, v, impacts.steps)
+    else:
+        estimate = estimate_ratio(
+            h, q, v, body.shape, gravity, law=method == "arcs_law", use_gap=method != "arcs"
+        )
+        return estimate.value, estimate.std, estimate.status.name.lower()
+    return value, np.nan, "ok" if np.isfinite(value) else "no_contact"
+
+
+def _rms(values: pd.Series) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
+    """Table of `study`'s rows: a row per shape, method and ratio; errors over the drops whose status is ok."""
+    ok = EstimateStatus.OK.name.lower()
+    table = []
+    for (shape, method, snr), group in rows.groupby(["shape", "method", "snr"], sort=False):
+        used = group[group["status"] == ok]
+        error, bound = used["error"], _rms(used["bound"])
+        thesis, thesis_std, thesis_percent = THESIS[shape].get(snr, (np.nan, np.nan, np.nan))
+        unit = float(np.median(used["ratio"] / (100.0 + error))) if len(used) else np.nan  # a percent of m/I
+        scaled = (used["error"] / used["bound"]).abs()
+        table.append(
+            {
+                "shape": shape,
+                "method": method,
+                "snr": snr,
+                "n": len(used),
+                "n_failed": len(group) - len(used),
+                "mean_error": error.mean(),
+                "mean_error_std": error.std() / np.sqrt(max(len(used), 1)),
+                "median_error": error.median(),
+                "std": error.std(),
+                "bound": bound,
+                "law_bound": _rms(used["law_bound"]),
+                "std_over_bound": error.std() / bound,
+                "error_over_bound": _rms(error / used["bound"]),
+                "error_over_law_bound": _rms(error / used["law_bound"]),
+                # 1 for an efficient estimator, whatever the tails
+                "median_over_bound": scaled.median() / MAD,
+                "std_stated": _rms(used["std"]),
+                "mean_ratio_error": unit * error.mean(),
+                "std_ratio_error": unit * error.std(),
+                "thesis": thesis_percent,
+                "thesis_ratio_error": thesis,
+                "thesis_ratio_std": thesis_std,
+                "thesis_ratio": 100.0 * thesis / thesis_percent,
+            }
+        )
+    out = pd.DataFrame(table)
+    order = {method: i for i, method in enumerate(METHODS)}
+    return out.sort_values(
+        ["shape", "method", "snr"], key=lambda c: c.map(order) if c.name == "method" else c, ignore_index=True
+    )

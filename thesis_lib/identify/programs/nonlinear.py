@@ -1,0 +1,370 @@
+"""The identification programs of the thesis as nonlinear programs (eqs. 2.12, 2.13, 2.14), solved with SNOPT or IPOPT.
+
+Unknown are the base parameters Θ and for every contact within reach its c_n, c_+, c_- and λ ≥ 0; c_t = c_+ − c_-.
+With the complementarity products
+
+    gap       φ c_n,            cone   λ (μ c_n − c_+ − c_-),            slip   c_+ (λ + v_rel) + c_- (λ − v_rel),
+
+all of non-negative factors (the linear constraints c, λ, μ c_n − c_+ − c_-, λ ± v_rel ≥ 0 stand in every program),
+
+    2.12       min ‖Y Θ − J' c − f‖²                         gap, cone, slip = 0
+    2.13       min ‖Y Θ − J' c − f‖² + w_n Σ gap              cone, slip = 0         (treatment 1: softened distance)
+    2.14       min w_n Σ gap + w_t Σ (cone + slip)           Y Θ − J' c = f         (treatment 2: products as cost)
+    2.14 soft  min ‖Y Θ − J' c − f‖² + w_n Σ gap + w_t Σ (cone + slip)              (the same with dynamics as cost)
+
+Eq. 2.14 as printed repeats the products as constraints; the text moves them to the cost, and so does this.  Products as
+constraints are kept below a bound that falls to zero over a sequence of programs, each started at the last answer
+(Scholtes); `products="strict"` solves at zero at once.  Treatment 3, projection of the poses to the contact manifold,
+acts on the data: see `projection.py`.  The start is the convex program's answer (`mode_qp`) and random ones.
+
+| on paper    | in code        | unit | shape  |                                                                      |
+|-------------|----------------|------|--------|----------------------------------------------------------------------|
+| Θ, c, λ     | `Point`        | 1    |        | in units of T, F and V, which make them about 1                      |
+| φ, v_rel    | `gap`, `v`     | 1    | (K,)   | of the contacts within reach, per L and V                            |
+| w_n, w_t    | `w_n`, `w_t`   | 1    |        | weights of the products against the squared dynamics residual        |
+
+Sources: thesis section 2.3.2; S. Scholtes, SIAM J. Optim. 11 (2001), doi 10.1137/S1052623499361233; P. Gill, W. Murray,
+M. Saunders, SIAM Review 47 (2005), doi 10.1137/S0036144504446096 (SNOPT); A. Wächter, L. Biegler, Math. Program. 106
+(2006), doi 10.1007/s10107-004-0559-y (IPOPT).
+"""
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.base_parameters.identifiability import require_identifiable
+from thesis_lib.identify.base_parameters.window import ContactWindow
+from thesis_lib.identify.programs.mode_qp import PROGRAMS, REACH, Program, parameter_scale, solve_mode_qp
+from thesis_lib.identify.programs.result import RESIDUAL_TOLERANCE, ProgramResult, judged
+
+if TYPE_CHECKING:
+    from pydrake.solvers import MathematicalProgram, SolverOptions
+
+Solver = Literal["auto", "snopt", "ipopt"]
+Products = Literal["relaxed", "strict"]
+# bounds of the products in scaled units; the last: the solvers' zero
+RELAXATION = (1e-1, 1e-3, 1e-5, 1e-7, 1e-10)
+START_RANGE = np.log(10.0)  # a random start of Θ is within a factor of ten of the typical size
+VANISHING = 1e-12  # of the force scale: equations with smaller coefficients say nothing
+# SNOPT's "Scale option" to try in turn, for products and for dynamics as constraints.  Without scaling by nonlinear
+# terms (2) it takes the dynamics of two contacts for contradictory (exit 14) from a quarter of random starts; with it,
+# those of contacts that are far; products as constraints cost it ten times the iterations
+SCALINGS = {False: (1,), True: (2, 0)}
+MAX_ITERATIONS = 500  # of a solver; starts that succeed need fewer than a hundred
+SOLVER_TOLERANCE = 1e-10  # of feasibility and optimality, on variables of about 1
+
+
+@dataclass(frozen=True)
+class Point:
+    """Values of the unknowns in scaled units: theta (n_Θ,), and c_n, c_plus, c_minus, lam of the K contacts (K,)."""
+
+    theta: np.ndarray
+    c_n: np.ndarray
+    c_plus: np.ndarray
+    c_minus: np.ndarray
+    lam: np.ndarray
+
+    @property
+    def stacked(self) -> np.ndarray:
+        """All values in the order of the program's variables."""
+        return np.concatenate([self.theta, self.c_n, self.c_plus, self.c_minus, self.lam])
+
+
+def identify(
+    window: ContactWindow,
+    program: Program = "2.14",
+    *,
+    solver: Solver = "auto",
+    starts: int = 1,
+    rng: np.random.Generator | None = None,
+    theta_guess: np.ndarray | None = None,
+    warm_start: bool = True,
+    products: Products = "relaxed",
+    reach: float = REACH,
+    w_n: float = 1.0,
+    w_t: float = 1.0,
+    tolerance: float = RESIDUAL_TOLERANCE,
+    dynamics_tolerance: float | None = None,
+) -> ProgramResult:
+    """Parameters and contact forces of a window; the best of several starts, with an honest status.
+
+    Args:
+        program: "2.12", "2.13", "2.14" or "2.14 soft".
+        solver: "auto" takes SNOPT, and IPOPT from a start at which SNOPT's answer fails, or where there is no SNOPT.
+        starts: number of starts; the first is the convex program's answer if `warm_start`, the others are random.
+        rng: of the random starts; needed unless the only start is the warm one.
+        theta_guess: (n_Θ,) sizes around which random starts scatter; default: that whose effect is the largest force.
+        products: how 2.12 and 2.13 hold the products at zero.
+        reach, w_n, w_t: as in `mode_qp.edges_of`.
+        tolerance, dynamics_tolerance: as in `program_result.judged`.
+
+    Raises:
+        UserError: the window cannot identify its parameters, the program or solver does not exist or is not available.
+    """
+    if program not in PROGRAMS:
+        raise UserError(f"there is no program {program!r}; choose one of {', '.join(PROGRAMS)}")
+    if starts < 1:
+        raise UserError(f"at least one start is needed, got {starts}")
+    engines = _engines(solver)
+    require_identifiable(window)
+    if rng is None and not (warm_start and starts == 1):
+        raise ValueError("random starts need rng")
+
+    nlp = ContactProgram(window, program, reach=reach, w_n=w_n, w_t=w_t, products=products)
+    limits = {"tolerance": tolerance, "dynamics_tolerance": dynamics_tolerance}
+    best: ProgramResult | None = None
+    n_solved, cpu_s = 0, 0.0
+    for start in range(starts):
+        begin = time.process_time()
+        first = nlp.warm_point(tolerance) if start == 0 and warm_start else nlp.random_point(rng, theta_guess)
+        for engine in engines:
+            result = nlp.answer(first, engine, **limits)
+            if best is None or _rank(result) < _rank(best):
+                best = replace(result, start=start)
+            if result.solved:
+                break
+        n_solved, cpu_s = n_solved + result.solved, cpu_s + time.process_time() - begin
+    return replace(best, n_solved=n_solved, n_starts=starts, cpu_s=cpu_s)
+
+
+def _rank(result: ProgramResult) -> tuple[bool, float]:
+    return not result.solved, result.cost if np.isfinite(result.cost) else np.inf
+
+
+class ContactProgram:
+    """One of the programs on one window, in scaled variables; arguments as in `identify`."""
+
+    def __init__(
+        self,
+        window: ContactWindow,
+        program: Program,
+        *,
+        reach: float = REACH,
+        w_n: float = 1.0,
+        w_t: float = 1.0,
+        products: Products = "relaxed",
+    ) -> None:
+        self.window, self.program, self.products = window, program, products
+        self.reach, self.w_n, self.w_t = reach, w_n, w_t
+        self.step, self.pair = np.nonzero(window.gap <= reach)
+        self.F, self.T = window.force_scale, parameter_scale(window)
+        self.gap = window.gap[self.step, self.pair] / window.gap_scale
+        self.v = window.v_t[self.step, self.pair] / window.speed_scale
+
+    def warm_point(self, tolerance: float = RESIDUAL_TOLERANCE) -> Point:
+        """The convex program's answer."""
+        found = solve_mode_qp(
+            self.window, self.program, reach=self.reach, w_n=self.w_n, w_t=self.w_t, tolerance=tolerance
+        )
+        c_t = found.c_t[self.step, self.pair] / self.F
+        c_n = found.c_n[self.step, self.pair] / self.F
+        return Point(found.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v))
+
+    def random_point(self, rng: np.random.Generator, theta_guess: np.ndarray | None = None) -> Point:
+        """Parameters scattered by a factor of ten either way, forces of about the largest known one, λ = |v_rel|.
+
+        λ is not scattered, because it is known: with a random λ a contact without force keeps it, as nothing moves λ
+        while c_n = 0, and from there on force at that contact seems to cost λ μ c_n, a false minimum of eq. 2.14.
+        """
+        K = len(self.step)
+        guess = np.ones(len(self.T)) if theta_guess is None else np.asarray(theta_guess, dtype=float) / self.T
+        theta = guess * np.exp(rng.uniform(-START_RANGE, START_RANGE, len(guess)))
+        c = rng.exponential(1.0, (3, K))
+        return Point(theta, *c, np.abs(self.v))
+
+    def unscaled(self, point: Point) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Θ (n_Θ,), c_n and c_t (m, p) in N of a point."""
+        c_n, c_t = np.zeros(self.window.gap.shape), np.zeros(self.window.gap.shape)
+        c_n[self.step, self.pair] = self.F * point.c_n
+        c_t[self.step, self.pair] = self.F * (point.c_plus - point.c_minus)
+        return self.T * point.theta, c_n, c_t
+
+    def solve(self, point: Point, solver: str) -> tuple[bool, float, Point]:
+        """Solves from a point: whether the solver claims success, the cost, and the answer."""
+        constrained = self.program in ("2.12", "2.13")
+        bounds = RELAXATION if constrained and self.products == "relaxed" else (0.0,)
+        for bound in bounds:
+            claimed, cost, point = self._solve_once(point, solver, bound)
+            if not np.isfinite(point.stacked).all():
+                break
+        return claimed, cost, point
+
+    def answer(
+        self,
+        point: Point,
+        solver: str,
+        *,
+        tolerance: float = RESIDUAL_TOLERANCE,
+        dynamics_tolerance: float | None = None,
+    ) -> ProgramResult:
+        """The program solved from a point and judged; arguments as in `identify`."""
+        begin = time.process_time()
+        claimed, cost, point = self.solve(point, solver)
+        return judged(
+            self.window,
+            self.program,
+            solver,
+            claimed,
+            *self.unscaled(point),
+            cost,
+            time.process_time() - begin,
+            tolerance=tolerance,
+            dynamics_tolerance=dynamics_tolerance,
+        )
+
+    def _solve_once(self, point: Point, solver: str, bound: float) -> tuple[bool, float, Point]:
+        from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver
+
+        prog = MathematicalProgram()
+        K = len(self.step)
+        theta = prog.NewContinuousVariables(len(self.T), "theta")
+        groups = [prog.NewContinuousVariables(K, name) if K else np.zeros(0) for name in ("n", "p", "m", "l")]
+        self._add_dynamics(prog, theta, *groups[:3])
+        if K:
+            self._add_cones(prog, *groups)
+            self._add_products(prog, np.stack(groups, axis=1), bound)
+        prog.AddBoundingBoxConstraint(self.window.theta_min / self.T, np.full(len(theta), np.inf), theta)
+        n_equations = sum(c.evaluator().num_constraints() for c in prog.linear_equality_constraints())
+        if solver == "ipopt" and n_equations >= prog.num_vars():
+            # IPOPT needs more unknowns than equations; asked all the same it may end the whole process
+            nothing = [np.full(len(group), np.nan) for group in (theta, *groups)]
+            return False, np.nan, Point(*nothing)
+        engine = SnoptSolver() if solver == "snopt" else IpoptSolver()
+        for scale in SCALINGS[self.program == "2.14"] if solver == "snopt" else (0,):
+            result = engine.Solve(prog, point.stacked, solver_options(solver, scale))
+            if result.is_success():
+                break
+        values = [result.GetSolution(group) if len(group) else group for group in (theta, *groups)]
+        return result.is_success(), float(result.get_optimal_cost()), Point(*values)
+
+    def _add_dynamics(self, prog: "MathematicalProgram", theta, c_n, c_plus, c_minus) -> None:
+        """Y Θ − J' c − f in units of F, as a cost for each step, or as a constraint."""
+        window, hard = self.window, self.program == "2.14"
+        Y, f = window.Y * (self.T / self.F), window.f / self.F
+        J_n, J_t = window.J_n[self.step, self.pair], window.J_t[self.step, self.pair]
+        blocks = np.stack([-J_n, -J_t, J_t], axis=2)  # (K, nv, 3) for c_n, c_+, c_-
+        idle = np.ones(len(f), dtype=bool)
+        idle[self.step] = False
+        # steps out of reach of any contact hold Θ only: a triangle of n_Θ + 1 rows says the same as all of them, and on
+        # exact data in flight it is zero, which spares IPOPT more equations than unknowns
+        triangle = np.linalg.qr(
+            np.column_stack([Y[idle].reshape(-1, len(self.T)), f[idle].ravel()]), mode="r"
+        )
+        triangle = triangle[np.abs(triangle).max(axis=1, initial=0.0) > VANISHING]
+        if hard:
+            from scipy.sparse import csc_matrix, hstack
+
+            busy, position = np.unique(self.step, return_inverse=True)
+            nv = f.shape[1]
+            rows = (position[:, None] * nv + np.arange(nv)).ravel()
+            columns = np.repeat(np.arange(len(self.step)), nv)
+            shape = (len(busy) * nv, len(self.step))
+            parts = [csc_matrix((blocks[:, :, i].ravel(), (rows, columns)), shape=shape) for i in range(3)]
+            A = hstack([csc_matrix(Y[busy].reshape(-1, len(self.T))), *parts], format="csc")
+            if len(busy):
+                prog.AddLinearEqualityConstraint(
+                    A, f[busy].ravel(), np.concatenate([theta, c_n, c_plus, c_minus])
+                )
+            if len(triangle):
+                prog.AddLinearEqualityConstraint(triangle[:, :-1], triangle[:, -1], theta)
+            return
+        if len(triangle):
+            prog.Add2NormSquaredCost(triangle[:, :-1], triangle[:, -1], theta)
+        for k in np.unique(self.step):
+            at = np.flatnonzero(self.step == k)
+            A = np.hstack([Y[k], *blocks[at]])
+            forces = np.stack([c_n[at], c_plus[at], c_minus[at]], axis=1).ravel()
+            prog.Add2NormSquaredCost(A, f[k], np.concatenate([theta, forces]))
+
+    def _add_cones(self, prog: "MathematicalProgram", c_n, c_plus, c_minus, lam) -> None:
+        """0 ≤ c, λ;  μ c_n − c_+ − c_- ≥ 0;  λ ± v ≥ 0."""
+        from scipy.sparse import eye, hstack
+
+        K = len(c_n)
+        prog.AddBoundingBoxConstraint(0.0, np.inf, np.concatenate([c_n, c_plus, c_minus]))
+        prog.AddBoundingBoxConstraint(np.abs(self.v), np.full(K, np.inf), lam)
+        one = eye(K, format="csc")
+        cone = hstack([self.window.mu * one, -one, -one], format="csc")
+        prog.AddLinearConstraint(
+            cone, np.zeros(K), np.full(K, np.inf), np.concatenate([c_n, c_plus, c_minus])
+        )
+
+    def _add_products(self, prog: "MathematicalProgram", variables: np.ndarray, bound: float) -> None:
+        """The products of each contact with variables (c_n, c_+, c_-, λ), as constraints or as cost."""
+        mu = self.window.mu
+        # λ (μ c_n − c_+ − c_-) as x' Q x / 2
+        Q_cone = np.zeros((4, 4))
+        Q_cone[3, :3] = Q_cone[:3, 3] = [mu, -1.0, -1.0]
+        # c_+ λ + c_- λ, to which v (c_+ − c_-) comes linearly
+        Q_slip = np.zeros((4, 4))
+        Q_slip[3, 1:3] = Q_slip[1:3, 3] = 1.0
+        for x, gap, v in zip(variables, self.gap, self.v):
+            slip = np.array([0.0, v, -v, 0.0])
+            if self.program in ("2.12", "2.13"):
+                if self.program == "2.12":
+                    # φ c_n <= t is a bound on c_n
+                    prog.AddBoundingBoxConstraint(0.0, bound / gap if gap > 0.0 else np.inf, x[0])
+                else:
+                    prog.AddLinearCost([self.w_n * gap], x[:1])
+                prog.AddQuadraticConstraint(Q_cone, np.zeros(4), -np.inf, bound, x)
+                prog.AddQuadraticConstraint(Q_slip, slip, -np.inf, bound, x)
+            else:
+                linear = self.w_t * slip
+                linear[0] += self.w_n * gap
+                prog.AddQuadraticCost(self.w_t * (Q_cone + Q_slip), linear, x, is_convex=False)
+
+
+def solver_options(solver: str, scale: int = 0) -> "SolverOptions":
+    """Options that ask a solver for `SOLVER_TOLERANCE`, bound its effort and silence it."""
+    from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
+
+    options = SolverOptions()
+    if solver == "snopt":
+        for name in (
+            "Major feasibility tolerance",
+            "Major optimality tolerance",
+            "Minor feasibility tolerance",
+        ):
+            options.SetOption(SnoptSolver.id(), name, SOLVER_TOLERANCE)
+        options.SetOption(SnoptSolver.id(), "Scale option", scale)
+        options.SetOption(SnoptSolver.id(), "Major iterations limit", MAX_ITERATIONS)
+        options.SetOption(SnoptSolver.id(), "Iterations limit", 10 * MAX_ITERATIONS)
+    else:
+        options.SetOption(IpoptSolver.id(), "tol", SOLVER_TOLERANCE)
+        options.SetOption(IpoptSolver.id(), "constr_viol_tol", SOLVER_TOLERANCE)
+        options.SetOption(IpoptSolver.id(), "compl_inf_tol", SOLVER_TOLERANCE)
+        # IPOPT widens bounds by 1e-8 otherwise, which lets forces be negative
+        options.SetOption(IpoptSolver.id(), "bound_relax_factor", 0.0)
+        options.SetOption(IpoptSolver.id(), "max_iter", MAX_ITERATIONS)
+        options.SetOption(IpoptSolver.id(), "print_level", 0)
+    return options
+
+
+def available(solver: str) -> bool:
+    """Whether this installation of Drake can run "snopt" or "ipopt"."""
+    from pydrake.solvers import IpoptSolver, SnoptSolver
+
+    engine = SnoptSolver() if solver == "snopt" else IpoptSolver()
+    return bool(engine.available() and engine.enabled())
+
+
+def _engines(asked: str) -> tuple[str, ...]:
+    """Solvers to try in turn."""
+    if asked not in ("auto", "snopt", "ipopt"):
+        raise UserError(f"there is no solver {asked!r}; choose auto, snopt or ipopt")
+    if asked != "auto":
+        if not available(asked):
+            raise UserError(
+                f"this installation of Drake has no {asked.upper()}; take solver='auto' or "
+                f"{'ipopt' if asked == 'snopt' else 'snopt'}, or a build of Drake that has it"
+            )
+        return (asked,)
+    found = tuple(solver for solver in ("snopt", "ipopt") if available(solver))
+    if not found:
+        raise UserError(
+            "this installation of Drake has neither SNOPT nor IPOPT; take mode_qp.solve_mode_qp instead"
+        )
+    return found

@@ -1,0 +1,147 @@
+"""What a solved identification program says, judged on its numbers and not on the solver's word.
+
+The dynamics residual is rms(Y Θ − J' c − f) over the largest known generalised force F.  Complementarity is the natural
+residual of eq. 2.12 at λ = |v_rel|, whose solution λ is known because v_rel is data,
+
+    max of |min(φ/L, c_n/F)|, |min(λ/V, (μ c_n − |c_t|)/F)|, |min((λ ± v_rel)/V, c_±/F)|,
+
+with c_± = max(±c_t, 0), L the largest gap and V the largest sliding speed of the window (1 where zero).
+
+| on paper | in code           | unit | shape  |                                                    |
+|----------|-------------------|------|--------|----------------------------------------------------|
+| Θ        | `theta`           |      | (n_Θ,) | identified parameters                              |
+| c        | `c_n`, `c_t`      | N    | (m, p) | contact forces                                     |
+|          | `dynamics`        | 1    |        | dynamics residual                                  |
+|          | `complementarity` | 1    |        | complementarity residual                           |
+
+Source: F. Facchinei, J.-S. Pang, Finite-Dimensional Variational Inequalities and Complementarity Problems, 2003,
+doi 10.1007/b97543 (natural residual).
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from thesis_lib.identify.base_parameters.window import ContactWindow
+
+# on exact data; SNOPT and IPOPT are asked for 1e-10 and reach it on scaled variables up to the sums over a window
+RESIDUAL_TOLERANCE = 1e-8
+
+
+class SolveStatus(StrEnum):
+    """What became of a program; only SOLVED counts as success."""
+
+    SOLVED = "solved"
+    SOLVER_FAILED = "solver failed"  # the solver says so, or its numbers are not finite
+    DYNAMICS_VIOLATED = "dynamics violated"  # the forces do not explain the motion
+    NOT_COMPLEMENTARY = "not complementary"  # forces at a distance, or against Coulomb's law
+
+
+@dataclass(frozen=True)
+class ProgramResult:
+    """Answer of one program from its best start; symbols as in the module's table.
+
+    Attributes:
+        program: "2.12", "2.13", "2.14" or "2.14 soft".
+        solver: which solver was used.
+        claimed: what the solver itself said about success; `status` is our judgement.
+        cost: value of the program's cost, dimensionless.
+        cpu_s: CPU seconds of all starts.
+        start: index of the start that the answer comes from.
+        n_solved, n_starts: starts that ended SOLVED, and all of them.
+        names: (n_Θ,) of the parameters.
+    """
+
+    program: str
+    solver: str
+    status: SolveStatus
+    claimed: bool
+    theta: np.ndarray
+    c_n: np.ndarray
+    c_t: np.ndarray
+    dynamics: float
+    complementarity: float
+    cost: float
+    cpu_s: float
+    start: int = 0
+    n_solved: int = 0
+    n_starts: int = 1
+    names: tuple[str, ...] = ()
+
+    @property
+    def solved(self) -> bool:
+        """Whether residuals, not only the solver, allow to trust the answer."""
+        return self.status is SolveStatus.SOLVED
+
+
+def dynamics_residual(window: ContactWindow, theta: np.ndarray, c_n: np.ndarray, c_t: np.ndarray) -> float:
+    """rms of the unexplained generalised force over the largest known one."""
+    residual = window.residual(theta, c_n, c_t)
+    return float(np.sqrt(np.mean(residual**2)) / window.force_scale)
+
+
+def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.ndarray) -> float:
+    """Natural residual of all complementarity conditions of a window, dimensionless; see the module's text."""
+    if not c_n.size:
+        return 0.0
+    F, L, V = window.force_scale, window.gap_scale, window.speed_scale
+    speed = np.abs(window.v_t)
+    pairs = (
+        (window.gap / L, c_n / F),
+        (speed / V, (window.mu * c_n - np.abs(c_t)) / F),
+        ((speed + window.v_t) / V, np.maximum(c_t, 0.0) / F),
+        ((speed - window.v_t) / V, np.maximum(-c_t, 0.0) / F),
+    )
+    return float(max(np.abs(np.minimum(a, b)).max() for a, b in pairs))
+
+
+def judged(
+    window: ContactWindow,
+    program: str,
+    solver: str,
+    claimed: bool,
+    theta: np.ndarray,
+    c_n: np.ndarray,
+    c_t: np.ndarray,
+    cost: float,
+    cpu_s: float,
+    *,
+    tolerance: float = RESIDUAL_TOLERANCE,
+    dynamics_tolerance: float | None = None,
+) -> ProgramResult:
+    """A solver's numbers with our own status.
+
+    Args:
+        tolerance: largest complementarity residual, and dynamics residual unless `dynamics_tolerance` says otherwise:
+            with noisy data the dynamics cannot hold better than the noise, pass its size there.
+    """
+    dynamics_tolerance = tolerance if dynamics_tolerance is None else dynamics_tolerance
+    if not all(np.isfinite(array).all() for array in (theta, c_n, c_t)):
+        status, dynamics, complementarity = SolveStatus.SOLVER_FAILED, float("nan"), float("nan")
+    else:
+        dynamics = dynamics_residual(window, theta, c_n, c_t)
+        complementarity = complementarity_residual(window, c_n, c_t)
+        if not complementarity <= tolerance:
+            status = SolveStatus.NOT_COMPLEMENTARY
+        elif not dynamics <= dynamics_tolerance:
+            status = SolveStatus.DYNAMICS_VIOLATED
+        elif not claimed and not dynamics <= tolerance:
+            # with exact dynamics and complementarity the cost is at its lower bound, whatever the solver says
+            status = SolveStatus.SOLVER_FAILED
+        else:
+            status = SolveStatus.SOLVED
+    return ProgramResult(
+        program,
+        solver,
+        status,
+        claimed,
+        theta,
+        c_n,
+        c_t,
+        dynamics,
+        complementarity,
+        cost,
+        cpu_s,
+        names=window.names,
+    )

@@ -1,0 +1,272 @@
+"""Success of the identification programs on noise-free windows from random starts (thesis sections 2.3.2 and 2.4).
+
+For each program, mechanism and window length m, windows of m steps around the first impact of several simulated motions
+are identified from random starts (`programs.ContactProgram.random_point`: parameters within a factor of ten of the size
+whose effect is the largest force, forces of that size).  A start succeeds when its residuals are below tolerance, and
+
+    |Θ_j/Θ_j,true − 1| <= 1e-6 for every parameter,        ‖c − c_true‖ <= 1e-6 ‖c_true‖ over the window,
+
+whatever the solver says; `n_false_claims` counts answers that a solver calls a success and that are not.  Block,
+ellipse and wheel have known mass, and I (hence m/I) is the unknown; arm and disk are driven by known torques, and all
+base parameters are unknown.
+
+| on paper | in code       | unit | shape |                                                              |
+|----------|---------------|------|-------|--------------------------------------------------------------|
+| m        | `n_steps`     | 1    |       | length of the window                                         |
+| Θ        | `theta_error` | 1    |       | largest relative error of the parameters, per start          |
+| c        | `force_error` | 1    |       | relative rms error of the contact forces, per start          |
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.randomness import streams
+from thesis_lib.identify.base_parameters.combinations import base_parameters
+from thesis_lib.identify.base_parameters.identifiability import require_identifiable
+from thesis_lib.identify.base_parameters.regressor import PlantRegressor
+from thesis_lib.identify.base_parameters.window import ALLOWANCE, ContactWindow, free_body_window, window_of
+from thesis_lib.identify.programs.mode_qp import REACH, Program, solve_mode_qp
+from thesis_lib.identify.programs.nonlinear import ContactProgram, Products
+from thesis_lib.identify.programs.result import ProgramResult
+from thesis_lib.identify.settings import Programs
+from thesis_lib.simulate.chapter2.motions import (
+    BODIES,
+    DEFAULT,
+    Chapter2Bodies,
+    arm_disk,
+    arm_trajectories,
+    releases,
+)
+from thesis_lib.simulate.stepping.stepping import Record, simulate
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SUCCESS = 1e-6  # of parameters and forces, relative
+# with 0.4 the disk hardly ever slides on the ground, and rolling shows only the sum m + I/R² of its parameters
+ARM_MU = 0.2
+ARM_BODIES = ("link_1", "link_2", "disk")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A window with its truth: `theta` (n_Θ,), `c_n` and `c_t` (m, p) in N."""
+
+    window: ContactWindow
+    theta: np.ndarray
+    c_n: np.ndarray
+    c_t: np.ndarray
+
+    def __getitem__(self, steps: slice) -> "Case":
+        return Case(self.window[steps], self.theta, self.c_n[steps], self.c_t[steps])
+
+    def errors(self, found: ProgramResult) -> tuple[float, float]:
+        """Largest relative error of the parameters, and relative rms error of the forces."""
+        theta = float(np.max(np.abs(found.theta / self.theta - 1.0)))
+        true, c = np.stack([self.c_n, self.c_t]), np.stack([found.c_n, found.c_t])
+        return theta, float(np.linalg.norm(c - true) / np.linalg.norm(true))
+
+
+def cases(
+    kind: str, n_steps: int, n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT
+) -> list[Case]:
+    """n noise-free windows of n_steps around the first impact of motions of a kind, all of them identifiable.
+
+    Args:
+        kind: "block", "ellipse", "wheel" or "arm_disk".
+
+    Raises:
+        UserError: there is no such kind, or hardly any window of that length identifies its parameters.
+    """
+    makers: dict[str, Callable[..., Iterator[Record]]] = {
+        "block": _drops,
+        "ellipse": _drops,
+        "wheel": _drops,
+        "arm_disk": _arm_motions,
+    }
+    if kind not in makers:
+        raise UserError(f"there are windows of {', '.join(makers)}; got {kind!r}")
+    if kind == "arm_disk":
+        arm = settings.arm.model_copy(update={"mu": ARM_MU, "steps": max(settings.arm.steps, n_steps)})
+        settings = settings.model_copy(update={"arm": arm})
+    found: list[Case] = []
+    refused = ""
+    for tried, record in enumerate(makers[kind](kind, n_steps, rng, settings)):
+        if tried >= 5 * n + 20:
+            raise UserError(
+                f"only {len(found)} of {tried} windows of {n_steps} steps can be identified; {refused}"
+            )
+        contact = np.flatnonzero(record.c_n.any(axis=1))
+        if not (record.solved and len(contact)):
+            continue
+        whole = _whole(kind, record, settings)
+        # around the first impact; for the arm, where a short window seldom shows all, any that has contact will do
+        middles = contact[:: max(n_steps // 4, 1)] if kind == "arm_disk" else contact[:1]
+        for middle in middles:
+            start = int(np.clip(middle - n_steps // 2, 0, record.steps - n_steps))
+            case = whole[start : start + n_steps]
+            try:
+                require_identifiable(case.window)
+            except UserError as error:
+                refused = str(error)
+                continue
+            found.append(case)
+            break
+        if len(found) == n:
+            break
+    return found
+
+
+def _drops(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
+    body = BODIES[kind](settings)
+    surface = settings.wheel if kind == "wheel" else settings
+    while True:
+        q, v = releases(kind, 1, rng, settings)
+        yield simulate(
+            body, q[0], v[0], None, settings.h, max(settings.steps, n_steps), surface.mu, surface.epsilon
+        )
+
+
+def _arm_motions(
+    kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies
+) -> Iterator[Record]:
+    while True:
+        yield arm_trajectories(1, rng, settings).records[0]
+
+
+def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> Case:
+    """The whole motion as one case, from which windows are cut."""
+    if kind == "arm_disk":
+        window, theta = _arm_window(record, settings)
+        return Case(window, theta, record.c_n, record.c_t)
+    body = BODIES[kind](settings)
+    mu = settings.wheel.mu if kind == "wheel" else settings.mu
+    gravity = tuple(body.gravity(record.q[0])[:2] / body.mass)
+    window = free_body_window(record, mu, gravity=gravity, known={"m": body.mass})
+    return Case(window, np.array([body.inertia]), record.c_n, record.c_t)
+
+
+def _arm_window(record: Record, settings: Chapter2Bodies) -> tuple[ContactWindow, np.ndarray]:
+    """Arm and disk in the base parameters of the motion, and their true values."""
+    arm = arm_disk(settings)
+    regressor = PlantRegressor(arm.plant, ARM_BODIES)
+    Y = regressor(record.q[:-1], record.v[:-1], np.diff(record.v, axis=0) / record.h)
+    truth = []
+    for mass, com, inertia in zip(arm.link_masses, arm.link_coms, arm.link_inertias):
+        truth += [mass, *(mass * com), inertia + mass * (com @ com)]
+    truth += [arm.disk_mass, 0.0, 0.0, arm.disk_inertia]
+    # that centres of mass lie on the link's axis and in the disk's centre is known
+    used = [i for i, value in enumerate(truth) if value != 0.0]
+    names = [regressor.names[i] for i in used]
+    base = base_parameters(Y[:, :, used], names)
+    window = window_of(
+        record,
+        base.reduce(Y[:, :, used]),
+        np.zeros_like(record.f_ext),
+        settings.arm.mu,
+        base.base_names,
+        gap_tolerance=ALLOWANCE * record.h**2,
+    )
+    return window, base.theta(np.array(truth)[used])
+
+
+@dataclass(frozen=True)
+class Study:
+    """What to run: a program on a solver ("snopt", "ipopt" or "mode_qp", which needs no start)."""
+
+    program: Program
+    solver: str
+    products: Products = "relaxed"
+    reach: float = REACH
+
+
+STUDIES = {
+    "qp": Study("2.12", "mode_qp"),
+    "2.14": Study("2.14", "snopt"),
+    "2.14 ipopt": Study("2.14", "ipopt"),
+    "2.14 soft": Study("2.14 soft", "snopt"),
+    "2.13": Study("2.13", "snopt"),
+    "2.12": Study("2.12", "snopt"),
+    "2.12 strict": Study("2.12", "snopt", "strict"),
+}
+MAIN = ("qp", "2.14", "2.14 ipopt")
+
+
+def study(
+    what: Study, kind: str, windows: Sequence[Case], starts: int, rng: np.random.Generator
+) -> dict[str, float | str]:
+    """One row of the table: successes, errors and CPU seconds of a program over windows and starts."""
+    theta_error, force_error, cpu = [], [], []
+    n_solved = n_success = n_claims = n_false = 0
+    for case in windows:
+        for found in _answers(what, case.window, starts, rng):
+            theta, force = np.nan_to_num(case.errors(found), nan=np.inf)  # no answer: infinitely wrong
+            success = found.solved and theta <= SUCCESS and force <= SUCCESS
+            theta_error.append(theta)
+            force_error.append(force)
+            cpu.append(found.cpu_s)
+            n_solved += found.solved
+            n_success += success
+            n_claims += found.claimed
+            n_false += found.claimed and not success
+    n = len(cpu)
+    return {
+        "program": what.program,
+        "solver": what.solver,
+        "products": what.products if what.program in ("2.12", "2.13") and what.solver != "mode_qp" else "",
+        "mechanism": kind,
+        "n_steps": len(windows[0].window),
+        "n_windows": len(windows),
+        "n_starts": n,
+        "n_solved": n_solved,
+        "n_success": n_success,
+        "n_claims": n_claims,
+        "n_false_claims": n_false,
+        "theta_error_median": float(np.median(theta_error)),
+        "theta_error_max": float(np.max(theta_error)),
+        "force_error_median": float(np.median(force_error)),
+        "force_error_max": float(np.max(force_error)),
+        "cpu_s_median": float(np.median(cpu)),
+        "cpu_s_max": float(np.max(cpu)),
+    }
+
+
+def _answers(
+    what: Study, window: ContactWindow, starts: int, rng: np.random.Generator
+) -> Iterator[ProgramResult]:
+    if what.solver == "mode_qp":
+        yield solve_mode_qp(window, what.program, reach=what.reach)
+        return
+    for _ in range(starts):
+        nlp = ContactProgram(window, what.program, reach=what.reach, products=what.products)
+        yield nlp.answer(nlp.random_point(rng), what.solver)
+
+
+def programs_table(
+    settings: Programs, rng: np.random.Generator, bodies: Chapter2Bodies = DEFAULT
+) -> "pd.DataFrame":
+    """A row of `study` for every program, mechanism and window length, on the same windows within a length.
+
+    CPU seconds differ from run to run and are left to `python -m benchmarks.programs`.
+    """
+    import pandas as pd
+
+    others = [name for name in STUDIES if name not in MAIN]
+    rows, stream = [], streams(rng)
+    for kind in settings.mechanisms:
+        for names, lengths, n_windows, n_starts in (
+            (MAIN, settings.lengths, settings.windows, settings.starts),
+            (others, settings.others_lengths, settings.others_windows, settings.others_starts),
+        ):
+            for length in lengths:
+                windows = cases(kind, length, n_windows, stream(kind, length, "windows"), bodies)
+                for name in names:
+                    own = stream(kind, length, name)
+                    rows.append({"name": name, **study(STUDIES[name], kind, windows, n_starts, own)})
+                    done = rows[-1]
+                    print(f"{kind}, {length} steps, {name}: {done['n_success']} of {done['n_starts']}")
+    return pd.DataFrame(rows).drop(columns=["cpu_s_median", "cpu_s_max"])

@@ -1,0 +1,71 @@
+"""Energy of a body in flight and over its impacts: the thesis's test of figure 3-6, for all trials of a dataset.
+
+| on paper | in code        | unit | shape  |                                                                |
+|----------|----------------|------|--------|----------------------------------------------------------------|
+| q, v     | `q`, `v`       | m, rad; m/s, rad/s | (n, 3) | pose and velocity                                |
+| E        | `total_energy` | J/kg | (n,)   | g (y − y_rest) + (v_x² + v_y² + k² ω²)/2, per unit mass        |
+| y_rest   | `rest_height`  | m    |        | height of the body frame in its lowest touching pose           |
+
+The net energy falls at an impact, and stays from just after it to just before the next one of the same trial.  Arcs
+keep their energy by construction; the test compares two arcs, fitted at either end of a flight to other samples, so
+it only counts flights that are long enough for both windows to be apart.
+Both rows are evaluated on all impacts of a dataset, so that nothing selects them by what is tested.  The ellipse
+impacts are no evidence for the fall: the authors kept those drops whose contact-space energy falls.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.statistics.shares import mean_of, share_of
+
+WINDOWS = 2 * ArcSettings().max_window  # samples of the two arcs of a flight: a longer one shares none
+FEWEST = 5  # flights: a standard error of fewer means nothing
+
+
+def rest_height(shape: Shape, height: float = 0.0) -> float:
+    """Height in m of the body frame above which potential energy counts: the lowest pose that touches."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 721)
+    return height - float(np.max(shape.contact_point(turn)[:, 1]))
+
+
+def total_energy(q: np.ndarray, v: np.ndarray, *, k_g: float, gravity: float, rest: float) -> np.ndarray:
+    """Total energy (n,) in J/kg of poses q (n, 3) with velocities v (n, 3)."""
+    return gravity * (q[:, 1] - rest) + 0.5 * np.sum((v * [1.0, 1.0, k_g]) ** 2, axis=1)
+
+
+def flights(impacts: Impacts, longer_than: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (first, next), each (m,), of successive impacts of one trial that lie more than `longer_than` s apart."""
+    order = np.lexsort((impacts.impact, impacts.trial))
+    a, b = order[:-1], order[1:]
+    successive = (impacts.trial[a] == impacts.trial[b]) & (impacts.impact[b] == impacts.impact[a] + 1)
+    with np.errstate(invalid="ignore"):  # unknown instants give no flight
+        chosen = successive & (impacts.t[b] - impacts.t[a] > longer_than)
+    return a[chosen], b[chosen]
+
+
+def energy_statements(dataset: Dataset, impacts: Impacts) -> pd.DataFrame:
+    """Rows energy_loss, energy_taken and energy_between for `statements`, from all impacts of a dataset.
+
+    energy_loss: share of impacts after which the total energy is lower; energy_taken: mean relative loss at an
+    impact; energy_between: mean relative change over a flight (left out where fewer than `FEWEST` are long enough).
+    """
+    terms = {
+        "k_g": dataset.k_g,
+        "gravity": dataset.gravity,
+        "rest": rest_height(dataset.shape, dataset.height),
+    }
+    before = total_energy(impacts.q, impacts.v_pre, **terms)
+    after = total_energy(impacts.q, impacts.v_post, **terms)
+    rows = [
+        ("energy_loss", "", *share_of(after < before), "1"),
+        ("energy_taken", "", *mean_of((before - after) / before), "1"),
+    ]
+    if dataset.rate is not None:
+        a, b = flights(impacts, longer_than=WINDOWS / dataset.rate)
+        if len(a) >= FEWEST:
+            rows.append(("energy_between", "", *mean_of(before[b] / after[a] - 1.0), "1"))
+    return pd.DataFrame(rows, columns=["statement", "law", "value", "std", "unit"])

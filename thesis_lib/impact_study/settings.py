@@ -1,0 +1,99 @@
+"""Settings of the impact study of chapter 3."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from thesis_lib.contact import LAWS
+from thesis_lib.foundation.settings import Section
+
+Share = Annotated[float, Field(gt=0, lt=1)]
+Count = Annotated[int, Field(ge=1)]
+DatasetName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+def _known_law(name: str) -> str:
+    if name not in LAWS:
+        raise ValueError(f"there is no law {name!r}; the laws are {', '.join(LAWS)}")
+    return name
+
+
+def _ascending(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] < ends[1]:
+        raise ValueError(f"a range runs from a smaller to a larger number; found {ends[0]:g} to {ends[1]:g}")
+    return ends
+
+
+Friction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Restitution = Annotated[float, Field(ge=0, le=1)]
+LawName = Annotated[str, AfterValidator(_known_law), Field(json_schema_extra={"enum": list(LAWS)})]
+
+
+class Convergence(Section):
+    """Ensemble parameters against the number of impacts (figure 3-7 b)."""
+
+    laws: tuple[LawName, ...] = Field(
+        (
+            "drumwright_shell_as_published",
+            "anitescu_potra_poisson_as_published",
+            "anitescu_potra_newton",
+            "mirtich_as_published",
+            "wang_mason",
+            "whittaker_as_published",
+        ),
+        min_length=1,
+        description="laws to follow; the thesis shows one and says that it repeated this for all",
+    )
+    subsets: Count = Field(3, description="random subsets, as in the thesis")
+    sizes: tuple[Count, ...] = Field(
+        (5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 125, 150, 200, 250, 300, 400, 500, 600, 800),
+        min_length=1,
+        description="numbers of impacts k; larger than the training set: all of it",
+    )
+
+
+class Topography(Section):
+    """Cost over (μ, ε) (figure 3-7 a)."""
+
+    law: LawName = Field("whittaker_as_published", description="the thesis shows the Whittaker model")
+    n: Count = Field(150, description="impacts in the sum, as in the thesis")
+    points: Annotated[int, Field(ge=5)] = Field(41, description="a side of the grid")
+    mu: Annotated[tuple[Friction, Friction], AfterValidator(_ascending)] = Field(
+        (0.0, 0.4), description="range of μ, ascending; own choice"
+    )
+    epsilon: Annotated[tuple[Restitution, Restitution], AfterValidator(_ascending)] = Field(
+        (0.2, 0.9), description="range of ε, ascending; own choice"
+    )
+
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Grid lines in μ and ε."""
+        return np.linspace(*self.mu, self.points), np.linspace(*self.epsilon, self.points)
+
+
+class Chapter3(Section):
+    """The impact study."""
+
+    datasets: tuple[DatasetName, ...] = Field(
+        ("planar_impact", "planar_dice", "drops"),
+        description="datasets to study; measured ones that are not present are left out, and said so",
+    )
+    filter: Literal["keep", "thesis"] = Field(
+        "keep",
+        description="keep impacts that fail the energy, cone or compression test, or drop them as the thesis did",
+    )
+    max_impacts: Count | None = Field(
+        2000, description="impacts used a dataset, drawn at random: as many as the thesis measured; null: all"
+    )
+    train_share: Share = Field(
+        0.5, description="share of trials for identification; own choice: the thesis gives no number"
+    )
+    bootstrap: Annotated[int, Field(ge=2)] = Field(200, description="replicates for standard errors")
+    convergence: Convergence = Convergence()
+    topography: Topography = Topography()
+    range_tolerances: tuple[Annotated[float, Field(gt=0)], ...] = Field(
+        (0.00275, 0.00825, 0.0275),
+        min_length=1,
+        description="m/s, impulse over mass; an outcome is in range if a law comes as near as this. The thesis gives "
+        "none; its numbers fit the first, 0.1 mN s for the ellipse of 36.4 g",
+    )

@@ -1,0 +1,172 @@
+"""What chapter 3 says in words, as numbers with standard errors, for the claims ledger.
+
+A row has `statement`, `law` ('' where it concerns none), `value`, `std` (NaN where it makes no sense), `unit`.
+
+| statement                  | value                                                                            |
+|----------------------------|----------------------------------------------------------------------------------|
+| irb_bound                  | mean held-out velocity error of the IRB Bound                                    |
+| irb_bound_mirrored         | the same after reading θ and ω clockwise (sensitivity: handedness of the angle)  |
+| over_best_post_hoc         | mean held-out error of a law minus that of Best Post Hoc of its variant          |
+| steep_friction             | mean held-out error at the inclined plane's μ = 0.3 minus that at the ensemble's μ |
+| back_spin                  | share of measured impacts after which v_t has changed its sign                   |
+| beyond_sticking            | share of measured impulses beyond the line of sticking                           |
+| predicted_back_spin, predicted_beyond_sticking | the same shares of a law's predictions                       |
+| converged_at               | least k from which on every subset's μ and ε stay within 10 % of their final value |
+| convexity_violations       | share of grid triples at which the cost of figure 3-7 is not convex              |
+| local_minima               | points of that grid that are below all eight neighbours                          |
+| small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
+
+`converged_at` without a law is the slowest of the laws that were followed, whichever these are.
+Rows about individual parameters are explained in `individual_statements`, those about energy in `energy`.
+"""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact import LAWS
+from thesis_lib.contact.bounds import best_post_hoc, irb_bound
+from thesis_lib.contact.space import ContactSpace, beyond_sticking, velocity_error
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.individual_statements import individual_rows
+from thesis_lib.impact_study.study import convexity_violations, pick
+from thesis_lib.impact_study.tables import VARIANTS
+from thesis_lib.statistics.shares import mean_of, ratio_of_means, share_of
+
+MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
+MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
+
+
+def statements(
+    impacts: Impacts,
+    split: pd.DataFrame,
+    ensemble: pd.DataFrame,
+    individual: pd.DataFrame,
+    errors: pd.DataFrame,
+    topography: pd.DataFrame,
+    convergence: pd.DataFrame,
+    energy: pd.DataFrame | None = None,
+) -> pd.DataFrame:
+    """All statements, in the kinetic weighting.
+
+    Args:
+        impacts: the impacts studied, or more.
+        split: trial, impact, train; predictions are judged on impacts with train = 0 only.
+        ensemble, individual: parameters of both weightings; `individual` of all impacts studied.
+        errors: `held_out_errors` in the kinetic weighting.
+        topography, convergence: as in figure 3-7; `convergence` may follow any laws.
+        energy: further rows, those of `energy_statements`.
+    """
+    held_out = pick(impacts, split, train=0)
+    ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
+    individual = individual[individual["weighting"] == "kinetic"]
+    target = target_of(held_out)
+    slowest = {str(law): converged_at(part) for law, part in convergence.groupby("law")}
+    rows = [
+        ("irb_bound", "", *mean_of(_irb(held_out)), "m/s"),
+        ("irb_bound_mirrored", "", *mean_of(_irb(mirrored_rotation(held_out))), "m/s"),
+        ("convexity_violations", topography["law"].iloc[0], convexity_violations(topography), np.nan, "1"),
+        ("local_minima", topography["law"].iloc[0], local_minima(topography), np.nan, "1"),
+        ("back_spin", "", *share_of(reverses(target.space, target.c_t, target.c_n)), "1"),
+        ("beyond_sticking", "", *share_of(crosses(target.space, target.c_t, target.c_n)), "1"),
+        ("small_momentum", MAPPED, *_small_momentum(held_out, errors), "1"),
+    ]
+    rows += [("converged_at", law, k, np.nan, "1") for law, k in slowest.items()]
+    if slowest:
+        rows.append(("converged_at", "", max(slowest.values()), np.nan, "1"))
+    for law, fit in ensemble.iterrows():
+        predicted = _prediction(target.space, str(law), fit["mu"], fit["epsilon"])
+        rows.append(("predicted_back_spin", law, *share_of(reverses(target.space, *predicted)), "1"))
+        rows.append(("predicted_beyond_sticking", law, *share_of(crosses(target.space, *predicted)), "1"))
+        own = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
+        steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
+        rows.append(("steep_friction", law, *mean_of(steep - own), "m/s"))
+    rows += _over_best_post_hoc(errors)
+    rows += individual_rows(impacts, individual, ensemble)
+    table = pd.DataFrame(rows, columns=["statement", "law", "value", "std", "unit"])
+    return table if energy is None else pd.concat([table, energy], ignore_index=True)
+
+
+def reverses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+    """1.0 where the impulse changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN: no impulse."""
+    # a stuck contact has v_t⁺ = 0 up to rounding
+    changes = space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)
+    return np.where(np.isfinite(c_t + c_n), changes, np.nan)
+
+
+def crosses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+    """1.0 where the impulse lies beyond the line of sticking, else 0.0; NaN: no impulse."""
+    beyond = beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)
+    return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
+
+
+def _prediction(space: ContactSpace, law: str, mu: float, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
+    with np.errstate(all="ignore"):  # branches that are not taken
+        return LAWS[law].impulse(space, np.asarray(mu), np.asarray(epsilon))
+
+
+def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
+    """Least k from which on μ and ε of every subset stay within `share` of their value at the largest k.
+
+    The largest k itself if nothing smaller does; `convergence` holds one law.
+    """
+    sizes = np.sort(convergence["k"].unique())
+    off = np.zeros(len(sizes), dtype=bool)
+    for _, part in convergence.groupby("subset"):
+        values = part.sort_values("k")[["mu", "epsilon"]].to_numpy()
+        off |= np.any(np.abs(values - values[-1]) > share * np.abs(values[-1]), axis=1)
+    last_off = np.flatnonzero(off)
+    return float(sizes[last_off[-1] + 1] if len(last_off) else sizes[0])
+
+
+def local_minima(topography: pd.DataFrame) -> int:
+    """Number of grid points whose cost is below that of all their neighbours, borders included."""
+    cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
+    padded = np.pad(cost, 1, constant_values=np.inf)
+    lowest = np.ones(cost.shape, dtype=bool)
+    for i, j in itertools.product(range(3), range(3)):
+        if (i, j) != (1, 1):
+            lowest &= cost < padded[i : i + cost.shape[0], j : j + cost.shape[1]]
+    return int(lowest.sum())
+
+
+def mirrored_rotation(impacts: Impacts) -> Impacts:
+    """The same impacts with θ and ω read clockwise, and the contact point that goes with it."""
+    flip = np.array([1.0, 1.0, -1.0])
+    return replace(
+        impacts,
+        q=impacts.q * flip,
+        v_pre=impacts.v_pre * flip,
+        v_post=impacts.v_post * flip,
+        r=impacts.r * np.array([-1.0, 1.0]),
+        cov=None,
+    )
+
+
+def _irb(impacts: Impacts) -> np.ndarray:
+    return irb_bound(impacts.v_pre, impacts.v_post, impacts.r, mass=impacts.mass, k_g=impacts.k_g).error
+
+
+def _errors_at(impacts: Impacts, law: str, mu: float, epsilon: float) -> np.ndarray:
+    out = LAWS[law](impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g, mu=mu, epsilon=epsilon)
+    return velocity_error(impacts.v_post - out.v_post, impacts.k_g)
+
+
+def _over_best_post_hoc(errors: pd.DataFrame) -> list[tuple[str, str, float, float, str]]:
+    """Paired differences; a law of both variants is compared among the laws as published."""
+    wide = errors.pivot(index=["trial", "impact"], columns="model", values="velocity_error")
+    rows = {}
+    for laws in (VARIANTS["as_defined"], VARIANTS["as_published"]):  # the later one counts
+        best = best_post_hoc(wide[list(laws)].to_numpy())[1]
+        rows |= {law: mean_of(wide[law].to_numpy() - best) for law in laws}
+    return [("over_best_post_hoc", law, *found, "m/s") for law, found in rows.items()]
+
+
+def _small_momentum(held_out: Impacts, errors: pd.DataFrame) -> tuple[float, float]:
+    momentum = np.abs(target_of(held_out).space.impulse_to(0.0, 0.0)[0])
+    error = errors.loc[errors["model"] == MAPPED, "velocity_error"].to_numpy()
+    small = momentum <= np.quantile(momentum, 0.25)
+    return ratio_of_means(error[small], error[~small])

@@ -1,0 +1,1 @@
+"""Learners of the push: hierarchical model abstractions and the baselines."""

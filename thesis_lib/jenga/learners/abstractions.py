@@ -1,0 +1,311 @@
+"""The abstractions themselves: what they look like, whether they are the hidden truth, and when a new one is needed.
+
+Stuck or free from the first steps, without truth: an abstraction counts as stuck if its block moves less than half of
+the advance or takes the tower along (`stuck_group`: `mixture.NO_MOVE`, `mixture.DRAG`; no force at all is no block, not
+a stuck one); a push is stuck where those abstractions hold more than half of the belief.  Only the comparison,
+
+    balanced accuracy = ½ (share of stuck pushes called stuck + share of free pushes called free),
+
+and the adjusted Rand index of abstractions against truth (Hubert and Arabie 1985, doi 10.1007/BF01908075) see `truth`.
+Intervals resample pushes, stuck and free ones separately.
+
+Predictive check (Box): residuals of each sample under the abstraction that comes nearest among those with belief above
+`PLAUSIBLE`, given what the push has shown so far,
+
+    r_id = (z_id − μ_id)/√var_id,   d²_i = mean_d r²_id,   v_j = mean over push j of (r_i1 … r_i6, log d²_i)
+    D²_j = Σ_d (v_jd − m_d)² / (τ_d² + σ_d²/n_j);   p_j = (1 + reference pushes with D ≥ D_j) / (1 + reference pushes)
+
+with mean m, variance τ² between and σ² within pushes from reference pushes of the known tower, not learned from.
+The mean of signed residuals sees what is small but always to one side (a tower that creeps along).  A push fails if
+p_j ≤ `LEVEL` (one in twenty of the known ones does, too: D has no known distribution, slips being what they are, and so
+is ranked); whether all pushes together are farther off than known ones is asked by permuting both, with the mean of
+D² (the tail counts: an effect touches some blocks, not all).
+
+| paper | code       | unit | shape    |                                           |
+|-------|------------|------|----------|-------------------------------------------|
+| r     | `residual` | 1    | (n, 6)   | dimensions `learner.SEEN`                 |
+| D     | `distance` | 1    | per push | Mahalanobis distance                      |
+| p     | `p_value`  | 1    | per push |                                           |
+
+A new abstraction gets a normal component for the windows of the pushes that failed, and a network that starts as the
+one that came nearest to them, with the shared prior of all; what was learned before stays as it is.
+
+Own choices throughout: the thesis reports abstractions by eye (figure 5-8).
+"""
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import torch
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, first_of, push_groups, windows
+from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
+from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, Samples
+
+PLAUSIBLE = 0.05  # belief below which an abstraction does not explain a sample
+LEVEL = 0.05  # of the predictive check, for a push and for all together
+PERMUTATIONS = 2000
+ENOUGH = 20  # reference pushes: with fewer no p-value of a push reaches the level
+
+
+def stuck_group(learner: Hma) -> np.ndarray:
+    """Which abstractions (K,) count as stuck: the module's rule, without truth."""
+    look = learner.look
+    still = (look["move"] < NO_MOVE) & (look["force"] >= NO_FORCE)
+    return still | (look["drag"] > DRAG)
+
+
+def infer_first_steps(learner: Learner, samples: Samples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    """First row (m,) of each push that has `steps` samples, and the belief (m, K) after them.
+
+    Raises:
+        UserError: no push is that long.
+    """
+    groups = first_of(samples, steps)
+    if not groups:
+        raise UserError(f"no push has {steps} samples; give fewer steps or longer pushes.")
+    rows = np.array(groups)
+    belief = learner.initial_belief(samples.context[rows[:, 0]])
+    for now in rows.T:
+        belief = learner.update(
+            belief, samples.state[now], samples.action[now], samples.context[now], samples.next_state[now]
+        )
+    return rows[:, 0], belief
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Abstractions against hidden truth: balanced accuracy with its interval, adjusted Rand index, pushes."""
+
+    balanced_accuracy: float
+    low: float
+    high: float
+    rand_index: float
+    n_stuck: int
+    n_free: int
+
+
+def agreement(
+    learner: Hma,
+    samples: Samples,
+    rng: np.random.Generator,
+    steps: int = 5,
+    level: float = 0.95,
+    resamples: int = 1000,
+) -> Agreement:
+    """How well the first `steps` samples of a push tell stuck from free.
+
+    Raises:
+        UserError: no push of known truth is long enough, or only one kind is there.
+    """
+    from sklearn.metrics import adjusted_rand_score
+
+    known = samples.select(samples.truth != UNKNOWN)
+    rows, belief = infer_first_steps(learner, known, steps)
+    truth = known.truth[rows]
+    called = belief[:, stuck_group(learner)].sum(axis=1) > 0.5
+    right = {kind: (called == (kind == STUCK))[truth == kind].astype(float) for kind in (FREE, STUCK)}
+    if min(map(len, right.values())) == 0:
+        raise UserError("agreement with truth needs stuck and free pushes; these samples have one kind only.")
+    draws = [rng.choice(part, (resamples, len(part))).mean(axis=1) for part in right.values()]
+    low, high = np.quantile(np.mean(draws, axis=0), [0.5 - level / 2, 0.5 + level / 2])
+    return Agreement(
+        balanced_accuracy=float(np.mean([part.mean() for part in right.values()])),
+        low=float(low),
+        high=float(high),
+        rand_index=float(adjusted_rand_score(truth, belief.argmax(axis=1))),
+        n_stuck=len(right[STUCK]),
+        n_free=len(right[FREE]),
+    )
+
+
+def abstraction_table(learner: Hma) -> pd.DataFrame:
+    """A row per abstraction: name, share, force (N), rise (N/mm), move, lag, drag (1), counts as stuck."""
+    return pd.DataFrame(
+        {"abstraction": learner.names, "share": learner.shares}
+        | {name: np.asarray(value) for name, value in learner.look.items()}
+        | {"stuck": stuck_group(learner).astype(int)}
+    )
+
+
+def residuals(learner: Learner, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """r (n, 6) of the module, and the abstraction (n,) that comes nearest."""
+    groups = push_groups(samples)
+    residual = np.empty((len(samples), len(SEEN)))
+    nearest = np.empty(len(samples), dtype=int)
+    belief = learner.initial_belief(samples.context[[rows[0] for rows in groups]])
+    for t in range(max(map(len, groups), default=0)):
+        alive = np.array([len(rows) > t for rows in groups])
+        now = np.array([rows[t] for rows in groups if len(rows) > t])
+        step = (samples.state[now], samples.action[now], samples.context[now])
+        out = learner.predict(*step, belief[alive])
+        each = ((samples.next_state[now][:, None] - out.mean) / np.sqrt(out.var))[..., list(SEEN)]
+        square = np.where(out.weight > PLAUSIBLE, (each**2).mean(axis=2), np.inf)
+        nearest[now] = square.argmin(axis=1)
+        residual[now] = each[np.arange(len(now)), nearest[now]]
+        belief[alive] = learner.update(belief[alive], *step, samples.next_state[now])
+    return residual, nearest
+
+
+@dataclass(frozen=True)
+class PredictiveCheck:
+    """Which pushes the learned abstractions do not explain.
+
+    pushes: a row per push: push, tower, block, layer, side, steps, distance, p_value, fails, abstraction (the one most
+    used), worst (the dimension of the state that is most off).
+    by_abstraction: a row per abstraction used: name, pushes, how many fail, mean distance.
+    p_value: of all pushes together.  new_abstraction: whether one is called for.
+    """
+
+    pushes: pd.DataFrame
+    by_abstraction: pd.DataFrame
+    p_value: float
+    new_abstraction: bool
+
+
+def predictive_check(
+    learner: Learner, samples: Samples, reference: Samples, rng: np.random.Generator
+) -> PredictiveCheck:
+    """Compare predictions with new samples; `reference`: samples of the known tower that learning has not seen.
+
+    A new abstraction is called for if all pushes together are too far off (p_value below `LEVEL`).
+
+    Raises:
+        UserError: fewer than `ENOUGH` reference pushes.
+    """
+    known, reference_values, within = _per_push(learner, reference)
+    if len(known) < ENOUGH:
+        raise UserError(
+            f"the predictive check needs at least {ENOUGH} reference pushes, got {len(known)}; hold more back."
+        )
+    table, values, _ = _per_push(learner, samples)
+    sizes = known["steps"].to_numpy()
+    square = _square(values, table["steps"].to_numpy(), reference_values, sizes, within)
+    # a reference push is judged by the others, as a new one is: otherwise it would lie too near
+    own = np.vstack(
+        [
+            _square(
+                reference_values[[j]],
+                sizes[[j]],
+                np.delete(reference_values, j, 0),
+                np.delete(sizes, j),
+                within,
+            )
+            for j in range(len(known))
+        ]
+    )
+    known["distance"] = np.sqrt(own.sum(axis=1))
+    table["distance"] = np.sqrt(square.sum(axis=1))
+    table["worst"] = [STATE[SEEN[k]] for k in square[:, : len(SEEN)].argmax(axis=1)]
+    rank = np.searchsorted(np.sort(known["distance"]), table["distance"].to_numpy())
+    table["p_value"] = (1 + len(known) - rank) / (1 + len(known))
+    table["fails"] = (table["p_value"] <= LEVEL).astype(int)
+    both = np.concatenate([table["distance"], known["distance"]]) ** 2
+    shuffled = rng.permuted(np.tile(both, (PERMUTATIONS, 1)), axis=1)[:, : len(table)].sum(axis=1)
+    overall = float((1 + (shuffled >= (table["distance"] ** 2).sum()).sum()) / (1 + PERMUTATIONS))
+    names = getattr(learner, "names", [str(k) for k in range(learner.n_abstractions)])
+    by = (
+        table.groupby("abstraction", as_index=False)
+        .agg(pushes=("push", "size"), failed=("fails", "sum"), distance=("distance", "mean"))
+        .assign(name=lambda part: [names[k] for k in part["abstraction"]])
+    )
+    return PredictiveCheck(table, by, overall, bool(overall < LEVEL))
+
+
+def _square(
+    values: np.ndarray,
+    sizes: np.ndarray,
+    reference: np.ndarray,
+    reference_sizes: np.ndarray,
+    within: np.ndarray,
+) -> np.ndarray:
+    """Terms (pushes, 7) of D² of `values` (pushes, 7), from v of the reference."""
+    between = reference.var(axis=0, ddof=1) - (1.0 / reference_sizes).mean() * within
+    return (values - reference.mean(axis=0)) ** 2 / (np.maximum(between, 0.0) + within / sizes[:, None])
+
+
+def _per_push(learner: Learner, samples: Samples) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
+    """A row per push, v (pushes, 7), and the variance (7,) within pushes of what v is the mean of."""
+    residual, nearest = residuals(learner, samples)
+    values = np.column_stack([residual, np.log((residual**2).mean(axis=1))])
+    rows, means, spread, freedom = [], [], 0.0, 0
+    for group in push_groups(samples):
+        first = group[0]
+        means.append(values[group].mean(axis=0))
+        spread = spread + ((values[group] - means[-1]) ** 2).sum(axis=0)
+        freedom += len(group) - 1
+        rows.append(
+            {
+                "push": samples.push[first],
+                "tower": samples.tower[first],
+                "block": samples.block[first],
+                "layer": samples.context[first, 0],
+                "side": samples.context[first, 1],
+                "steps": len(group),
+                "abstraction": np.bincount(nearest[group]).argmax(),
+            }
+        )
+    return pd.DataFrame(rows), np.array(means), spread / max(freedom, 1)
+
+
+def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generator) -> Hma:
+    """The learner with one abstraction more, learned from `samples` of pushes that failed; the old one stays.
+
+    Its share is that of one abstraction among K + 1 (nothing is known yet of how many blocks it holds for).
+
+    Raises:
+        UserError: fewer than `MIN_SAMPLES` samples, or a learner without a window mixture (one-shot).
+    """
+    if learner.mixture is None:
+        raise UserError("a new abstraction needs the two-step learner (one_shot: false).")
+    if len(samples) < MIN_SAMPLES:
+        raise UserError(
+            f"a new abstraction needs {MIN_SAMPLES} samples of pushes that fail, got {len(samples)}."
+        )
+    config, old, nets = learner.settings, learner.mixture, learner.networks
+    k, c = learner.n_abstractions, len(old.weights)
+    features = windows(samples, config.window)
+    scaled = (features - old.centre) / old.spread
+    cov = np.cov(scaled.T) + config.mixture.regularisation * np.eye(scaled.shape[1])
+    topics = np.zeros((k + 1, c + 1))
+    topics[:k, :c], topics[k, c] = old.topics, 1.0
+    share = 1.0 / (k + 1)
+    weights = np.append(old.weights * (1 - share), share)
+
+    inputs = learner.scaling.inputs(samples.state, samples.action, samples.context)
+    outputs = learner.scaling.outputs(samples.state, samples.next_state)
+    nearest = np.bincount(residuals(learner, samples)[1], minlength=k).argmax()
+    one = BayesianNetworks(
+        nets.settings, [m[[nearest]] for m in nets.mean], [s[[nearest]] for s in nets.log_std], nets.shared
+    )
+    new = train(inputs, outputs, np.ones((len(inputs), 1)), config.network, int(rng.integers(2**31)), one)
+
+    other = copy(learner)
+    other.networks = BayesianNetworks(
+        nets.settings,
+        *(
+            [torch.cat(pair) for pair in zip(a, b)]
+            for a, b in ((nets.mean, new.mean), (nets.log_std, new.log_std))
+        ),
+        nets.shared,
+        [torch.cat(pair, dim=1) for pair in zip(nets.draws, new.draws)],
+    )
+    other.shares = np.append(learner.shares * (1 - share), share)
+    other.first = np.append(learner.first * (1 - share), share)
+    other.mixture = replace(
+        old,
+        weights=weights,
+        means=np.vstack([old.means, scaled.mean(axis=0)]),
+        covariances=np.concatenate([old.covariances, cov[None]]),
+        topics=topics,
+        shares=other.shares,
+    )
+    look = describe(features, np.ones((len(features), 1)), config.window.force_scale)
+    other.look = {name: np.append(value, look[name]) for name, value in learner.look.items()}
+    other.names = [*learner.names, f"new: {names_of(look)[0]}"]
+    return other

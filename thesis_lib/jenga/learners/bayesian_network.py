@@ -1,0 +1,199 @@
+"""Bayesian neural networks of the changes of the state: K networks in one batch, with a prior that they share.
+
+    w_k ~ Normal(μ_θ, σ_w²/fan-in),   μ_θ ~ Normal(0, σ_θ²/fan-in)                                  (weights)
+    Δ | x, w_k ~ Normal(g(x; w_k), diag exp h(x; w_k))                                               (output)
+    loss = −Σ_i Σ_k r_ik log p(Δ_i | x_i, w_k) + β Σ_k KL(q(w_k) ‖ p(w_k | μ_θ)) − β log p(μ_θ),
+    q(w_k) = Normal(m_k, diag s_k²)                                                                  (mean field)
+
+| paper | code            | unit | shape       |                                                       |
+|-------|-----------------|------|-------------|-------------------------------------------------------|
+| x     | `inputs`        | 1    | (n, d)      | scaled inputs, `learner.Scaling`                      |
+| Δ     | `outputs`       | 1    | (n, 7)      | scaled changes of the state                           |
+| r     | `resp`          | 1    | (n, K)      | responsibilities of the abstractions                  |
+| θ_k   | `mean`, `log_std` | 1  | (K, in, out) | of each layer's weights, bias as last row            |
+| μ_θ   | `shared`        | 1    | (in, out)   | mean that the K networks share                        |
+| β     | –               | 1    |             | rises from 0 to 1 over the first steps (annealing)    |
+
+The thesis gives the hierarchy (v_θ above θ_k, section 5.3.1) and no sizes.  Own choices: tanh layers beside a linear
+path from inputs to outputs (so that a handful of samples fits a line, not a wiggle); mean-field normals with local
+reparametrisation (Kingma, Salimans and Welling 2015, arXiv 1506.02557); an abstraction with few samples falls back on
+μ_θ, which all samples taught.  Predictions average `draws` fixed draws of the weights, in opposite pairs: mean of
+their means, mean of their variances plus the variance of their means.
+"""
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+import torch
+
+from thesis_lib.jenga.learners.settings import NetworkSettings
+
+# log variances of scaled outputs: a sixtieth to ten standard deviations of a training change
+LOG_VAR = (-8.0, 4.6)
+# of q, times the prior's: networks start nearly deterministic and widen where data are silent
+START_STD = 0.05
+N_OUT = 7
+
+Layers = list[torch.Tensor]
+
+
+def layer_shapes(n_inputs: int, hidden: tuple[int, ...]) -> list[tuple[int, int]]:
+    """(fan-in + 1, units) of the hidden layers, of the output and of the linear path."""
+    sizes = [n_inputs, *hidden]
+    shapes = [(a + 1, b) for a, b in pairwise(sizes)]
+    return [*shapes, (hidden[-1] + 1, 2 * N_OUT), (n_inputs + 1, 2 * N_OUT)]
+
+
+def _affine(x: torch.Tensor, w: torch.Tensor) -> torch.Tensor:
+    """x (…, n, in) times weights (…, in + 1, out) whose last row is the bias."""
+    return x @ w[..., :-1, :] + w[..., -1:, :]
+
+
+def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor]:
+    """Mean and log variance (…, n, 7) for weights (…, in + 1, out)."""
+    h = x
+    for w in layers[:-2]:
+        h = torch.tanh(_affine(h, w))
+    out = _affine(h, layers[-2]) + _affine(x, layers[-1])
+    return out[..., :N_OUT], soft_clamp(out[..., N_OUT:])
+
+
+def soft_clamp(log_var: torch.Tensor) -> torch.Tensor:
+    """Log variance held within `LOG_VAR`, smoothly."""
+    low, high = LOG_VAR
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    return middle + half * torch.tanh((log_var - middle) / half)
+
+
+def _local(x: torch.Tensor, mean: torch.Tensor, std: torch.Tensor, gen: torch.Generator) -> torch.Tensor:
+    """A draw of the layer's activations (local reparametrisation)."""
+    var = _affine(x**2, std**2)
+    noise = torch.randn(var.shape, generator=gen)
+    return _affine(x, mean) + noise * torch.sqrt(var + 1e-12)
+
+
+@dataclass
+class BayesianNetworks:
+    """K networks trained together; see the module's table.
+
+    mean, log_std: per layer (K, in + 1, out).  shared: per layer (in + 1, out).  draws: per layer
+    (draws, K, in + 1, out), the weights that predictions use.
+    """
+
+    settings: NetworkSettings
+    mean: Layers = field(default_factory=list)
+    log_std: Layers = field(default_factory=list)
+    shared: Layers = field(default_factory=list)
+    draws: Layers = field(default_factory=list)
+
+    @classmethod
+    def prior(cls, n_inputs: int, k: int, settings: NetworkSettings, seed: int) -> "BayesianNetworks":
+        """K networks as the prior has them, before any data."""
+        gen = torch.Generator().manual_seed(seed)
+        nets = cls(settings)
+        for rows, columns in layer_shapes(n_inputs, settings.hidden):
+            scale = 1.0 / np.sqrt(rows)
+            shared = settings.shared_std * scale * torch.randn((rows, columns), generator=gen)
+            std = settings.prior_std * scale
+            nets.shared.append(shared)
+            nets.mean.append(shared.expand(k, -1, -1).clone())
+            nets.log_std.append(torch.full((k, rows, columns), float(np.log(std))))
+        nets.redraw(gen)
+        return nets
+
+    def redraw(self, gen: torch.Generator) -> None:
+        """New fixed draws of the weights."""
+        half = self.settings.draws // 2
+        self.draws = []
+        for m, s in zip(self.mean, self.log_std):
+            noise = torch.randn((half, *m.shape), generator=gen)
+            self.draws.append(m + torch.exp(s) * torch.cat([noise, -noise]))
+
+    def at_mean(self) -> "BayesianNetworks":
+        """The same networks, predicting with their mean weights alone."""
+        return replace(self, draws=[m[None] for m in self.mean])
+
+    def predict(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and variance (n, K, 7) of scaled changes for inputs (n, d)."""
+        with torch.no_grad():
+            x = torch.as_tensor(inputs, dtype=torch.float32)
+            mean, log_var = forward(x, self.draws)  # (draws, K, n, 7)
+            average = mean.mean(dim=0)
+            var = torch.exp(log_var).mean(dim=0) + ((mean - average) ** 2).mean(dim=0)
+        return average.permute(1, 0, 2).double().numpy(), var.permute(1, 0, 2).double().numpy()
+
+    def arrays(self) -> list[np.ndarray]:
+        """Mean weights of each layer (K, in + 1, out), for use outside torch."""
+        return [m.detach().double().numpy() for m in self.mean]
+
+
+def train(
+    inputs: np.ndarray,
+    outputs: np.ndarray,
+    resp: np.ndarray,
+    settings: NetworkSettings,
+    seed: int,
+    start: BayesianNetworks | None = None,
+    iterations: int | None = None,
+) -> BayesianNetworks:
+    """Networks by the module's loss.
+
+    inputs (n, d), outputs (n, 7), resp (n, K); start: networks to go on from; iterations: default the settings'.
+    """
+    gen = torch.Generator().manual_seed(seed)
+    k, n = resp.shape[1], len(inputs)
+    steps = settings.iterations if iterations is None else iterations
+    x, y, r = (torch.as_tensor(a, dtype=torch.float32) for a in (inputs, outputs, resp))
+    shapes = layer_shapes(x.shape[1], settings.hidden)
+    scales = [1.0 / np.sqrt(rows) for rows, _ in shapes]
+    if start is None:
+        shared = [0.5 * s * torch.randn(shape, generator=gen) for shape, s in zip(shapes, scales)]
+        shared[-2] = shared[-2] * 0.1
+        shared[-1] = torch.zeros(shapes[-1])
+        mean = [w.expand(k, -1, -1).clone() for w in shared]
+        log_std = [
+            torch.full_like(m, float(np.log(START_STD * settings.prior_std * s)))
+            for m, s in zip(mean, scales)
+        ]
+    else:
+        shared, mean, log_std = ([w.clone() for w in ws] for ws in (start.shared, start.mean, start.log_std))
+    parameters = [w.requires_grad_(True) for w in [*shared, *mean, *log_std]]
+    optimiser = torch.optim.Adam(parameters, lr=settings.rate, betas=(0.9, 0.99))
+    batch = min(settings.batch, n)
+    for step in range(steps):
+        share = step / steps
+        for group in optimiser.param_groups:
+            group["lr"] = settings.rate * (0.1 + 0.9 * 0.5 * (1 + np.cos(np.pi * share)))
+        rows = slice(None) if batch == n else torch.randint(n, (batch,), generator=gen)
+        std = [torch.exp(s) for s in log_std]
+        xb = x[rows]
+        h = xb
+        for m, s in zip(mean[:-2], std[:-2]):
+            h = torch.tanh(_local(h, m, s, gen))
+        out = _local(h, mean[-2], std[-2], gen) + _local(xb, mean[-1], std[-1], gen)
+        log_var = soft_clamp(out[..., N_OUT:])
+        error = (y[rows] - out[..., :N_OUT]) ** 2
+        nll = 0.5 * (error * torch.exp(-log_var) + log_var).sum(dim=2)  # (K, batch)
+        fit = (r[rows].T * nll).sum() * (n / batch)
+        anneal = min(1.0, share / settings.warm_up) if settings.warm_up > 0 and start is None else 1.0
+        loss = (fit + anneal * divergence(shared, mean, log_std, scales, settings)) / n
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        optimiser.step()
+    nets = BayesianNetworks(settings, *([w.detach() for w in ws] for ws in (mean, log_std, shared)))
+    nets.redraw(gen)
+    return nets
+
+
+def divergence(
+    shared: Layers, mean: Layers, log_std: Layers, scales: list[float], settings: NetworkSettings
+) -> torch.Tensor:
+    """KL(q ‖ prior) of all networks, and −log p of the shared mean (up to a constant)."""
+    total = torch.zeros(())
+    for mu, m, ls, scale in zip(shared, mean, log_std, scales):
+        prior = settings.prior_std * scale
+        ratio = (torch.exp(2 * ls) + (m - mu) ** 2) / prior**2
+        total = total + 0.5 * (ratio - 1.0 - 2 * (ls - float(np.log(prior)))).sum()
+        total = total + 0.5 * (mu**2).sum() / (settings.shared_std * scale) ** 2
+    return total

@@ -1,0 +1,208 @@
+"""Hierarchical model abstractions: abstractions of pushes first, then the physics of each.
+
+    1. top-down:   c | windows                    (`mixture`: Dirichlet process, merged)
+    2. bottom-up:  s_{t+1} | s_t, a_t, c = k      (`bayesian_network`, weighted with p(c_i = k | push))
+    3. noise:      z_t | s_t ~ Normal(s_t, Σ_z)   (from the residuals of 2)
+    4. belief:     b_{t+1} as in `learner`, with p(z_{t+1} | s_t, a_t, k) the network's prediction, and the window
+                   mixture of one step beside it: fully at the first step of a push (no state yet tells what the block
+                   is), to the power `emission_weight` later
+
+| paper | code           | unit    | shape   |                                              |
+|-------|----------------|---------|---------|----------------------------------------------|
+| c     | `resp`         | 1       | (n, K)  | responsibilities of training samples         |
+| Σ_z   | `noise`        | mm², N² | (7,)    | variance of a reading (diagonal)             |
+| π     | `shares`       | 1       | (K,)    | share of each abstraction                    |
+
+Σ_z.  Networks are trained on readings and so predict readings; what part of their error is the sensors' is seen in the
+second differences e_t of a push's readings after the mean change of its abstraction is taken off (process noise white,
+variance q):  Cov(e_t, e_t) = 6 Σ_z + 2q,  Cov(e_t, e_{t+1}) = −4 Σ_z − q,  Cov(e_t, e_{t+2}) = Σ_z,  solved by least
+squares for Σ_z, q ≥ 0.  Where a state is read anew before the next step, half the variance between the two readings is
+added (by the median: contact at a new place changes some forces for good).  What an action changes at once (f_t) looks
+like noise to differences, so the networks' own error, which holds the noise of z_{t+1} in full, is an upper bound.
+
+One-shot (ablation; `one_shot`): responsibilities start at random and alternate with the networks, windows play no part;
+the thesis recommends two steps where this fails.
+
+Source: thesis, sections 5.3.1 and 5.3.2; own choices in `learner_settings`.
+"""
+
+from copy import copy
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
+from thesis_lib.jenga.learners.kalman import process_variance
+from thesis_lib.jenga.learners.learner import (
+    LEVELS,
+    MIN_SAMPLES,
+    SMALLEST,
+    Learner,
+    Prediction,
+    Scaling,
+    bayes,
+    log_likelihood,
+    mix,
+    step_features,
+    windows,
+)
+from thesis_lib.jenga.learners.mixture import WindowMixture, describe, fit_mixture, names_of, push_posterior
+from thesis_lib.jenga.robot.samples import STATE, Samples
+
+ADVANCE = STATE.index("advance")
+FIRST_STEP = 0.5  # mm of advance: below it, no state yet tells what the block is
+PRIOR_PUSHES = 2.0  # pushes' worth of π in the initial belief
+
+
+@dataclass
+class Hma(Learner):
+    """The paper's learner.
+
+    Once fitted: mixture (None in one shot), networks, noise, resp (module's table); first (K,), belief before contact;
+    look and names of the abstractions, of `mixture.describe` and `mixture.names_of`.
+    """
+
+    name: str = "hma"
+
+    mixture: WindowMixture | None = field(init=False, repr=False, default=None)
+    networks: BayesianNetworks = field(init=False, repr=False)
+    noise: np.ndarray = field(init=False, repr=False)
+    resp: np.ndarray = field(init=False, repr=False)
+    first: np.ndarray = field(init=False, repr=False)
+    look: dict[str, np.ndarray] = field(init=False, repr=False)
+    names: list[str] = field(init=False, repr=False)
+
+    def fit(self, samples: Samples, rng: np.random.Generator) -> "Hma":
+        """See the module; errors as in `Learner.fit`."""
+        config = self.settings
+        self.scaling = Scaling.of(samples, config.window.force_scale, config.context)
+        features = windows(samples, config.window)
+        inputs = self.scaling.inputs(samples.state, samples.action, samples.context)
+        outputs = self.scaling.outputs(samples.state, samples.next_state)
+        seed = int(rng.integers(2**31))
+        if config.one_shot:
+            self._one_shot(samples, inputs, outputs, seed, rng)
+        else:
+            self.mixture = fit_mixture(features, samples.push, config.mixture, rng)
+            self.resp = self.mixture.resp
+            self.networks = train(inputs, outputs, self.resp, config.network, seed)
+        self.shares = (self.resp.sum(axis=0) + 1.0) / (len(samples) + self.resp.shape[1])
+        self.noise = self._noise(samples)
+        self.first = self._first_belief(samples)
+        self.look = describe(features, self.resp, config.window.force_scale)
+        self.names = names_of(self.look)
+        return self
+
+    def _one_shot(
+        self, samples: Samples, inputs: np.ndarray, outputs: np.ndarray, seed: int, rng: np.random.Generator
+    ) -> None:
+        """Alternate responsibilities (given whole pushes) and networks, from random responsibilities of pushes."""
+        config, k = self.settings, self.settings.mixture.max_abstractions
+        _, push = np.unique(samples.push, return_inverse=True)
+        self.resp = rng.dirichlet(np.full(k, 0.5), push.max() + 1)[push]
+        steps = max(1, config.network.iterations // config.rounds)
+        nets = None
+        for _ in range(config.rounds):
+            nets = train(inputs, outputs, self.resp, config.network, seed, nets, steps)
+            mean, var = nets.predict(inputs)
+            log_like = log_likelihood(mean, var, outputs, config.belief)
+            shares = (self.resp.sum(axis=0) + 1.0) / (len(inputs) + k)
+            self.resp = push_posterior(log_like, samples.push, shares)
+        keep = self.resp.sum(axis=0) >= config.mixture.min_weight * len(inputs)
+        self.resp = self.resp[:, keep] / self.resp[:, keep].sum(axis=1, keepdims=True)
+        self.mixture = None
+        self.networks = train(inputs, outputs, self.resp, config.network, seed)
+
+    def _noise(self, samples: Samples) -> np.ndarray:
+        """Σ_z (7,) by the module's moments."""
+        from scipy.optimize import nnls
+
+        change = samples.next_state - samples.state
+        change = change - self.resp @ (
+            self.resp.T @ change / np.maximum(self.resp.sum(axis=0), 1e-9)[:, None]
+        )
+        second = np.diff(change, axis=0)
+        push = samples.push
+        inside = push[1:] == push[:-1]
+        if inside.sum() < MIN_SAMPLES // 2:
+            return SMALLEST**2
+        lags = []
+        for lag in range(3):
+            both = (
+                inside[: len(inside) - lag] & inside[lag:] & (push[: len(push) - 1 - lag] == push[1 + lag :])
+            )
+            lags.append(
+                (second[: len(second) - lag] * second[lag:])[both].mean(axis=0) if both.any() else 0.0
+            )
+        pattern = np.array([[6.0, 2.0], [-4.0, -1.0], [1.0, 0.0]])
+        shared = np.array([nnls(pattern, lag)[0][0] for lag in np.array(np.broadcast_arrays(*lags)).T])
+        again = (samples.state[1:] - samples.next_state[:-1])[inside]
+        reread = 0.5 * (np.median(np.abs(again), axis=0) / 0.6745) ** 2
+        mean, _ = self.predict(samples.state, samples.action, samples.context, self.resp).moments()
+        most = (np.median(np.abs(samples.next_state - mean), axis=0) / 0.6745) ** 2
+        return np.clip(shared + reread, SMALLEST**2, np.maximum(most, SMALLEST**2))
+
+    def _first_belief(self, samples: Samples) -> np.ndarray:
+        """P(c_1) (K,): counts over first samples of pushes, with π as a prior of `PRIOR_PUSHES` pushes."""
+        first = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
+        counts = self.resp[first].sum(axis=0) + PRIOR_PUSHES * self.shares
+        return counts / counts.sum()
+
+    def predict(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> Prediction:
+        """Next reading for each abstraction."""
+        mean, var = self.networks.predict(self.scaling.inputs(state, action, context))
+        weight = mix(belief, self.settings.belief.stay, self.shares)
+        return Prediction(self.scaling.next_state(state[:, None], mean), self.scaling.change**2 * var, weight)
+
+    def at_mean(self) -> "Hma":
+        """The same with each network at its mean weights, as `showcase_nuts` has it."""
+        other = copy(self)
+        other.networks = self.networks.at_mean()
+        return other
+
+    def initial_belief(self, context: np.ndarray) -> np.ndarray:
+        """Belief (n, K) before contact."""
+        return np.tile(self.first, (len(context), 1))
+
+    def update(
+        self,
+        belief: np.ndarray,
+        state: np.ndarray,
+        action: np.ndarray,
+        context: np.ndarray,
+        next_state: np.ndarray,
+    ) -> np.ndarray:
+        """Belief (n, K) after `next_state` was observed."""
+        config = self.settings
+        prediction = self.predict(state, action, context, belief)
+        first = state[:, ADVANCE] < FIRST_STEP
+        prior = np.where(first[:, None], belief, prediction.weight)
+        log_like = log_likelihood(prediction.mean, prediction.var, next_state, config.belief)
+        if self.mixture is not None:
+            features = step_features(state, next_state, 1.0, config.window.force_scale)
+            weight = np.where(first, 1.0, config.belief.emission_weight)
+            log_like = log_like + weight[:, None] * self.mixture.log_density(features, LEVELS)
+        return bayes(prior, log_like)
+
+    def sample(
+        self,
+        rng: np.random.Generator,
+        actions: np.ndarray,
+        context: np.ndarray,
+        abstraction: int | None = None,
+    ) -> tuple[int, np.ndarray, np.ndarray]:
+        """A push from the generative model: c, states (t + 1, 7), readings (t + 1, 7).
+
+        actions: (t, 2).  context: (2,).  abstraction: c, default drawn from the belief before contact.
+        """
+        steps = len(actions)
+        c = int(rng.choice(self.n_abstractions, p=self.first)) if abstraction is None else abstraction
+        states = np.zeros((steps + 1, 7))
+        belief = np.eye(self.n_abstractions)[[c]]
+        for t in range(steps):
+            out = self.predict(states[None, t], actions[None, t], context[None], belief)
+            var = process_variance(out.var[0, c], self.noise)
+            states[t + 1] = out.mean[0, c] + np.sqrt(var) * rng.normal(size=7)
+        return c, states, states + np.sqrt(self.noise) * rng.normal(size=states.shape)

@@ -1,0 +1,273 @@
+"""What every learner of the push dynamics offers, and the scaling and windows that they share.
+
+    s_{t+1} = s_t + Δ,   Δ | s_t, a_t, c = k  ~  Normal(μ_k, Σ_k)        (learners predict changes)
+    b_{t+1}(k) ∝ p(z_{t+1} | s_t, a_t, k) Σ_j b_t(j) P(k | j),   P(k | j) = ρ δ_jk + (1 − ρ) π_k
+
+| paper | code      | unit  | shape     |                                                                      |
+|-------|-----------|-------|-----------|----------------------------------------------------------------------|
+| s, z  | `state`   | mm, N | (n, 7)    | `samples.STATE`                                                      |
+| a     | `action`  | mm, rad | (n, 2)  | `samples.ACTION`                                                     |
+| c     | –         |       |           | abstraction, 0 … K−1                                                 |
+| b     | `belief`  | 1     | (n, K)    | probabilities of the abstractions                                    |
+| D     | `depth`   | 1     |           | steps in a window                                                    |
+| ρ     | `stay`    | 1     |           | probability that the abstraction lasts another step                  |
+
+Inputs of all learners (own choice): lag of the block behind the pusher (advance − x), y, yaw, asinh of both forces over
+`force_scale` (a logarithm that passes zero smoothly), advance, root of the tower's displacement, contact offset,
+heading, and the context; standardised with the training samples only, and clipped at `CLIP` standard deviations so
+that no learner extrapolates without limit.  Outputs are the changes of the state, standardised in the same way.
+
+Features of a window (top-down step; order within a window plays no part, as in the thesis): means over its steps of
+force, rise of force, the block's displacement per advance, lag as a share of the advance, and the tower's displacement
+per advance.  (The turn of the block says more about where it was pushed than about what it is: with it, and with the
+tower's displacement so far, fewer windows of made pushes were told apart.)  A window of sample i is the up to D samples
+of the push that end with i, so that windows and samples correspond one to one.
+
+The likelihood leaves `advance` out: it is the robot's own doing.  Each other dimension may be wild (`BeliefSettings`),
+else one stick-slip jump would settle a belief for good.
+
+Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/scirobotics.aav3123.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, WindowSettings
+from thesis_lib.jenga.robot.samples import STATE, Samples
+
+X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
+SEEN = (X, Y, YAW, F_N, F_T, TOWER)  # dimensions whose prediction counts in the belief
+FEATURES = ("force", "rise", "move", "lag", "drag")
+# of these a window takes the mean over its steps, of the others the change per step
+LEVELS = ("force", "lag")
+CLIP = 4.0
+MIN_SAMPLES = 20
+LAG_START = 3.0  # mm; lag as a share of the advance starts softly: the first poses of a push are the noisiest
+# mm, N: below the resolution of any of the sensors; keeps a constant dimension from dividing by zero
+SMALLEST = np.array([0.02, 0.02, 0.02, 0.01, 0.01, 0.01, 0.02])
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Next state for each abstraction: mean and var (n, K, 7) in mm, N and their squares; weight (n, K)."""
+
+    mean: np.ndarray
+    var: np.ndarray
+    weight: np.ndarray
+
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and variance (n, 7) of the mixture."""
+        mean = np.einsum("nk,nkd->nd", self.weight, self.mean)
+        spread = (self.mean - mean[:, None]) ** 2
+        return mean, np.einsum("nk,nkd->nd", self.weight, self.var + spread)
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Standardisation of inputs and outputs, of training samples only.
+
+    centre, spread: (d,), of the inputs.  drift, change: (7,) mean and standard deviation of the state's changes, mm and
+    N.
+    """
+
+    centre: np.ndarray
+    spread: np.ndarray
+    drift: np.ndarray
+    change: np.ndarray
+    force_scale: float
+    with_context: bool
+
+    @classmethod
+    def of(cls, samples: Samples, force_scale: float, with_context: bool) -> "Scaling":
+        """Raises UserError for fewer than `MIN_SAMPLES` samples."""
+        if len(samples) < MIN_SAMPLES:
+            raise UserError(
+                f"a learner needs at least {MIN_SAMPLES} samples, got {len(samples)}; collect more pushes."
+            )
+        raw = raw_inputs(samples.state, samples.action, samples.context, force_scale, with_context)
+        change = samples.next_state - samples.state
+        spread = raw.std(axis=0)
+        # an input that never varied in training carries nothing; one of unit spread around it is clipped, not blown up
+        return cls(
+            raw.mean(axis=0),
+            np.where(spread > 1e-6, spread, 1.0),
+            change.mean(axis=0),
+            np.maximum(change.std(axis=0), SMALLEST),
+            force_scale,
+            with_context,
+        )
+
+    def inputs(self, state: Any, action: Any, context: Any, xp: Any = np) -> Any:
+        """Scaled inputs (n, d), with `xp` NumPy or a library of the same names."""
+        raw = raw_inputs(state, action, context, self.force_scale, self.with_context, xp)
+        return xp.clip((raw - self.centre) / self.spread, -CLIP, CLIP)
+
+    def outputs(self, state: np.ndarray, next_state: np.ndarray) -> np.ndarray:
+        """Scaled changes (n, 7)."""
+        return (next_state - state - self.drift) / self.change
+
+    def next_state(self, state: Any, outputs: Any) -> Any:
+        """Inverse of `outputs`; shapes that broadcast to (…, 7)."""
+        return state + self.drift + self.change * outputs
+
+
+@dataclass
+class Learner(ABC):
+    """A learner of the push dynamics; see the module's table for shapes and units.
+
+    scaling, and shares (K,) of the abstractions, are there once it is fitted.
+    """
+
+    settings: LearnerSettings = field(default_factory=LearnerSettings)
+    name: str = ""
+
+    scaling: Scaling = field(init=False, repr=False)
+    shares: np.ndarray = field(init=False, repr=False)
+
+    @property
+    def n_abstractions(self) -> int:
+        """K."""
+        return len(self.shares)
+
+    @abstractmethod
+    def fit(self, samples: Samples, rng: np.random.Generator) -> Self:
+        """Learn from samples of whole pushes in order, and return itself.
+
+        Raises:
+            UserError: fewer than `MIN_SAMPLES` samples.
+        """
+
+    @abstractmethod
+    def predict(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> Prediction:
+        """Next reading for each abstraction."""
+
+    def initial_belief(self, context: np.ndarray) -> np.ndarray:
+        """Belief (n, K) before contact: the shares."""
+        return np.tile(self.shares, (len(context), 1))
+
+    def update(
+        self,
+        belief: np.ndarray,
+        state: np.ndarray,
+        action: np.ndarray,
+        context: np.ndarray,
+        next_state: np.ndarray,
+    ) -> np.ndarray:
+        """Belief (n, K) after `next_state` was observed."""
+        out = self.predict(state, action, context, belief)
+        return bayes(out.weight, log_likelihood(out.mean, out.var, next_state, self.settings.belief))
+
+
+def raw_inputs(
+    state: Any, action: Any, context: Any, force_scale: float, with_context: bool, xp: Any = np
+) -> Any:
+    """Inputs (n, 9), or (n, 11) with context, before standardisation."""
+    columns = [
+        state[..., ADVANCE] - state[..., X],
+        state[..., Y],
+        state[..., YAW],
+        xp.arcsinh(state[..., F_N] / force_scale),
+        xp.arcsinh(state[..., F_T] / force_scale),
+        state[..., ADVANCE],
+        soft_root(state[..., TOWER], xp),
+        action[..., 0],
+        action[..., 1],
+    ]
+    if with_context:
+        columns += [context[..., 0], context[..., 1]]
+    return xp.stack(columns, axis=-1)
+
+
+def soft_root(value: Any, xp: Any = np) -> Any:
+    """Root of a length in mm that noise may make negative: sign(v) (√(|v| + 1) − 1) · 2, slope 1 at zero."""
+    return 2.0 * xp.sign(value) * (xp.sqrt(xp.abs(value) + 1.0) - 1.0)
+
+
+def step_features(
+    start: np.ndarray, next_state: np.ndarray, steps: np.ndarray | float, force_scale: float
+) -> np.ndarray:
+    """Features (n, 5), see `FEATURES`, of what happened from `start` to `next_state`, both (n, 7), in `steps`."""
+    change = (next_state - start) / np.reshape(steps, (-1, 1))
+    return np.column_stack(
+        [
+            np.arcsinh(next_state[:, F_N] / force_scale),
+            change[:, F_N],
+            change[:, X],
+            (next_state[:, ADVANCE] - next_state[:, X]) / (next_state[:, ADVANCE] + LAG_START),
+            change[:, TOWER],
+        ]
+    )
+
+
+def windows(samples: Samples, settings: WindowSettings) -> np.ndarray:
+    """Features (n, 5) of the window that ends with each sample; a push's samples must follow each other."""
+    n, depth = len(samples), settings.depth
+    begin = window_begin(samples, depth)
+    steps = (np.arange(n) - begin + 1).astype(float)
+    features = step_features(samples.state[begin], samples.next_state, steps, settings.force_scale)
+    for column in [FEATURES.index(name) for name in LEVELS]:  # means as differences of cumulative sums
+        total = np.concatenate([[0.0], np.cumsum(features[:, column])])
+        features[:, column] = (total[1:] - total[begin]) / steps
+    return features
+
+
+def window_begin(samples: Samples, depth: int) -> np.ndarray:
+    """First row (n,) of the window of up to `depth` samples that ends with each sample."""
+    rows = np.arange(len(samples))
+    new = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
+    start = np.maximum.accumulate(np.where(new, rows, 0))
+    return np.maximum(start, rows - depth + 1)
+
+
+def push_numbers(push: np.ndarray) -> np.ndarray:
+    """Ids of pushes (n,) as numbers from 0, in order of collection."""
+    new = np.concatenate([[False], push[1:] != push[:-1]])
+    return np.cumsum(new)
+
+
+def push_groups(samples: Samples) -> list[np.ndarray]:
+    """Rows of each push, in order of collection."""
+    number = push_numbers(samples.push)
+    return np.split(np.arange(len(samples)), np.flatnonzero(np.diff(number)) + 1) if len(samples) else []
+
+
+def log_likelihood(
+    mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings
+) -> np.ndarray:
+    """Log density (n, K) of observed (n, 7) under each abstraction; mean and var (n, K, 7)."""
+    dims = list(SEEN)
+    var = var[..., dims]
+    square = (observed[:, None, dims] - mean[..., dims]) ** 2 / var
+    normal = -0.5 * (square + np.log(2 * np.pi * var))
+    if settings.outlier_share == 0:
+        return normal.sum(axis=2)
+    scale = settings.outlier_scale
+    wild = -0.5 * (square / scale**2 + np.log(2 * np.pi * var)) - np.log(scale)
+    share = settings.outlier_share
+    return np.logaddexp(np.log1p(-share) + normal, np.log(share) + wild).sum(axis=2)
+
+
+def bayes(belief: np.ndarray, log_like: np.ndarray) -> np.ndarray:
+    """Posterior (n, K) of prior `belief` and log likelihood (n, K)."""
+    log_post = np.log(np.maximum(belief, 1e-300)) + log_like
+    post = np.exp(log_post - log_post.max(axis=1, keepdims=True))
+    return post / post.sum(axis=1, keepdims=True)
+
+
+def mix(belief: np.ndarray, stay: float, weights: np.ndarray) -> np.ndarray:
+    """Belief (n, K) a step later: the abstraction lasts with probability `stay`, else is drawn from `weights` (K,)."""
+    return stay * belief + (1.0 - stay) * weights
+
+
+def first_of(samples: Samples, steps: int) -> list[np.ndarray]:
+    """Rows of the first `steps` samples of each push that has so many."""
+    return [rows[:steps] for rows in push_groups(samples) if len(rows) >= steps]
+
+
+assert len(STATE) == len(SMALLEST)

@@ -1,0 +1,151 @@
+"""Mixture of linear regressions: the hierarchical baseline, whose latent experts know nothing of pushes.
+
+    Δ | x, l = k ~ Normal(W_k x̃, diag v_k),   P(l = k | x) = softmax_k(γ_k x̃),   x̃ = (x, 1)
+    E:  r_ik ∝ P(l = k | x_i) p(Δ_i | x_i, k)        M:  W_k by ridge, weights r_k; v_k; γ by ridge multinomial logit
+
+| paper | code       | unit | shape          |                                                 |
+|-------|------------|------|----------------|-------------------------------------------------|
+| l     | –          |      |                | expert, 0 … K−1                                 |
+| x     | `inputs`   | 1    | (n, d)         | scaled inputs (state, action, context)          |
+| W, v  | `w`, `var` | 1    | (K, d+1, 7), (K, 7) | of scaled changes                          |
+| γ     | `gate`     | 1    | (K, d+1)       | gate on state and action (own choice; the thesis is silent) |
+
+The number of experts, 2 … 11 as in the thesis, is that with the best log likelihood of held-out pushes (5-fold).
+Its belief: b(l) ∝ p(z_{t+1} | …, l) times the gate's prior of the step, times what earlier steps said, kept with
+probability `stay` as in `learner`; the thesis's figure 5-5C gives its l_t no memory, so this is generous to it.
+
+Source: thesis, section 5.5.2; Jordan and Jacobs 1994, doi 10.1162/neco.1994.6.2.181 (EM for gated experts).  The
+author's public code (stick-breaking experts by Metropolis sampling) is not stated to be the paper's.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from thesis_lib.jenga.learners.learner import Learner, Prediction, Scaling, bayes, mix, push_numbers
+from thesis_lib.jenga.learners.settings import ExpertSettings
+from thesis_lib.jenga.robot.samples import Samples
+
+SMALLEST_VAR = 1e-3  # of scaled changes: an expert of a handful of samples must not fit them exactly
+GATE_STEPS = 5  # Newton-like steps of the gate in an M step; EM needs an increase only
+
+
+@dataclass(frozen=True)
+class Experts:
+    """Parameters of the module's table."""
+
+    w: np.ndarray
+    var: np.ndarray
+    gate: np.ndarray
+
+    def log_gate(self, x: np.ndarray) -> np.ndarray:
+        """log P(l | x) (n, K) of x̃ (n, d + 1)."""
+        return _log_softmax(x @ self.gate.T)
+
+    def log_joint(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """log P(l | x) p(Δ | x, l) (n, K)."""
+        square = (y[:, None] - np.einsum("nd,kdo->nko", x, self.w)) ** 2 / self.var
+        normal = -0.5 * (square + np.log(2 * np.pi * self.var)).sum(axis=2)
+        return self.log_gate(x) + normal
+
+
+def _log_softmax(logits: np.ndarray) -> np.ndarray:
+    shifted = logits - logits.max(axis=1, keepdims=True)
+    return shifted - np.log(np.exp(shifted).sum(axis=1, keepdims=True))
+
+
+def with_one(inputs: np.ndarray) -> np.ndarray:
+    """x̃ (n, d + 1)."""
+    return np.column_stack([inputs, np.ones(len(inputs))])
+
+
+def em(x: np.ndarray, y: np.ndarray, k: int, settings: ExpertSettings, rng: np.random.Generator) -> Experts:
+    """Experts with the highest penalised likelihood over the restarts; x̃ (n, d + 1), y (n, 7)."""
+    best, best_value = None, -np.inf
+    for _ in range(settings.restarts):
+        # a random linear view of the changes splits the samples better than random labels do
+        view = y @ rng.normal(size=y.shape[1]) + 0.3 * rng.normal(size=len(y))
+        resp = np.full((len(y), k), 0.1 / k)
+        rank = np.argsort(np.argsort(view))
+        resp[np.arange(len(y)), rank * k // len(y)] += 0.9
+        gate, previous = np.zeros((k, x.shape[1])), -np.inf
+        for _ in range(settings.iterations):
+            experts = _maximise(x, y, resp, gate, settings.ridge)
+            gate = experts.gate
+            log_joint = experts.log_joint(x, y)
+            top = log_joint.max(axis=1, keepdims=True)
+            resp = np.exp(log_joint - top)
+            norm = resp.sum(axis=1, keepdims=True)
+            resp = resp / norm
+            value = float((np.log(norm) + top).sum()) - 0.5 * settings.ridge * (
+                (experts.w**2).sum() + (gate**2).sum()
+            )
+            if value - previous < 1e-4 * abs(value):
+                break
+            previous = value
+        if value > best_value:
+            best, best_value = experts, value
+    return best
+
+
+def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, ridge: float) -> Experts:
+    """M step."""
+    d = x.shape[1]
+    gram = np.einsum("nk,nd,ne->kde", resp, x, x) + ridge * np.eye(d)
+    w = np.linalg.solve(gram, np.einsum("nk,nd,no->kdo", resp, x, y))
+    square = (y[:, None] - np.einsum("nd,kdo->nko", x, w)) ** 2
+    # one prior observation of the overall variance (a training change has variance 1)
+    var = (np.einsum("nk,nko->ko", resp, square) + 1.0) / (resp.sum(axis=0)[:, None] + 1.0)
+    # gate: Böhning's bound on the Hessian, ½ (I − 11ᵀ/K) ⊗ XᵀX, here its diagonal part in the experts
+    curvature = np.linalg.inv(0.5 * x.T @ x + ridge * np.eye(d))
+    for _ in range(GATE_STEPS):
+        slope = (resp - np.exp(_log_softmax(x @ gate.T))).T @ x - ridge * gate
+        gate = gate + slope @ curvature
+    return Experts(w, np.maximum(var, SMALLEST_VAR), gate - gate.mean(axis=0))
+
+
+@dataclass
+class Mor(Learner):
+    """Mixture of linear regressions, whose abstractions are the experts.
+
+    Once fitted: experts; scores, the held-out log likelihood (nats a sample) of each number of experts.
+    """
+
+    name: str = "mor"
+
+    experts: Experts = field(init=False, repr=False)
+    scores: dict[int, float] = field(init=False, repr=False)
+
+    def fit(self, samples: Samples, rng: np.random.Generator) -> "Mor":
+        """See the module; errors as in `Learner.fit`."""
+        config = self.settings.experts
+        self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
+        x = with_one(self.scaling.inputs(samples.state, samples.action, samples.context))
+        y = self.scaling.outputs(samples.state, samples.next_state)
+        push = push_numbers(samples.push)
+        fold = rng.permutation(push.max() + 1)[push] % config.folds
+        once = config.model_copy(update={"restarts": 1})  # folds average over starts, too
+        self.scores = {}
+        for k in range(config.fewest, config.most + 1):
+            total = 0.0
+            for f in np.unique(fold):
+                train, test = fold != f, fold == f
+                if train.any():
+                    log_joint = em(x[train], y[train], k, once, rng).log_joint(x[test], y[test])
+                    total += np.logaddexp.reduce(log_joint, axis=1).sum()
+            self.scores[k] = total / len(y)
+        best = max(self.scores, key=self.scores.get)
+        self.experts = em(x, y, best, config, rng)
+        self.shares = np.exp(self.experts.log_gate(x)).mean(axis=0)
+        return self
+
+    def predict(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> Prediction:
+        """Next reading for each expert; weights join belief and gate."""
+        x = with_one(self.scaling.inputs(state, action, context))
+        mean = self.scaling.next_state(state[:, None], np.einsum("nd,kdo->nko", x, self.experts.w))
+        var = np.broadcast_to(self.scaling.change**2 * self.experts.var, mean.shape)
+        prior = mix(belief, self.settings.belief.stay, self.shares)
+        # belief and gate both hold the experts' shares: once is enough
+        return Prediction(mean, var, bayes(prior / self.shares, self.experts.log_gate(x)))

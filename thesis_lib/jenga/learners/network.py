@@ -1,0 +1,80 @@
+"""Feed-forward network: one model of all pushes, the non-hierarchical baseline.
+
+    Δ | x ~ Normal(g(x; w), diag exp h(x; w)),   w by −log p + ½ λ |w|²/n  (a most probable network, no posterior)
+
+| paper | code      | unit | shape        |                                        |
+|-------|-----------|------|--------------|----------------------------------------|
+| x, Δ  | `inputs`, `outputs` | 1 | (n, d), (n, 7) | as in `bayesian_network`        |
+| w     | `layers`  | 1    | (in + 1, out) | of each layer, bias as last row       |
+| λ     | `weight_decay` | 1 |             | precision of weights times √fan-in     |
+
+Same architecture, inputs, optimiser and number of steps as each network of HMA; K = 1, so its belief is 1.
+Source: thesis, section 5.5.2, which gives no sizes.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+
+from thesis_lib.jenga.learners.bayesian_network import Layers, forward, layer_shapes
+from thesis_lib.jenga.learners.learner import Learner, Prediction, Scaling
+from thesis_lib.jenga.learners.settings import NetworkSettings
+from thesis_lib.jenga.robot.samples import Samples
+
+
+def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettings, seed: int) -> Layers:
+    """Most probable weights for inputs (n, d) and outputs (n, 7)."""
+    gen = torch.Generator().manual_seed(seed)
+    x, y = (torch.as_tensor(a, dtype=torch.float32) for a in (inputs, outputs))
+    shapes = layer_shapes(x.shape[1], settings.hidden)
+    layers = [0.5 * torch.randn(shape, generator=gen) / np.sqrt(shape[0]) for shape in shapes]
+    layers[-2] *= 0.1
+    layers[-1] *= 0.0
+    layers = [w.requires_grad_(True) for w in layers]
+    optimiser = torch.optim.Adam(layers, lr=settings.rate, betas=(0.9, 0.99))
+    n = len(x)
+    batch = min(settings.batch, n)
+    for step in range(settings.iterations):
+        for group in optimiser.param_groups:
+            group["lr"] = settings.rate * (0.1 + 0.45 * (1 + np.cos(np.pi * step / settings.iterations)))
+        rows = slice(None) if batch == n else torch.randint(n, (batch,), generator=gen)
+        mean, log_var = forward(x[rows], layers)
+        fit = 0.5 * ((y[rows] - mean) ** 2 * torch.exp(-log_var) + log_var).sum(dim=1).mean()
+        decay = 0.5 * settings.weight_decay * sum(s[0] * (w**2).sum() for w, s in zip(layers, shapes)) / n
+        optimiser.zero_grad(set_to_none=True)
+        (fit + decay).backward()
+        optimiser.step()
+    return [w.detach() for w in layers]
+
+
+@dataclass
+class Network(Learner):
+    """Feed-forward network: K = 1, so that its belief is always 1.  Once fitted: layers (module's table)."""
+
+    name: str = "network"
+
+    layers: Layers = field(init=False, repr=False)
+
+    def fit(self, samples: Samples, rng: np.random.Generator) -> "Network":
+        """See the module; errors as in `Learner.fit`."""
+        self.shares = np.ones(1)
+        self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
+        self.layers = train_plain(
+            self.scaling.inputs(samples.state, samples.action, samples.context),
+            self.scaling.outputs(samples.state, samples.next_state),
+            self.settings.network,
+            int(rng.integers(2**31)),
+        )
+        return self
+
+    def predict(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> Prediction:
+        """Next reading (n, 1, 7)."""
+        inputs = self.scaling.inputs(state, action, context)
+        with torch.no_grad():
+            mean, log_var = forward(torch.as_tensor(inputs, dtype=torch.float32), self.layers)
+        var = self.scaling.change**2 * torch.exp(log_var).double().numpy()
+        mean = self.scaling.next_state(state, mean.double().numpy())
+        return Prediction(mean[:, None], var[:, None], belief)

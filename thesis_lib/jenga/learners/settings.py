@@ -1,0 +1,96 @@
+"""Settings of chapter 5's learners.
+
+The thesis gives none of these numbers except the range of the number of experts and "truncation about ten times the
+expected number": all others are own choices, made on development towers.  One number of each learner (`prior_std`,
+`weight_decay`, `ridge`) was chosen of three by how well 100 samples of one training set predict those of the others.
+"""
+
+from pydantic import Field
+
+from thesis_lib.foundation.settings import Section
+
+
+class WindowSettings(Section):
+    """Windows of one push (the inner plate of figure 5-3)."""
+
+    depth: int = Field(5, ge=1, le=45, description="D, steps in a window; shorter at the start of a push")
+    force_scale: float = Field(0.1, gt=0, description="N; forces enter as asinh(f / force_scale)")
+
+
+class MixtureSettings(Section):
+    """Top-down step: Dirichlet-process mixture over windows, merged to abstractions."""
+
+    truncation: int = Field(20, ge=2, description="components kept of the stick-breaking process")
+    alpha: float = Field(1.0, gt=0, description="concentration of the stick-breaking process")
+    min_weight: float = Field(0.02, ge=0, lt=0.5, description="components below this share are dropped")
+    regularisation: float = Field(0.03, gt=0, description="added to the variance of each scaled feature")
+    overlap: float = Field(
+        2.0, ge=1, description="a window counts as 1/overlap of one: neighbours share samples"
+    )
+    topic_prior: float = Field(
+        2.0, gt=0, description="a of the Dirichlet prior of an abstraction's components, in windows"
+    )
+    min_abstractions: int = Field(2, ge=1, description="merging stops here at the latest")
+    max_abstractions: int = Field(6, ge=2, description="merging goes on at least to here")
+
+
+class BeliefSettings(Section):
+    """Filter over abstractions."""
+
+    stay: float = Field(0.98, gt=0, le=1, description="probability that the abstraction lasts another step")
+    outlier_share: float = Field(
+        0.03, ge=0, lt=0.5, description="share of wild measurements in each dimension"
+    )
+    outlier_scale: float = Field(6.0, gt=1, description="their standard deviations against the predicted one")
+    emission_weight: float = Field(
+        1.0,
+        ge=0,
+        le=1,
+        description="weight of the window mixture after the first step, where it counts fully",
+    )
+
+
+class NetworkSettings(Section):
+    """Bayesian and plain networks (one budget for both)."""
+
+    hidden: tuple[int, ...] = Field((16, 16), min_length=1, description="units of each hidden layer")
+    iterations: int = Field(1200, ge=1, description="steps of Adam")
+    batch: int = Field(256, ge=8, description="samples a step; all of them where there are fewer")
+    rate: float = Field(0.01, gt=0, description="learning rate at the start; falls to a tenth as a cosine")
+    prior_std: float = Field(
+        0.5, gt=0, description="of the weights around their shared mean, times 1/√fan-in"
+    )
+    shared_std: float = Field(1.0, gt=0, description="of that shared mean around zero, times 1/√fan-in")
+    warm_up: float = Field(
+        0.3, ge=0, le=1, description="share of the steps in which the KL weight rises to 1"
+    )
+    draws: int = Field(4, ge=2, multiple_of=2, description="draws of the weights behind a prediction")
+    weight_decay: float = Field(3.0, ge=0, description="plain network: precision of the weights' prior")
+
+
+class ExpertSettings(Section):
+    """Mixture of linear regressions."""
+
+    fewest: int = Field(2, ge=1, description="experts, thesis")
+    most: int = Field(11, ge=1, description="experts, thesis")
+    folds: int = Field(5, ge=2, description="of the cross-validation over pushes, thesis")
+    ridge: float = Field(3.0, gt=0, description="precision of a coefficient of scaled inputs and outputs")
+    restarts: int = Field(3, ge=1, description="random starts of EM")
+    iterations: int = Field(60, ge=1, description="most steps of EM")
+
+
+class LearnerSettings(Section):
+    """All learners of chapter 5."""
+
+    window: WindowSettings = WindowSettings()
+    mixture: MixtureSettings = MixtureSettings()
+    belief: BeliefSettings = BeliefSettings()
+    network: NetworkSettings = NetworkSettings()
+    experts: ExpertSettings = ExpertSettings()
+    context: bool = Field(
+        False,
+        description="layers above and side enter the transition models; with 100 samples, that is a dozen pushes, they "
+        "tell pushes from each other instead of blocks, so that all learners go without (own choice)",
+    )
+    one_shot: bool = Field(False, description="HMA: learn abstractions and transitions jointly (ablation)")
+    rounds: int = Field(12, ge=2, description="HMA one-shot: alternations of responsibilities and networks")

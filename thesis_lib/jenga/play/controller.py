@@ -1,0 +1,156 @@
+"""Model predictive control on a learned model: where to push, and when to give up.
+
+At each step n action sequences a^j of H steps are rolled out through the learner from the last reading.  A rollout has
+a branch for each abstraction k, which starts in it for certain and goes on as the learner's own weights say:
+
+    s^{jk}_0 = z_t,   s^{jk}_{h+1} = Σ_l p(l | s^{jk}_h, a^j_h, e_k) μ_l(s^{jk}_h, a^j_h)
+    J_j = Σ_k p(k | z_t, a^j_0, b_t) C(s^{jk}) + w_a |a^j|² + w_c [contact elsewhere] + w_n g(b_t)
+    C = w_p (1 − (x_H − x_0)/H)₊ + w_g (T_H − T_0)₊/H + (T_H / T_d)² + (y_H² + ψ_H²)/y_d²
+    g = (b_t(no move) − b_0(no move))₊ / (1 − b_0(no move)),   b_0: before contact
+
+The first action of the cheapest sequence is executed; if it costs more than giving up, J* > J_g, the robot retracts
+(not before `probe` pushes: before contact any block is as likely stuck as not, and nothing is known of this one).
+The same costs and weights hold for every learner.  The term of p(no move) is there only for learners with abstractions
+that have such a one, named by the learner's own rule (`abstractions.stuck_group`), and can be switched off: in the
+thesis the other learners do not have it, so the comparison would otherwise measure the term.  It is the same for all
+pushes (where a block is pushed does not change its mode, and a reading to come cannot be expected to change the
+belief), so it weighs pushing against giving up, and nothing else.  Predicted variances play no part: C is nearly linear
+where it matters, and the branches hold the spread that decides.
+
+Sequences: all pairs of a few contact locations and headings held for H steps, the straight push and the present contact
+among them, and random pairs of which the second takes over midway.
+
+| paper | code | unit | shape |
+|---|---|---|---|
+| a^j | `sequences` | mm, rad | (n, H, 2) |
+| s^{jk}_h | `rollout` | mm, N | (H + 1, n, K, 7) |
+| b_t | `belief` | 1 | (K,) |
+| x, y, ψ, T | of `samples.STATE` | mm | – |
+
+Source: thesis, section 5.5.4, figure 5-9 (the form of the costs is ours: the thesis names them, without equations).
+"""
+
+from typing import ClassVar
+
+import numpy as np
+
+from thesis_lib.jenga.learners.abstractions import stuck_group
+from thesis_lib.jenga.learners.learner import Learner
+from thesis_lib.jenga.play.controller_settings import ControllerSettings
+from thesis_lib.jenga.play.policies import Action, Push, Retract
+from thesis_lib.jenga.robot.samples import STATE
+
+X, Y, YAW, TOWER = (STATE.index(name) for name in ("x", "y", "yaw", "tower"))
+OFFSETS, HEADINGS = 5, 5  # held pairs: these many values each, from one extreme to the other
+
+
+def rollout(
+    learner: Learner, state: np.ndarray, context: np.ndarray, belief: np.ndarray, sequences: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Predicted states (H + 1, n, K, 7) of each branch, and the branches' weights (n, K).
+
+    state: (7,), mm and N.  context: (2,).  belief: (K,).  sequences: (n, H, 2), mm and rad.
+    """
+    n, horizon, _ = sequences.shape
+    k = len(belief)
+    states = np.empty((horizon + 1, n, k, len(STATE)))
+    states[0] = state
+    certain = np.tile(np.eye(k), (n, 1))
+    place = np.tile(context, (n * k, 1))
+    for h in range(horizon):
+        actions = np.repeat(sequences[:, h], k, axis=0)
+        out = learner.predict(states[h].reshape(n * k, -1), actions, place, certain)
+        states[h + 1] = np.einsum("nk,nkd->nd", out.weight, out.mean).reshape(n, k, -1)
+    first = learner.predict(
+        np.tile(state, (n, 1)), sequences[:, 0], np.tile(context, (n, 1)), np.tile(belief, (n, 1))
+    )
+    return states, first.weight
+
+
+def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray:
+    """C (n, K) of rollouts (H + 1, n, K, 7)."""
+    first, last, horizon = states[0], states[-1], len(states) - 1
+    shortfall = np.maximum(1.0 - (last[..., X] - first[..., X]) / horizon, 0.0)
+    growth = np.maximum(last[..., TOWER] - first[..., TOWER], 0.0) / horizon
+    return (
+        settings.progress * shortfall
+        + settings.growth * growth
+        + (np.maximum(last[..., TOWER], 0.0) / settings.damage) ** 2
+        + (last[..., Y] ** 2 + last[..., YAW] ** 2) / settings.stray**2
+    )
+
+
+class Learned:
+    """A `policies.Policy`: the controller on a fitted learner.
+
+    learner: fitted.  settings: weights and sizes.  name: default the learner's.  belief: (K,), of the block pushed.
+    """
+
+    SEES_TOWER: ClassVar[bool] = False
+
+    def __init__(self, learner: Learner, settings: ControllerSettings | None = None, name: str | None = None):
+        self.learner, self.settings = learner, settings or ControllerSettings()
+        self.name = name or learner.name
+        self.no_move = stuck_group(learner) if hasattr(learner, "look") else None
+        self._held = self._pairs()
+
+    def begin(self, rng: np.random.Generator) -> None:
+        self.rng = rng
+
+    def start(self, block: int, context: np.ndarray) -> None:
+        self.context, self.contact, self.steps = context, 0.0, 0
+        self.belief = self._first = self.learner.initial_belief(context[None])[0]
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        sequences = self.sequences()
+        costs = self.costs(state, sequences)
+        best = int(np.argmin(costs))
+        if self.steps >= self.settings.probe and costs[best] > self.settings.give_up:
+            return Retract()
+        offset, heading = sequences[best, 0]
+        self.contact = float(offset)
+        return Push(float(offset), float(heading))
+
+    def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
+        self.steps += 1
+        step = (state[None], np.array([[action.offset, action.heading]]), self.context[None])
+        self.belief = self.learner.update(self.belief[None], *step, next_state[None])[0]
+
+    def sequences(self) -> np.ndarray:
+        """The action sequences (n, H, 2) of this step; the first is straight where the finger is."""
+        settings = self.settings
+        held = self._held.copy()
+        # the location nearest to where the finger is becomes that one, so that going on there is among the choices
+        near = np.abs(held[:, 0] - self.contact).min() == np.abs(held[:, 0] - self.contact)
+        held[near, 0] = self.contact
+        pairs = np.concatenate([[[self.contact, 0.0], [0.0, 0.0]], held])[: settings.sequences]
+        sequences = np.repeat(pairs[:, None], settings.horizon, axis=1)
+        more = settings.sequences - len(sequences)
+        if more <= 0:
+            return sequences
+        first, second = pairs[self.rng.integers(len(pairs), size=(2, more))]
+        switch = self.rng.integers(1, settings.horizon, size=more) if settings.horizon > 1 else np.ones(more)
+        later = np.arange(settings.horizon) >= np.reshape(switch, (-1, 1))
+        return np.concatenate([sequences, np.where(later[..., None], second[:, None], first[:, None])])
+
+    def costs(self, state: np.ndarray, sequences: np.ndarray) -> np.ndarray:
+        """J (n,) of the sequences (n, H, 2) from a reading (7,)."""
+        settings = self.settings
+        states, weights = rollout(self.learner, state, self.context, self.belief, sequences)
+        cost = (weights * branch_costs(states, settings)).sum(axis=1)
+        scale = np.array([max(settings.offset, 1e-9), max(settings.heading, 1e-9)])
+        cost += settings.effort * ((sequences / scale) ** 2).sum(axis=2).mean(axis=1)
+        cost += settings.change * (np.abs(sequences[:, 0, 0] - self.contact) > 1e-9)
+        return cost + settings.no_move * self.growth()
+
+    def growth(self) -> float:
+        """Growth of p(no move) since before contact; 0 for a learner that has no such abstraction."""
+        if self.no_move is None or not self.settings.no_move:
+            return 0.0
+        first, now = (float(belief[self.no_move].sum()) for belief in (self._first, self.belief))
+        return max(0.0, (now - first) / max(1.0 - first, 1e-9))
+
+    def _pairs(self) -> np.ndarray:
+        offsets = np.linspace(-self.settings.offset, self.settings.offset, OFFSETS)
+        headings = np.linspace(-self.settings.heading, self.settings.heading, HEADINGS)
+        return np.array([(offset, heading) for offset in offsets for heading in headings])

@@ -1,0 +1,274 @@
+"""A game: one tower, one policy, until something falls or every block has been tried.
+
+The nominal execution loop of the thesis (section 5.4.3): take a block at random, push it in steps of 1 mm until the
+policy retracts, the block is out far enough or 45 mm are over; extract it, place it on top.  The run ends when a block
+falls off the tower, the tower topples, or all blocks have been tried.
+
+Pairing: the seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of the readings of each
+block and the places on top, whatever the policy does; its own choices come from a stream of their own.
+
+What counts (thesis, section 5.5.3, where it is its criterion of success): a push succeeds if the block reaches the goal
+and no other block has moved by more than 10 mm or turned by more than 15 degrees in that push; extraction and placement
+alike, each by itself.  The score is the number of blocks that were pushed and extracted with success before the run
+ended; a retreat does not break the row (thesis: the robot may retract), damage costs the block but ends nothing,
+placement is counted beside it.  A tower that cannot be used gives a game that is `refused`: counted, and not a score.
+
+| paper | code | unit |
+|---|---|---|
+| consecutive successful extractions (figure 5-5B) | `Game.extractions` | blocks |
+| successes of push, extract, place (figure 5-6) | `pushed`, `extracted`, `placed` of `Game.table` | 1; −1 not tried |
+"""
+
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.files import read_json, write_json
+from thesis_lib.jenga.play.policies import FORCE, SEEN, Policy, Retract
+from thesis_lib.jenga.robot.movable import hidden_label
+from thesis_lib.jenga.robot.primitives import FELL_FROM_TOP, Gripper
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import UNKNOWN
+from thesis_lib.jenga.robot.sensing import MM, Sensor
+from thesis_lib.jenga.tower.health import settled_tower
+from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.tower import REACHABLE, TowerError
+
+ALL_TRIED, DROPPED, TOPPLED, REFUSED = "all tried", "block dropped", "tower toppled", "refused"
+SCHEMA = 1
+NOT_TRIED = -1
+
+
+@dataclass
+class Attempt:
+    """One block: what was done and what came of it.
+
+    layer, side: where it lay (0 middle, 1 side).  truth: hidden label (0 free, 1 stuck, -1 not asked).  steps: pushes
+    of 1 mm.  peak_force (N), perturbation (mm): largest readings.  damage: true largest displacement (mm) of any other
+    block during the push.  pushed, extracted, placed: 1 success, 0 failure, -1 not tried.  reason: why it ended.
+    """
+
+    block: int
+    layer: int
+    side: int
+    truth: int = UNKNOWN
+    steps: int = 0
+    peak_force: float = 0.0
+    perturbation: float = 0.0
+    damage: float = 0.0
+    pushed: int = 0
+    extracted: int = NOT_TRIED
+    placed: int = NOT_TRIED
+    reason: str = ""
+
+
+@dataclass
+class Game:
+    """A finished game.
+
+    blocks: how many were to be tried.  end: why it ended.  error: of a refused one.  frames: (title, block,
+    poses (54, 7)) after each block that came out, first the untouched tower; `sizes` (54, 3), m, go with them.
+    """
+
+    policy: str
+    seed: int
+    base_seed: int
+    blocks: int
+    attempts: list[Attempt]
+    end: str
+    error: str = ""
+    frames: list = field(default_factory=list)
+    sizes: list = field(default_factory=list)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the tower could not be used, so that the game has no score."""
+        return self.end == REFUSED
+
+    @property
+    def extractions(self) -> int:
+        """The score.
+
+        Raises:
+            UserError: the game was refused.
+        """
+        self._must_count()
+        return sum(attempt.pushed == 1 and attempt.extracted == 1 for attempt in self.attempts)
+
+    @property
+    def placements(self) -> int:
+        """Blocks placed with success; errors as in `extractions`."""
+        self._must_count()
+        return sum(attempt.placed == 1 for attempt in self.attempts)
+
+    def table(self) -> pd.DataFrame:
+        """A row per block tried: policy, tower, and the fields of `Attempt`."""
+        names = [item.name for item in fields(Attempt)]
+        rows = pd.DataFrame([asdict(attempt) for attempt in self.attempts], columns=names)
+        return rows.assign(policy=self.policy, tower=self.seed)[["policy", "tower", *names]]
+
+    def _must_count(self) -> None:
+        if self.refused:
+            raise UserError(
+                f"the game of {self.policy} on tower {self.seed} was refused ({self.error}): count it as such, or "
+                "leave the tower out for every policy."
+            )
+
+
+class _Play:
+    """A game that is going on."""
+
+    def __init__(self, seed: int, policy: Policy, setup: Setup, base_seed: int, label: bool):
+        self.seed, self.policy, self.setup, self.base_seed, self.label = seed, policy, setup, base_seed, label
+        self.tower = settled_tower(seed, setup)
+        self.gripper = Gripper(self.tower)
+        self.places = self.stream("place")
+        if policy.SEES_TOWER:
+            policy.tower = self.tower
+        policy.begin(self.stream(f"policy {policy.name}"))
+
+    def stream(self, name: str) -> np.random.Generator:
+        return _stream(self.base_seed, self.seed, name)
+
+    def try_block(self, attempt: Attempt) -> str:
+        """Push and, if it comes out, extract and place; why the run ends, or nothing."""
+        tower, policy, block = self.tower, self.policy, attempt.block
+        context = tower.context(block)
+        if self.label:
+            attempt.truth = hidden_label(tower, block, self.setup.movable)
+        policy.start(block, context)
+        robot = Robot(tower, Sensor(self.setup.sensing, self.stream(f"readings {block}")))
+        attempt.reason = self._push(robot, attempt, context)
+        distance, angle = tower.perturbation(block, robot.start_poses)
+        attempt.damage = round(MM * distance, 4)
+        if attempt.reason in (DROPPED, TOPPLED):
+            return attempt.reason
+        robot.retract()
+        if attempt.reason != "goal":
+            return self._fallen(block)
+        attempt.pushed = int(not tower.robot_settings.is_damage(distance, angle))
+        return self._extract_and_place(attempt)
+
+    def _push(self, robot: Robot, attempt: Attempt, context: np.ndarray) -> str:
+        """Until there is a reason to stop, which is returned."""
+        policy, reading = self.policy, robot.start(attempt.block)
+        while True:
+            action = policy.act(reading, context)
+            if isinstance(action, Retract):
+                return action.reason
+            before, reading = robot.push_step(action.offset / MM, action.heading)
+            policy.observe(before, action, reading)
+            attempt.steps += 1
+            attempt.peak_force = max(attempt.peak_force, round(float(reading[FORCE]), 4))
+            attempt.perturbation = max(attempt.perturbation, round(float(reading[SEEN]), 4))
+            if ended := self._fallen(attempt.block):
+                return ended
+            if robot.reached_goal():
+                return "goal"
+            if robot.at_end():
+                return "longest push"
+
+    def _extract_and_place(self, attempt: Attempt) -> str:
+        outcome = self.gripper.extract(attempt.block)
+        attempt.extracted = int(outcome.success)
+        attempt.reason = outcome.reason or attempt.reason
+        if self.gripper.held is None:
+            return (self._fallen(attempt.block) or DROPPED) if outcome.ends_run else ""
+        if outcome.ends_run:
+            return TOPPLED
+        outcome = self.gripper.place(self.places)
+        attempt.placed = int(outcome.success)
+        attempt.reason = outcome.reason or attempt.reason
+        if outcome.ends_run:
+            return FELL_FROM_TOP if outcome.reason == FELL_FROM_TOP else TOPPLED
+        return self._fallen(attempt.block)
+
+    def _fallen(self, block: int) -> str:
+        if self.tower.toppled(block):
+            return TOPPLED
+        return DROPPED if self.tower.dropped(block) else ""
+
+
+def play(
+    seed: int,
+    policy: Policy,
+    setup: Setup | None = None,
+    base_seed: int = 0,
+    *,
+    blocks: int = len(REACHABLE),
+    label: bool = False,
+    frames: bool = False,
+) -> Game:
+    """Play the tower of `seed`, trying at most `blocks` blocks.
+
+    label: ask for the hidden label of each block before it is touched (6 pushes more each; for evaluation only).
+    frames: keep the poses after each block that came out.
+    A tower that cannot be used, or whose simulation breaks down while it stands, gives a refused game.
+    """
+    setup = setup or Setup()
+    game = Game(policy.name, seed, base_seed, blocks, [], ALL_TRIED)
+    playing = None
+    try:
+        playing = _Play(seed, policy, setup, base_seed, label)
+        tower = playing.tower
+        if frames:
+            game.sizes = _rounded(tower.sizes)
+            game.frames.append(["start", -1, _rounded(tower.poses())])
+        for block in block_order(seed, base_seed)[:blocks]:
+            block = int(block)
+            attempt = Attempt(block, int(tower.layer[block]), int(tower.is_side(block)))
+            game.attempts.append(attempt)
+            ended = playing.try_block(attempt)
+            if frames and (attempt.extracted == 1 or ended):
+                game.frames.append([ended or "extracted", block, _rounded(tower.poses())])
+            if ended:
+                game.end = ended
+                break
+    except TowerError as error:
+        # a collapse may be too violent for the solver: that is a toppled tower, not one that could not be used
+        if playing is not None and np.isfinite(tower.data.qpos).all() and tower.fallen().size:
+            game.end = TOPPLED
+            game.attempts[-1].reason = TOPPLED
+        else:
+            game.end, game.error = REFUSED, str(error)
+    return game
+
+
+def block_order(seed: int, base_seed: int) -> np.ndarray:
+    """The order (45,) in which every policy tries the blocks of a tower."""
+    return _stream(base_seed, seed, "order").permutation(REACHABLE)
+
+
+def _stream(base_seed: int, seed: int, name: str) -> np.random.Generator:
+    key = (5, seed, *name.encode())
+    return np.random.default_rng(np.random.SeedSequence(base_seed, spawn_key=key))
+
+
+def _rounded(values: object) -> list:
+    """For files: finer than any sensor (0.1 nm)."""
+    return np.round(np.asarray(values, dtype=float), 7).tolist()
+
+
+def write_game(game: Game, path: str | Path) -> None:
+    """Write one JSON file, whole or not at all."""
+    write_json({"schema": SCHEMA, **asdict(game)}, path)
+
+
+def read_game(path: str | Path) -> Game:
+    """Read what `write_game` wrote.
+
+    Raises:
+        UserError: the file is missing.
+        CorruptFileError: it is not a finished game.
+    """
+    value = read_json(path)
+    try:
+        if value.pop("schema") != SCHEMA:
+            raise ValueError("another version of the file")
+        value["attempts"] = [Attempt(**attempt) for attempt in value["attempts"]]
+        return Game(**{item.name: value[item.name] for item in fields(Game)})
+    except (KeyError, TypeError, ValueError) as error:
+        raise CorruptFileError(f"{path} is not a game ({error}); delete it and play again.") from error

@@ -1,0 +1,92 @@
+"""Who plays: policies by their names, trained on what they are given; and the samples that they learn from.
+
+A learner's name is hma, mor or network; hma_without_cost is hma whose controller lacks the term of p(no move),
+hma_one_shot learns abstractions and transitions jointly.  The others do not learn: rule, always_push, exploration,
+oracle.  (PPO is trained in `ppo`.)
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.play.oracle import Oracle
+from thesis_lib.jenga.play.policies import AlwaysPush, Exploration, Policy, Rule
+from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.jenga.robot.samples import Samples
+
+if TYPE_CHECKING:  # those who learn need torch, which takes longer to import than a rule to play a block
+    from thesis_lib.jenga.learners.hma import Hma
+    from thesis_lib.jenga.learners.learner import Learner
+    from thesis_lib.jenga.play.controller import Learned
+
+
+def learner_of(name: str, settings: Chapter5) -> "Learner":
+    """An unfitted learner; hma_without_cost is hma.
+
+    Raises:
+        UserError: there is no such learner.
+    """
+    from thesis_lib.jenga.learners.hma import Hma
+    from thesis_lib.jenga.learners.mor import Mor
+    from thesis_lib.jenga.learners.network import Network
+
+    learners: dict[str, type[Learner]] = {
+        "hma": Hma,
+        "mor": Mor,
+        "network": Network,
+        "hma_without_cost": Hma,
+        "hma_one_shot": Hma,
+    }
+    if name not in learners:
+        raise UserError(f"there is no learner {name}; known are {', '.join(learners)}.")
+    own = settings.learner
+    if name == "hma_one_shot":
+        own = own.model_copy(update={"one_shot": True})
+    return learners[name](own)
+
+
+def policy_of(
+    name: str, samples: Samples | None, size: int, settings: Chapter5, rng: np.random.Generator
+) -> Policy:
+    """Who plays, trained on the first `size` samples if it learns.
+
+    Raises:
+        UserError: there is no such policy, or fewer samples than asked for.
+    """
+    play = settings.play
+    fixed = {
+        "rule": lambda: Rule(play.rule),
+        "always_push": AlwaysPush,
+        "exploration": lambda: Exploration(play.supervisor, settings.setup.collect),
+        "oracle": lambda: Oracle(play.oracle),
+    }
+    if name in fixed:
+        return fixed[name]()
+    from thesis_lib.jenga.play.controller import Learned
+
+    learner = learner_of(name, settings)
+    if samples is None or len(samples) < size:
+        have = 0 if samples is None else len(samples)
+        raise UserError(f"{name} is to learn from {size} samples, but there are {have}.")
+    controller = play.controller
+    if name == "hma_without_cost":
+        controller = controller.model_copy(update={"no_move": 0.0})
+    return Learned(learner.fit(samples.first(size), rng), controller, name)
+
+
+def learned_policy(name: str, samples: Samples, settings: Chapter5, rng: np.random.Generator) -> "Learned":
+    """The controller on a learner fitted to all `samples`; errors as in `policy_of`."""
+    return policy_of(name, samples, len(samples), settings, rng)
+
+
+def fitted(
+    sets: Sequence[Samples], settings: Chapter5, rng: np.random.Generator
+) -> "dict[tuple[int, int], Hma]":
+    """HMA of every size and set, by (size, number of the set)."""
+    return {
+        (size, i): learner_of("hma", settings).fit(samples.first(size), rng)
+        for size in settings.games.sizes
+        for i, samples in enumerate(sets)
+    }

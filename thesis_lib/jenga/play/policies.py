@@ -1,0 +1,137 @@
+"""What decides in a game: one interface for rules, exploration, learned controllers and the oracle.
+
+At each step a policy is told the last reading z_t and answers with a push of 1 mm or a retreat.  After a push it is
+told what came of it.  Policies see readings only; the oracle alone is given the tower (`SEES_TOWER`).
+
+| paper | code | unit | shape |
+|---|---|---|---|
+| z_t | `state` | mm, N (`samples.STATE`) | (7,) |
+| a_t | `Push` | mm, rad | contact location from the face's centre, heading |
+| – | `context` | 1 (`samples.CONTEXT`) | (2,) |
+
+Source: thesis, sections 5.4.3 (execution loop, base exploration policy) and 5.5.3 (the exploration's supervisor).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from thesis_lib.jenga.play.controller_settings import RuleSettings, SupervisorSettings
+from thesis_lib.jenga.robot.samples import STATE
+from thesis_lib.jenga.robot.sensing import MM
+from thesis_lib.jenga.tower.settings import CollectSettings
+
+SIDEWAYS, YAW, FORCE, SEEN = (STATE.index(name) for name in ("y", "yaw", "f_n", "tower"))
+
+
+@dataclass(frozen=True)
+class Push:
+    """Advance by 1 mm: contact location (mm from the centre of the end face) and heading (rad, 0 along the block)."""
+
+    offset: float = 0.0
+    heading: float = 0.0
+
+
+@dataclass(frozen=True)
+class Retract:
+    """Give the block up, and why."""
+
+    reason: str = "gave up"
+
+
+STRAIGHT = Push()
+Action = Push | Retract
+
+
+class Policy(Protocol):
+    """Plays one game at a time, one block at a time."""
+
+    name: str
+    SEES_TOWER: ClassVar[bool]
+
+    def begin(self, rng: np.random.Generator) -> None:
+        """A new game; the policy's own random choices come from `rng`."""
+        ...
+
+    def start(self, block: int, context: np.ndarray) -> None:
+        """A new block, not yet touched."""
+        ...
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        """What to do, given the last reading (7,)."""
+        ...
+
+    def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
+        """Readings (7,) before (contact made) and after the push that was asked for."""
+        ...
+
+
+class _Plain:
+    """A policy without memory."""
+
+    SEES_TOWER: ClassVar[bool] = False
+
+    def begin(self, rng: np.random.Generator) -> None:
+        self.rng = rng
+
+    def start(self, block: int, context: np.ndarray) -> None:
+        pass
+
+    def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
+        pass
+
+
+class AlwaysPush(_Plain):
+    """Straight and centred, and never gives up."""
+
+    name = "always_push"
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        return STRAIGHT
+
+
+class Rule(_Plain):
+    """Straight and centred; gives up on a force or a tower perturbation above a threshold."""
+
+    name = "rule"
+
+    def __init__(self, settings: RuleSettings | None = None):
+        self.settings = settings or RuleSettings()
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        if state[FORCE] > self.settings.force:
+            return Retract("force")
+        if state[SEEN] > self.settings.tower:
+            return Retract("tower moves")
+        return STRAIGHT
+
+
+class Exploration(_Plain):
+    """The base exploration policy (random contact locations and headings) under the thesis's supervisor.
+
+    Unlike in collection it does not give up at random: the supervisor alone ends a push.
+    """
+
+    name = "exploration"
+
+    def __init__(self, settings: SupervisorSettings | None = None, collect: CollectSettings | None = None):
+        self.settings, self.random = settings or SupervisorSettings(), collect or CollectSettings()
+
+    def start(self, block: int, context: np.ndarray) -> None:
+        self.last = self._draw()
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        if state[FORCE] > self.settings.force:
+            return Retract("force")
+        if state[SEEN] > self.settings.tower:
+            return Retract("tower moves")
+        if max(abs(state[SIDEWAYS]), abs(state[YAW])) > self.settings.stray:
+            return Retract("left its way")
+        if self.rng.random() < self.random.change:
+            self.last = self._draw()
+        return self.last
+
+    def _draw(self) -> Push:
+        offset, heading = self.random.offset, self.random.heading
+        return Push(MM * float(self.rng.uniform(-offset, offset)), float(self.rng.uniform(-heading, heading)))

@@ -1,0 +1,293 @@
+"""Proximal policy optimisation: the model-free baseline, by stable-baselines3.
+
+    max_θ  E[min(ρ_t A_t, clip(ρ_t, 1 − ε, 1 + ε) A_t)],   ρ_t = π_θ(a_t | o_t) / π_old(a_t | o_t)
+    A_t = Σ_l (γ λ)^l δ_{t+l},   δ_t = r_t + γ V(o_{t+1}) − V(o_t)
+    π_θ = Normal(m_θ(o), diag e^{2 s_θ}),   when it plays:  a = m_θ(o)
+
+One training passes all numbers of samples that are asked for, and leaves a policy at each.  It runs in segments, from
+checkpoint to checkpoint and at most `segment` samples long; each starts from the saved weights and optimiser with
+random streams of its own, so a training that was interrupted and continued gives the same policies to the last bit
+(and other checkpoints in between give another training).  A segment of n samples holds ⌈n / `rollout`⌉ rollouts of
+equal length: no policy has seen more samples than its number says, and even 100 samples give an update.  A sample is
+one step of the environment; retreats count.  Network sizes (64 × 64) are second-hand (a student's re-implementation).
+
+| paper | code | unit | shape |
+|---|---|---|---|
+| o_t | `push_env.observation` | 1 | (9,) |
+| m_θ | `PpoPolicy.layers` | 1 | weights (out, in) and biases (out,) of tanh layers |
+| ε, γ, λ | `clip`, `discount`, `trace` | 1 | scalars |
+
+Sources: J. Schulman et al. 2017, doi 10.48550/arXiv.1707.06347; A. Raffin et al., JMLR 22 (268), 2021
+(stable-baselines3); thesis, section 5.5.2.
+"""
+
+import json
+import math
+import time
+import warnings
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+import torch
+
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.files import atomic
+from thesis_lib.jenga.play.policies import Action, Push
+from thesis_lib.jenga.play.ppo_settings import PpoSettings
+from thesis_lib.jenga.play.push_env import REASONS, PushEnv, as_action, observation
+from thesis_lib.jenga.tower.settings import Setup
+
+SCHEMA = 1
+RECENT = 50  # pushes over which the reported reward is averaged
+EPISODE = ("tower", "block", "samples", "reward", "reason")
+State = dict[str, Any]
+
+
+class PpoPolicy:
+    """A trained policy as it plays: deterministic, without memory; a `policies.Policy`.
+
+    samples: those it was trained on, at most.  layers: weights and biases.  settings: of its training.
+    episodes: the pushes of the training so far, a row each: samples (so far, at its end), tower, block, steps, reward
+    (before scaling) and the reason why it ended.
+    """
+
+    name = "ppo"
+    SEES_TOWER: ClassVar[bool] = False
+
+    def __init__(self, state: State):
+        """From what `train_ppo` saves."""
+        self.samples: int = state["samples"]
+        self.settings = PpoSettings.model_validate(json.loads(state["record"])["settings"])
+        weights = state["policy"]
+        names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(self.settings.hidden))]
+        self.layers = [
+            (weights[f"{name}.weight"].numpy(), weights[f"{name}.bias"].numpy())
+            for name in [*names, "action_net"]
+        ]
+        table = pd.DataFrame(state["episodes"].numpy(), columns=list(EPISODE))
+        steps = table["samples"].to_numpy()
+        self.episodes = pd.DataFrame(
+            {
+                "samples": state["ends"].numpy().astype(int),
+                "tower": table["tower"].astype(int),
+                "block": table["block"].astype(int),
+                "steps": steps.astype(int),
+                "reward": table["reward"],
+                "reason": [REASONS[int(reason)] for reason in table["reason"]],
+            }
+        )
+
+    def begin(self, rng: np.random.Generator) -> None:
+        """Nothing is random."""
+
+    def start(self, block: int, context: np.ndarray) -> None:
+        """Nothing is remembered."""
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        """The mean action for a reading (7,) and context (2,), mm and N."""
+        x = observation(state, context)
+        for weight, bias in self.layers[:-1]:
+            x = np.tanh(weight @ x + bias)
+        weight, bias = self.layers[-1]
+        return as_action(weight @ x + bias, self.settings.episode)
+
+    def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
+        """Nothing is learned while it plays."""
+
+
+def train_ppo(
+    checkpoints: Sequence[int],
+    settings: PpoSettings | None = None,
+    seed: int = 0,
+    *,
+    setup: Setup | None = None,
+    folder: str | Path | None = None,
+    device: str = "auto",
+    say: Callable[[str], None] | None = None,
+    environment: type[PushEnv] = PushEnv,
+) -> dict[int, PpoPolicy]:
+    """The policies of one training at these numbers of samples.
+
+    folder: where each segment's end is saved (`ppo_<samples>.pt`); a training with the same settings, setup, seed and
+    checkpoints continues from the last one there.  device: PyTorch's; "auto" is a GPU if there is one.
+    say: told of progress, with the time left.  The library seeds the global streams of random, numpy and PyTorch.
+
+    Raises:
+        UserError: checkpoints that are not increasing and at least 2 apart.
+        TowerError: towers cannot be used, see `PushEnv.reset`.
+    """
+    settings, setup, say = settings or PpoSettings(), setup or Setup(), say or (lambda line: None)
+    torch.set_num_threads(1)
+    ends = _segment_ends(checkpoints, settings.segment)
+    state: State | None = None
+    policies: dict[int, PpoPolicy] = {}
+    started, first = time.monotonic(), None
+    for i, end in enumerate(ends):
+        record = _record(settings, setup, seed, ends[: i + 1])
+        path = None if folder is None else Path(folder) / f"ppo_{end}.pt"
+        saved = _saved(path, record) if path is not None else None
+        if saved is not None:
+            state = saved
+            say(f"PPO: {end} of {ends[-1]} samples, found in {path.name}")
+        else:
+            begin = ends[i - 1] if i else 0
+            first = begin if first is None else first
+
+            def report(done: int, rewards: list[float], first: int = first) -> None:
+                left = (time.monotonic() - started) * (ends[-1] - done) / max(done - first, 1)
+                mean = f"{np.mean(rewards[-RECENT:]):.2f}" if rewards else "none yet"
+                say(
+                    f"PPO: {done} of {ends[-1]} samples, mean reward of a push {mean}, {left / 60:.1f} min left"
+                )
+
+            env = environment(settings.episode, settings.reward, setup)
+            state = _segment(env, state, begin, end, settings, seed, device, report) | {"record": record}
+            if path is not None:
+                with atomic(path) as tmp:
+                    torch.save(state, tmp)
+        if end in checkpoints:
+            policies[end] = PpoPolicy(state)
+    return policies
+
+
+def read_policy(path: str | Path) -> PpoPolicy:
+    """A policy that `train_ppo` saved.
+
+    Raises:
+        UserError: the file is missing.
+        CorruptFileError: it is something else.
+    """
+    path = Path(path)
+    state = _read(path)
+    try:
+        return PpoPolicy(state)
+    except Exception as error:
+        raise CorruptFileError(f"{path} is not a policy ({error}); delete it and train again.") from error
+
+
+def _segment_ends(checkpoints: Sequence[int], segment: int) -> list[int]:
+    gaps = np.diff([0, *checkpoints])
+    if len(checkpoints) == 0 or (gaps < 2).any():
+        raise UserError(
+            f"PPO: checkpoints {list(checkpoints)} must increase by at least 2 samples, from 2 on; the first update "
+            "needs two samples. Sort them and leave out what is double."
+        )
+    ends: list[int] = []
+    for begin, gap in zip([0, *checkpoints], gaps):
+        parts = math.ceil(gap / segment)
+        ends += [begin + gap * (i + 1) // parts for i in range(parts)]
+    return [int(end) for end in ends]
+
+
+def _record(settings: PpoSettings, setup: Setup, seed: int, ends: list[int]) -> str:
+    """All that a saved segment depends on."""
+    value = {
+        "settings": settings.model_dump(mode="json"),
+        "setup": setup.model_dump(mode="json"),
+        "seed": seed,
+        "ends": ends,
+    }
+    return json.dumps(value, sort_keys=True)
+
+
+def _read(path: Path) -> State:
+    if not path.is_file():
+        raise UserError(f"{path} does not exist; train PPO first.")
+    try:
+        # torch does not look at the check sums of its archive
+        with zipfile.ZipFile(path) as archive:
+            if (bad := archive.testzip()) is not None:
+                raise ValueError(f"{bad} is damaged")
+        # weights_only: tensors and plain values, so that a file cannot run code
+        state = torch.load(path, map_location="cpu", weights_only=True)
+        if state["schema"] != SCHEMA:
+            raise ValueError("another version of the file")
+        return state
+    except Exception as error:
+        raise CorruptFileError(f"{path} is not a policy ({error}); delete it and train again.") from error
+
+
+def _saved(path: Path, record: str) -> State | None:
+    """The segment saved there, if it is whole and of this training."""
+    try:
+        state = _read(path)
+    except UserError:  # missing, or cut off in a crash: trained again either way
+        return None
+    return state if state["record"] == record else None
+
+
+def _segment(
+    env: PushEnv,
+    state: State | None,
+    begin: int,
+    end: int,
+    settings: PpoSettings,
+    seed: int,
+    device: str,
+    report: Callable[[int, list[float]], None],
+) -> State:
+    """Train from `begin` to `end` samples, from the end of the segment before."""
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.logger import Logger
+
+    class Report(BaseCallback):
+        def _on_step(self) -> bool:
+            return True
+
+        def _on_rollout_end(self) -> None:
+            report(begin + self.num_timesteps, [episode.reward for episode in env.episodes])
+
+    rollouts = math.ceil((end - begin) / settings.rollout)
+    length = (end - begin) // rollouts
+    stream = np.random.SeedSequence(seed, spawn_key=(5, begin)).generate_state(1)[0]
+    with warnings.catch_warnings():
+        # equal parts of a rollout differ by one sample: no harm in the last being the shorter
+        warnings.filterwarnings(
+            "ignore", message="You have specified a mini-batch size", category=UserWarning
+        )
+        model = PPO(
+            "MlpPolicy",
+            env,
+            learning_rate=settings.rate,
+            n_steps=length,
+            batch_size=math.ceil(length / math.ceil(length / settings.batch)),
+            n_epochs=settings.epochs,
+            gamma=settings.discount,
+            gae_lambda=settings.trace,
+            clip_range=settings.clip,
+            policy_kwargs={"net_arch": list(settings.hidden), "log_std_init": settings.spread},
+            seed=int(stream % 2**31),
+            device=device,
+        )
+    model.set_logger(Logger(folder=None, output_formats=[]))
+    if state is not None:
+        model.policy.load_state_dict(state["policy"])
+        model.policy.optimizer.load_state_dict(state["optimiser"])
+    model.learn(length * rollouts, callback=Report())
+    rows = [[getattr(episode, name) for name in EPISODE] for episode in env.episodes]
+    episodes = torch.tensor(rows, dtype=torch.float64).reshape(-1, len(EPISODE))
+    ends = begin + episodes[:, EPISODE.index("samples")].cumsum(0)
+    if state is not None:
+        episodes, ends = torch.cat([state["episodes"], episodes]), torch.cat([state["ends"], ends])
+    return {
+        "schema": SCHEMA,
+        "samples": end,
+        "policy": _on_cpu(model.policy.state_dict()),
+        "optimiser": _on_cpu(model.policy.optimizer.state_dict()),
+        "episodes": episodes,
+        "ends": ends,
+    }
+
+
+def _on_cpu(value: Any) -> Any:
+    """A copy on the CPU, of tensors in any nesting, with plain containers."""
+    if isinstance(value, torch.Tensor):
+        return value.detach().cpu().clone()
+    if isinstance(value, dict):
+        return {key: _on_cpu(item) for key, item in value.items()}
+    return [_on_cpu(item) for item in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,192 @@
+"""The push as an environment of reinforcement learning (gymnasium): one episode is one push of one block.
+
+    R = Σ_t [b1 Δx_t − b2 D1(p_t) − b3 D2(p_t)] + b4 D3
+    p = 0.4 · max(d / 20 mm, θ / 30°),   D1 = clip((p − 0.08) / (0.4 − 0.08), 0, 1),   D2 = [p > 0.4 or a fall]
+
+The reward is second-hand: a student's re-implementation quotes it from the paper's supplement, which is not public to
+us.  What that leaves open is own choice: D1 runs from 0 to 1; D2 is 1 instead of 100 (with b3 = 100 it would be 10⁴);
+it is given once and ends the episode; D3 = 1 where the block reaches the goal and no other block has moved by more than
+10 mm or turned by more than 15° in the push, for extraction itself is not simulated.  Rewards come from the true poses
+(training is in simulation); the policy sees readings only.  Retracting gives 0.
+
+Each push begins on a settled tower as if it were the first: on the reduced tower (default) nothing is written back, and
+the full one is restored.  So the policy never trains on a tower that a game has worn.  A new tower, drawn from the
+training seeds, follows after `pushes_per_tower` pushes and after each fall.
+
+| paper | code | unit | shape |
+|---|---|---|---|
+| z_t, context | observation | 1, see `observation` | (9,) |
+| a_t | action in [−1, 1]: contact location, heading, retract | 8 mm, 0.15 rad, 1 | (3,) |
+| Δx | `progress` of the block | mm | scalar |
+| p; d, θ | `perturbation`; of any other block | 1; mm, degrees | scalar |
+| b1 … b4 | `RewardSettings` | – | scalars |
+
+Sources: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123 (thesis, section 5.5.2);
+for the interface, gymnasium.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from thesis_lib.jenga.play.policies import Action, Push, Retract
+from thesis_lib.jenga.play.ppo_settings import EpisodeSettings, RewardSettings
+from thesis_lib.jenga.robot.reduced import reduce
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, STATE
+from thesis_lib.jenga.robot.sensing import MM, Sensor
+from thesis_lib.jenga.tower.health import settled_tower
+from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, TowerError
+
+X = STATE.index("x")
+# mm, N: what makes each reading about 1 (goal, half a block's width, force limit, longest push, damage), layers, side
+TYPICAL = np.array([33.0, 12.0, 12.0, 4.0, 2.0, 45.0, 10.0, LAYERS, 1.0])
+SEEN_LIMIT = 5.0  # times typical, beyond which a reading is cut
+REFUSED = 3  # towers in a row: then it is the settings, not the tower
+REASONS = ("goal", "damaged", "retracted", "longest push", "fell", "tower dragged", "broke down")
+GOAL, DAMAGED, RETRACTED, LONGEST, FELL, DRAGGED, BROKEN = range(len(REASONS))
+
+
+@dataclass(frozen=True)
+class Episode:
+    """A finished push: tower, block, samples (advances and a retreat), reward before scaling, index of `REASONS`."""
+
+    tower: int
+    block: int
+    samples: int
+    reward: float
+    reason: int
+
+
+def observation(state: np.ndarray, context: np.ndarray) -> np.ndarray:
+    """What the policy is shown of a reading (7,) and context (2,): (9,) float32, about 1, within ±`SEEN_LIMIT`."""
+    seen = np.concatenate([state, context]) / TYPICAL
+    return np.clip(seen, -SEEN_LIMIT, SEEN_LIMIT).astype(np.float32)
+
+
+def as_action(action: np.ndarray, settings: EpisodeSettings) -> Action:
+    """Push or retreat that an action (3,) in [−1, 1] stands for."""
+    offset, heading, retract = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+    if retract > settings.retract:
+        return Retract()
+    return Push(settings.offset * offset, settings.heading * heading)
+
+
+def perturbation(distance: float, angle: float, settings: RewardSettings) -> float:
+    """p of the largest displacement (m) and turn (rad) of any other block."""
+    return settings.limit * max(MM * distance / settings.distance, np.degrees(angle) / settings.angle)
+
+
+def step_reward(progress: float, p: float, fell: bool, settings: RewardSettings) -> float:
+    """Reward of one step without the terminal bonus: progress in mm, p as in `perturbation`."""
+    d1 = np.clip((p - settings.start) / (settings.limit - settings.start), 0.0, 1.0)
+    d2 = float(fell or p > settings.limit)
+    return float(settings.progress * progress - settings.tower * d1 - settings.fall * d2)
+
+
+class PushEnv(gymnasium.Env):
+    """Pushes of random blocks of random training towers.
+
+    episodes: the finished ones since the environment was made.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (gymnasium declares it so)
+
+    def __init__(
+        self,
+        episode: EpisodeSettings | None = None,
+        reward: RewardSettings | None = None,
+        setup: Setup | None = None,
+    ):
+        self.settings, self.reward = episode or EpisodeSettings(), reward or RewardSettings()
+        self.setup = setup or Setup()
+        width = len(STATE) + len(CONTEXT)
+        self.observation_space = gymnasium.spaces.Box(-SEEN_LIMIT, SEEN_LIMIT, (width,), np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(ACTION) + 1,), np.float32)
+        self.episodes: list[Episode] = []
+        self._pushes_left = 0
+
+    def build(self, seed: int) -> Tower:
+        """The settled tower of `seed`; errors as in `health.check`."""
+        return settled_tower(seed, self.setup)
+
+    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+        """The first reading of a new push, finger at the centre of the block; a seed starts all randomness anew.
+
+        options: {"block": number} pushes that one instead of a random one.
+
+        Raises:
+            TowerError: `REFUSED` towers or pushes in a row cannot be used.
+        """
+        super().reset(seed=seed)
+        if seed is not None:
+            self._pushes_left = 0
+        block = (options or {}).get("block")
+        for _ in range(REFUSED - 1):
+            try:
+                return self._begin(block), {}
+            except TowerError:
+                self._pushes_left = 0
+        return self._begin(block), {}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+        """One advance of 1 mm, or the retreat, which ends the episode."""
+        self._samples += 1
+        asked = as_action(action, self.settings)
+        if isinstance(asked, Retract):
+            return self._end(0.0, RETRACTED)
+        robot, tower, block = self._robot, self._robot.tower, self._robot.block
+        try:
+            _, self._reading = robot.push_step(asked.offset / MM, asked.heading)
+        except TowerError:
+            # a collapse may be too violent for the solver: that is a fall, anything else no fault of the policy
+            fell = bool(np.isfinite(tower.data.qpos).all() and tower.fallen().size)
+            return self._end(-self.reward.fall, FELL) if fell else self._end(0.0, BROKEN)
+        x = robot.state()[X]
+        progress, self._x = x - self._x, x
+        distance, angle = tower.perturbation(block, robot.start_poses)
+        p, fell = perturbation(distance, angle, self.reward), bool(tower.fallen().size)
+        reward = step_reward(progress, p, fell, self.reward)
+        if fell or p > self.reward.limit:
+            return self._end(reward, FELL if fell else DRAGGED)
+        if robot.reached_goal():
+            if tower.robot_settings.is_damage(distance, angle):
+                return self._end(reward, DAMAGED)
+            return self._end(reward + self.reward.extraction, GOAL)
+        if robot.at_end():
+            return self._end(reward, LONGEST)
+        self._gained += reward
+        return self._observe(), self.reward.scale * reward, False, False, {}
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+
+    def _begin(self, block: int | None) -> np.ndarray:
+        if self._pushes_left == 0:
+            seed = self.settings.first_tower + int(self.np_random.integers(self.settings.towers))
+            self._tower = self.build(seed)
+            self._settled: Snapshot = self._tower.save()
+            self._pushes_left = self.settings.pushes_per_tower
+        self._pushes_left -= 1
+        block = int(self.np_random.choice(REACHABLE)) if block is None else block
+        self._tower.load(self._settled)
+        tower = self._tower if self.settings.full else reduce(self._tower, block)
+        self._robot = Robot(tower, Sensor(self.setup.sensing, self.np_random))
+        self._reading = self._robot.start(block)
+        self._context = self._robot.context()
+        self._x, self._gained, self._samples = self._robot.state()[X], 0.0, 0
+        return self._observe()
+
+    def _observe(self) -> np.ndarray:
+        return observation(self._reading, self._context)
+
+    def _end(self, reward: float, reason: int) -> tuple[np.ndarray, float, bool, bool, dict]:
+        """A step that ends the episode; one that broke down is cut short rather than ended."""
+        if reason in (FELL, DRAGGED, BROKEN):
+            self._pushes_left = 0
+        tower, block = self._robot.tower.seed, self._robot.block
+        self.episodes.append(Episode(tower, block, self._samples, self._gained + reward, reason))
+        broken = reason == BROKEN
+        return self._observe(), self.reward.scale * reward, not broken, broken, {"reason": REASONS[reason]}

@@ -1,0 +1,115 @@
+"""Settings of the whole of chapter 5: which towers, how many samples, who plays."""
+
+from pydantic import Field
+
+from thesis_lib.foundation.settings import Section
+from thesis_lib.jenga.learners.nuts_settings import NutsSettings
+from thesis_lib.jenga.learners.settings import LearnerSettings
+from thesis_lib.jenga.play.controller_settings import ControllerSettings, PlaySettings
+from thesis_lib.jenga.play.ppo_settings import PpoSettings
+from thesis_lib.jenga.tower.settings import Setup
+
+
+class TowerChoice(Section):
+    """Seeds of towers.  Development, training, held-out and test towers are different ones everywhere."""
+
+    development: int = Field(
+        5, ge=1, le=5, description="towers 0, 1, ... on which settings were fixed, scanned"
+    )
+    test: int = Field(3, ge=1, description="towers of the study that are scanned, too")
+    scanned: int = Field(45, ge=3, le=45, description="blocks of each tower that are scanned, evenly spread")
+    first_test: int = Field(100, ge=100, description="seed of the first test tower")
+    first_training: int = Field(1000, ge=1000, description="seed of the first tower of training samples")
+    first_held_out: int = Field(50_000, ge=50_000, description="seed of the first tower of held-out pushes")
+
+
+class GameChoice(Section):
+    """Games of the study; each is a file of its own, so that an interrupted study goes on where it was."""
+
+    towers: int = Field(2, ge=1, description="test towers, the same for all policies")
+    paired_towers: int = Field(
+        0,
+        ge=0,
+        description="first test towers that hma, network (with `shown` samples) and rule play, if more than `towers`",
+    )
+    blocks: int = Field(45, ge=1, le=45, description="blocks tried in a game; the thesis's 45")
+    learners: tuple[str, ...] = Field(
+        ("hma", "mor", "network"), description="learners that play at every size (hma, mor, network)"
+    )
+    sizes: tuple[int, ...] = Field((100, 1000), min_length=1, description="training samples")
+    shown: int = Field(
+        100, ge=20, description="of `sizes`: that of the ablations, and of figure 5-6 (the thesis's 100)"
+    )
+    ppo_sizes: tuple[int, ...] = Field(
+        (1000, 20_000), description="samples of PPO: checkpoints of one training"
+    )
+    fixed: tuple[str, ...] = Field(
+        ("rule", "always_push", "exploration", "oracle"), description="policies without training"
+    )
+    ablations: tuple[str, ...] = Field(
+        ("hma_without_cost",), description="played at the size `shown`: hma_without_cost, hma_one_shot"
+    )
+
+
+class SampleChoice(Section):
+    """Samples of the base exploration policy."""
+
+    sets: int = Field(
+        3, ge=1, description="training sets; game i uses set i modulo this, so that luck averages out"
+    )
+    per_tower: int = Field(
+        50, ge=20, description="samples taken of one tower: a set of 100 then has seen two (own choice)"
+    )
+    held_out: int = Field(
+        500, ge=100, description="samples of other towers, for abstractions and their agreement"
+    )
+
+
+class ShowcaseChoice(Section):
+    """The two pushes of figure 5-8 and the steered one of figure 5-9."""
+
+    samples: int = Field(1000, ge=50, description="that train the model which is shown")
+    steps: int = Field(30, ge=1, description="steps of 1 mm of figure 5-8's pushes")
+    every: int = Field(5, ge=1, description="steps between two runs of NUTS")
+    nuts: NutsSettings = NutsSettings()
+    steered_blocks: int = Field(4, ge=1, description="free blocks of the tower of figure 5-9")
+    edge: float = Field(8.0, gt=0, le=12.5, description="mm off the centre, contact of the disturbing pushes")
+    disturbed: int = Field(8, ge=1, description="steps pushed there before the controller takes over")
+    steering: ControllerSettings = Field(
+        ControllerSettings(stray=3.0, effort=0.01, give_up=1e6),
+        description="figure 5-9's controller: as in the games, but straying costs 16 times as much, and it goes on",
+    )
+
+
+class HiddenChoice(Section):
+    """What the learner has never seen, and how much of it is measured."""
+
+    effects: tuple[str, ...] = Field(
+        ("glued", "slippery", "heavy_tool"),
+        description="three glued blocks, a slippery layer, a heavier pusher",
+    )
+    towers: int = Field(
+        3, ge=2, description="towers with the effect; the first half relearns, the others judge"
+    )
+    pushes: int = Field(12, ge=4, description="pushes of blocks with the effect, on all these towers")
+    others: int = Field(
+        12, ge=4, description="pushes of other blocks of the same towers, where there are any"
+    )
+    pusher_mass: float = Field(0.15, gt=0, description="kg of the heavier tool; own choice")
+    layer: int = Field(
+        6, ge=0, le=13, description="glued blocks and slippery layer; own choice: amid the tower"
+    )
+
+
+class Chapter5(Section):
+    """Abstractions of a Jenga tower's mechanics, and a robot that plays."""
+
+    setup: Setup = Setup()
+    learner: LearnerSettings = LearnerSettings()
+    play: PlaySettings = PlaySettings()
+    ppo: PpoSettings = PpoSettings()
+    towers: TowerChoice = TowerChoice()
+    samples: SampleChoice = SampleChoice()
+    games: GameChoice = GameChoice()
+    showcase: ShowcaseChoice = ShowcaseChoice()
+    hidden: HiddenChoice = HiddenChoice()

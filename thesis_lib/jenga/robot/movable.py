@@ -1,0 +1,122 @@
+"""Which blocks of a tower are movable: the hidden truth that the robot has to infer.
+
+A block is pushed straight at its centre by a few mm on a tower restored for each block.  It is movable if it goes
+along (x ≥ share · advance) and leaves the tower alone (no other block moves by more than the threshold Δ).  A
+compliant finger needs the first condition: a bottom block that does not move at all moves no other block either.
+The threshold is fixed on the development towers 0 to 4 so that 47 % of their reachable blocks are movable (thesis,
+section 5.4.4), and then left alone.
+
+| paper | code | unit |
+|---|---|---|
+| – | `force` (peak), `moved`, `others` | N, mm, mm |
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.jenga.robot.primitives import Gripper
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK
+from thesis_lib.jenga.robot.sensing import Sensor
+from thesis_lib.jenga.tower.settings import MovableSettings, SensingSettings
+from thesis_lib.jenga.tower.tower import REACHABLE, Tower
+
+X, F_N, TOWER = (STATE.index(name) for name in ("x", "f_n", "tower"))
+
+
+def silent_robot(tower: Tower) -> Robot:
+    """A robot whose readings no one uses."""
+    return Robot(tower, Sensor(SensingSettings(), np.random.default_rng(0)))
+
+
+def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, float]:
+    """Peak force (N), displacement of the block and the largest of any other (mm) in a straight centred push.
+
+    The tower is as before afterwards.  Errors as in `Robot.start`.
+    """
+    before = tower.save()
+    robot = silent_robot(tower)
+    robot.start(block)
+    peak = 0.0
+    for _ in range(steps):
+        robot.push_step(0.0, 0.0)
+        peak = max(peak, robot.state()[F_N])
+    state = robot.state()
+    tower.load(before)
+    return peak, float(state[X]), float(state[TOWER])
+
+
+def is_movable(moved: np.ndarray, others: np.ndarray, settings: MovableSettings) -> np.ndarray:
+    """Whether blocks that moved so far while others moved so far (mm) count as movable."""
+    enough = settings.follows * settings.steps
+    return (np.asarray(moved) >= enough) & (np.asarray(others) <= 1e3 * settings.threshold)
+
+
+def hidden_label(tower: Tower, block: int, settings: MovableSettings) -> int:
+    """`FREE` or `STUCK`, by a trial push of which nothing remains."""
+    _, moved, others = trial_push(tower, block, settings.steps)
+    return FREE if is_movable(moved, others, settings) else STUCK
+
+
+def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(REACHABLE)) -> pd.DataFrame:
+    """A trial push of each block: tower, block, layer, side, force (N), moved, others (mm), movable."""
+    rows = []
+    for block in blocks:
+        force, moved, others = trial_push(tower, int(block), settings.steps)
+        rows.append(
+            (tower.seed, int(block), tower.layer[block], int(tower.is_side(block)), force, moved, others)
+        )
+    names = ["tower", "block", "layer", "side", "force", "moved", "others"]
+    table = pd.DataFrame(rows, columns=names)
+    return table.assign(movable=is_movable(table["moved"], table["others"], settings).astype(int))
+
+
+def fractions(table: pd.DataFrame, settings: MovableSettings, thresholds: Sequence[float]) -> pd.DataFrame:
+    """Share of movable blocks of each tower of a `scan` against the threshold (mm): tower, threshold, movable."""
+    rows = []
+    for threshold in thresholds:
+        chosen = settings.model_copy(update={"threshold": 1e-3 * threshold})
+        movable = is_movable(table["moved"], table["others"], chosen)
+        share = pd.Series(movable).groupby(table["tower"].to_numpy()).mean()
+        rows += [(seed, threshold, value) for seed, value in share.items()]
+    return pd.DataFrame(rows, columns=["tower", "threshold", "movable"])
+
+
+def try_to_extract(tower: Tower, block: int) -> tuple[bool, str]:
+    """Whether a straight centred push to the goal and the gripper get a block out without damage; else why not.
+
+    The tower is as before afterwards.
+    """
+    before, start = tower.save(), tower.poses()
+    robot, gripper = silent_robot(tower), Gripper(tower)
+
+    def damage() -> str:
+        hurt = tower.robot_settings.is_damage(*tower.perturbation(block, start))
+        return "tower damaged" if hurt else ""
+
+    robot.start(block)
+    reason = ""
+    while not robot.reached_goal() and not reason:
+        robot.push_step(0.0, 0.0)
+        if tower.dropped(block):
+            reason = "dropped"
+        elif robot.at_end():
+            reason = "did not come"
+        else:
+            reason = damage()
+    if not reason:
+        robot.retract()
+        reason = gripper.extract(block).reason or damage()
+    gripper.forget()
+    tower.load(before)
+    return reason == "", reason
+
+
+def agreement(tower: Tower, table: pd.DataFrame) -> pd.DataFrame:
+    """`table` (of `scan`) with what a real extraction of each block gives: extracted, reason."""
+    results = [try_to_extract(tower, int(block)) for block in table["block"]]
+    return table.assign(
+        extracted=[int(done) for done, _ in results], reason=[reason for _, reason in results]
+    )

@@ -1,0 +1,250 @@
+"""Extract and place: a parallel-jaw gripper pulls a block out of the tower and puts it on top.
+
+Two jaws of limited force close on the long sides of the end that stands out and hold it by friction.  The hand then
+pulls along the block until its other end has left the tower.  Travelling is not simulated, nothing is touched on the
+way: hand and block are put together above a random free place of the top layer (a new layer where it is full), and the
+jaws open.  The jaws are thin: they touch the block that they hold and nothing else.
+
+What counts (thesis, section 5.5.3): damage is another block displaced by more than 10 mm or turned by more than 15
+degrees by the primitive; a run ends when a block has fallen, on or off the tower.
+
+With `weld` (for comparison only) hand and block are fixed to each other instead of held by friction.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.robot.robot import push_axes
+from thesis_lib.jenga.tower.tower import PER_LAYER, Tower
+from thesis_lib.jenga.tower.tower_model import BLOCKS, OPEN, PARKED
+
+GRASP = 10e-3  # m from the end of the block to the middle of the pads
+SQUEEZE = -4e-3  # m past the block's side that the jaws are sent to: more than their force limit lets them go
+CLOSING, OPENING, RESTING = 0.1, 0.1, 0.4  # s
+BEYOND = 5e-3  # m that the block is pulled further than its own length
+SLIPPED = 10e-3  # m that a block may move in the jaws before it counts as lost
+JAW = 16  # the bit of contype and conaffinity that is the jaws' own
+HAND = ("hand_x", "hand_y", "hand_z", "hand_turn")
+JAWS = ("jaw_left", "jaw_right")
+LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a primitive ended: success, why not, largest displacement (m) and rotation (rad) of any other block."""
+
+    success: bool
+    reason: str
+    displacement: float
+    rotation: float
+    ends_run: bool
+
+
+class Gripper:
+    """Extracts blocks from a tower and places them on top; one block at a time."""
+
+    def __init__(self, tower: Tower):
+        self.tower, self.settings = tower, tower.robot_settings
+        model = tower.model
+        self._drive = {
+            name: int(np.flatnonzero(model.actuator_trnid[:, 0] == model.joint(name).id)[0])
+            for name in HAND + JAWS
+        }
+        self._pads = np.flatnonzero(model.geom_contype == JAW)
+        self._body = model.body("hand").id
+        self.held: int | None = None
+
+    def extract(self, block: int) -> Outcome:
+        """Grasp a block that stands out and pull it from the tower; it is held afterwards if that succeeded.
+
+        Raises:
+            UserError: it does not stand out far enough to be grasped, or is not a body of its own.
+            TowerError: the simulation broke down.
+        """
+        tower, (u, _) = self.tower, push_axes(block)
+        out = float((tower.position(block) - tower.reference[block, :3]) @ u)
+        if out < 2 * GRASP:
+            raise UserError(
+                f"block {block} stands out by {1e3 * out:.0f} mm: push it further before it is extracted."
+            )
+        before = tower.poses()
+        if block in tower.settings.hidden.glued:  # the jaws pull in vain: three blocks do not come out as one
+            return Outcome(False, "it does not come out", *tower.perturbation(block, before), False)
+        self._grasp(block)
+        distance = tower.sizes[block, 0] - out + BEYOND
+        inside = self._in_hand()
+        self._pull(u * distance, distance / self.settings.pull_speed)
+        if np.linalg.norm(self._in_hand() - inside) > SLIPPED or not self._touching():
+            reason = LOST
+        else:
+            reason = self._damage(block, before)
+        # a block that hangs askew in the jaws is not one that fell; all others are judged
+        ends = tower.toppled(block) or (reason == LOST and tower.dropped(block))
+        outcome = Outcome(reason == "", reason, *tower.perturbation(block, before), ends)
+        if reason == LOST:
+            self._let_go()
+        return outcome
+
+    def place(self, rng: np.random.Generator) -> Outcome:
+        """Put the held block on a random free place of the top layer; errors as in `extract`."""
+        if self.held is None:
+            raise UserError("no block is held: extract one before placing it.")
+        tower, block = self.tower, self.held
+        before = tower.poses()
+        layer, places = free_places(tower, block)
+        place = int(rng.choice(places))
+        pose = self._target(block, layer, place)
+        self._carry(pose)
+        for name in JAWS:
+            tower.data.ctrl[self._drive[name]] = OPEN
+        self._weld(False)
+        tower.simulate(OPENING)
+        self._let_go()
+        tower.simulate(RESTING)
+        tower.layer[block], tower.place[block] = layer, place
+        low = pose[2] - tower.position(block)[2]
+        reason = FELL_FROM_TOP if low > tower.settings.topple_drop / 2 else self._damage(block, before)
+        tower.reference[block] = tower.poses()[block]
+        return Outcome(
+            reason == "",
+            reason,
+            *tower.perturbation(block, before),
+            reason == FELL_FROM_TOP or tower.toppled(block),
+        )
+
+    def forget(self) -> None:
+        """Let go of what is held, wherever it is: before the tower is restored to an earlier state."""
+        if self.held is not None:
+            self._let_go()
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+
+    def _grasp(self, block: int) -> None:
+        tower, matrix = self.tower, self.tower.matrix(block)
+        self.held = block
+        point = tower.position(block) + matrix @ [tower.sizes[block, 0] / 2.0 - GRASP, 0.0, 0.0]
+        turn = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+        for name, value in zip(HAND, (*point, turn)):
+            tower.set_joint(name, value)
+        for name in JAWS:
+            tower.set_joint(name, OPEN)
+        self._let_jaws_touch(block, True)
+        mujoco.mj_forward(tower.model, tower.data)
+        for name in JAWS:
+            tower.data.ctrl[self._drive[name]] = SQUEEZE
+        tower.simulate(CLOSING)
+        self._weld(True)
+
+    def _let_jaws_touch(self, block: int, yes: bool) -> None:
+        model, geom = self.tower.model, self.tower.core_of(block)
+        body = model.geom_bodyid[geom]
+        for mask, row in ((model.geom_conaffinity, geom), (model.body_conaffinity, body)):
+            mask[row] = mask[row] | JAW if yes else mask[row] & ~JAW
+
+    def _weld(self, active: bool) -> None:
+        if not self.settings.weld:
+            return
+        model, data = self.tower.model, self.tower.data
+        body = model.geom_bodyid[self.tower.core_of(self.held)]
+        row = int(np.flatnonzero(model.eq_obj2id == body)[0])
+        if active:
+            inverse, place, turn = np.empty(4), np.empty(3), np.empty(4)
+            mujoco.mju_negQuat(inverse, data.xquat[self._body])
+            mujoco.mju_rotVecQuat(place, data.xpos[body] - data.xpos[self._body], inverse)
+            mujoco.mju_mulQuat(turn, inverse, data.xquat[body])
+            model.eq_data[row, :11] = [0, 0, 0, *place, *turn, 1.0]
+        data.eq_active[row] = active
+
+    def _pull(self, way: np.ndarray, seconds: float) -> None:
+        drives = [self._drive[name] for name in HAND[:3]]
+        start = self.tower.data.ctrl[drives].copy()
+        # with a run-in of a tenth the hand does not jerk
+        steps = round(seconds / self.tower.settings.timestep)
+        for step in range(steps):
+            share = (step + 1) / steps
+            self.tower.data.ctrl[drives] = start + way * share**2 * (3.0 - 2.0 * share)
+            self.tower.step()
+        self.tower.simulate(CLOSING)
+
+    def _in_hand(self) -> np.ndarray:
+        """Place of the held block in the hand's frame, m."""
+        data = self.tower.data
+        return data.xmat[self._body].reshape(3, 3).T @ (
+            self.tower.position(self.held) - data.xpos[self._body]
+        )
+
+    def _touching(self) -> bool:
+        pairs = self.tower.data.contact.geom
+        pads = set(pairs[np.isin(pairs, self._pads)].tolist())
+        half = len(self._pads) // 2
+        return any(pad in pads for pad in self._pads[:half]) and any(pad in pads for pad in self._pads[half:])
+
+    def _damage(self, block: int, before: np.ndarray) -> str:
+        if self.tower.toppled(block):
+            return "tower toppled"
+        return "tower damaged" if self.settings.is_damage(*self.tower.perturbation(block, before)) else ""
+
+    def _target(self, block: int, layer: int, place: int) -> np.ndarray:
+        """x, y, z and turn of a block just above its place, from where the layer below it lies."""
+        tower = self.tower
+        below = [other for other in range(BLOCKS) if tower.layer[other] == layer - 1]
+        centre = np.mean([tower.position(other) for other in below], axis=0)
+        matrix = tower.matrix(below[int(np.argmin([abs(tower.place[other] - 1) for other in below]))])
+        turn = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+        # layers alternate by a quarter turn, as they were built
+        turn += np.pi / 2 if layer % 2 else -np.pi / 2
+        pitch = tower.settings.block[1] + tower.settings.gap
+        across = np.array([-np.sin(turn), np.cos(turn)]) * (place - 1) * pitch
+        top = max(tower.position(other)[2] + tower.sizes[other, 2] / 2.0 for other in below)
+        held = tower.matrix(block)
+        hanging = np.abs(held[2]) @ tower.sizes[block] / 2.0  # half of its extent upwards, tilt included
+        return np.array([*(centre[:2] + across), top + hanging + self.settings.release_height, turn])
+
+    def _carry(self, pose: np.ndarray) -> None:
+        """Put block and hand together at `pose`, at rest; the grasp stays as it is."""
+        tower, model, data = self.tower, self.tower.model, self.tower.data
+        here, matrix = tower.position(self.held), tower.matrix(self.held)
+        turned = pose[3] - np.arctan2(matrix[1, 0], matrix[0, 0])
+        spin = np.array([np.cos(turned / 2), 0.0, 0.0, np.sin(turned / 2)])
+        rotate = np.array(
+            [[np.cos(turned), -np.sin(turned), 0.0], [np.sin(turned), np.cos(turned), 0.0], [0.0, 0.0, 1.0]]
+        )
+        moved = [
+            float(data.ctrl[self._drive[name]] - data.qpos[model.joint(name).qposadr[0]]) for name in HAND
+        ]  # the drives' springs stay as stretched as they are
+        hand = np.array([data.qpos[model.joint(name).qposadr[0]] for name in HAND])
+        hand = np.append(rotate @ (hand[:3] - here) + pose[:3], hand[3] + turned)
+        for name, value, stretch in zip(HAND, hand, moved):
+            tower.set_joint(name, value)
+            data.ctrl[self._drive[name]] += stretch
+        joint = model.body_jntadr[model.geom_bodyid[tower.core_of(self.held)]]
+        place, velocity = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+        quaternion = np.empty(4)
+        mujoco.mju_mulQuat(quaternion, spin, data.qpos[place + 3 : place + 7].copy())
+        data.qpos[place : place + 3], data.qpos[place + 3 : place + 7] = pose[:3], quaternion
+        data.qvel[velocity : velocity + 6] = 0.0
+        mujoco.mj_forward(model, data)
+
+    def _let_go(self) -> None:
+        """Park the hand."""
+        self._weld(False)
+        self._let_jaws_touch(self.held, False)
+        for name, value in zip(HAND, (*PARKED, 0.0)):
+            self.tower.set_joint(name, value)
+        for name in JAWS:
+            self.tower.set_joint(name, OPEN)
+        mujoco.mj_forward(self.tower.model, self.tower.data)
+        self.held = None
+
+
+def free_places(tower: Tower, held: int) -> tuple[int, np.ndarray]:
+    """Number of the layer that is being filled, and its free places; a full one opens the next."""
+    others = np.arange(BLOCKS) != held
+    layer = int(tower.layer[others].max())
+    taken = tower.place[others & (tower.layer == layer)]
+    if len(taken) == PER_LAYER:
+        return layer + 1, np.arange(PER_LAYER)
+    return layer, np.setdiff1d(np.arange(PER_LAYER), taken)

@@ -1,0 +1,207 @@
+"""Samples of pushes: what the robot saw before and after each advance of 1 mm (the data that every learner shares).
+
+A sample is the tuple (z_t, z_{t+1}, a_t) of the thesis (section 5.4.3); a push is a sequence of samples of one block.
+State and next state are what the sensors said, noise included.  Learners work in mm and N; an angle is made a length
+with the block's radius of gyration, as in the thesis: yaw · r_g, r_g = 23 mm.
+
+| paper | code | unit | shape |
+|---|---|---|---|
+| z_t | `state` | mm, N (`STATE`) | (n, 7) |
+| z_{t+1} | `next_state` | mm, N (`STATE`) | (n, 7) |
+| a_t | `action` | mm, rad (`ACTION`) | (n, 2) |
+| – | `context` | 1 (`CONTEXT`) | (n, 2) |
+
+`truth` is the hidden label of the push: for evaluation only, never for learning.
+Source: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123.
+"""
+
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_table, write_table
+
+RADIUS_OF_GYRATION = 23.0  # mm; thesis, figure 5-9
+STATE = ("x", "y", "yaw", "f_n", "f_t", "advance", "tower")
+ACTION = ("offset", "heading")
+CONTEXT = ("layer", "side")
+FREE, STUCK, UNKNOWN = 0, 1, -1
+
+# Outside these a block has left the tower or the tower has left the robot: nothing that a push of 45 mm can give.
+RANGE = {
+    "x": (-6.0, 60.0),  # mm: 45 pushed at most; a block's own slide and the camera's noise come on top
+    "y": (-25.0, 25.0),  # mm: one width sideways
+    "yaw": (-25.0, 25.0),  # mm: 62 degrees
+    "f_n": (-1.0, 12.0),  # N: the whole tower weighs 8 N; the pusher's limit is lower
+    "f_t": (-6.0, 6.0),  # N
+    "advance": (-0.5, 47.0),  # mm: 45 steps of 1 mm
+    "tower": (-5.0, 25.0),  # mm: a block that moved by its own width means a tower that fell
+    "offset": (-12.5, 12.5),  # mm: the end face is 25 mm wide
+    "heading": (-1.0, 1.0),  # rad
+    "layer": (0.0, 60.0),  # layers above: no more than blocks
+    "side": (0.0, 1.0),
+}
+# N; a tower that stands has blocks that resist more (a layer's weight alone gives 0.35 N of friction)
+RESISTANCE = 0.5
+ENOUGH = 100  # samples in which at least one must meet that resistance
+
+
+def _unknown() -> np.ndarray:
+    return np.empty(0, dtype=int)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples in order of collection.
+
+    push: (n,) int, id of the push.  step: (n,) int, from 0 within the push.  state, next_state: (n, 7), mm and N, see
+    `STATE`; x, y, yaw and tower are displacements since the push began, advance counts from first contact, and `state`
+    is taken before the advance and after contact at the new place is made.  action: (n, 2), mm and rad, see `ACTION`.
+    context: (n, 2), layers above the block; 0 middle and 1 side block.  truth: (n,) int, `FREE`, `STUCK` or `UNKNOWN`.
+    tower, block: (n,) int, seed of the tower and number of the block (-1 where not given).
+
+    Raises:
+        UserError: arrays of unequal length, numbers that are not finite, or rows outside `RANGE`.
+    """
+
+    push: np.ndarray
+    step: np.ndarray
+    state: np.ndarray
+    action: np.ndarray
+    next_state: np.ndarray
+    context: np.ndarray
+    truth: np.ndarray
+    tower: np.ndarray = field(default_factory=_unknown)
+    block: np.ndarray = field(default_factory=_unknown)
+
+    def __post_init__(self) -> None:
+        n = len(self.push)
+        for name in ("tower", "block"):
+            if len(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.full(n, UNKNOWN))
+        widths = {
+            "state": len(STATE),
+            "next_state": len(STATE),
+            "action": len(ACTION),
+            "context": len(CONTEXT),
+        }
+        for item in fields(self):
+            value = np.asarray(getattr(self, item.name))
+            value = value.astype(float if item.name in widths else int)
+            shape = (n, widths[item.name]) if item.name in widths else (n,)
+            if value.shape != shape:
+                raise UserError(f"samples: {item.name} has shape {value.shape}, expected {shape}.")
+            object.__setattr__(self, item.name, value)
+        if n:
+            self._check_rows()
+
+    def __len__(self) -> int:
+        return len(self.push)
+
+    def _check_rows(self) -> None:
+        for what, names in (
+            ("state", STATE),
+            ("next_state", STATE),
+            ("action", ACTION),
+            ("context", CONTEXT),
+        ):
+            values = getattr(self, what)
+            low, high = np.array([RANGE[name] for name in names]).T
+            bad = ~((values >= low) & (values <= high))  # also true for NaN
+            if bad.any():
+                row, column = np.argwhere(bad)[0]
+                raise UserError(
+                    f"samples: {what} {names[column]} = {values[row, column]:.4g} in row {row} (push {self.push[row]}, "
+                    f"step {self.step[row]}) is outside {low[column]:g} to {high[column]:g}: the tower has fallen or "
+                    "the block has left it. Leave that push out, or collect it again."
+                )
+        if not np.isin(self.truth, (FREE, STUCK, UNKNOWN)).all():
+            raise UserError("samples: truth must be 0 (free), 1 (stuck) or -1 (unknown).")
+
+    def check_resistance(self) -> None:
+        """Refuse a whole data set in which no block resists: an exploded or empty tower gives forces of 0.
+
+        Raises:
+            UserError: no sample of `ENOUGH` or more reaches `RESISTANCE`.
+        """
+        if len(self) >= ENOUGH and self.next_state[:, STATE.index("f_n")].max() < RESISTANCE:
+            raise UserError(
+                f"samples: none of {len(self)} pushes of 1 mm met {RESISTANCE} N. Blocks of a standing tower do: "
+                "it was empty or had exploded. Check the tower's health and collect again."
+            )
+
+    def select(self, rows: np.ndarray) -> "Samples":
+        """The samples of `rows` (indices or mask), in that order."""
+        return replace(self, **{item.name: getattr(self, item.name)[rows] for item in fields(self)})
+
+    def first(self, n: int) -> "Samples":
+        """The first `n` samples collected.
+
+        Raises:
+            UserError: there are fewer.
+        """
+        if n > len(self):
+            raise UserError(f"{n} samples are asked for but only {len(self)} were collected; collect more.")
+        return self.select(np.arange(n))
+
+
+def join(parts: list[Samples]) -> Samples:
+    """One after the other; pushes are numbered anew from 0."""
+    if not parts:
+        raise UserError("samples: nothing to join; collect from at least one tower.")
+    numbered, start = [], 0
+    for part in parts:
+        _, push = np.unique(part.push, return_inverse=True)
+        numbered.append(replace(part, push=push + start))
+        start += push.max(initial=-1) + 1
+    return Samples(
+        **{
+            item.name: np.concatenate([getattr(part, item.name) for part in numbered])
+            for item in fields(Samples)
+        }
+    )
+
+
+_INTEGERS = ("push", "step", "tower", "block", "truth")
+_GROUPS = {
+    "state": [f"s_{name}" for name in STATE],
+    "action": [f"a_{name}" for name in ACTION],
+    "next_state": [f"n_{name}" for name in STATE],
+    "context": [f"c_{name}" for name in CONTEXT],
+}
+
+
+def as_table(samples: Samples) -> pd.DataFrame:
+    """One row a sample: push, step, tower, block, s_*, a_*, n_*, c_*, truth."""
+    table = {name: getattr(samples, name) for name in _INTEGERS[:-1]}
+    for group, names in _GROUPS.items():
+        table |= dict(zip(names, getattr(samples, group).T))
+    return pd.DataFrame(table | {"truth": samples.truth})
+
+
+def from_table(table: pd.DataFrame) -> Samples:
+    """Inverse of `as_table`; errors as in `Samples`."""
+    groups = {group: table[names].to_numpy() for group, names in _GROUPS.items()}
+    return Samples(**{name: table[name].to_numpy() for name in _INTEGERS}, **groups)
+
+
+def write_samples(samples: Samples, path: str | Path) -> None:
+    """Write one CSV; errors as in `Samples.check_resistance`."""
+    samples.check_resistance()
+    write_table(as_table(samples), path)
+
+
+def read_samples(path: str | Path) -> Samples:
+    """Read what `write_samples` wrote.
+
+    Raises:
+        UserError: the file is missing, or holds what `Samples` or `Samples.check_resistance` refuse.
+        CorruptFileError: it cannot be parsed or lacks a column.
+    """
+    columns = [*_INTEGERS, *(name for names in _GROUPS.values() for name in names)]
+    samples = from_table(read_table(path, columns))
+    samples.check_resistance()
+    return samples

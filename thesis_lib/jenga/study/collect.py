@@ -1,0 +1,183 @@
+"""Collection by the base exploration policy: a random block, random contact locations and headings, early retreat.
+
+A tower is one run: blocks are tried in random order until one falls, all 45 have been tried, or enough samples are in.
+A push ends when the robot gives up (at random, so that 100 samples hold stuck and free blocks alike), sees the tower
+move too far or the block leave its way, has advanced 45 mm, or has the block out far enough: it is then extracted and
+placed.  Each tower has its own random stream, so towers can be collected in any order or by several processes.
+
+The hidden label of a push (`Samples.truth`) comes from a trial push just before it, of which nothing remains.
+A fall ends the run and the sample in which it happened is not kept.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
+from thesis_lib.jenga.robot.movable import hidden_label
+from thesis_lib.jenga.robot.primitives import Gripper
+from thesis_lib.jenga.robot.reduced import reduce
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import RANGE, STATE, Samples, join
+from thesis_lib.jenga.robot.sensing import MM, Sensor
+from thesis_lib.jenga.tower.health import check_standing, settled_tower
+from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.tower import REACHABLE, TowerError
+
+SIDEWAYS, YAW, SEEN = (STATE.index(name) for name in ("y", "yaw", "tower"))
+APART = 1000  # seeds from one training set to the next
+REFUSED = 3  # towers in a row: then it is the settings, not the tower
+ATTEMPT = ("tower", "block", "layer", "side", "truth", "steps", "pushed", "extracted", "placed", "reason")
+
+
+class _Run:
+    """One tower under exploration."""
+
+    def __init__(self, seed: int, rng: np.random.Generator, setup: Setup):
+        self.seed, self.rng, self.setup = seed, rng, setup
+        self.rows: list[tuple] = []
+        self.attempts: list[tuple] = []
+        self.tower = settled_tower(seed, setup)
+
+    def explore(self, limit: int, blocks: Sequence[int]) -> None:
+        for block in self.rng.permutation(blocks):
+            if len(self.rows) >= limit or not self._try(int(block), limit):
+                return
+
+    def _try(self, block: int, limit: int) -> bool:
+        """One block; whether the run goes on."""
+        reduced = self.setup.collect.reduced
+        tower = reduce(self.tower, block) if reduced else self.tower
+        truth = hidden_label(tower, block, self.setup.movable)
+        robot = Robot(tower, Sensor(self.setup.sensing, self.rng))
+        first, where = len(self.rows), (tower.layer[block], int(tower.is_side(block)))
+        reason = self._push(robot, block, truth, limit)
+        fell = reason in ("dropped", "tower toppled")
+        if not fell:
+            robot.retract()
+        extracted = placed = -1  # not tried
+        if reason == "goal" and not reduced:
+            gripper = Gripper(tower)
+            outcome = gripper.extract(block)
+            extracted = int(outcome.success)
+            if gripper.held is not None and not outcome.ends_run:
+                outcome = gripper.place(self.rng)
+                placed = int(outcome.success)
+            fell = outcome.ends_run
+            reason = outcome.reason or reason
+        steps = len(self.rows) - first
+        pushed = int(reason == "goal" or extracted >= 0)
+        self.attempts.append((self.seed, block, *where, truth, steps, pushed, extracted, placed, reason))
+        if reduced:
+            return True
+        if not fell:
+            check_standing(self.tower)
+        return not fell
+
+    def _push(self, robot: Robot, block: int, truth: int, limit: int) -> str:
+        """Push until there is a reason to stop, which is returned."""
+        settings, push = self.setup.collect, len(self.attempts)
+        offset, heading = self._action()
+        robot.start(block, offset)
+        context = robot.context()
+        for step in range(limit - len(self.rows)):
+            if self.rng.random() < settings.change:
+                offset, heading = self._action()
+            before, after = robot.push_step(offset, heading)
+            if robot.tower.fallen().size:
+                return "tower toppled" if robot.tower.toppled(block) else "dropped"
+            if not (_in_range(before) and _in_range(after)):
+                return "left its way"
+            self.rows.append((push, step, block, truth, before, (MM * offset, heading), after, context))
+            if robot.reached_goal():
+                return "goal"
+            if robot.at_end():
+                return "longest push"
+            if after[SEEN] > MM * settings.tower_limit:
+                return "tower moves"
+            if max(abs(after[SIDEWAYS]), abs(after[YAW])) > MM * settings.stray_limit:
+                return "left its way"
+            if self.rng.random() < settings.retract:
+                return "gave up"
+        return "enough samples"
+
+    def _action(self) -> tuple[float, float]:
+        settings = self.setup.collect
+        return (
+            float(self.rng.uniform(-settings.offset, settings.offset)),
+            float(self.rng.uniform(-settings.heading, settings.heading)),
+        )
+
+    def samples(self) -> Samples:
+        push, step, block, truth, before, action, after, context = (
+            np.array(column) for column in zip(*self.rows)
+        )
+        tower = np.full(len(push), self.seed)
+        return Samples(push, step, before, action, after, context, truth, tower, block)
+
+
+def _in_range(state: np.ndarray) -> bool:
+    return all(RANGE[name][0] <= value <= RANGE[name][1] for name, value in zip(STATE, state))
+
+
+def explore_tower(
+    seed: int,
+    base_seed: int,
+    setup: Setup | None = None,
+    limit: int = 10**6,
+    blocks: Sequence[int] = tuple(REACHABLE),
+) -> tuple[Samples | None, pd.DataFrame]:
+    """At most `limit` samples of one tower (None if it gave none), and what became of each block that was tried.
+
+    blocks: those that are tried, in random order.  seed: of the tower; with base_seed it also fixes the policy's
+    choices and the noise.  Columns of the table: tower, block, layer, side, truth, steps, pushed, extracted, placed (-1
+    where not tried) and the reason why it ended.
+
+    Raises:
+        TowerError: the tower does not stand when settled, or the simulation broke down.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(base_seed, spawn_key=(5, seed)))
+    run = _Run(seed, rng, setup or Setup())
+    run.explore(limit, blocks)
+    return run.samples() if run.rows else None, pd.DataFrame(run.attempts, columns=list(ATTEMPT))
+
+
+def collect(
+    n: int, first_seed: int, base_seed: int, setup: Setup | None = None, per_tower: int = 100
+) -> tuple[Samples, pd.DataFrame]:
+    """`n` samples from towers first_seed, first_seed + 1, …, at most `per_tower` of each, and their tables.
+
+    A tower that cannot be used is left out whole and stands in the table: block -1, the error as reason.
+
+    Raises:
+        TowerError: `REFUSED` towers in a row cannot be used.
+    """
+    parts, tables, seed, refused = [], [], first_seed, 0
+    while (have := sum(map(len, parts))) < n:
+        try:
+            samples, table = explore_tower(seed, base_seed, setup, min(per_tower, n - have))
+        except TowerError as error:
+            refused += 1
+            if refused == REFUSED:
+                raise
+            row = dict.fromkeys(ATTEMPT, -1) | {"tower": seed, "reason": str(error)}
+            samples, table = None, pd.DataFrame([row])
+        else:
+            refused = 0
+        parts += [samples] if samples is not None else []
+        tables.append(table)
+        seed += 1
+    joined = join(parts)
+    joined.check_resistance()
+    return joined, pd.concat(tables, ignore_index=True)
+
+
+def collect_named(
+    name: str, most: int, setup: Setup, towers: TowerChoice, choice: SampleChoice, seed: int
+) -> tuple[Samples, pd.DataFrame]:
+    """Samples of "set_0", "set_1", ... (`most` of each) or of "held_out", and what became of the blocks tried."""
+    if name == "held_out":
+        return collect(choice.held_out, towers.first_held_out + 1, seed, setup, choice.per_tower)
+    first = towers.first_training + int(name.split("_")[1]) * APART
+    return collect(most, first, seed, setup, choice.per_tower)

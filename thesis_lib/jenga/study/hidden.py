@@ -1,0 +1,172 @@
+"""Something that the learner has never seen: is it noticed, where, and does relearning with few samples help?
+
+Three blocks of a layer glued to each other, a layer with slippery faces, or a heavier pusher.  On towers with the
+effect the base policy pushes the blocks that have it, and as many others.  On the first half of the towers the
+predictive check says which pushes the learned abstractions do not explain, which abstraction fails, and whether a new
+one is called for; it is learned from the failing pushes alone.  On the other half the error before and after is
+
+    e = mean over samples and readings of |z − ẑ|/σ_Δ,    σ_Δ the spread of training's changes, ẑ the mixture's mean
+
+with the belief filtered along each push, and a 95 % interval over pushes.  Neither half knows which blocks have the
+effect: that is used to choose what is pushed, and to tell what is shown.
+
+Source: thesis, section 5.8 names models that notice what they do not explain as a goal; the procedure is our own.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.abstractions import PredictiveCheck, predictive_check, with_new_abstraction
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, push_groups
+from thesis_lib.jenga.play.players import learner_of
+from thesis_lib.jenga.play.settings import Chapter5, HiddenChoice
+from thesis_lib.jenga.robot.samples import Samples, join
+from thesis_lib.jenga.study.collect import APART, explore_tower
+from thesis_lib.jenga.study.model_study import filtered
+from thesis_lib.jenga.study.study import interval
+from thesis_lib.jenga.tower.settings import HiddenEffects, Setup
+from thesis_lib.jenga.tower.tower import REACHABLE
+from thesis_lib.jenga.tower.tower_model import PER_LAYER
+
+
+@dataclass(frozen=True)
+class HiddenResult:
+    """What was found.
+
+    summary: a row: effect, p_value, new_abstraction (0 or 1), pushes and failing ones, with and without the effect,
+    abstraction that fails most, samples relearned from.  pushes: a row per push of the first half (`PredictiveCheck`)
+    with affected (0 or 1).  errors: stage (before, relearned), group (affected, others), error, low, high, n.
+    """
+
+    summary: pd.DataFrame
+    pushes: pd.DataFrame
+    errors: pd.DataFrame
+
+
+def hidden_of(effect: str, choice: HiddenChoice) -> tuple[HiddenEffects, tuple[int, ...]]:
+    """The effect and the blocks that have it.
+
+    Raises:
+        UserError: there is no such effect.
+    """
+    layer = tuple(range(PER_LAYER * choice.layer, PER_LAYER * (choice.layer + 1)))
+    known = {
+        "glued": (HiddenEffects(glued=layer), layer),
+        "slippery": (HiddenEffects(slippery_layer=choice.layer), layer),
+        "heavy_tool": (HiddenEffects(pusher_mass=choice.pusher_mass), tuple(REACHABLE)),
+    }
+    if effect not in known:
+        raise UserError(f"there is no hidden effect {effect}; known are {', '.join(known)}.")
+    return known[effect]
+
+
+def hidden_study(
+    effect: str,
+    learner: Hma,
+    reference: Samples,
+    setup: Setup,
+    choice: HiddenChoice,
+    first_seed: int,
+    base_seed: int,
+    rng: np.random.Generator,
+) -> HiddenResult:
+    """The whole procedure for one effect; `reference` are held-out samples of towers without it."""
+    hidden, own = hidden_of(effect, choice)
+    tower = setup.tower.model_copy(update={"hidden": hidden})
+    with_effect = setup.model_copy(update={"tower": tower})
+    halves: list[list[Samples]] = [[], []]
+    for i in range(choice.towers):
+        # few blocks have some effects, all have others
+        affected = rng.permutation(own)[: -(-choice.pushes // choice.towers)]
+        rest = [block for block in REACHABLE if block not in own]
+        others = rng.permutation(rest)[: -(-choice.others // choice.towers)] if rest else []
+        blocks = tuple(int(block) for block in (*affected, *others))
+        samples, _ = explore_tower(first_seed + i, base_seed, with_effect, blocks=blocks)
+        if samples is not None:
+            halves[int(i >= choice.towers // 2)].append(samples)
+    if not all(halves):
+        raise UserError(
+            f"{effect}: no samples of one half of the towers; give more towers than {choice.towers}."
+        )
+    seen, fresh = (join(parts) for parts in halves)
+    check = predictive_check(learner, seen, reference, rng)
+    pushes = check.pushes.assign(
+        affected=check.pushes["block"].isin(own).astype(int),
+        abstraction=np.array(learner.names)[check.pushes["abstraction"]],
+    )
+    failing = seen.select(np.isin(seen.push, pushes.loc[pushes["fails"] == 1, "push"]))
+    relearned = None
+    if check.new_abstraction and len(failing) >= MIN_SAMPLES:
+        relearned = with_new_abstraction(learner, failing, rng)
+    errors = [error_rows(learner, fresh, own).assign(stage="before")]
+    if relearned is not None:
+        errors.append(error_rows(relearned, fresh, own).assign(stage="relearned"))
+    table = pd.concat(errors, ignore_index=True).assign(effect=effect)
+    return HiddenResult(
+        _summary(effect, check, pushes, len(failing) if relearned is not None else 0),
+        pushes.assign(effect=effect),
+        table[["effect", "stage", "group", "error", "low", "high", "n"]],
+    )
+
+
+def error_rows(learner: Hma, samples: Samples, own: tuple[int, ...]) -> pd.DataFrame:
+    """Rows of group, error, low, high, n: pushes of blocks with the effect (`own`), and of others."""
+    belief = filtered(learner, samples)
+    mean, _ = learner.predict(samples.state, samples.action, samples.context, belief).moments()
+    dims = list(SEEN)
+    off = (np.abs(samples.next_state - mean) / learner.scaling.change)[:, dims].mean(axis=1)
+    groups = push_groups(samples)
+    per_push = np.array([off[rows].mean() for rows in groups])
+    affected = np.array([samples.block[rows[0]] in own for rows in groups])
+    rows = []
+    for name, part in (("affected", per_push[affected]), ("others", per_push[~affected])):
+        if len(part):
+            rows.append((name, *interval(part), len(part)))
+    return pd.DataFrame(rows, columns=["group", "error", "low", "high", "n"])
+
+
+def _summary(effect: str, check: PredictiveCheck, pushes: pd.DataFrame, samples: int) -> pd.DataFrame:
+    by = check.by_abstraction
+    worst = by.sort_values(["failed", "distance"], ascending=False)["name"].iloc[0]
+    row: dict[str, object] = {
+        "effect": effect,
+        "p_value": check.p_value,
+        "new_abstraction": int(check.new_abstraction),
+        "failing_abstraction": worst,
+        "relearned_samples": samples,
+    }
+    for name, value in (("affected", 1), ("others", 0)):
+        part = pushes[pushes["affected"] == value]
+        row[f"pushes_{name}"] = len(part)
+        row[f"failing_{name}"] = int(part["fails"].sum())
+    return pd.DataFrame([row])
+
+
+def hidden_tables(
+    samples: Samples,
+    reference: Samples,
+    settings: Chapter5,
+    base_seed: int,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda _: None,
+) -> dict[str, pd.DataFrame]:
+    """summary, pushes and errors of all effects of the settings, by one learner of all `samples`."""
+    learner = learner_of("hma", settings).fit(samples, rng)
+    results = []
+    for i, effect in enumerate(settings.hidden.effects):
+        # towers of their own, far from those of the reference
+        first = settings.towers.first_held_out + APART * (i + 1)
+        found = hidden_study(
+            effect, learner, reference, settings.setup, settings.hidden, first, base_seed, rng
+        )
+        results.append(found)
+        say(f"{effect}: p = {found.summary['p_value'].iloc[0]:.3f}")
+    return {
+        name: pd.concat([getattr(found, name) for found in results], ignore_index=True)
+        for name in ("summary", "pushes", "errors")
+    }

@@ -1,0 +1,170 @@
+"""What a learned model knows: abstractions against hidden truth, forces against the friction cone and the height.
+
+Held-out pushes are of towers that no learner has seen.  The belief is filtered along each push as in a game; what is
+shown of an abstraction is what the model says of samples in which it is the most likely one.
+
+| on paper                         | in code          | unit |                                                        |
+|----------------------------------|------------------|------|--------------------------------------------------------|
+| f_n, f_t (figure 5-7A)           | `f_n`, `f_t`     | N    | predicted for the next reading                         |
+| μ                                | `mu`             | 1    | finger on wood, 0.42                                   |
+| height (figure 5-7B)             | `height_mm`      | mm   | of the block's centre above the base, before the game  |
+
+A prediction lies inside the cone if |f_t| ≤ μ f_n + n σ, with σ the noise of a force reading and n = `SLACK`: readings
+have noise, and so has what is learned from them.
+Source: thesis, section 5.5.4 and figure 5-7.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.jenga.learners.abstractions import abstraction_table, agreement, stuck_group
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.learner import F_N, F_T, Learner, push_groups
+from thesis_lib.jenga.robot.samples import STUCK, Samples
+from thesis_lib.jenga.tower.settings import Setup
+
+SLACK = 2.0
+BOOTSTRAP = 500
+MM = 1000.0
+PER_LAYER = 3
+
+
+def filtered(learner: Learner, samples: Samples) -> np.ndarray:
+    """Belief (n, K) before each sample, filtered along its push."""
+    belief = np.empty((len(samples), learner.n_abstractions))
+    for rows in push_groups(samples):
+        now = learner.initial_belief(samples.context[rows[:1]])
+        for row in rows:
+            belief[row] = now[0]
+            one = slice(row, row + 1)
+            step = (samples.state[one], samples.action[one], samples.context[one])
+            now = learner.update(now, *step, samples.next_state[one])
+    return belief
+
+
+def cone_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
+    """Predicted forces (figure 5-7A): push, step, f_n, f_t (N), abstraction (its name), inside (0 or 1)."""
+    belief = filtered(learner, samples)
+    predicted = learner.predict(samples.state, samples.action, samples.context, belief)
+    mean, _ = predicted.moments()
+    f_n, f_t = mean[:, F_N], mean[:, F_T]
+    limit = setup.robot.tip_friction * np.maximum(f_n, 0.0) + SLACK * setup.sensing.force
+    return pd.DataFrame(
+        {
+            "push": samples.push,
+            "step": samples.step,
+            "f_n": f_n,
+            "f_t": f_t,
+            "abstraction": np.array(learner.names)[predicted.weight.argmax(axis=1)],
+            "inside": (np.abs(f_t) <= limit).astype(int),
+        }
+    )
+
+
+def height_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
+    """A row per held-out push (figure 5-7B): height_mm, f_n and its prediction f_n_pred (N), abstraction, truth.
+
+    Both forces are the means over the push's last half, where the finger has stopped bending.
+    """
+    belief = filtered(learner, samples)
+    predicted = learner.predict(samples.state, samples.action, samples.context, belief)
+    mean, _ = predicted.moments()
+    rows = []
+    for group in push_groups(samples):
+        late = group[len(group) // 2 :]
+        layer = samples.block[group[0]] // PER_LAYER
+        rows.append(
+            (
+                samples.push[group[0]],
+                samples.block[group[0]],
+                MM * setup.tower.block[2] * (layer + 0.5),
+                float(samples.next_state[late, F_N].mean()),
+                float(mean[late, F_N].mean()),
+                learner.names[int(predicted.weight[late].mean(axis=0).argmax())],
+                int(samples.truth[group[0]]),
+            )
+        )
+    names = ["push", "block", "height_mm", "f_n", "f_n_pred", "abstraction", "truth"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def looks(learners: Mapping[tuple[int, int], Hma], samples: Samples) -> pd.DataFrame:
+    """What each abstraction looks like: size, set, those of `abstraction_table`, and stuck_share.
+
+    `learners` by (size, set).  stuck_share: of the held-out pushes that end in the abstraction, the share whose hidden
+    label is stuck (NaN where none does).
+    """
+    parts = []
+    for (size, one), learner in learners.items():
+        ends = [rows[-1] for rows in push_groups(samples)]
+        last = filtered(learner, samples)[ends].argmax(axis=1)
+        truth = samples.truth[ends]
+        share = [
+            float((truth[last == k] == STUCK).mean()) if (last == k).any() else np.nan
+            for k in range(learner.n_abstractions)
+        ]
+        parts.append(abstraction_table(learner).assign(size=size, set=one, stuck_share=share))
+    table = pd.concat(parts, ignore_index=True)
+    return table[["size", "set", *(name for name in table.columns if name not in ("size", "set"))]]
+
+
+def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """Figure 5-7 in numbers: quantity, value, std, low, high (bootstrap over pushes), n (pushes).
+
+    inside_cone: share of predictions inside the friction cone.  height_correlation: rank correlation of a push's force
+    with the height of the block; height_correlation_predicted: the same of the predicted force.
+    """
+    from scipy.stats import spearmanr
+
+    by_push = cone.groupby("push")["inside"].mean().to_numpy()
+    quantities = {
+        "inside_cone": (by_push[:, None], lambda rows: float(rows.mean())),
+        "height_correlation": (
+            height[["height_mm", "f_n"]].to_numpy(),
+            lambda rows: float(spearmanr(*rows.T)[0]),
+        ),
+        "height_correlation_predicted": (
+            height[["height_mm", "f_n_pred"]].to_numpy(),
+            lambda rows: float(spearmanr(*rows.T)[0]),
+        ),
+    }
+    found = []
+    for name, (values, statistic) in quantities.items():
+        drawn = [statistic(values[rng.integers(len(values), size=len(values))]) for _ in range(BOOTSTRAP)]
+        low, high = np.nanpercentile(drawn, [2.5, 97.5])
+        found.append((name, statistic(values), float(np.nanstd(drawn)), low, high, len(values)))
+    return pd.DataFrame(found, columns=["quantity", "value", "std", "low", "high", "n"])
+
+
+def of_one(looks: pd.DataFrame) -> pd.DataFrame:
+    """Abstractions of the first set at the largest size: what is drawn."""
+    return looks[(looks["size"] == looks["size"].max()) & (looks["set"] == looks["set"].min())]
+
+
+def agreements(
+    learners: Mapping[tuple[int, int], Hma], samples: Samples, rng: np.random.Generator, steps: int = 5
+) -> pd.DataFrame:
+    """Stuck or free after `steps` steps, without truth in learning: a row per (size, set), and the mean per size.
+
+    Columns size, set (-1 for the mean), balanced_accuracy, low, high (bootstrap over pushes; of the mean: the least and
+    the greatest set), rand_index, n_stuck, n_free, n_abstractions, n_stuck_abstractions.
+    """
+    rows = []
+    for (size, one), learner in learners.items():
+        found = agreement(learner, samples, rng, steps)
+        rows.append(
+            {
+                "size": size,
+                "set": one,
+                **vars(found),
+                "n_abstractions": learner.n_abstractions,
+                "n_stuck_abstractions": int(stuck_group(learner).sum()),
+            }
+        )
+    table = pd.DataFrame(rows)
+    means = table.groupby("size", as_index=False).mean(numeric_only=True).assign(set=-1)
+    ends = table.groupby("size")["balanced_accuracy"]
+    means["low"], means["high"] = ends.min().to_numpy(), ends.max().to_numpy()
+    return pd.concat([table, means[table.columns]], ignore_index=True)

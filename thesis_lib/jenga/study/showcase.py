@@ -1,0 +1,154 @@
+"""What is shown: pushes of a stuck and an easy block with the belief over abstractions, and frames of a game.
+
+Figure 5-8: a straight, centred push of the first block of a held-out tower whose hidden label is stuck, and of the
+first that is free (the label chooses what is shown, nothing else).  Each abstraction's prediction of the next reading,
+the belief of the filter after each step, and at every `every` steps that of the No-U-Turn sampler on the same readings.
+
+Source: thesis, section 5.5.4, figure 5-8.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.kalman import KalmanBank
+from thesis_lib.jenga.learners.learner import F_N, TOWER, X
+from thesis_lib.jenga.learners.nuts_settings import NutsSettings
+from thesis_lib.jenga.play.game import Game, play
+from thesis_lib.jenga.play.policies import Policy
+from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.jenga.robot.movable import hidden_label
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import FREE, STUCK
+from thesis_lib.jenga.robot.sensing import Sensor
+from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
+from thesis_lib.jenga.tower.health import check
+from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.tower import REACHABLE, Tower
+
+SHOWN = 1  # seed of the development tower whose game is drawn
+PICTURES = 6
+CASES = {"stuck": STUCK, "easy": FREE}
+
+
+def straight_pushes(
+    seed: int, setup: Setup, steps: int, rng: np.random.Generator
+) -> dict[str, dict[str, np.ndarray]]:
+    """Readings (steps + 1, 7), actions (steps, 2) and context (2,) of both cases, and the block's number.
+
+    Raises:
+        UserError: the tower has no stuck or no free block.
+    """
+    tower = Tower(seed, setup.tower, setup.robot).settle()
+    check(tower, setup.health)
+    settled = tower.save()
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for block in rng.permutation(REACHABLE):
+        tower.load(settled)
+        label = hidden_label(tower, int(block), setup.movable)
+        case = next(name for name, wanted in CASES.items() if wanted == label)
+        if case in found:
+            continue
+        tower.load(settled)
+        robot = Robot(tower, Sensor(setup.sensing, rng))
+        readings = [robot.start(int(block))]
+        context = robot.context()
+        for _ in range(steps):
+            _, after = robot.push_step(0.0, 0.0)
+            readings.append(after)
+            if robot.reached_goal() or tower.fallen().size:
+                break
+        actions = np.zeros((len(readings) - 1, 2))
+        found[case] = {
+            "readings": np.array(readings),
+            "actions": actions,
+            "context": np.asarray(context, float),
+            "block": np.array(int(block)),
+        }
+        if len(found) == len(CASES):
+            return found
+    missing = ", ".join(set(CASES) - set(found))
+    raise UserError(f"tower {seed} has no {missing} block to show: take another seed.")
+
+
+def showcase_table(
+    learner: Hma,
+    pushes: dict[str, dict[str, np.ndarray]],
+    every: int,
+    nuts: NutsSettings,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda _: None,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Figure 5-8 and how the sampler did.
+
+    Returns:
+        A row per case, step and abstraction: belief (filter), belief_nuts (NaN between runs), f_n, x, tower as read,
+        f_n_pred, x_pred.  A row per run: case, step, r_hat, ess, divergences, belief and state apart from the filter.
+    """
+    rows, runs = [], []
+    mean, sampler = learner.at_mean(), Sampler(learner, nuts)
+    for case, push in pushes.items():
+        readings, actions, context = push["readings"], push["actions"], push["context"]
+        bank = KalmanBank(mean, context, learner.noise)
+        bank.start(readings[0])
+        k = learner.n_abstractions
+        for step, (action, reading) in enumerate(zip(actions, readings[1:]), start=1):
+            before = readings[step - 1]
+            out = mean.predict(before[None], action[None], context[None], np.full((1, k), 1.0 / k))
+            belief = bank.step(action, reading)
+            sampled = np.full(k, np.nan)
+            if step % every == 0:
+                part = readings[: step + 1], actions[:step], context
+                posterior = sampler.sample(*part, rng)
+                sampled = posterior.belief
+                apart = agreement(learner, posterior, *part)
+                runs.append(
+                    {
+                        "case": case,
+                        "step": step,
+                        "r_hat": posterior.r_hat,
+                        "ess": posterior.ess,
+                        "divergences": posterior.divergences,
+                        "belief_apart": apart["belief"],
+                        "state_apart": apart["state"],
+                    }
+                )
+                say(f"{case}: NUTS at step {step}, R-hat {posterior.r_hat:.3f}, ESS {posterior.ess:.0f}")
+            for i, name in enumerate(learner.names):
+                rows.append(
+                    {
+                        "case": case,
+                        "block": int(push["block"]),
+                        "step": step,
+                        "abstraction": name,
+                        "belief": belief[i],
+                        "belief_nuts": sampled[i],
+                        "f_n": reading[F_N],
+                        "x": reading[X],
+                        "tower": reading[TOWER],
+                        "f_n_pred": out.mean[0, i, F_N],
+                        "x_pred": out.mean[0, i, X],
+                    }
+                )
+    return pd.DataFrame(rows), pd.DataFrame(runs)
+
+
+def recorded_game(policy: Policy, settings: Chapter5, blocks: int, base_seed: int) -> Game:
+    """A game on a development tower (no test tower is shown), with its frames."""
+    return play(SHOWN, policy, settings.setup, base_seed, blocks=blocks, frames=True)
+
+
+def frames(game: Game) -> tuple[list[np.ndarray], np.ndarray, list[str], list[int]]:
+    """At most `PICTURES` frames of a game: poses (54, 7), sizes (54, 3), titles, and the block that came out (-1)."""
+    chosen = np.unique(np.linspace(0, len(game.frames) - 1, PICTURES).astype(int))
+    shown = [game.frames[i] for i in chosen]
+    titles = [f"{title} ({i} out)" if i else title for i, (title, _, _) in zip(chosen, shown)]
+    return (
+        [np.array(poses) for _, _, poses in shown],
+        np.array(game.sizes),
+        titles,
+        [block for _, block, _ in shown],
+    )

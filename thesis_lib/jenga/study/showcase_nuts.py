@@ -1,0 +1,223 @@
+"""Posterior over states and abstraction of one push by the No-U-Turn sampler, for the showcase pushes (figure 5-8).
+
+    p(s_{0:t}, c | z_{0:t}) ∝ b_0(c) Π_i Normal(z_i; s_i, Σ_z) Π_i Normal(s_{i+1}; f_c(s_i, a_i), Q_c(s_i, a_i))
+    each abstraction has states of its own, s^k, and those of the others follow pseudo-priors ψ:
+    log Σ_k exp[log b_0(k) + log p(z, s^k | k) − log ψ_k(s^k)] + Σ_k log ψ_k(s^k),   p(c | z) = E [p(c | s^1 … s^K)]
+
+| paper | code      | unit    | shape      |                                                            |
+|-------|-----------|---------|------------|------------------------------------------------------------|
+| s     | `state_mean`, `state_std` | mm, N | (t + 1, 7) | posterior; `advance` is known exactly        |
+| z     | `readings` | mm, N  | (t + 1, 7) |                                                            |
+| c     | `belief`  | 1       | (K,)       | p(c | z), and its Monte Carlo standard error               |
+| R̂     | `r_hat`   | 1       |            | largest over states and abstraction probabilities          |
+| ESS   | `ess`     | 1       |            | smallest over the same                                     |
+
+States common to all abstractions mix badly: they lie near what one of them predicts, and chains do not cross (R̂ 1.08
+after 500 draws of four steps, and worse with more).  With states of their own and ψ_k the Laplace approximation of
+p(s^k | z, k), the terms of the sum hardly vary, and chains sample near-normals; the target is exact whatever ψ is
+(Carlin and Chib 1995, doi 10.1111/j.2517-6161.1995.tb02042.x).  States are e = (s − z)/σ_z = mode_k + L_k u_k,
+where the readings' density is Normal(e; 0, 1) and ψ_k is Normal(u; 0, 1).  The networks come in as arrays of their mean
+weights, so the sampler knows nothing of torch and has one physics for each abstraction; `Hma.at_mean` gives the filter
+the same one.  Sources: thesis, section 5.5.4; Hoffman and Gelman 2014, arXiv 1111.4246 (NUTS); Vehtari et al. 2021,
+doi 10.1214/20-BA1221 (R̂ of split chains).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.bayesian_network import LOG_VAR, N_OUT
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.kalman import KalmanBank, process_variance
+from thesis_lib.jenga.learners.learner import ADVANCE, SEEN
+from thesis_lib.jenga.learners.nuts_settings import NutsSettings
+
+LEAST_CURVATURE = 0.5
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """See the module's table.  divergences: among all draws."""
+
+    belief: np.ndarray
+    belief_error: np.ndarray
+    state_mean: np.ndarray
+    state_std: np.ndarray
+    r_hat: float
+    ess: float
+    divergences: int
+
+
+def log_transitions(layers: list, scaling: Any, noise: Any, states: Any, actions: Any, context: Any) -> Any:
+    """Σ_i log Normal(s_{i+1}; f(s_i), Q) in JAX, for states (t + 1, 7) and mean weights of one network."""
+    import jax.numpy as jnp
+
+    x = scaling.inputs(states[:-1], actions, context, jnp)
+
+    def affine(h: Any, w: Any) -> Any:
+        return h @ w[:-1] + w[-1]
+
+    h = x
+    for w in layers[:-2]:
+        h = jnp.tanh(affine(h, w))
+    out = affine(h, layers[-2]) + affine(x, layers[-1])
+    middle, half = 0.5 * sum(LOG_VAR), 0.5 * (LOG_VAR[1] - LOG_VAR[0])
+    log_var = middle + half * jnp.tanh((out[..., N_OUT:] - middle) / half)
+    dims = jnp.array(SEEN)
+    change = jnp.asarray(scaling.change)
+    mean = scaling.next_state(states[:-1], out[..., :N_OUT])[..., dims]
+    var = process_variance(change**2 * jnp.exp(log_var), jnp.asarray(noise), jnp)[..., dims]
+    return -0.5 * ((states[1:, dims] - mean) ** 2 / var + jnp.log(2 * jnp.pi * var)).sum()
+
+
+class Sampler:
+    """Samples posteriors with one learner; pushes of the same length share what JAX compiles, which takes longer than
+    the draws."""
+
+    def __init__(self, learner: Hma, settings: NutsSettings):
+        import jax
+        import jax.numpy as jnp
+
+        self.learner, self.settings = learner, settings
+        self._layers = [jnp.asarray(w) for w in learner.networks.arrays()]
+        self._dims = jnp.array(SEEN)
+        self._sigma = jnp.sqrt(jnp.asarray(learner.noise))[self._dims]
+        self._value = jax.jit(jax.value_and_grad(lambda *of: -self._log_joint(*of)))
+        self._curvature = jax.jit(jax.hessian(lambda *of: -self._log_joint(*of)))
+        self._draw = jax.jit(self._chains)
+
+    def sample(
+        self, readings: np.ndarray, actions: np.ndarray, context: np.ndarray, rng: np.random.Generator
+    ) -> Posterior:
+        """Posterior given readings z_0 … z_t (t + 1, 7), actions (t, 2) and context (2,) of one push.
+
+        Raises:
+            UserError: readings and actions that do not fit each other, or no step.
+        """
+        if len(actions) < 1 or len(readings) != len(actions) + 1:
+            raise UserError(
+                f"showcase: {len(readings)} readings need {len(readings) - 1} actions (at least 1), "
+                f"got {len(actions)}."
+            )
+        import jax
+        import jax.numpy as jnp
+        from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
+
+        contexts = jnp.broadcast_to(jnp.asarray(context), (len(actions), 2))
+        push = (jnp.asarray(readings), jnp.asarray(actions), contexts)
+        prior = jnp.log(jnp.asarray(self.learner.initial_belief(context[None])[0]))
+        shape = (len(readings), len(SEEN))
+        key = jax.random.key(int(rng.integers(2**31)))
+        samples, diverging = self._draw(key, prior, push, *self._laplace(push, shape[0] * shape[1]))
+        drawn = {name: np.asarray(value, float) for name, value in samples.items()}
+        belief = drawn["c"]
+        # a probability that never leaves 0 or 1 has no variance and so neither R̂ nor ESS
+        moving = belief.std(axis=(0, 1)) > 1e-4
+        all_of = np.concatenate([drawn["e"], belief[..., moving]], axis=2)
+        ess_belief = np.where(moving, effective_sample_size(belief + 0.0), np.inf)
+        mean, std, sigma = readings.copy(), np.zeros_like(readings), np.asarray(self._sigma)
+        shift = drawn["e"].mean(axis=(0, 1))
+        mean[:, SEEN] += shift.reshape(shape) * sigma
+        std[:, SEEN] = np.sqrt(drawn["square"].mean(axis=(0, 1)) - shift**2).reshape(shape) * sigma
+        return Posterior(
+            belief=belief.mean(axis=(0, 1)),
+            belief_error=belief.std(axis=(0, 1)) / np.sqrt(np.maximum(ess_belief, 1.0)),
+            state_mean=mean,
+            state_std=std,
+            r_hat=float(np.max(split_gelman_rubin(all_of))),
+            ess=float(np.min(effective_sample_size(all_of))),
+            divergences=int(np.asarray(diverging).sum()),
+        )
+
+    def _log_joint(self, e: Any, weights: list, push: tuple) -> Any:
+        """log p(z, s | k) up to a constant, e (size,)."""
+        z, actions, contexts = push
+        states = z.at[:, self._dims].add(self._sigma * e.reshape(len(z), len(SEEN)))
+        learner = self.learner
+        return (
+            log_transitions(weights, learner.scaling, learner.noise, states, actions, contexts)
+            - 0.5 * (e**2).sum()
+        )
+
+    def _laplace(self, push: tuple, size: int) -> tuple[Any, Any, Any]:
+        """Mode (K, size), root of the covariance (K, size, size) and its log determinant (K,) for each network."""
+        import jax.numpy as jnp
+        from scipy.optimize import minimize
+
+        modes, roots, dets = [], [], []
+        for k in range(self._layers[0].shape[0]):
+            own = [w[k] for w in self._layers]
+            found = minimize(
+                lambda e, own=own: tuple(
+                    np.asarray(part, float) for part in self._value(jnp.asarray(e), own, push)
+                ),
+                np.zeros(size),
+                jac=True,
+                method="L-BFGS-B",
+            )
+            values, vectors = np.linalg.eigh(
+                np.asarray(self._curvature(jnp.asarray(found.x), own, push), float)
+            )
+            # readings alone give 1; networks bend, and where they bend the wrong way ψ may be wider but not without end
+            deviation = 1.0 / np.sqrt(np.maximum(values, LEAST_CURVATURE))
+            modes.append(found.x)
+            roots.append(vectors * deviation)
+            dets.append(np.log(deviation).sum())
+        return jnp.asarray(np.array(modes)), jnp.asarray(np.array(roots)), jnp.asarray(np.array(dets))
+
+    def _chains(
+        self, key: Any, prior: Any, push: tuple, mode: Any, root: Any, log_det: Any
+    ) -> tuple[dict, Any]:
+        """Draws of u by NUTS: what is computed from each (chains, draws, …), and which diverged."""
+        import jax
+        import jax.numpy as jnp
+        import numpyro
+        from jax.scipy.special import logsumexp
+
+        def model() -> None:
+            u: Any = numpyro.sample(
+                "u", numpyro.distributions.Normal(0.0, 1.0).expand(mode.shape).to_event(2)
+            )
+            e = mode + jnp.einsum("kij,kj->ki", root, u)
+            terms = jax.vmap(lambda own, weights: self._log_joint(own, weights, push))(e, self._layers)
+            joint = prior + terms + log_det + 0.5 * (u**2).sum(axis=1)
+            numpyro.factor("abstraction", logsumexp(joint))
+            belief = numpyro.deterministic("c", jax.nn.softmax(joint))
+            numpyro.deterministic("e", belief @ e)
+            numpyro.deterministic("square", belief @ e**2)
+
+        settings = self.settings
+        mcmc = numpyro.infer.MCMC(
+            numpyro.infer.NUTS(
+                model, target_accept_prob=settings.target_accept, max_tree_depth=settings.max_tree_depth
+            ),
+            num_warmup=settings.warm_up,
+            num_samples=settings.draws,
+            num_chains=settings.chains,
+            chain_method="vectorized",
+            progress_bar=False,
+        )
+        mcmc.run(key, extra_fields=("diverging",))
+        return mcmc.get_samples(group_by_chain=True), mcmc.get_extra_fields()["diverging"]
+
+
+def agreement(
+    learner: Hma, posterior: Posterior, readings: np.ndarray, actions: np.ndarray, context: np.ndarray
+) -> dict[str, float]:
+    """How far the bank of filters is from the sampler after the same readings.
+
+    belief: total variation distance; state: largest difference of the last state's mean, in posterior deviations.
+    """
+    bank = KalmanBank(learner.at_mean(), context, learner.noise)
+    bank.start(readings[0])
+    for action, reading in zip(actions, readings[1:]):
+        bank.step(action, reading)
+    mean, _ = bank.moments()
+    dims = [d for d in SEEN if d != ADVANCE]
+    apart = np.abs(mean - posterior.state_mean[-1])[dims] / posterior.state_std[-1][dims]
+    return {
+        "belief": float(0.5 * np.abs(bank.belief - posterior.belief).sum()),
+        "state": float(apart.max()),
+    }

@@ -1,0 +1,132 @@
+"""Block steering (figure 5-9): after a push off its centre a block turns and drifts; does the controller bring it back?
+
+Free blocks of a development tower are pushed `disturbed` steps near one edge of the end face, and then from the same
+state twice on: straight at the centre, or by model predictive control on the learned model with the weights
+`ShowcaseChoice.steering` (those of the games hardly steer: a block that comes out askew costs them little).
+
+    stray = (y² + ψ²)^½ of the true state at the end, ψ = yaw · r_g, in mm
+
+Each pair starts in the same state of the simulation and reads the same noise up to there.  Label and true state choose
+and judge what is shown; the controller sees readings only.
+
+Source: thesis, section 5.5.4, figure 5-9; disturbance and comparison are ours.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.jenga.learners.learner import ADVANCE, YAW, Learner, X, Y
+from thesis_lib.jenga.play.controller import Learned
+from thesis_lib.jenga.play.policies import STRAIGHT, Action, Push, Retract
+from thesis_lib.jenga.play.settings import ShowcaseChoice
+from thesis_lib.jenga.robot.movable import hidden_label
+from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.samples import FREE
+from thesis_lib.jenga.robot.sensing import MM, Sensor
+from thesis_lib.jenga.tower.health import check
+from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.tower import REACHABLE, Tower
+
+MOST = 60  # steps, after which a push that does not come out ends
+
+
+def steering_pushes(
+    learner: Learner, seed: int, setup: Setup, choice: ShowcaseChoice, rng: np.random.Generator
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Every step of the pushes of `choice.steered_blocks` free blocks of tower `seed`, and how each push ended.
+
+    Returns:
+        steps: block, edge (mm, contact of the disturbance), steered (0 or 1), step, advance, x, y, yaw (mm, as read
+        before the step), offset (mm), heading (rad), controlled (0 or 1: after the disturbance).
+        ends: block, edge, steered, steps, out (0 or 1), stray (mm).
+
+    Raises:
+        UserError: the tower has fewer free blocks.
+        TowerError: it does not stand.
+    """
+    tower = Tower(seed, setup.tower, setup.robot).settle()
+    check(tower, setup.health)
+    settled = tower.save()
+    steps, ends, shown = [], [], 0
+    for block in map(int, rng.permutation(REACHABLE)):
+        tower.load(settled)
+        if shown == choice.steered_blocks:
+            break
+        if hidden_label(tower, block, setup.movable) != FREE:
+            continue
+        shown += 1
+        for edge in (choice.edge, -choice.edge):
+            noise = int(rng.integers(2**31))
+            for steered in (0, 1):
+                tower.load(settled)
+                policy = Learned(learner, choice.steering) if steered else None
+                own = {"block": block, "edge": edge, "steered": steered}
+                rows, end = _push(tower, block, edge, policy, setup, choice, np.random.default_rng(noise))
+                steps += [own | row for row in rows]
+                ends.append(own | end)
+    if shown < choice.steered_blocks:
+        raise UserError(
+            f"tower {seed} has {shown} free blocks, fewer than the {choice.steered_blocks} to be steered."
+        )
+    return pd.DataFrame(steps), pd.DataFrame(ends)
+
+
+def _push(
+    tower: Tower,
+    block: int,
+    edge: float,
+    policy: Learned | None,
+    setup: Setup,
+    choice: ShowcaseChoice,
+    rng: np.random.Generator,
+) -> tuple[list[dict], dict]:
+    robot = Robot(tower, Sensor(setup.sensing, rng))
+    reading = robot.start(block)
+    context = np.asarray(robot.context(), float)
+    if policy is not None:
+        policy.begin(rng)
+        policy.start(block, context)
+    rows = []
+    for step in range(MOST):
+        action: Action = Push(edge) if step < choice.disturbed else STRAIGHT
+        if policy is not None and step >= choice.disturbed:
+            action = policy.act(reading, context)
+        if isinstance(action, Retract):
+            break
+        before, after = robot.push_step(action.offset / MM, action.heading)
+        if policy is not None:
+            policy.contact = action.offset
+            policy.observe(before, action, after)
+        rows.append(
+            {
+                "step": step,
+                "advance": reading[ADVANCE],
+                "x": reading[X],
+                "y": reading[Y],
+                "yaw": reading[YAW],
+                "offset": action.offset,
+                "heading": action.heading,
+                "controlled": int(step >= choice.disturbed),
+            }
+        )
+        reading = after
+        if robot.reached_goal() or robot.at_end() or tower.fallen().size:
+            break
+    true = robot.state()
+    stray = float(np.hypot(true[Y], true[YAW]))
+    return rows, {"steps": len(rows), "out": int(robot.reached_goal()), "stray": stray}
+
+
+def strayed_most(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
+    """Rows of `steps` of the pair whose straight push ended farthest off, of pairs that both came out.
+
+    Raises:
+        UserError: no pair came out.
+    """
+    pairs = ends.pivot(index=["block", "edge"], columns="steered", values=["stray", "out"])
+    both = pairs[(pairs["out"] == 1).all(axis=1)]
+    if both.empty:
+        raise UserError("no block came out both straight and steered: nothing to show. Take another tower.")
+    block, edge = both["stray"][0].idxmax()
+    return steps[(steps["block"] == block) & (steps["edge"] == edge)].reset_index(drop=True)

@@ -1,0 +1,190 @@
+"""The study of chapter 5: who plays, and what the games say.
+
+Extractions of one policy differ from tower to tower far more than policies do, so that policies are compared on the
+same towers, block orders and noise:
+
+    mean ± t_{n−1} s/√n over towers;    difference of two policies: the same of the differences tower by tower
+
+A refused game (a tower that could not be used) is counted and leaves its tower out of the comparisons of that policy.
+
+| on paper                                  | in code      | unit   |
+|-------------------------------------------|--------------|--------|
+| consecutive extractions (figure 5-5B)     | `extractions`| blocks |
+| samples                                   | `size`       | 1; 0 for policies without training |
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.jenga.play.game import Game
+
+LEVEL = 0.95
+# counts of figure 5-6: attempts and successes of push, extract and place
+PUBLISHED = {
+    "exploration": {
+        "all": ((403, 172), (172, 97), (97, 85)),
+        "side": ((288, 122), (122, 52), (52, 44)),
+        "middle": ((115, 50), (50, 45), (45, 41)),
+    },
+    "learned": {
+        "all": ((203, 93), (93, 82), (82, 72)),
+        "side": ((133, 69), (69, 54), (54, 49)),
+        "middle": ((70, 33), (33, 28), (28, 23)),
+    },
+}
+ACTIONS = ("push", "extract", "place")
+
+
+def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.DataFrame]:
+    """All tables of the games, by (size, game): games, attempts, curve, paired, success, needed.
+
+    `shown` is the number of samples that the learned policy of success and needed has learned from.
+    """
+    table, attempts = games_table(games), attempts_table(games)
+    return {
+        "games": table,
+        "attempts": attempts,
+        "curve": learning_curve(table),
+        "paired": paired(table),
+        "success": success_table(attempts, shown),
+        "needed": needed_samples(table, shown),
+    }
+
+
+def games_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
+    """A row per (size, game): policy, size, tower, extractions, placements, tried, end, refused."""
+    rows = [
+        {
+            "policy": game.policy,
+            "size": size,
+            "tower": game.seed,
+            "extractions": np.nan if game.refused else game.extractions,
+            "placements": np.nan if game.refused else game.placements,
+            "tried": len(game.attempts),
+            "end": game.end,
+            "refused": int(game.refused),
+        }
+        for size, game in games
+    ]
+    return pd.DataFrame(rows).sort_values(["policy", "size", "tower"]).reset_index(drop=True)
+
+
+def attempts_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
+    """A row per block tried in games that count."""
+    parts = [game.table().assign(size=size) for size, game in games if not game.refused]
+    table = pd.concat(parts, ignore_index=True)
+    return table.sort_values(["policy", "size", "tower"], kind="stable").reset_index(drop=True)
+
+
+def interval(values: np.ndarray) -> tuple[float, float, float]:
+    """Mean and the ends of its 95 % interval by Student's t; NaN ends for a single value."""
+    from scipy.special import stdtrit  # scipy.stats takes a second to import
+
+    values = np.asarray(values, float)
+    mean, n = float(values.mean()), len(values)
+    if n < 2:
+        return mean, np.nan, np.nan
+    half = float(stdtrit(n - 1, 0.5 + LEVEL / 2)) * float(values.std(ddof=1)) / np.sqrt(n)
+    return mean, mean - half, mean + half
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Of the mean; NaN for a single value."""
+    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else np.nan
+
+
+def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
+    """Columns policy, size, mean, std (its standard error), low, high, n, refused (figure 5-5B)."""
+    rows = []
+    for (policy, size), part in games.groupby(["policy", "size"], sort=True):
+        counts = part["extractions"].dropna().to_numpy()
+        if len(counts):
+            mean, low, high = interval(counts)
+            refused = int(part["refused"].sum())
+            rows.append((policy, size, mean, standard_error(counts), low, high, len(counts), refused))
+    return pd.DataFrame(rows, columns=["policy", "size", "mean", "std", "low", "high", "n", "refused"])
+
+
+def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
+    """Extractions of `policy` at each size minus those of every other one on the same towers.
+
+    Rivals that learn are compared at the same size (MOR also at ten times that: the thesis's claim), those that do not
+    (size 0) and PPO at every size.  Columns policy, size, rival, rival_size, difference, std (its standard error), low,
+    high, n.
+    """
+    counts = games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
+    rows = []
+    for size in sorted(size for name, size in counts.columns if name == policy):
+        for rival, rival_size in counts.columns:
+            comparable = (
+                rival_size in (0, size) or rival == "ppo" or (rival, rival_size) == ("mor", 10 * size)
+            )
+            if rival == policy or not comparable:
+                continue
+            both = counts[[(policy, size), (rival, rival_size)]].dropna().to_numpy()
+            if len(both):
+                mean, low, high = interval(both[:, 0] - both[:, 1])
+                std = standard_error(both[:, 0] - both[:, 1])
+                rows.append((policy, size, rival, rival_size, mean, std, low, high, len(both)))
+    names = ["policy", "size", "rival", "rival_size", "difference", "std", "low", "high", "n"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
+    """Attempts and successes of push, extract and place (figure 5-6): exploration against hma at `size` samples.
+
+    Columns phase, position, action, attempts, successes, share, std, low, high (Wilson, 95 %), published (share).
+    """
+    from scipy.stats import binomtest
+
+    rows = []
+    for phase, policy, own_size in (("exploration", "exploration", 0), ("learned", "hma", size)):
+        own = attempts[(attempts["policy"] == policy) & (attempts["size"] == own_size)]
+        for position in ("all", "side", "middle"):
+            part = own if position == "all" else own[own["side"] == int(position == "side")]
+            for i, (action, column) in enumerate(zip(ACTIONS, ("pushed", "extracted", "placed"))):
+                tried = part[part[column] >= 0]
+                n, k = len(tried), int((tried[column] == 1).sum())
+                low, high = np.nan, np.nan
+                if n:
+                    low, high = binomtest(k, n).proportion_ci(LEVEL, method="wilson")
+                told, right = PUBLISHED[phase][position][i]
+                share = k / n if n else np.nan
+                # that of one success and one failure more: none of it is certain
+                std = np.sqrt((k + 1) * (n - k + 1) / (n + 2) ** 3)
+                rows.append((phase, position, action, n, k, share, std, low, high, right / told))
+    names = [
+        "phase",
+        "position",
+        "action",
+        "attempts",
+        "successes",
+        "share",
+        "std",
+        "low",
+        "high",
+        "published",
+    ]
+    return pd.DataFrame(rows, columns=names)
+
+
+def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor", of: str = "hma") -> pd.DataFrame:
+    """How many samples `policy` needs for what `of` reaches with `first` samples, with what the towers allow.
+
+    Columns policy, of, size (of `of`), needed (NaN: more than were tried), needed_low, needed_high: the smallest size
+    at which the paired difference `of` − `policy` is at most 0 in the mean, at its lower end and at its upper end.
+    """
+    counts = games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
+    ends = []
+    for size in sorted(size for name, size in counts.columns if name == policy):
+        both = counts[[(of, first), (policy, size)]].dropna().to_numpy()
+        ends.append((size, *interval(both[:, 0] - both[:, 1])))
+
+    def smallest(column: int) -> float:
+        reached = [row[0] for row in ends if row[column] <= 0.0]
+        return float(reached[0]) if reached else np.nan
+
+    row = (policy, of, first, smallest(1), smallest(2), smallest(3))
+    return pd.DataFrame([row], columns=["policy", "of", "size", "needed", "needed_low", "needed_high"])

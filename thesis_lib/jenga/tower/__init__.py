@@ -1,0 +1,1 @@
+"""The tower in MuJoCo, and whether it may be used."""

@@ -1,0 +1,195 @@
+"""Settings of tower, robot, sensing and collection (SI in the simulator; "own choice" where the thesis is silent)."""
+
+import math
+
+from pydantic import Field
+
+from thesis_lib.foundation.settings import Section
+
+
+class HiddenEffects(Section):
+    """What a learner has never seen; nothing by default."""
+
+    glued: tuple[int, ...] = Field(
+        (), description="numbers of blocks that are one body; at most three are meant"
+    )
+    slippery_layer: int | None = Field(
+        None, ge=0, le=17, description="layer whose faces have `slippery_friction`"
+    )
+    slippery_friction: float = Field(0.1, gt=0, description="of that layer's faces; own choice: waxed wood")
+    pusher_mass: float | None = Field(
+        None,
+        gt=0,
+        description="kg; a tool heavier than the arm compensates for sags and rubs; None as compensated",
+    )
+
+
+class TowerSettings(Section):
+    """A tower of 18 layers of three blocks that differ in height only."""
+
+    block: tuple[float, float, float] = Field(
+        (0.075, 0.025, 0.015), description="m, length, width, height; usual game"
+    )
+    height_tolerance: float = Field(
+        0.15e-3,
+        ge=0,
+        description="m, one sigma; own choice: 0.175 measured on a real set, 47 % movable results",
+    )
+    length_tolerance: float = Field(
+        0.0, ge=0, description="m, one sigma; own choice: height alone makes blocks loose"
+    )
+    width_tolerance: float = Field(0.0, ge=0, description="m, one sigma; own choice, as length")
+    clip: float = Field(2.5, gt=0, description="sigmas at which tolerances are cut; own choice")
+    gap: float = Field(0.4e-3, ge=0, description="m, between blocks of a layer; own choice")
+    density: float = Field(530.0, gt=0, description="kg/m³; own choice: light hardwood, 14.9 g a block")
+    friction: float = Field(0.4, gt=0, description="wood on wood; own choice")
+    timestep: float = Field(2e-3, gt=0, description="s; 4 ms is not robust with contacts this stiff")
+    iterations: int = Field(200, ge=1, description="cap of the contact solver; reaching it is an error")
+    impratio: float = Field(
+        30.0,
+        gt=0,
+        description="of friction to normal constraints; own choice: 10 creeps by 10 to 20 µm/s, 100 costs twice",
+    )
+    settling: float = Field(
+        1.5, gt=0, description="s simulated before the tower is used; own choice: then at rest"
+    )
+    settling_damping: float = Field(
+        1.0,
+        ge=0,
+        description="N s/m on every block in the first two thirds of settling only; own choice: ends rocking",
+    )
+    topple_tilt: float = Field(
+        30.0, gt=0, description="degrees from upright at which a block has fallen; own choice"
+    )
+    topple_drop: float = Field(
+        8e-3, gt=0, description="m, about half a block, at which it has fallen; own choice"
+    )
+    hidden: HiddenEffects = Field(HiddenEffects(), description="what differs from what was learned on")
+
+
+class HealthSettings(Section):
+    """What a tower must show before it is used."""
+
+    sinking: float = Field(
+        2e-3,
+        gt=0,
+        description="m that the settled top may differ from the heights' sum; own choice: 262 to 266 of 270 mm",
+    )
+    drift: float = Field(10e-6, gt=0, description="m/s, median speed of blocks at rest")
+    drift_time: float = Field(0.2, gt=0, description="s over which drift is measured")
+
+
+class RobotSettings(Section):
+    """Point pusher on a compliant finger, and a parallel-jaw gripper."""
+
+    tip_radius: float = Field(3e-3, gt=0, description="m; own choice")
+    tip_friction: float = Field(0.42, gt=0, description="PLA on wood; thesis, figure 5-7")
+    tip_mass: float = Field(0.05, gt=0, description="kg of finger and mount; own choice")
+    stiffness: float = Field(
+        650.0,
+        gt=0,
+        description="N/m of the finger; own choice: the force climbs for 5 steps before a bottom block goes",
+    )
+    force_limit: float = Field(
+        4.0, gt=0, description="N of the arm; own choice: below what drags the bottom layers, which then stay"
+    )
+    step: float = Field(1e-3, gt=0, description="m a push; thesis")
+    step_time: float = Field(0.1, gt=0, description="s simulated for it; own choice")
+    averaged: int = Field(
+        10, ge=1, description="time steps at its end over which force is averaged; own choice"
+    )
+    longest_push: float = Field(45e-3, gt=0, description="m, after which the push ends; thesis")
+    goal: float = Field(
+        33e-3, gt=0, description="m that a block must be out to be extracted; own choice, see `robot`"
+    )
+    recontact: float = Field(
+        1e-3, gt=0, description="m that the contact may be off before the finger lifts; own choice"
+    )
+    clearance: float = Field(2e-3, gt=0, description="m by which the finger lifts off; own choice")
+    jaw_force: float = Field(
+        6.0, gt=0, description="N of each jaw; own choice: holds ten times what a free block needs"
+    )
+    jaw_friction: float = Field(0.8, gt=0, description="rubber on wood; own choice")
+    pull_speed: float = Field(0.06, gt=0, description="m/s; own choice")
+    release_height: float = Field(
+        0.6e-3, gt=0, description="m above the top at which a block is let go; own choice"
+    )
+    weld: bool = Field(False, description="hold by a weld instead of friction, for comparison only")
+    damage_distance: float = Field(
+        10e-3, gt=0, description="m of any other block that counts as damage; thesis"
+    )
+    damage_angle: float = Field(
+        15.0, gt=0, description="degrees of any other block that count as damage; thesis"
+    )
+
+    def is_damage(self, distance: float, angle: float) -> bool:
+        """Whether another block displaced by `distance` (m) and turned by `angle` (rad) counts as damage."""
+        return distance > self.damage_distance or angle > math.radians(self.damage_angle)
+
+
+class SensingSettings(Section):
+    """Standard deviations of what the robot is told; all own choice, none is published."""
+
+    pose_first: float = Field(0.8e-3, ge=0, description="m, of x, y and yaw·r_g at the start of a push")
+    pose_last: float = Field(0.3e-3, ge=0, description="m, of the same when much of the block shows")
+    pose_length: float = Field(8e-3, gt=0, description="m of advance over which the difference falls by e")
+    force: float = Field(0.03, ge=0, description="N, each axis; a wrist sensor's, after averaging")
+    tower: float = Field(0.3e-3, ge=0, description="m, of the tower's perturbation")
+
+
+class CollectSettings(Section):
+    """The base exploration policy; all own choice."""
+
+    change: float = Field(
+        0.25, ge=0, le=1, description="probability a step that contact location and heading are drawn anew"
+    )
+    offset: float = Field(
+        8e-3, ge=0, description="m, contact locations are uniform within this of the centre"
+    )
+    heading: float = Field(0.15, ge=0, description="rad, headings are uniform within this")
+    retract: float = Field(
+        0.1, gt=0, le=1, description="probability a step of giving up, so that 100 samples hold many blocks"
+    )
+    tower_limit: float = Field(
+        6e-3,
+        gt=0,
+        description="m of perturbation seen, at which the push ends: lets stuck blocks show and spares the tower",
+    )
+    stray_limit: float = Field(
+        12e-3, gt=0, description="m sideways or of yaw·r_g, at which the push ends: the block is leaving"
+    )
+    reduced: bool = Field(False, description="push on the reduced tower (declared fast variant)")
+
+
+class MovableSettings(Section):
+    """When a block counts as movable in a straight centred push."""
+
+    steps: int = Field(
+        6,
+        ge=1,
+        description="of 1 mm; own choice: a stuck block first bends the finger, by 4 mm at the bottom",
+    )
+    threshold: float = Field(
+        1e-3,
+        gt=0,
+        description="m that any other block may move; fixed on towers 0 to 4, where 47.1 % are movable",
+    )
+    follows: float = Field(
+        0.5, ge=0, lt=1, description="share of the advance that the block itself must move; own choice"
+    )
+
+    @property
+    def threshold_mm(self) -> float:
+        """The threshold in mm."""
+        return 1e3 * self.threshold
+
+
+class Setup(Section):
+    """Everything that a run of a tower depends on, learner and controller aside."""
+
+    tower: TowerSettings = Field(TowerSettings(), description="the blocks and their simulation")
+    health: HealthSettings = Field(HealthSettings(), description="what a tower must show before it is used")
+    robot: RobotSettings = Field(RobotSettings(), description="pusher and gripper")
+    sensing: SensingSettings = Field(SensingSettings(), description="noise of the readings")
+    collect: CollectSettings = Field(CollectSettings(), description="the base exploration policy")
+    movable: MovableSettings = Field(MovableSettings(), description="the criterion of the hidden label")

@@ -1,0 +1,193 @@
+"""The tower as a MuJoCo model: blocks on small spheres, a point pusher and a gripper.
+
+MuJoCo's box-box contact flips between one and four points when faces are not quite parallel, so a tower of boxes never
+rests.  Here a block's box touches nothing but spheres: 12 feet let into the TOP face of each block (four under each
+place of the layer above; the support does not move with a block that is pushed out from above it) and 4 bumpers on its
+long sides.  A sphere against a box is smooth and exact.
+
+| what | contype | conaffinity | touches |
+|---|---|---|---|
+| box | 0 | 15 (31 while held) | feet, bumpers, tip, floor (jaws) |
+| foot | 1 | 0 | box, floor |
+| bumper | 2 | 0 | box |
+| tip | 4 | 0 | box |
+| floor | 8 | 1 | box, foot |
+| jaw | 16 | 0 | the box that it is to hold |
+
+Contacts: stiff (solref 4 ms, solimp 0.99 to 0.999), elliptic cone, impratio 30 (a pyramidal cone or impratio 1 lets
+blocks creep), implicit integration, Newton's method to 1e-10: a looser solution is a worse start for the next step, and
+1e-6 takes twice as long.  See E. Todorov, T. Erez, Y. Tassa, IROS 2012, doi 10.1109/IROS.2012.6386109.  The pusher's
+and gripper's numbers are `RobotSettings`.
+"""
+
+import numpy as np
+
+from thesis_lib.jenga.tower.settings import RobotSettings, TowerSettings
+
+LAYERS, PER_LAYER = 18, 3
+BLOCKS = LAYERS * PER_LAYER
+FOOT = 2.5e-3  # m, radius of feet, bumpers and pads
+FOOT_INSET = 9.5e-3  # m from the middle of a place to its feet
+HAND_MASS, JAW_MASS = 0.2, 0.02  # kg
+HAND_STIFFNESS, JAW_STIFFNESS = 5000.0, 2000.0  # N/m
+HAND_TURN = 20.0  # N m/rad
+OPEN = 8e-3  # m between an open jaw's pads and the block
+PARKED = np.array([0.4, 0.4, 0.5])  # m: where idle tools are kept
+
+
+def _numbers(values) -> str:
+    return " ".join(f"{value:.12g}" for value in np.atleast_1d(values))
+
+
+def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarray | None) -> str:
+    """The geoms of one block, in the frame of its body: at `pose` (7,) of that frame, or at its origin."""
+    length, width, _ = settings.block
+    pitch = width + settings.gap
+    half = size / 2.0
+    feet = [
+        (place * pitch + x, y, half[2] - FOOT)
+        for place in (-1, 0, 1)
+        for x in (-FOOT_INSET, FOOT_INSET)
+        for y in (-FOOT_INSET, FOOT_INSET)
+    ]
+    bumpers = [(x, side * (half[1] - FOOT), 0.0) for x in (-length / 3, length / 3) for side in (-1, 1)]
+    origin, turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    if pose is not None:
+        origin, turn = pose[:3], pose[3:]
+    matrix = rotation(turn)
+    slippery = settings.hidden.slippery_layer == block // PER_LAYER
+    # the higher friction of two geoms counts unless one has priority
+    surface = f' priority="1" friction="{settings.hidden.slippery_friction} .005 .0001"' if slippery else ""
+    lines = [
+        f'<geom class="core" name="core{block}" size="{_numbers(half)}" pos="{_numbers(origin)}" '
+        f'quat="{_numbers(turn)}"{surface}/>'
+    ]
+    lines += [f'<geom class="foot" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in feet]
+    lines += [f'<geom class="bumper" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in bumpers]
+    return "".join(lines)
+
+
+def rotation(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), real part first."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def stacked(sizes: np.ndarray, settings: TowerSettings) -> np.ndarray:
+    """Poses (54, 7) of blocks laid layer by layer on the highest block below, before they settle; m, quaternions."""
+    pitch = settings.block[1] + settings.gap
+    poses, base = np.zeros((BLOCKS, 7)), 0.0
+    for layer in range(LAYERS):
+        rows = np.arange(PER_LAYER) + layer * PER_LAYER
+        across = (np.arange(PER_LAYER) - 1) * pitch
+        # odd layers are turned by a quarter: the block's long axis is y, and its own y axis is -x
+        poses[rows, 0], poses[rows, 1] = (0.0, across) if layer % 2 == 0 else (-across, 0.0)
+        poses[rows, 2] = base + sizes[rows, 2] / 2.0
+        poses[rows, 3:] = (1, 0, 0, 0) if layer % 2 == 0 else (np.sqrt(0.5), 0, 0, np.sqrt(0.5))
+        base += sizes[rows, 2].max()
+    return poses
+
+
+def _pusher(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
+    mass = settings.hidden.pusher_mass or robot.tip_mass
+    damping = 2.0 * np.sqrt(robot.stiffness * mass)
+    joints = "".join(
+        f'<joint name="tip_{n}" type="slide" axis="{a}"/>' for n, a in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"))
+    )
+    body = (
+        f'<body name="tip" gravcomp="{robot.tip_mass / mass:.9g}">{joints}<geom name="tip" type="sphere" '
+        f'size="{robot.tip_radius}" mass="{mass}" contype="4" conaffinity="0" priority="2" '
+        f'friction="{robot.tip_friction} .005 .0001"/></body>'
+    )
+    drives = "".join(
+        f'<position joint="tip_{n}" kp="{robot.stiffness}" kv="{damping:.9g}" '
+        f'forcerange="{-robot.force_limit} {robot.force_limit}"/>'
+        for n in "xyz"
+    )
+    return body, drives
+
+
+def _gripper(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
+    half = settings.block[1] / 2.0
+    axes = zip("xyz", ("1 0 0", "0 1 0", "0 0 1"))
+    joints = "".join(f'<joint name="hand_{n}" type="slide" axis="{a}"/>' for n, a in axes)
+    jaws, drives = "", ""
+    for name, side in (("left", 1), ("right", -1)):
+        pads = "".join(
+            f'<geom type="sphere" size="{FOOT}" pos="{x} {side * (half + FOOT)} {z}" mass="{JAW_MASS / 4}" '
+            f'contype="16" conaffinity="0" priority="2" friction="{robot.jaw_friction} .005 .0001"/>'
+            for x in (-5e-3, 5e-3)
+            for z in (-4e-3, 4e-3)
+        )
+        # the joint counts the distance between pads and the nominal side of the block
+        joint = f'<joint name="jaw_{name}" type="slide" axis="0 {side} 0"/>'
+        jaws += f'<body name="{name}" gravcomp="1">{joint}{pads}</body>'
+        drives += (
+            f'<position joint="jaw_{name}" kp="{JAW_STIFFNESS}" kv="{2 * np.sqrt(JAW_STIFFNESS * JAW_MASS):.9g}" '
+            f'forcerange="{-robot.jaw_force} {robot.jaw_force}"/>'
+        )
+    body = (
+        f'<body name="hand" gravcomp="1">{joints}<joint name="hand_turn" type="hinge" axis="0 0 1"/>'
+        f'<inertial pos="0 0 0" mass="{HAND_MASS}" diaginertia="1e-4 1e-4 1e-4"/>{jaws}</body>'
+    )
+    slide = 2.0 * np.sqrt(HAND_STIFFNESS * (HAND_MASS + 2 * JAW_MASS))
+    hand = "".join(f'<position joint="hand_{n}" kp="{HAND_STIFFNESS}" kv="{slide:.9g}"/>' for n in "xyz")
+    hand += f'<position joint="hand_turn" kp="{HAND_TURN}" kv="{2 * np.sqrt(HAND_TURN * 2e-4):.9g}"/>'
+    return body, hand + drives
+
+
+def tower_xml(
+    sizes: np.ndarray,
+    poses: np.ndarray,
+    settings: TowerSettings,
+    robot: RobotSettings,
+    static: frozenset[int] = frozenset(),
+    lump: frozenset[int] = frozenset(),
+    absent: frozenset[int] = frozenset(),
+) -> str:
+    """MJCF of a tower with its robot.
+
+    sizes: (54, 3), m.  poses: (54, 7), m and quaternions.  `static` blocks are fixed to the world, those of `lump` are
+    one body, those of `absent` are left out; so are the settings' glued blocks one body.  All others are free bodies.
+    """
+    bodies = []
+    groups = [sorted(lump - absent), sorted(set(settings.hidden.glued) - static - lump - absent)]
+    single = set(range(BLOCKS)) - static - absent - set(groups[0]) - set(groups[1])
+    fixed = "".join(_geoms(block, sizes[block], settings, poses[block]) for block in sorted(static - absent))
+    for name, group in zip(("lump", "glued"), groups):
+        if group:
+            geoms = "".join(_geoms(block, sizes[block], settings, poses[block]) for block in group)
+            bodies.append(f'<body name="{name}"><freejoint/>{geoms}</body>')
+    for block in sorted(single):
+        where = f'pos="{_numbers(poses[block, :3])}" quat="{_numbers(poses[block, 3:])}"'
+        bodies.append(
+            f'<body name="block{block}" {where}><freejoint/>{_geoms(block, sizes[block], settings, None)}</body>'
+        )
+    pusher, pusher_drives = _pusher(robot, settings)
+    gripper, gripper_drives = _gripper(robot, settings)
+    welds = "".join(f'<weld body1="hand" body2="block{block}" active="false"/>' for block in sorted(single))
+    return f"""<mujoco>
+<compiler angle="radian"/>
+<option timestep="{settings.timestep}" integrator="implicitfast" solver="Newton" iterations="{settings.iterations}"
+        tolerance="1e-10" cone="elliptic" impratio="{settings.impratio}">
+  <flag multiccd="disable" autoreset="disable"/>
+</option>
+<size memory="64M"/>
+<default>
+  <geom condim="3" solref="0.004 1" solimp=".99 .999 1e-4 .5 2" friction="{settings.friction} .005 .0001"/>
+  <default class="core"><geom type="box" density="{settings.density}" contype="0" conaffinity="15"/></default>
+  <default class="foot"><geom type="sphere" size="{FOOT}" mass="0" contype="1" conaffinity="0"/></default>
+  <default class="bumper"><geom type="sphere" size="{FOOT}" mass="0" contype="2" conaffinity="0"/></default>
+</default>
+<worldbody>
+  <geom name="floor" type="plane" size="1 1 .1" contype="8" conaffinity="1"/>
+  {fixed}{"".join(bodies)}{pusher}{gripper}
+</worldbody>
+<actuator>{pusher_drives}{gripper_drives}</actuator>
+<equality>{welds if robot.weld else ""}</equality>
+</mujoco>"""

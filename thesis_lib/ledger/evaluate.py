@@ -1,0 +1,290 @@
+"""Each claim measured: select our cell from the results, apply the claim's check (formats in `ledger`).
+
+Whatever keeps a number from being compared (a missing file, column or row, several rows where one is wanted, text,
+NaN, infinity, a dataset that the run knows nothing about) becomes a result of status `error`, never a pass.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import FLOAT_FORMAT
+from thesis_lib.ledger.format import (
+    Abs,
+    ArgMax,
+    ArgMin,
+    Claim,
+    Greater,
+    Interval,
+    IsTrue,
+    Ledger,
+    Less,
+    Ordering,
+    Rel,
+)
+from thesis_lib.ledger.reading import Cells, number
+from thesis_lib.ledger.result import Result, Status
+
+SAME_NUMBER = 1e-8  # relative; tables carry 9 digits, so equal numbers differ by at most 5e-10
+SLACK = 1e-9  # relative; 0.13 − 0.12 must not exceed 0.01 by the last bits of binary fractions
+
+
+def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool]) -> list[Result]:
+    """The result of each claim, in the ledger's order.
+
+    Args:
+        results_dir: folder below which the sources lie.
+        present: whether this run had each dataset (`reading.read_present`).
+
+    No mistake in the results raises: it becomes a result of status `error`.
+    """
+    tables: dict[str, Cells] = {}
+    return [_evaluate(claim, Path(results_dir), present, tables) for claim in ledger.claims]
+
+
+def _evaluate(claim: Claim, root: Path, present: Mapping[str, bool], tables: dict[str, Cells]) -> Result:
+    published = _published(claim)
+    unknown = [name for name in claim.needs if name not in present]
+    if unknown:
+        known = ", ".join(sorted(present)) or "none"
+        finding = f"the run reports nothing about the dataset {', '.join(unknown)} (known: {known})"
+        return Result(claim, Status.ERROR, published, finding=finding)
+    absent = [name for name in claim.needs if not present[name]]
+    if absent:
+        return Result(claim, Status.NO_DATA, published, finding=f"needs the dataset {', '.join(absent)}")
+    try:
+        rows = _Rows.select(claim, root, tables)
+        return _MEASURES[type(claim.check)](claim, published, rows)
+    except UserError as error:
+        return Result(claim, Status.ERROR, published, finding=str(error))
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The rows that a claim's source selects, values still as text."""
+
+    cells: Cells
+    rows: list[int]
+    claim: Claim
+
+    @classmethod
+    def select(cls, claim: Claim, root: Path, tables: dict[str, Cells]) -> "_Rows":
+        source = claim.source
+        if source.file not in tables:
+            tables[source.file] = Cells.read(root / source.file)
+        cells = tables[source.file]
+        columns = {name: cells.column(name) for name in source.where}
+        rows = [
+            i
+            for i in range(len(cells.rows))
+            if all(_matches(columns[name][i], value) for name, value in source.where.items())
+        ]
+        cells.column(source.column)  # named before "no row", since it is the plainer mistake
+        if not rows:
+            raise UserError(f"{cells.path} has no row with {_condition(source.where)}")
+        return cls(cells, rows, claim)
+
+    def only(self) -> int:
+        if len(self.rows) > 1:
+            where = _condition(self.claim.source.where)
+            raise UserError(f"{self.cells.path} has {len(self.rows)} rows with {where}; one is wanted")
+        return self.rows[0]
+
+    def named(self, key: str, name: object) -> int:
+        column = self.cells.column(key)
+        found = [i for i in self.rows if _matches(column[i], name)]
+        if len(found) != 1:
+            where = _condition({**self.claim.source.where, key: name})
+            raise UserError(f"{self.cells.path} has {len(found) or 'no'} rows with {where}; one is wanted")
+        return found[0]
+
+    def value(self, row: int) -> float:
+        return self._number(self.claim.source.column, row)
+
+    def std(self, row: int) -> float:
+        """Standard error in a row; NaN if the claim names no column for it."""
+        name = self.claim.source.std_column
+        if name is None:
+            return math.nan
+        std = self._number(name, row)
+        if std < 0:
+            raise UserError(f"{self.cells.path}, data row {row}: {name} is {_short(std)}, below zero")
+        return std
+
+    def _number(self, column: str, row: int) -> float:
+        cell = self.cells.column(column)[row]
+        try:
+            value = number(cell)
+        except ValueError:
+            value = None
+        if value is None or not math.isfinite(value):
+            found = "empty or NaN" if value is not None and math.isnan(value) else repr(cell)
+            raise UserError(f"{self.cells.path}, data row {row}: {column} is {found}, not a finite number")
+        return value
+
+
+def _short(value: float) -> str:
+    return f"{value:.4g}"  # four digits are enough for a sentence
+
+
+def _matches(cell: str, wanted: object) -> bool:
+    if isinstance(wanted, bool):
+        return cell.strip().lower() == str(wanted).lower()
+    if isinstance(wanted, str):
+        return cell == wanted
+    try:
+        return math.isclose(number(cell), float(wanted), rel_tol=SAME_NUMBER)  # type: ignore[arg-type]
+    except ValueError:
+        return False
+
+
+def _condition(where: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in where.items()) or "anything in it"
+
+
+def _published(claim: Claim) -> str:
+    check = claim.check
+    if isinstance(check, Ordering):
+        sign = " < " if check.order == "ascending" else " > "
+        groups = [", ".join(map(str, group)) for group in check.groups]
+        return sign.join(f"{{{text}}}" if ", " in text else text for text in groups)
+    if isinstance(check, ArgMax | ArgMin):
+        return str(check.row)
+    if isinstance(check, IsTrue):
+        return "true"
+    if claim.published is None:
+        return f"{'>' if isinstance(check, Greater) else '<'} {FLOAT_FORMAT % check.threshold}"
+    return FLOAT_FORMAT % claim.published
+
+
+def _result(claim: Claim, published: str, ours: float, std: float, reference: float, holds: bool) -> Result:
+    difference = ours - reference
+    relative = difference / abs(reference) if reference else math.nan
+    share = "" if math.isnan(relative) else f" ({100 * relative:+.3g} %)"
+    name = (
+        f"the threshold {_short(reference)}"
+        if isinstance(claim.check, Greater | Less)
+        else "the published value"
+    )
+    return Result(
+        claim,
+        Status.REPRODUCED if holds else Status.DEVIATES,
+        published,
+        FLOAT_FORMAT % ours,
+        std,
+        difference,
+        relative,
+        f"differs from {name} by {difference:+.4g}{share}",
+    )
+
+
+def _measure_number(claim: Claim, published: str, rows: _Rows) -> Result:
+    row, check = rows.only(), claim.check
+    ours, std, reference = rows.value(row), rows.std(row), float(claim.published)
+    if isinstance(check, Interval):
+        allowed = check.k * std + check.rounding
+    else:
+        allowed = check.tolerance * (abs(reference) if isinstance(check, Rel) else 1.0)
+    holds = abs(ours - reference) <= allowed * (1 + SLACK)
+    return _result(claim, published, ours, std, reference, holds)
+
+
+def _measure_threshold(claim: Claim, published: str, rows: _Rows) -> Result:
+    row, check = rows.only(), claim.check
+    ours, std = rows.value(row), rows.std(row)
+    sign = 1.0 if isinstance(check, Greater) else -1.0
+    margin = check.k * std if check.k else 0.0
+    holds = sign * (ours - check.threshold) > margin
+    return _result(claim, published, ours, std, check.threshold, holds)
+
+
+def _measure_flag(claim: Claim, published: str, rows: _Rows) -> Result:
+    row = rows.only()
+    cell = rows.cells.column(claim.source.column)[row].strip().lower()
+    if cell not in ("true", "false", "1", "0"):
+        raise UserError(
+            f"{rows.cells.path}, data row {row}: {claim.source.column} is {cell!r}, neither true nor false"
+        )
+    holds = cell in ("true", "1")
+    status = Status.REPRODUCED if holds else Status.DEVIATES
+    return Result(claim, status, published, str(holds).lower(), finding=f"found {str(holds).lower()}")
+
+
+def _measure_ordering(claim: Claim, published: str, rows: _Rows) -> Result:
+    check = claim.check
+    groups = [[rows.named(check.key, name) for name in group] for group in check.groups]
+    # every row before every row of the next group; further groups follow by transitivity unless ties are allowed,
+    # so all pairs are compared
+    pairs = [(a, b) for i, low in enumerate(groups) for high in groups[i + 1 :] for a in low for b in high]
+    sign = 1.0 if check.order == "ascending" else -1.0
+    return _ranked(claim, published, rows, [row for group in groups for row in group], pairs, sign)
+
+
+def _measure_extreme(claim: Claim, published: str, rows: _Rows) -> Result:
+    check = claim.check
+    top = rows.named(check.key, check.row)
+    others = rows.rows if check.among is None else [rows.named(check.key, name) for name in check.among]
+    if len(others) < 2:
+        raise UserError(
+            f"{rows.cells.path}: {check.row} is the only row selected, so it is trivially extreme"
+        )
+    pairs = [(row, top) for row in others if row != top]
+    sign = 1.0 if isinstance(check, ArgMax) else -1.0
+    return _ranked(claim, published, rows, others, pairs, sign)
+
+
+def _ranked(
+    claim: Claim,
+    published: str,
+    rows: _Rows,
+    members: list[int],
+    pairs: list[tuple[int, int]],
+    sign: float,
+) -> Result:
+    """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or break by ≤ tie."""
+    check = claim.check
+    value = {row: rows.value(row) for row in members}
+    std = {row: rows.std(row) for row in members} if check.k else dict.fromkeys(members, 0.0)
+    column = rows.cells.column(check.key)
+
+    def show(row: int) -> str:
+        return f"{column[row]} ({_short(value[row])})"
+
+    broken = []
+    for before, after in pairs:
+        step = sign * (value[after] - value[before])
+        if check.tie_tolerance:
+            holds = step >= -check.tie_tolerance * (1 + SLACK)
+        else:
+            holds = step > check.k * math.hypot(std[before], std[after])
+        if not holds:
+            side = "above" if sign > 0 else "below"
+            broken.append((step, f"{show(after)} is not {side} {show(before)}" + _within(step)))
+    broken.sort(key=lambda item: item[0])  # the worst first
+    finding = "; ".join(text for _, text in broken[:3])
+    if len(broken) > 3:
+        finding += f"; and {len(broken) - 3} more pairs"
+    # smallest first where an ascending order or a minimum is claimed; equal values by name, to be deterministic
+    ascending = claim.check.order == "ascending" if isinstance(check, Ordering) else sign < 0
+    order = sorted(members, key=lambda row: (value[row] if ascending else -value[row], column[row]))
+    ours = (" < " if ascending else " > ").join(show(row) for row in order)
+    return Result(claim, Status.DEVIATES if broken else Status.REPRODUCED, published, ours, finding=finding)
+
+
+def _within(step: float) -> str:
+    return " by enough" if step > 0 else ""
+
+
+_MEASURES: dict[type, Callable[[Claim, str, _Rows], Result]] = {
+    Abs: _measure_number,
+    Rel: _measure_number,
+    Interval: _measure_number,
+    Greater: _measure_threshold,
+    Less: _measure_threshold,
+    Ordering: _measure_ordering,
+    ArgMax: _measure_extreme,
+    ArgMin: _measure_extreme,
+    IsTrue: _measure_flag,
+}

@@ -1,0 +1,311 @@
+"""Figures' CSVs against small stored copies, column by column within stated tolerances.
+
+What is compared, and how near is near enough, is written in config/figures.yaml (`figure_format`).  A figure without
+an entry there, a column without a tolerance, a missing CSV and a missing copy are all failures, so that a new figure
+cannot escape the check.  Pictures themselves are judged by eye.
+"""
+
+import fnmatch
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_table
+from thesis_lib.ledger.figure_format import COMMON, ROW, Figure, FigureSpec, Tolerance
+from thesis_lib.ledger.reading import Cells, number
+
+AGREES, DIFFERS, NO_DATA, ERROR = "agrees", "differs", "data not present", "error"
+REMEDY = "if this is intended: python -m thesis_lib claims update"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One way in which a figure's CSV is not like its stored copy.
+
+    Attributes:
+        column: the column concerned, '' if it is the whole table.
+        text: what is wrong.
+    """
+
+    column: str
+    text: str
+
+
+def kept_rows(total: int, most: int) -> list[int]:
+    """Positions of at most `most` evenly spaced rows out of `total`, the first and the last among them."""
+    if total <= most:
+        return list(range(total))
+    # the integer form of linspace: no rounding of halves that could differ between machines
+    return [i * (total - 1) // (most - 1) for i in range(most)]
+
+
+def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
+    """Write the thinned copy of a figure's CSV.
+
+    Raises:
+        UserError: the CSV is missing or has columns or cells that the check would refuse.
+    """
+    cells = Cells.read(csv)
+    problems = _form(cells, figure)
+    if problems:
+        raise UserError(f"{csv} cannot be stored: " + "; ".join(p.text for p in problems))
+    rows = kept_rows(len(cells.rows), figure.rows.max)
+    columns = [*figure.keys, *figure.columns]
+    table = pd.DataFrame({ROW: rows})
+    for name in columns:
+        column = cells.column(name)
+        table[name] = pd.Series([column[i] for i in rows], dtype=object)
+    write_table(table, stored)
+
+
+def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[Problem]:
+    """Compare a figure's CSV with its stored copy; an empty list means that they agree.
+
+    Raises:
+        UserError: one of the files is missing or cannot be read.
+    """
+    if not Path(stored).is_file():
+        raise UserError(f"{stored} does not exist; store it: python -m thesis_lib claims update")
+    cells, copy = Cells.read(csv), Cells.read(stored)
+    problems = _form(cells, figure) or _copy_form(copy, figure)
+    if problems:
+        return problems
+    positions = [int(cell) for cell in copy.column(ROW)]
+    before, now = positions[-1] + 1, len(cells.rows)
+    if abs(now - before) > figure.rows.tolerance:
+        allowed = f", allowed ±{figure.rows.tolerance}" if figure.rows.tolerance else ""
+        return [Problem("", f"has {now} rows, the stored copy had {before}{allowed}")]
+    if figure.rows.tolerance:
+        positions, kept, problems = _found_by_keys(cells, copy, figure)
+    else:
+        kept = list(range(len(positions)))
+        for name in figure.keys:
+            problems += _compare_text(name, cells.column(name), copy.column(name), positions)
+    for name, tolerance in figure.columns.items():
+        problems += _compare_numbers(name, cells.column(name), copy.column(name), positions, kept, tolerance)
+    return problems
+
+
+def check_figures(
+    results_dir: str | Path, stored_dir: str | Path, spec: FigureSpec, present: Mapping[str, bool]
+) -> pd.DataFrame:
+    """Compare every figure with its stored copy.
+
+    Args:
+        results_dir: folder of the results.
+        stored_dir: folder of one scale's copies, config/figures/<scale>.
+        present: whether this run had each dataset (`reading.read_present`).
+
+    Returns:
+        A row for each figure and dataset, sorted by name: figure, dataset, status (agrees, differs, error, or
+        data not present), finding.  Pictures that config/figures.yaml does not know and copies that no figure
+        uses are rows of status error.
+    """
+    results_dir, stored_dir = Path(results_dir), Path(stored_dir)
+    rows = []
+    for name, dataset, figure, csv in _entries(spec):
+        status, finding = _check_one(
+            results_dir / csv, stored_dir / dataset / f"{name}.csv", figure, dataset, present
+        )
+        rows.append((name, dataset, status, finding))
+    rows += _unknown_pictures(results_dir, spec) + _unused_copies(stored_dir, spec)
+    table = pd.DataFrame(rows, columns=["figure", "dataset", "status", "finding"], dtype=object)
+    return table.sort_values(["figure", "dataset"], kind="stable", ignore_index=True)
+
+
+def update_figures(
+    results_dir: str | Path, stored_dir: str | Path, spec: FigureSpec, present: Mapping[str, bool]
+) -> list[str]:
+    """Store the copies that are missing or no longer agree; those that agree stay as they are.
+
+    Leaving them avoids noise in the history, and keeps small drifts from adding up unseen.
+
+    Returns:
+        One line for each copy written.
+
+    Raises:
+        UserError: a figure cannot be stored; it names each, and nothing is written.
+    """
+    results_dir, stored_dir = Path(results_dir), Path(stored_dir)
+    todo, refused = [], []
+    for name, dataset, figure, csv in _entries(spec):
+        copy = stored_dir / dataset / f"{name}.csv"
+        status, finding = _check_one(results_dir / csv, copy, figure, dataset, present)
+        if status not in (AGREES, NO_DATA):
+            try:
+                refused += [f"{p.text}" for p in _form(Cells.read(results_dir / csv), figure)]
+                _known(dataset, present)
+                todo.append((results_dir / csv, copy, figure, finding if copy.is_file() else "new"))
+            except UserError as error:
+                refused.append(str(error))
+    if refused:
+        raise UserError("No figure was stored:\n" + "\n".join(f"- {text}" for text in refused))
+    for csv, copy, figure, _ in todo:
+        store_figure(csv, copy, figure)
+    return [f"{copy}: {why}" for _, copy, _, why in todo]
+
+
+def _entries(spec: FigureSpec) -> list[tuple[str, str, Figure, str]]:
+    return [
+        (name, dataset, figure, csv)
+        for name, figure in spec.figures.items()
+        for dataset, csv in figure.sources().items()
+    ]
+
+
+def _known(dataset: str, present: Mapping[str, bool]) -> None:
+    if dataset != COMMON and dataset not in present:
+        known = ", ".join(sorted(present)) or "none"
+        raise UserError(f"the run reports nothing about the dataset {dataset} (known: {known})")
+
+
+def _check_one(
+    csv: Path, stored: Path, figure: Figure, dataset: str, present: Mapping[str, bool]
+) -> tuple[str, str]:
+    try:
+        _known(dataset, present)
+        if dataset != COMMON and not present[dataset]:
+            return NO_DATA, f"needs the dataset {dataset}"
+        problems = check_figure(csv, stored, figure)
+    except UserError as error:
+        return ERROR, str(error)
+    return (DIFFERS, "; ".join(p.text for p in problems)) if problems else (AGREES, "")
+
+
+def _unknown_pictures(results_dir: Path, spec: FigureSpec) -> list[tuple[str, str, str, str]]:
+    """Pictures that no entry covers: each figure has its numbers in a CSV of the same name beside it."""
+    known = {csv for _, _, _, csv in _entries(spec)}
+    rows = []
+    for picture in sorted(results_dir.rglob("*.png")):
+        csv = picture.relative_to(results_dir).with_suffix(".csv").as_posix()
+        below = picture.relative_to(results_dir).as_posix()
+        if csv not in known and not any(fnmatch.fnmatch(below, pattern) for pattern in spec.ignore):
+            text = (
+                f"{below} has no entry in the figures' specification for {csv} (delete it if it is left over)"
+            )
+            rows.append((picture.stem, picture.parent.name, ERROR, text))
+    return rows
+
+
+def _unused_copies(stored_dir: Path, spec: FigureSpec) -> list[tuple[str, str, str, str]]:
+    used = {(dataset, name) for name, dataset, _, _ in _entries(spec)}
+    return [
+        (copy.stem, copy.parent.name, ERROR, f"{copy} belongs to no figure of the specification: delete it")
+        for copy in sorted(stored_dir.glob("*/*.csv"))
+        if (copy.parent.name, copy.stem) not in used
+    ]
+
+
+def _form(cells: Cells, figure: Figure) -> list[Problem]:
+    """What is wrong with a figure's CSV by itself."""
+    wanted = [*figure.keys, *figure.columns]
+    problems = [
+        Problem(name, f"column {name} is missing in {cells.path}")
+        for name in wanted
+        if name not in cells.columns
+    ]
+    problems += [
+        Problem(name, f"column {name} of {cells.path} has no tolerance and is no key")
+        for name in cells.columns
+        if name not in wanted
+    ]
+    if not cells.rows:
+        problems.append(Problem("", f"{cells.path} has no rows"))
+    if problems:
+        return problems
+    for name in figure.columns:
+        column = cells.column(name)
+        bad = [i for i, cell in enumerate(column) if _number(cell) is None]
+        if bad:
+            text = f"column {name} holds {column[bad[0]]!r} in row {bad[0]}, no number (make it a key?)"
+            problems.append(Problem(name, text))
+        elif all(math.isnan(number(cell)) for cell in column):
+            problems.append(Problem(name, f"column {name} is NaN in every row"))
+    if figure.rows.tolerance:
+        keys = list(zip(*(cells.column(name) for name in figure.keys)))
+        if len(set(keys)) < len(keys):
+            problems.append(Problem("", f"the keys {', '.join(figure.keys)} do not tell the rows apart"))
+    return problems
+
+
+def _copy_form(copy: Cells, figure: Figure) -> list[Problem]:
+    """What is wrong with a stored copy by itself: columns, or rows taken away by hand."""
+    wanted = [ROW, *figure.keys, *figure.columns]
+    if sorted(copy.columns) != sorted(wanted):
+        return [
+            Problem(
+                "",
+                f"{copy.path} has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}; {REMEDY}",
+            )
+        ]
+    if any(_number(cell) is None for name in figure.columns for cell in copy.column(name)):
+        return [Problem("", f"{copy.path} holds text where a number is wanted; {REMEDY}")]
+    positions = copy.column(ROW)
+    whole = positions and all(cell.isdecimal() for cell in positions)
+    if not whole or list(map(int, positions)) != kept_rows(int(positions[-1]) + 1, figure.rows.max):
+        return [Problem("", f"{copy.path} is not the evenly spaced copy that would be stored; {REMEDY}")]
+    return []
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return number(cell)
+    except ValueError:
+        return None
+
+
+def _found_by_keys(cells: Cells, copy: Cells, figure: Figure) -> tuple[list[int], list[int], list[Problem]]:
+    """Positions in the CSV of the stored rows that are still there, and their positions in the copy."""
+    where = {key: i for i, key in enumerate(zip(*(cells.column(name) for name in figure.keys)))}
+    keys = list(zip(*(copy.column(name) for name in figure.keys)))
+    kept = [j for j, key in enumerate(keys) if key in where]
+    gone = [key for key in keys if key not in where]
+    problems = []
+    if len(gone) > figure.rows.tolerance or not kept:
+        example = ", ".join(f"{name} = {cell}" for name, cell in zip(figure.keys, gone[0]))
+        text = f"{len(gone)} of {len(keys)} stored rows are gone ({example}), allowed {figure.rows.tolerance}"
+        problems.append(Problem("", text))
+    return [where[keys[j]] for j in kept], kept, problems
+
+
+def _compare_text(name: str, ours: list[str], stored: list[str], positions: list[int]) -> list[Problem]:
+    bad = [(i, ours[i], cell) for i, cell in zip(positions, stored) if ours[i] != cell]
+    if not bad:
+        return []
+    row, now, before = bad[0]
+    text = f"column {name}: {len(bad)} of {len(stored)} rows differ; row {row}: {now!r}, stored {before!r}"
+    return [Problem(name, text)]
+
+
+def _compare_numbers(
+    name: str,
+    ours: list[str],
+    stored: list[str],
+    positions: list[int],
+    kept: list[int],
+    tolerance: Tolerance,
+) -> list[Problem]:
+    a = np.array([number(ours[i]) for i in positions])
+    b = np.array([number(stored[j]) for j in kept])
+    same = (a == b) | (np.isnan(a) & np.isnan(b))  # infinities and NaN only agree with themselves
+    with np.errstate(invalid="ignore"):
+        # abs(ours − stored) ≤ abs + rel · abs(stored); an infinite stored value must not allow everything
+        allowed = (tolerance.abs or 0.0) + (tolerance.rel or 0.0) * np.abs(b)
+        off = np.abs(a - b)
+        finite = np.isfinite(a) & np.isfinite(b)
+        near = finite & (off <= allowed)
+        excess = np.where(finite, off - allowed, np.inf)
+    bad = np.flatnonzero(~(same | near))
+    if not len(bad):
+        return []
+    worst = bad[np.argmax(excess[bad])]
+    text = (
+        f"column {name}: {len(bad)} of {len(a)} rows differ; worst in row {positions[worst]}: {a[worst]:.6g}, "
+        f"stored {b[worst]:.6g}, allowed ±{allowed[worst]:.2g}"
+    )
+    return [Problem(name, text)]

@@ -1,0 +1,200 @@
+"""YAML and CSV read strictly, with every mistake in one error.
+
+YAML goes through a pydantic model; mistakes are listed all at once, each with its place, and entries of a list are
+named by their `id` where they have one.  CSV cells stay text until someone asks for a number: pandas would turn
+a law called "NA" into NaN and rename the second of two equal column names.
+"""
+
+import csv
+import io
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Self, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+)
+
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.files import read_json
+from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
+from thesis_lib.foundation.yaml_file import read_yaml
+
+SHOWN = 100  # mistakes spelled out
+MAX_CSV = 30_000_000  # bytes; as lists of cells a table takes some thirty times that
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown keys are refused, values cannot change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _not_a_flag(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError("a number is wanted here, not true or false")
+    return value
+
+
+def _inside_results(value: str) -> str:
+    path = PurePosixPath(value)
+    if path.is_absolute() or ".." in path.parts or "\\" in value or path.suffix != ".csv":
+        raise ValueError("a .csv file below the results folder is wanted, e.g. chapter3/table_3_1.csv")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(_not_a_flag), Field(allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
+CsvFile = Annotated[str, AfterValidator(_inside_results)]
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def load_yaml(path: str | Path) -> Any:
+    """The content of a YAML file.
+
+    Raises:
+        UserError: the file is missing, is no plain YAML, or repeats a key (YAML would keep only the last one).
+    """
+    document = read_yaml(path)
+    document.refuse_repeated(path)
+    return document.content
+
+
+def validate(model: type[Model], content: Any, path: str | Path, problems: Sequence[str] = ()) -> Model:
+    """`content` as a `model`.
+
+    Args:
+        problems: mistakes that the caller has found already; they go into the same error.
+
+    Raises:
+        UserError: one line for each mistake.
+    """
+    found = list(problems)
+    try:
+        value = model.model_validate(content)
+    except ValidationError as error:
+        found += [_sentence(item, content) for item in error.errors(include_url=False)]
+    if found:
+        count = f"{len(found)} mistake{'s' if len(found) > 1 else ''}"
+        more = [f"... and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
+        raise UserError(f"{path} has {count}:\n" + "\n".join(f"- {line}" for line in [*found[:SHOWN], *more]))
+    return value
+
+
+def _sentence(item: dict, content: Any) -> str:
+    """One pydantic error as "claim x: check.tolerance: what is wrong"."""
+    where, names = [], []
+    for depth, part in enumerate(item["loc"]):
+        if isinstance(content, dict) and part not in content and depth < len(item["loc"]) - 1:
+            continue  # pydantic inserts the tag of a union, which is no key of the file
+        if isinstance(part, int) and isinstance(content, list) and part < len(content):
+            content = content[part]
+            if isinstance(content, dict) and "id" in content:
+                where, names = [], [f"claim {content['id']}"]  # instead of claims[17]
+                continue
+            names, where = names, [*where, f"[{part + 1}]"]
+            continue
+        where.append(str(part))
+        content = content.get(part) if isinstance(content, dict) else None
+    place = ": ".join([*names, ".".join(where).replace(".[", "[")] if where else names) or "the whole file"
+    if item["type"] == "missing":
+        hint = ": say why this tolerance is the right one" if item["loc"][-1] == "reason" else ""
+        return f"{place} is missing{hint}"
+    if item["type"] == "extra_forbidden":
+        return f"{place} is not a known key"
+    message = item["msg"].removeprefix("Value error, ")
+    shown = repr(item["input"])
+    return f"{place}: {message}" + (f" (found {shown})" if len(shown) < 60 else "")
+
+
+class Cells:
+    """A CSV table of text cells."""
+
+    def __init__(self, path: Path, columns: list[str], rows: list[list[str]]) -> None:
+        self.path, self.columns, self.rows = path, columns, rows
+
+    @classmethod
+    def read(cls, path: str | Path) -> Self:
+        """Read a CSV with one header line.
+
+        Raises:
+            UserError: the file is missing.
+            CorruptFileError: it is empty, is not UTF-8, repeats a column, or has a row of another length.
+        """
+        path = Path(path)
+        try:
+            text = read_bytes(path, MAX_CSV).decode("utf-8")
+            lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if line]
+        except MissingFile as error:
+            raise UserError(
+                f"{path} does not exist; run the rule that makes it (snakemake {path})."
+            ) from error
+        except (FileProblem, csv.Error, UnicodeDecodeError) as error:
+            reason = error.what if isinstance(error, FileProblem) else error
+            raise CorruptFileError(f"{path} cannot be read ({reason}); delete it and run again.") from error
+        if not lines:
+            raise CorruptFileError(f"{path} is empty; delete it and run again.")
+        columns, rows = lines[0], lines[1:]
+        twice = sorted(name for name, count in Counter(columns).items() if count > 1)
+        if twice:
+            raise CorruptFileError(
+                f"{path} has two columns called {', '.join(twice)[:200]}; delete it and run again."
+            )
+        for i, row in enumerate(rows):
+            if len(row) != len(columns):
+                raise CorruptFileError(
+                    f"{path}, data row {i}: {len(row)} cells under {len(columns)} columns; "
+                    "delete it and run again."
+                )
+        return cls(path, columns, rows)
+
+    def column(self, name: str) -> list[str]:
+        """The cells of one column.
+
+        Raises:
+            UserError: there is no such column.
+        """
+        if name not in self.columns:
+            raise UserError(f"{self.path} has no column {name!r}; it has {', '.join(self.columns)}.")
+        index = self.columns.index(name)
+        return [row[index] for row in self.rows]
+
+
+def number(cell: str) -> float:
+    """The number in a cell; an empty cell is NaN.
+
+    Raises:
+        ValueError: the cell holds something else.
+    """
+    return float(cell) if cell.strip() else math.nan
+
+
+def read_present(path: str | Path) -> dict[str, bool]:
+    """Which datasets this run had: {"planar_impact": {"present": true, ...}, ...} as {name: present}.
+
+    Raises:
+        UserError: the file is missing or has another form.
+    """
+    content = read_json(path)
+    try:
+        present = {name: entry["present"] for name, entry in content.items()}
+    except (AttributeError, KeyError, TypeError):
+        present = {"": None}
+    if not all(isinstance(flag, bool) for flag in present.values()):
+        raise CorruptFileError(
+            f'{path} should look like {{"planar_impact": {{"present": true}}}}, one entry for each dataset; '
+            "delete it and run again."
+        )
+    return present

@@ -1,0 +1,145 @@
+"""The result of a claim: its status, our value beside the published one, and the table claims.csv.
+
+| status             | when                                                                                        |
+|--------------------|---------------------------------------------------------------------------------------------|
+| `reproduced`       | the claim's check holds                                                                     |
+| `deviates`         | it does not; the result says by how much, and why if the ledger knows                       |
+| `data not present` | the run lacked a dataset that the claim needs: neutral                                      |
+| `error`            | nothing was compared: a missing file, column or row, several rows, text, NaN or infinity    |
+
+An error is never a pass: `refuse_errors` raises one message that names each, and the check against the committed
+statuses (`expected`) always fails on it.
+
+Symbols: difference = ours − published (threshold checks: ours − threshold), relative_difference = difference /
+abs(published or threshold).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
+from thesis_lib.ledger.format import Claim
+
+
+class Status(StrEnum):
+    """What became of a claim (table in the module's docstring)."""
+
+    REPRODUCED = "reproduced"
+    DEVIATES = "deviates"
+    NO_DATA = "data not present"
+    ERROR = "error"
+
+
+@dataclass(frozen=True)
+class Result:
+    """One claim and what this run found.
+
+    Attributes:
+        published, ours: as shown, '' where there is none.
+        std: our standard error, NaN where unknown.
+        difference, relative_difference: see the module's docstring; NaN where they have no meaning.
+        finding: what was measured, or what went wrong, in words.
+    """
+
+    claim: Claim
+    status: Status
+    published: str = ""
+    ours: str = ""
+    std: float = math.nan
+    difference: float = math.nan
+    relative_difference: float = math.nan
+    finding: str = ""
+
+    @property
+    def reason(self) -> str:
+        """Why it is not simply reproduced; '' if it is."""
+        if self.status is Status.REPRODUCED:
+            return ""
+        if self.status is Status.DEVIATES:
+            return f"{self.finding}; {self.claim.note or 'reason unknown'}"
+        return self.finding
+
+
+COLUMNS = {
+    "id": "name of the claim in config/claims.yaml",
+    "chapter": "chapter of the thesis",
+    "location": "where the thesis states it",
+    "statement": "what is claimed",
+    "published": "as stated in the thesis, in `unit`",
+    "ours": "found in this run, in `unit`",
+    "std": "our standard error, in `unit`, where known",
+    "unit": "unit of the numbers in this row",
+    "difference": "ours − published (threshold claims: ours − threshold), in `unit`",
+    "relative_difference": "difference / |published| (or / |threshold|), 1",
+    "status": "reproduced, deviates, data not present, or error",
+    "reason": "by how much it deviates, and why if known; or what is missing",
+    "tolerance": "how near counts as reproduced, and why that near",
+}
+
+
+def refuse_errors(results: Sequence[Result]) -> None:
+    """Raise if any claim could not be compared.
+
+    Raises:
+        UserError: naming each such claim and what is wrong with it.
+    """
+    errors = [f"- {r.claim.id}: {r.finding}" for r in results if r.status is Status.ERROR]
+    if errors:
+        count = "1 claim" if len(errors) == 1 else f"{len(errors)} claims"
+        raise UserError(f"{count} could not be compared with the thesis:\n" + "\n".join(errors))
+
+
+def to_table(results: Sequence[Result]) -> pd.DataFrame:
+    """The results as text cells with the columns `COLUMNS` (claims.csv)."""
+    rows = [
+        (
+            r.claim.id,
+            str(r.claim.chapter),
+            r.claim.location,
+            r.claim.statement,
+            r.published,
+            r.ours,
+            _exact(r.std),
+            r.claim.unit,
+            _exact(r.difference),
+            _exact(r.relative_difference),
+            str(r.status),
+            r.reason,
+            r.claim.check.text(),
+        )
+        for r in results
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS), dtype=object)
+
+
+def write_results(results: Sequence[Result], path: str | Path) -> None:
+    """Write claims.csv, atomically and with reproducible bytes."""
+    write_table(to_table(results), path)
+
+
+def count_statuses(results: Sequence[Result]) -> dict[Status, int]:
+    """How many results have each status."""
+    return {status: sum(r.status is status for r in results) for status in Status}
+
+
+def summary_line(results: Sequence[Result]) -> str:
+    """One sentence: how many claims there are and how many have which status."""
+    counts = count_statuses(results)
+    parts = [
+        f"{counts[Status.REPRODUCED]} reproduced",
+        f"{counts[Status.DEVIATES]} deviate{'s' if counts[Status.DEVIATES] == 1 else ''}",
+        f"{counts[Status.NO_DATA]} without data",
+    ]
+    if counts[Status.ERROR]:
+        parts.append(f"{counts[Status.ERROR]} could not be compared")
+    return f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
+
+
+def _exact(value: float) -> str:
+    return "" if math.isnan(value) else FLOAT_FORMAT % value

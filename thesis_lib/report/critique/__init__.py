@@ -1,0 +1,1 @@
+"""A critique's folder and its report.html."""

@@ -1,0 +1,233 @@
+"""The map of single impacts in report.html: point at one, or move to it with the keyboard, to see its energy ellipse.
+
+The map is drawn here, as SVG; the ellipse of the chosen impact is drawn in the browser, by thesis_lib/pages/impacts.js,
+from numbers that stand in the page as JSON.
+
+| on paper         | in the JSON               | unit              | |
+|------------------|---------------------------|-------------------|-------------------------------------------------|
+| −M_C v_C         | `centre`                  | `unit`            | centre of the ellipse: the dead stop            |
+| ellipse at α = 1 | `axes`, `angle`           | `unit`, degrees   | semi-axes, and the major one from t to n        |
+| v_t⁺ = 0, v_n⁺ = 0 | `sticking`, `compression` | degrees         | directions of the two lines through the centre  |
+| c = (c_t, c_n)   | `measured`, `base`, `final` | `unit`          | point impulse nearest to each velocity change   |
+"""
+
+import json
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import to_hex
+from matplotlib.ticker import MaxNLocator
+
+from thesis_lib.contact.space import contact_space, energy_ellipse, measured_impulse, velocity_error
+from thesis_lib.critique.drops.class_tests import velocities
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.model import impact_residuals
+from thesis_lib.critique.results.numbers import number
+from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
+from thesis_lib.figures.style import ImpulseAxis
+from thesis_lib.pages import FOLDER
+from thesis_lib.report.elements import heading, percent
+
+SCRIPT: Path = FOLDER / "impacts.js"
+MOST = 2000  # impacts drawn: a page of 2 MB at most, and points that can still be told apart
+WORST = 0.1  # share of the impacts whose part of all errors is told
+EDGE = 0.005  # quantile at which the map ends; what lies beyond is drawn on its edge
+WIDTH, HEIGHT, LEFT, TOP, BOTTOM, MARGIN = 420, 380, 66, 34, 46, 12  # of the map
+SMALL, LARGE = 2.0, 7.0  # radius of a point without error, and of one at the end of the scale
+COLORS = matplotlib.colormaps["cividis_r"]
+KEYS = (
+    "Point at an impact, or reach the map with the tab key and move with the arrow keys (Home: largest error, End: "
+    "smallest), to see its energy ellipse."
+)
+
+
+def explorer(critique: Critique, where: Mapping) -> str:
+    """Map of the impacts and the panel of one energy ellipse; '' where no impact has a prediction."""
+    o, base, final = critique.observations, critique.ladder[0][1], critique.ladder[-1][1]
+    residuals = {"base": impact_residuals(base.model, base.values, o)[:, :3]}
+    if len(critique.ladder) > 1:
+        residuals["final"] = impact_residuals(final.model, final.values, o)[:, :3]
+    errors = {name: velocity_error(R, o.rig.k_g) for name, R in residuals.items()}
+    known = np.flatnonzero(np.all([np.isfinite(e) for e in errors.values()], axis=0))
+    if not len(known):
+        return ""
+    shown = drawn_impacts(errors["base"], known)
+    over = map_axes(list(where.get("regions", [])))
+    table = features(base, o)
+    x, y = (table[name].to_numpy(float)[shown] for name in over)
+    text = _finding(errors, known)
+    caption = f"{text} {_reading(len(shown), len(o))}"
+    numbers = _numbers(critique, base, residuals, errors, shown)
+    labels = [
+        f"trial {one['trial']}, impact {one['impact']}, error {number(one['errors'][0])} m/s"
+        for one in numbers["impacts"]
+    ]
+    data = json.dumps(numbers, separators=(",", ":"), allow_nan=False)  # no text of strangers is in it
+    return (
+        f"{heading('Single impacts')}\n"
+        f'<figure class="impacts">\n<p class="keys">{escape(KEYS)}</p>\n<div class="panels">\n'
+        f"{_map(x, y, errors['base'][shown], labels, [axis_label(name) for name in over], text)}\n"
+        '<div><svg viewBox="0 0 420 380" role="img" aria-label="Energy ellipse of the chosen impact"></svg>'
+        '<p class="told" role="status" aria-live="polite"></p></div>\n</div>\n'
+        "<noscript><p>The ellipses are drawn by this page's script, which your browser does not run.</p></noscript>\n"
+        f"<figcaption>{escape(caption)}</figcaption>\n"
+        f'<script type="application/json">{data}</script>\n</figure>'
+    )
+
+
+def drawn_impacts(error: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Up to `MOST` of the impacts `known`, the smallest error first: evenly spaced in the order of their errors."""
+    ranked = known[np.argsort(error[known], kind="stable")]
+    return ranked[np.unique(np.linspace(0, len(ranked) - 1, min(len(ranked), MOST)).round().astype(int))]
+
+
+def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
+    """How the errors of the base law are shared out, and in how many impacts the effects make them smaller."""
+    base = np.sort(errors["base"][known])
+    worst = max(round(WORST * len(base)), 1)
+    total = float(base.sum())
+    share = percent(float(base[-worst:].sum()) / total if total else None)
+    few = percent(worst / len(base))
+    text = (
+        f"The {few} of impacts with the largest errors hold {share} of the sum of all errors of the base law."
+    )
+    if "final" in errors:
+        better = float(np.mean(errors["final"][known] < errors["base"][known]))
+        text += f" With the effects the error is smaller in {percent(better)} of the impacts."
+    return text
+
+
+def _reading(shown: int, total: int) -> str:
+    """How to read both panels, and which impacts are drawn."""
+    rule = f"all {total} impacts"
+    if shown < total:
+        rule = (
+            f"{shown} of {total} impacts, evenly spaced in the order of their errors from smallest to largest"
+        )
+    return (
+        f"Map: {rule}; larger and darker points are larger errors, and what lies beyond the map is drawn on its edge. "
+        "Ellipse: impulses of one impact. Those inside the ellipse add no energy; its centre is the dead stop. On the "
+        "dashed line the contact point stops sliding, on the dotted line compression ends. The impulse measured is "
+        "the point impulse nearest to the measured velocity change, at the believed contact point; predictions stand "
+        "as far from it as their velocities do from those measured."
+    )
+
+
+def _numbers(
+    critique: Critique,
+    base: Fit,
+    residuals: Mapping[str, np.ndarray],
+    errors: Mapping[str, np.ndarray],
+    rows: np.ndarray,
+) -> dict:
+    """What the script draws; see the module's table."""
+    o = critique.observations
+    mass = None if critique.source is None else critique.source.mass
+    axis = ImpulseAxis.of(mass is not None)
+    v_pre, v_post, r = (array[rows] for array in velocities(base, o))
+    size = {"mass": 1.0 if mass is None else mass, "k_g": o.rig.k_g}
+    space = contact_space(v_pre, r, **size)
+    ellipse = energy_ellipse(space)
+    dv = v_post - v_pre
+    changes = {"measured": dv} | {name: dv - R[rows] for name, R in residuals.items()}
+    impulses = {
+        name: axis.factor * np.stack(measured_impulse(change, r, **size), axis=-1)
+        for name, change in changes.items()
+    }
+    per_impact = {
+        "centre": axis.factor * ellipse.centre,
+        "axes": axis.factor * ellipse.semi_axes,
+        "angle": np.degrees(ellipse.angle),
+        # along v_t⁺ = 0 the impulse moves by (−K_tn, K_tt), along v_n⁺ = 0 by (K_nn, −K_tn)
+        "sticking": np.degrees(np.arctan2(space.K_tt, -space.K_tn)),
+        "compression": np.degrees(np.arctan2(-space.K_tn, space.K_nn)),
+        **impulses,
+        "errors": np.stack([error[rows] for error in errors.values()], axis=-1),
+    }
+    held_out = np.isin(o.trial[rows], critique.held_out.trial)
+    of_trial = o.found.impacts.impact[rows]
+    return {
+        "unit": axis.unit,
+        "impacts": [
+            {"trial": int(o.trial[row]), "impact": int(of_trial[i]), "held_out": bool(held_out[i])}
+            | {name: _rounded(values[i]) for name, values in per_impact.items()}
+            for i, row in enumerate(rows)
+        ],
+    }
+
+
+def _rounded(value: np.ndarray) -> list | float:
+    """Four significant digits: a hundredth of a pixel."""
+    if value.ndim:
+        return [_rounded(one) for one in value]
+    return float(f"{value:.4g}")
+
+
+def _map(
+    x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str], axes: list[str], title: str
+) -> str:
+    """The impacts over two features, as a list from which one is chosen; the largest errors are drawn last."""
+    top = max(float(np.quantile(error, DARK)), 1e-12)
+    right, low = WIDTH - MARGIN, HEIGHT - BOTTOM
+    px, x_ticks = _scale(x, LEFT, right)
+    py, y_ticks = _scale(y, low, TOP)
+    share = np.sqrt(np.clip(error / top, 0.0, 1.0))
+    points = [
+        f'<circle role="option" aria-label="{escape(label)}" aria-selected="false" tabindex="-1" cx="{a:.1f}" '
+        f'cy="{b:.1f}" r="{SMALL + (LARGE - SMALL) * s:.1f}" fill="{_color(s)}"/>'
+        for a, b, s, label in zip(px, py, share, labels)
+    ]
+    ticks = [
+        f'<path class="axis" d="M{at:.1f} {low}v4"/>'
+        f'<text x="{at:.1f}" y="{low + 17}" text-anchor="middle">{text}</text>'
+        for at, text in x_ticks
+    ] + [
+        f'<path class="axis" d="M{LEFT} {at:.1f}h-4"/>'
+        f'<text x="{LEFT - 7}" y="{at + 4:.1f}" text-anchor="end">{text}</text>'
+        for at, text in y_ticks
+    ]
+    steps = ((0.0, "0"), (0.5, number(0.5 * top, 2)), (1.0, f"≥ {number(top, 2)} m/s"))
+    key = "".join(
+        f'<circle cx="{at}" cy="14" r="{SMALL + (LARGE - SMALL) * s**0.5:.1f}" fill="{_color(s**0.5)}"/>'
+        f'<text x="{at + 11}" y="18">{text}</text>'
+        for at, (s, text) in zip((LEFT + 138, LEFT + 180, LEFT + 245), steps)
+    )
+    across, up = (escape(_plain(label)) for label in axes)
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}">\n<g aria-hidden="true">'
+        f'<text x="{LEFT}" y="18">error of the base law:</text>{key}'
+        f'<path class="axis" d="M{LEFT} {TOP}V{low}H{right}"/>{"".join(ticks)}'
+        f'<text x="{(LEFT + right) / 2:.0f}" y="{HEIGHT - 8}" text-anchor="middle">{across}</text>'
+        f'<text transform="translate(13 {(TOP + low) / 2:.0f}) rotate(-90)" text-anchor="middle">{up}</text></g>\n'
+        f'<g role="listbox" aria-label="{escape(f"Impacts over {_plain(axes[0])} and {_plain(axes[1])}. {title}")}">\n'
+        + "\n".join(points)
+        + '\n</g>\n<circle class="ring" r="0"/></svg>'
+    )
+
+
+def _scale(values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, list[tuple[float, str]]]:
+    """Places of the values between the pixels `start` and `end`, and ticks as (place, text)."""
+    low, high = np.quantile(values, [EDGE, 1.0 - EDGE])
+    pad = 0.04 * (high - low) or 0.5
+    low, high = low - pad, high + pad
+
+    def place(value: np.ndarray) -> np.ndarray:
+        return start + (end - start) * (np.clip(value, low, high) - low) / (high - low)
+
+    ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
+    inside = ticks[(ticks >= low) & (ticks <= high)]
+    return place(values), [(float(place(t)), f"{t:.6g}".replace("-", "−")) for t in inside]
+
+
+def _color(share: float) -> str:
+    return to_hex(COLORS(float(share)))
+
+
+def _plain(label: str) -> str:
+    """A label of a figure without its mathematical notation."""
+    return label.replace("$", "").replace(r"\omega", "ω").replace(r"\theta", "θ")

@@ -1,0 +1,276 @@
+"""Tables and captions of report.html."""
+
+# pandas' stubs do not know what a row holds
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
+# pyright: reportCallIssue=false
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.words import alternatives_listed, listed, plain_rule, reason_text
+from thesis_lib.critique.results.numbers import effect_title, law_title, number, parameter_table, symbol
+from thesis_lib.effects import EFFECTS
+from thesis_lib.report.elements import amount, estimate, interval, percent, plus_minus, table
+
+FAMILY_WORDS = {
+    "contact_law": "law of contact",
+    "geometry": "geometry",
+    "inertia": "inertia",
+    "surface": "surface",
+    "flight": "flight",
+    "measurement": "measurement",
+}
+BOUND_WORDS = {
+    "best_post_hoc": "Best Post Hoc",
+    "irb_bound": "IRB bound",
+    "no_impact": "if nothing happened",
+    "augmented": "with the effects",
+}
+TESTS = {
+    "rigid_point": "A rigid point impulse can explain each impact",
+    "momentum_balance": "Angular momentum balances about the believed contact point (a = b = 1)",
+    "parity": "A mirrored throw gives the mirrored outcome",
+    "homogeneity": "Twice the velocity gives twice the outcome",
+}
+LEVEL = 0.01
+
+
+def captions(critique: Critique) -> dict[str, str]:
+    """How to read each picture; also the alternative text, after the picture's own title."""
+    paths = ""
+    if (
+        critique.source is not None
+        and critique.source.trajectories is not None
+        and critique.observations.arcs
+    ):
+        paths = (
+            "Top: three trials in the plane, with samples, the flights fitted on either side of each impact, and the "
+            "body's outline at the impacts that were used and left out. Below: "
+        )
+    states = (
+        f"{'h' if paths else 'H'}istograms of the states before impact, training and held-out trials stacked"
+    )
+    out = (
+        "; the bars count impacts used and left out, by reason."
+        if len(critique.observations.found.left_out)
+        else "."
+    )
+    two = "left of the base law, right with the effects" if len(critique.ladder) > 1 else "of the base law"
+    return {
+        "data": paths + states + out,
+        "laws": "Left: mean held-out error of each law with its 95 % interval, and the bounds. Right: held-out log "
+        "score of each law less that of the base law.",
+        "budget": "The mean square of the base law's held-out error, split into parts that add up to it.",
+        "where": f"Mean error of the impacts in each hexagon, {two}; rectangles mark those regions of the rules that "
+        "these axes can show. The map over the energy disc shows what each impact did: the centre is the dead stop, "
+        "the circle keeps all energy at the contact, the lowest point is no impulse, the highest complete reversal.",
+        "residuals": "Rows: parts of the error; columns: the states on which it depends most. Grey: single impacts of "
+        "the base law; lines: means in eight bins with 95 % intervals. The number in each panel is the share of the "
+        "base law's variance that the state explains.",
+        "flights": "Acceleration in flight, measured minus predicted, in units of noise (1 is noise alone), of all "
+        "flights, training and held out. Rows: its parts; columns: the states at mid-flight on which it depends most; "
+        "velocities are those of the centre of mass. Grey: single flights of the base law; lines: means in eight bins "
+        "with 95 % intervals. Long flights show what the noise of short ones hides.",
+        "ladder": "Mean held-out error with its 95 % interval after each added effect, on a logarithmic axis, with "
+        "noise floor and bounds as lines."
+        + (
+            " Right: misfit of flights, of poses before against after impact, and of the gap at impact, in units "
+            "of noise."
+            if critique.observations.arcs
+            else ""
+        ),
+        "parameters": "Each parameter with its 95 % interval, from top to bottom as effects are added.",
+    }
+
+
+def sizes(effect: Mapping) -> list[str]:
+    """Each parameter of an effect with its 95 % interval; effects that are on or off have no size."""
+    declared = {p.name: p for p in EFFECTS[effect["name"]].parameters} if effect["name"] in EFFECTS else {}
+    return [
+        "on"
+        if name in declared and declared[name].discrete is not None
+        else f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}"
+        for name, p in effect["parameters"].items()
+    ]
+
+
+def effects_table(d: Mapping) -> str:
+    """What was found, with sizes and gains."""
+    rows = []
+    for e in d["effects"]:
+        low, high = e["gain"]["interval"]
+        gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(low, high)}"
+        others = alternatives_listed([effect_title(name) for name in e["indistinguishable_from"]]) or "–"
+        family = FAMILY_WORDS.get(e["family"], e["family"])
+        rows.append(
+            (
+                effect_title(e["name"]) + ("" if e["clears"] else " (switched on by you)"),
+                family,
+                "; ".join(sizes(e)),
+                gain,
+                number(e["gain"]["p_value"], 2),
+                others,
+            )
+        )
+    columns = ("effect", "family", "size [95 % interval]", "gain (nats an impact)", "p", "could also be")
+    return table("Effects in the order in which they were selected", columns, rows, numeric=(3, 4))
+
+
+def regions_table(where: Mapping) -> str:
+    """Regions in which the base law fails, and those that are left with the effects."""
+    rows = []
+    after = where.get("after") or {"regions": []}
+    for model, regions in (("base law", where.get("regions", [])), ("with the effects", after["regions"])):
+        for r in regions:
+            inside, outside = number(r["error_inside"]), number(r["error_outside"])
+            over = [number(r[key], 2) for key in ("sigmas_inside", "sigmas_outside")]
+            errors_of = "held-out" if r["on"] == "held_out" else "all impacts"
+            shown = (percent(r["support"]), inside, outside, *over, number(r["p_value"], 2), errors_of)
+            rows.append((plain_rule(r), model, *shown))
+    columns = (
+        "region",
+        "model",
+        "impacts",
+        "error inside (m/s)",
+        "outside (m/s)",
+        "inside over expected",
+        "outside over expected",
+        "p",
+        "errors of",
+    )
+    caption = (
+        "Regions in which the error is larger than elsewhere. Expected is what noise and the mean scatter of the model "
+        "give at the same states; p counts all rules that were tried"
+    )
+    return table(caption, columns, rows, numeric=range(2, 8))
+
+
+def tests_table(where: Mapping) -> str:
+    """Tests of whole classes of models."""
+    rows = []
+    for name, test in where.get("class_tests", {}).items():
+        p = test.get("p_value")
+        if p is None:
+            rows.append((TESTS.get(name, name), "–", f"not tested: {test.get('why_not', 'no reason given')}"))
+            continue
+        found = "contradicted" if p < LEVEL else "not contradicted"
+        detail = ""
+        if name == "rigid_point":
+            detail = (
+                f": {percent(test['share_couple'])} of the impacts need a couple and "
+                f"{percent(test['share_energy_gain'])} gain energy beyond 3 sigma"
+            )
+        elif name == "momentum_balance":
+            parts = [f"{k} = {estimate(test[k]['value'], test[k]['std'])}" for k in ("a", "b") if test.get(k)]
+            detail = f": {listed(parts)}" if parts else ""
+        elif name == "homogeneity" and "speed_ratio" in test:
+            detail = f", over speeds that differ by a factor of {number(test['speed_ratio'], 2)}"
+        rows.append((TESTS.get(name, name), number(p, 2) if p >= 1e-4 else "< 0.0001", found + detail))
+    columns = ("what such laws have in common", "p", "what the data say")
+    return table("Tests of the whole class of laws, before any effect is tried", columns, rows, numeric=(1,))
+
+
+def parameters_table(critique: Critique) -> str:
+    """Each parameter without effects and with all of them."""
+    first, last = critique.ladder[0][0], critique.ladder[-1][0]
+    found = parameter_table(critique)
+    before = found[found["label"] == first].set_index("parameter")
+    rows = []
+    for p in found[found["label"] == last].itertuples():
+        effect, _, name = p.parameter.rpartition(".")
+        of = effect_title(effect) if effect else "base law"
+        old = before.loc[p.parameter] if p.parameter in before.index else None
+        was = "–" if old is None else estimate(old["value"], old["std"], old["unit"])
+        rows.append((symbol(name), of, was, estimate(p.value, p.std, p.unit)))
+    if len(critique.ladder) == 1:
+        rows = [(name, of, now) for name, of, _, now in rows]
+        return table("Parameters [95 % interval]", ("parameter", "of", "value"), rows, numeric=(2,))
+    columns = ("parameter", "of", "before", "with all effects")
+    return table("Parameters before and after [95 % interval]", columns, rows, numeric=(2, 3))
+
+
+def comparison_table(tables: Mapping[str, pd.DataFrame]) -> str:
+    """Held-out errors of laws, bounds and baseline."""
+    if "comparison" not in tables:
+        return ""
+    rows = []
+    for r in tables["comparison"].itertuples():
+        name = BOUND_WORDS.get(r.model) or law_title(r.model)
+        mu, epsilon = (
+            "–" if pd.isna(v) else plus_minus(v, s) for v, s in ((r.mu, r.mu_std), (r.epsilon, r.epsilon_std))
+        )
+        score = "–" if pd.isna(r.score) else number(r.score)
+        share = "–" if pd.isna(r.share_in_range) else percent(r.share_in_range)
+        errors = (number(r.mean), number(r.median), number(r.quantile_90))
+        rows.append((name, mu, epsilon, *errors, score, str(int(r.n_failed)), share))
+    columns = ("model", "μ", "ε", "mean", "median", "90 %", "score", "failed", "in range")
+    caption = (
+        "Held-out error (m/s), log score an impact (nats), failed solves, and share of the outcomes that a law reaches "
+        "with some μ and ε of their own; ± half the 95 % interval"
+    )
+    return table(caption, columns, rows, numeric=range(1, 9))
+
+
+def left_out_table(d: Mapping) -> str:
+    """Impacts left out, by reason."""
+    reasons = d["left_out"]["reasons"]
+    total = sum(reasons.values()) + d["n_impacts"]
+    rows = [
+        (reason_text(name), str(n), percent(n / total))
+        for name, n in sorted(reasons.items(), key=lambda i: -i[1])
+    ]
+    if rows:
+        rows.append(("used", str(d["n_impacts"]), percent(d["n_impacts"] / total)))
+    return table("Impacts detected, left out and used", ("reason", "impacts", "share"), rows, numeric=(1, 2))
+
+
+def detectable_table(d: Mapping) -> str:
+    """Smallest size of each effect that would have shown."""
+    rows = []
+    for e in d["detectable"]:
+        declared = {p.name: p for p in EFFECTS[e["name"]].parameters} if e["name"] in EFFECTS else {}
+        parts = []
+        for name, size in e["smallest"].items():
+            p = declared.get(name)
+            if p is not None and p.discrete is not None:
+                parts.append("would show" if size is not None else "would not show")
+            elif size is None:
+                parts.append(f"{symbol(name)}: none within its bounds")
+            else:
+                parts.append(f"{symbol(name)} = {amount(size, p.unit if p else '', 2)}")
+        family = EFFECTS[e["name"]].family if e["name"] in EFFECTS else ""
+        rows.append(
+            (effect_title(e["name"]), FAMILY_WORDS.get(family, family), "; ".join(parts), *_set_by(e))
+        )
+    columns = ("effect", "family", "smallest size", "set by", "drops for half of it")
+    return table("Smallest effects that would have been found", columns, rows, numeric=(4,))
+
+
+def _set_by(entry: Mapping) -> tuple[str, str]:
+    """What sets the smallest size, and how many drops would show half of it."""
+    known = [name for name, size in entry["smallest"].items() if size is not None]
+    by = ["evidence" if entry["significant"][n] > entry["material"][n] else "weight" for n in known]
+    drops = entry["drops_for_half"]
+    return "; ".join(dict.fromkeys(by)) or "–", "–" if drops is None else str(drops)
+
+
+def states_table(following: Mapping) -> str:
+    """Proposed states before impact."""
+    sigmas = following.get("sigmas") or []
+    rows = []
+    for i, state in enumerate(following.get("states", [])):
+        row = [str(i + 1), *(number(state[name]) for name in ("vx", "vy", "omega", "theta"))]
+        rows.append([*row, number(sigmas[i], 2)] if sigmas else row)
+    misfit = following.get("shows") == "misfit"
+    columns = ["state", "v_x (m/s)", "v_y (m/s)", "ω (rad/s)", "θ (rad)"]
+    columns += ["misfit (sigma)" if misfit else "difference (sigma)"] * bool(sigmas)
+    return table(
+        "States just before impact around which the misfit is largest"
+        if misfit
+        else "States just before impact at which the two predictions differ most",
+        columns,
+        rows,
+        numeric=range(1, 6),
+    )

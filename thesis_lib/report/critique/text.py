@@ -1,0 +1,178 @@
+"""Sentences of report.html, written from the numbers of diagnosis.json, where.json and the tables."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.words import NAMED, listed, plain_rule
+from thesis_lib.critique.results.numbers import law_errors, law_title, number, symbol
+from thesis_lib.critique.results.summary import MUCH_LEFT_OUT
+from thesis_lib.effects import EFFECTS
+from thesis_lib.figures.critique.errors import laws_sentence
+from thesis_lib.report.critique.effects import capital
+from thesis_lib.report.critique.tables import states_table
+from thesis_lib.report.elements import amount, bullets, estimate, heading, interval, paragraph, percent
+
+NOISE_SOURCES = {
+    "arcs": "estimated from the arcs",
+    "differences": "estimated from differences of neighbouring samples",
+}
+METHOD_SOURCES = (
+    "Energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929.",
+    "Best Post Hoc and IRB bound: Fazeli, thesis, section 3.3.2.",
+)
+
+
+def data(critique: Critique, d: Mapping) -> str:
+    train, held = critique.training, critique.held_out
+    share = d["left_out"]["share"]
+    first = f"{d['n_impacts']} impacts of {d['n_trials']} trials are used; "
+    first += f"{percent(share)} of the detected impacts were left out." if share else "none was left out."
+    if share > MUCH_LEFT_OUT:
+        first += " That is much: what is said here holds for the kind of impact that could be measured."
+    second = (
+        f"Law and effects were chosen on {len(np.unique(train.trial))} trials; errors are those of the other "
+        f"{len(np.unique(held.trial))} trials ({len(held)} impacts), which no choice has seen. Section 2 alone "
+        "looks at all impacts, because a region needs many."
+    )
+    noise = critique.observations.found.noise
+    known = np.isfinite(noise.used[:2]).all() and np.isfinite(noise.used[2])
+    if critique.observations.arcs and known:
+        sources = [
+            "as dataset.yaml states" if np.isfinite(stated) else NOISE_SOURCES.get(noise.source, "estimated")
+            for stated in (noise.stated[:2].mean(), noise.stated[2])
+        ]
+        third = (
+            f"One sample is known to {amount(1e3 * float(np.mean(noise.used[:2])), 'mm', 2)} in position "
+            f"({sources[0]}) and {amount(1e3 * float(noise.used[2]), 'mrad', 2)} in angle ({sources[1]}), "
+            "one sigma each."
+        )
+    elif critique.observations.noise_known:
+        third = "The noise of poses and velocities is that which the dataset states."
+    else:
+        third = "The dataset states no noise and holds no trajectories to estimate it from: the noise floor is unknown."
+    return paragraph(first, second, third) + bullets(critique.observations.found.warnings)
+
+
+def laws(critique: Critique, d: Mapping, tables: Mapping[str, pd.DataFrame], ladder: pd.DataFrame) -> str:
+    errors, best = law_errors(critique)
+    base, unit, error = d["base_model"], d["error"]["unit"], d["error"]
+    values = listed(
+        [
+            f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}"
+            for name, p in base["parameters"].items()
+        ]
+    )
+    ends = interval(ladder["error_low"].iloc[0], ladder["error_high"].iloc[0])
+    floor = error["noise_floor"]
+    compared = (
+        f"that is {number(error['base'] / floor, 2)} times the noise floor of {amount(floor, unit)}"
+        if floor
+        else "the noise floor is unknown"
+    )
+    return paragraph(
+        f"The base law, chosen by its score on unseen trials, is {law_title(base['name'])} with {values}. Its held-out "
+        f"error is {number(error['base'])} {ends} {unit}; {compared}.",
+        f"{laws_sentence(errors)}.",
+        f"The best of the six laws for each impact, picked after the fact, would err by "
+        f"{amount(float(best.mean()), unit)}; any rigid impulse at the believed contact point by at least "
+        f"{amount(critique.irb, unit)} (IRB bound, after the fact); "
+        f"and if nothing happened at the impact, by {amount(critique.no_impact, unit)}.",
+    )
+
+
+def budget(tables: Mapping[str, pd.DataFrame]) -> str:
+    if "budget" not in tables:
+        return ""
+    share = tables["budget"].set_index("part")["share"]
+    noise = (
+        f"{percent(share['noise'])} is noise and {percent(share['parameters'])} the uncertainty of its parameters. "
+        if share["noise"] > 0
+        else f"{percent(share['parameters'])} is the uncertainty of its parameters; how much is noise is unknown. "
+    )
+    return paragraph(
+        f"Of the mean square error of the base law, {noise}"
+        f"{percent(share['rigid_point_contact'])} lies beyond any rigid impulse at "
+        f"the believed contact point, so that no friction or restitution can remove it; "
+        f"{percent(share['choice_of_law'])} would go with another of the six laws; {percent(share['rest'])} is left."
+    )
+
+
+def where_it_fails(where: Mapping) -> str:
+    regions = where.get("regions", [])
+    if not regions:
+        text = (
+            "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
+        )
+    else:
+        r = regions[0] | {"rule": plain_rule(regions[0])}
+        times = f" ({number(r['ratio'], 2)} times)" if r["ratio"] else ""
+        text = (
+            f"The base law errs most where {r['rule']}: {amount(r['error_inside'], 'm/s')} there against "
+            f"{amount(r['error_outside'], 'm/s')} elsewhere{times}, in {percent(r['support'])} of the impacts "
+            f"(p = {number(r['p_value'], 2)}, counting all rules that were tried)."
+        )
+    used = (
+        "Maps, residuals and rules of this section use all impacts, those of training too; the errors told of a region "
+        "are those of held-out impacts where at least 30 lie inside and outside it (column “errors of” of the table)."
+    )
+    after = where.get("after")
+    flights = where.get("flight_regions")
+    in_flight = ""
+    if flights:
+        r = flights[0]
+        in_flight = (
+            f"Between impacts the base law errs most where {plain_rule(r)}: its accelerations are off by "
+            f"{number(r['error_inside'])} there against {number(r['error_outside'])} elsewhere, in standard deviations "
+            f"of noise (p = {number(r['p_value'], 2)}, counting all rules for flights)."
+        )
+    if not after:
+        return paragraph(text, in_flight) + paragraph(used)
+    left = after["regions"]
+    then = (
+        f"With the effects the error, over what noise and scatter let expect, is largest where {plain_rule(left[0])} "
+        f"(p = {number(left[0]['p_value'], 2)})."
+        if left
+        else "With the effects no such region is left."
+    )
+    return paragraph(text, in_flight, then) + paragraph(used)
+
+
+def residuals(critique: Critique) -> str:
+    return paragraph(
+        "The pictures below show what the error depends on: measured minus predicted velocity of the contact point, "
+        "and the couple about it that the error needs. A point contact cannot give a couple; one that depends on the "
+        "state speaks of geometry, inertia or measurement."
+    )
+
+
+def following(d: Mapping) -> str:
+    proposed = d.get("next_experiment")
+    if not proposed or not proposed.get("why"):
+        return ""
+    return heading("The next experiment") + paragraph(str(proposed["why"])) + states_table(proposed)
+
+
+def power(d: Mapping) -> str:
+    if not d["detectable"]:
+        return ""
+    return paragraph(
+        "An effect of the size below would have been found with a chance of about 80 % or more, with all other "
+        "parameters fitted and all candidates counted. Two things can set that size. Evidence: a smaller effect would "
+        "not stand out of the noise; this size falls with the root of the number of drops. Weight: a smaller effect "
+        "would stand out but not raise any error by an amount that counts; more drops do not change that, so none are "
+        "named."
+    )
+
+
+def sources(d: Mapping) -> list[str]:
+    laws = [LAWS[d[key]["name"]] for key in ("base_model", "augmented_model") if d[key]["name"] in LAWS]
+    found = [f"{law.title}: {law.reference}." for law in laws]
+    for effect in d["effects"]:
+        for name in (effect["name"], *effect["indistinguishable_from"][:NAMED]):
+            if name in EFFECTS and EFFECTS[name].reference:
+                found.append(f"{capital(EFFECTS[name].title)}: {EFFECTS[name].reference}.")
+    return list(dict.fromkeys([*found, *METHOD_SOURCES]))

@@ -1,0 +1,132 @@
+"""Pieces of the page that the critique writes: numbers, sentences, tables and pictures as HTML, all text escaped."""
+
+import base64
+import io
+import re
+from collections.abc import Iterable, Sequence
+from html import escape
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from thesis_lib import pages
+from thesis_lib.critique.results.numbers import handy_unit, number
+from thesis_lib.figures.style import house_style
+
+_UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigma)(?![\w]))")
+
+
+def paragraph(*sentences: str, kind: str = "") -> str:
+    """Escaped sentences as one paragraph; '' where there are none."""
+    text = " ".join(sentence.strip() for sentence in sentences if sentence and sentence.strip())
+    attribute = f' class="{kind}"' if kind else ""
+    return f"<p{attribute}>{_bound(escape(text))}</p>" if text else ""
+
+
+def _bound(text: str) -> str:
+    """No line break between a number and its unit."""
+    return _UNIT.sub("\u00a0", text)
+
+
+def bullets(items: Iterable[str]) -> str:
+    """Escaped items as a list; '' where there are none."""
+    rows = "".join(f"<li>{escape(item)}</li>" for item in items)
+    return f"<ul>{rows}</ul>" if rows else ""
+
+
+def section(name: str, title: str, *content: str) -> str:
+    """A section with a heading of the second level, which its name links to; '' where it has no content."""
+    inner = "\n".join(part for part in content if part)
+    if not inner:
+        return ""
+    return f'<section aria-labelledby="{name}">\n<h2 id="{name}">{escape(title)}</h2>\n{inner}\n</section>'
+
+
+def heading(title: str) -> str:
+    """A heading of the third level."""
+    return f"<h3>{escape(title)}</h3>"
+
+
+def table(
+    caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()
+) -> str:
+    """A table of text whose first column heads its rows; `numeric` columns are set to the right.
+
+    '' where there are no rows.
+    """
+    cells = ([escape(str(first)), *(_bound(escape(str(one))) for one in rest)] for first, *rest in rows)
+    return pages.table(caption, columns, cells, numeric)
+
+
+def picture(figure: Figure, caption: str) -> str:
+    """A figure as an embedded PNG; its own title and the caption make the alternative text."""
+    title = " ".join(figure.get_suptitle().split())
+    alt = escape(f"{title}. {caption}" if title else caption)
+    data = base64.b64encode(_png(figure)).decode("ascii")
+    width, height = (round(96 * inches) for inches in figure.get_size_inches())
+    return (
+        f'<figure><img src="data:image/png;base64,{data}" alt="{alt}" width="{width}" height="{height}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+@house_style
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def amount(value: float | None, unit: str = "", digits: int = 3) -> str:
+    """A number with its unit; "unknown" without a value."""
+    if value is None or not np.isfinite(value):
+        return "unknown"
+    factor, unit = handy_unit(value, unit)
+    return f"{number(factor * value, digits)} {'' if unit == '1' else unit}".strip()
+
+
+def interval(low: float | None, high: float | None, unit: str = "") -> str:
+    """A 95 % interval in brackets, as wide numbers as needed to tell its ends apart; '' where it is unknown."""
+    if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
+        return ""
+    unit = "" if unit in ("", "1") else f" {unit}"
+    digits = _digits(low, high)
+    return f"[{number(low, digits)}, {number(high, digits)}]{unit}"
+
+
+def estimate(value: float, std: float, unit: str = "") -> str:
+    """A value with its 95 % interval and unit; a value without uncertainty stands alone."""
+    if not np.isfinite(std) or std == 0.0:
+        return amount(value, unit)
+    low, high = value - 1.96 * std, value + 1.96 * std
+    scale, unit = handy_unit(max(abs(low), abs(high)), unit)
+    value, low, high = scale * value, scale * low, scale * high
+    digits = _digits(low, high)
+    unit = "" if unit in ("", "1") else f" {unit}"
+    return f"{number(value, digits)} [{number(low, digits)}, {number(high, digits)}]{unit}"
+
+
+def plus_minus(value: float, std: float) -> str:
+    """A value and half its 95 % interval, to two digits of that half."""
+    half = 1.96 * std
+    if not np.isfinite(half) or half <= 0.0:
+        return number(value)
+    places = int(np.clip(1 - np.floor(np.log10(half)), 0, 9))
+    return f"{value:.{places}f} ± {half:.{places}f}".replace("-", "−")
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent, with a decimal where it is small."""
+    if share is None or not np.isfinite(share):
+        return "unknown"
+    if 0.0 < abs(share) < 0.0005:
+        return "less than 0.1 %"
+    return f"{100.0 * share:.1f} %" if 0.0 < abs(share) < 0.095 else f"{100.0 * share:.0f} %"
+
+
+def _digits(low: float, high: float) -> int:
+    largest, width = max(abs(low), abs(high)), abs(high - low)
+    if width == 0.0 or largest == 0.0:
+        return 3
+    # the last digit shown is worth a fortieth to a quarter of the width
+    return int(np.clip(np.floor(np.log10(largest)) - np.floor(np.log10(width / 4.0)) + 1, 3, 6))

@@ -1,0 +1,184 @@
+"""report.html of a mechanism's critique: the four steps of the impacts' page, from the content of diagnosis.json.
+
+Verdict; how far the believed model is from the measurements; where it fails; which effect is missing; what adding it
+does; what could not be told; what the data could have shown.  The page needs no network and no script.
+"""
+
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+
+from thesis_lib.critique.drops.words import listed
+from thesis_lib.critique.mechanisms.critique import MechanismCritique
+from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, WHEEL_EFFECTS
+from thesis_lib.critique.results.numbers import number, symbol
+from thesis_lib.figures.style import Drawn, save_figure
+from thesis_lib.foundation.files import write_json, write_text
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.pages import page
+from thesis_lib.report.elements import (
+    amount,
+    bullets,
+    estimate,
+    interval,
+    paragraph,
+    percent,
+    picture,
+    section,
+    table,
+)
+
+UNITS = {(e.name, p.name): p.unit for e in (*ARM_EFFECTS, *WHEEL_EFFECTS) for p in e.parameters}
+RESIDUALS = (
+    "Left: residual generalised forces of held-out windows in units of their noise, with the believed model and with "
+    "what was found. Right: what each candidate alone would gain."
+)
+WORDS = {
+    "adequate": "✓ adequate: no force is missing that these data could show",
+    "effects": "+ effects found: named effects explain what was missing",
+    "unexplained": "? unexplained: structure remains that no named effect explains",
+}
+
+
+def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str:
+    """report.html from the content of diagnosis.json and pictures with their captions."""
+    shown = {name: picture(drawn[0], caption) for name, (drawn, caption) in pictures.items()}
+    error, left = d["error"], d["left_out"]
+    compare = paragraph(
+        f"{d['n_windows']} windows of {d['n_trials']} trials are used, {percent(left['share'])} of the steps are left "
+        f"out{_reasons(left)}. In each, the equations of motion with the believed parameters are summed over the "
+        "steps, contact forces projected out, and the rest is divided by the noise of the measured states.",
+        f"On trials that no choice has seen its root mean square is {number(error['base'])} "
+        f"{interval(*error['base_interval'])} standard deviations; noise alone gives 1.",
+    )
+    where = paragraph(
+        f"It depends most on {listed(d['where']['depends_on'])} (p = {number(d['where']['p_value'], 2)}, all "
+        "coordinates and speeds counted)."
+        if d["where"]["depends_on"]
+        else "It depends on no coordinate or speed beyond what chance gives."
+    ) + table(
+        "Held-out misfit by free direction and contacts, in standard deviations",
+        ("direction", "contacts", "values", "believed model", "with the effects"),
+        [
+            (r["coordinate"], r["contacts"], str(r["rows"]), number(r["before"]), number(r["after"]))
+            for r in d["where"]["by_contact"]
+        ],
+        numeric=(2, 3, 4),
+    )
+    untold = bullets(
+        f"{e['title']}, or {listed([n.replace('_', ' ') for n in e['indistinguishable_from']], 'or')}: on these data "
+        "they predict the same within the noise."
+        for e in d["effects"]
+        if e["indistinguishable_from"]
+    ) + paragraph(d["next_experiment"]["why"])
+    parts = [
+        ("compare", "1. How far the believed model is from the measurements", compare),
+        ("where", "2. Where it fails", where + shown.get("residuals", "")),
+        ("which", "3. Which effect is missing", _effects(d)),
+        (
+            "added",
+            "4. What adding it does" if d["effects"] else "4. Nothing was added",
+            _added(d) + shown.get("forces", ""),
+        ),
+        ("untold", "What could not be told, and what would tell", untold),
+        ("power", "What these data could have shown", _detectable(d)),
+    ]
+    sections = [(n, t, section(n, t, content)) for n, t, content in parts]
+    links = "".join(f'<li><a href="#{n}">{escape(t)}</a></li>' for n, t, html in sections if html)
+    sentences = "".join(f"<p>{escape(s)}</p>" for s in d["summary"])
+    content = "\n".join(
+        [
+            f'<div class="verdict {d["verdict"]}" role="note" aria-label="Verdict">'
+            f'<p class="word">{escape(WORDS[d["verdict"]])}</p>{sentences}</div>',
+            f'<nav aria-label="Contents"><ul>{links}</ul></nav>',
+            *(html for *_, html in sections),
+        ]
+    )
+    return page(f"Critique of {d['dataset']}", content)
+
+
+def write_mechanism_critique(found: MechanismCritique, name: str, folder: str | Path, seed: int) -> None:
+    """Write report.html, mechanism_residuals.{png,pdf,csv} and, last, diagnosis.json into `folder`.
+
+    Args:
+        found: the critique.
+        name: of the dataset, as told in the page.
+        folder: made if it is not there.
+        seed: of the permutation test; the same seed gives the same bytes.
+    """
+    from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, residual_tables
+    from thesis_lib.figures.chapter2.hidden import figure_residuals
+
+    folder = Path(folder)
+    d = mechanism_diagnosis(found, name, generator(seed, "mechanism critique", name))
+    drawn = figure_residuals(*residual_tables(found))
+    save_figure(*drawn, folder / "mechanism_residuals")
+    write_text(mechanism_page(d, {"residuals": (drawn, RESIDUALS)}), folder / "report.html")
+    write_json(dict(d), folder / "diagnosis.json")
+
+
+def _reasons(left: Mapping) -> str:
+    words = [f"{name}: {count}" for name, count in left["reasons"].items()]
+    return f" ({'; '.join(words)} {left['unit']})" if words else ""
+
+
+def _effects(d: Mapping) -> str:
+    if not d["effects"]:
+        return paragraph(
+            "No candidate passes all three tests: a gain of log score beyond what the best of all candidates gains by "
+            "chance, a gain on trials it was not fitted to, and a fall of the misfit that matters."
+        )
+    rows = []
+    for e in d["effects"]:
+        sizes = [
+            f"{symbol(k)} = {estimate(p['value'], p['std'], p['unit'])}" for k, p in e["parameters"].items()
+        ]
+        gain = e["gain"]
+        rows.append(
+            (
+                e["title"],
+                e["equation"],
+                "; ".join(sizes),
+                f"{number(gain['held_out_log_score_per_window'])} {interval(*gain['interval'])}",
+                number(gain["p_value"], 2),
+                listed([n.replace("_", " ") for n in e["indistinguishable_from"]], "or") or "–",
+            )
+        )
+    columns = ("effect", "equation", "size", "gain (nats a window)", "p", "cannot be told from")
+    return table("Effects, in the order in which they were found", columns, rows)
+
+
+def _added(d: Mapping) -> str:
+    if not d["effects"]:
+        return ""
+    error = d["error"]
+    rungs = [number(x) for x in error["ladder"]]
+    text = paragraph(
+        f"The held-out misfit goes from {rungs[0]} to {listed(rungs[1:])} standard deviations (noise alone: 1). Base "
+        "inertial parameters identified without the effects stand in for them; with the effects on they return."
+    )
+    rows = []
+    after = d["augmented_model"]["parameters"]
+    for name, p in d["base_model"]["parameters"].items():
+        if name in after:
+            a = after[name]
+            rows.append(
+                (
+                    name,
+                    amount(p["believed"], p["unit"], 4),
+                    estimate(p["value"], p["std"], p["unit"]),
+                    estimate(a["value"], a["std"], a["unit"]),
+                )
+            )
+    columns = ("base parameter", "believed", "identified without effects", "with the effects")
+    return text + table("Base inertial parameters", columns, rows, numeric=(1, 2, 3))
+
+
+def _detectable(d: Mapping) -> str:
+    rows = []
+    for e in d["detectable"]:
+        sizes = [
+            f"{symbol(k)} = {amount(v, UNITS.get((e['name'], k), ''), 2)}" for k, v in e["smallest"].items()
+        ]
+        rows.append((e["name"].replace("_", " "), "; ".join(sizes)))
+    return table("Smallest effects that would have been found", ("effect", "smallest size"), rows)

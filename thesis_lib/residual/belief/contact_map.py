@@ -1,0 +1,162 @@
+"""The contact map: where a model's own path leads in the time of a contact, and what is learned of what it misses.
+
+Two corners that hit within milliseconds are not an impulse at one point, and a law that is corrected at each hit
+cannot be trained on hits that the camera cannot tell apart.  So the model simulates all that happens in the time T
+after the first touch, and a process learns what is missing at its end, in velocity (Δv_x, Δv_y, k Δω: a wrench per
+unit mass) and pose.  This is an extension of the thesis's residual.  With the speed s before contact
+
+    (Δx, Δy, k Δθ) = s T f_q(X),   (Δv_x, Δv_y, k Δω) = s f_v(X),   X = (sin 4θ, cos 4θ, v_x/s, v_y/s, k ω/s, log s, x)
+
+for impacts are homogeneous of degree 1 in the velocity; 4θ, because the four sides of a square are equal; x, because
+surfaces are not the same everywhere.  Noise is in proportion to s, too, but a fast contact repeats better than a slow
+one, so that each range of speeds has a process of its own.
+
+What is left has heavier tails than a Gaussian: its standardised leave-one-out residuals z of training are taken for
+Student's t in d = 6 dimensions with one number of degrees of freedom ν for all,
+
+    log p(z) = Σ_j −log a_j − (ν + d)/2 log(1 + Σ_j (z_j/a_j)²/ν) + const          a by EM, ν from a grid
+
+| on paper | in code    | unit | shape | meaning                                                      |
+|----------|------------|------|-------|--------------------------------------------------------------|
+| T        | `duration` | s    |       |                                                              |
+| a        | `scale`    | 1    | (6,)  | of z; without a process, of the residual itself              |
+| ν        | `freedom`  | 1    |       | degrees of freedom                                           |
+
+Source of the leave-one-out residuals: Rasmussen and Williams 2006, eq. 5.12; of the EM: Lange, Little and Taylor 1989,
+doi:10.1080/01621459.1989.10478852; the rest is our own.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.residual.belief.propagation import Sampled
+from thesis_lib.residual.learners.gaussian_process import GaussianProcess
+
+FREEDOMS = (2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
+_EM = 30  # iterations; scales change by less than a per cent after ten
+
+
+@dataclass(frozen=True)
+class Regime:
+    """What is missed at speeds up to `fastest` (m/s): a process, or None for its scatter alone; `scale` a (6,)."""
+
+    fastest: float
+    process: GaussianProcess | None
+    scale: np.ndarray
+
+
+@dataclass
+class ContactMap(Sampled):
+    """The path of a model over `duration` (s) after the first touch, and what it misses; see the module's text.
+
+    Contacts that approach more slowly than `slowest` (m/s) are left to the law.
+    """
+
+    path: Callable[[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]] | None = None
+    regimes: tuple[Regime, ...] = ()
+    duration: float = 0.012
+    slowest: float = 0.12
+
+    def distribution(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """State after `duration`, and its covariance (diagonal), noise included."""
+        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)
+        if not len(fast):
+            return mean, cov, took, in_range
+        residual, std, in_range[fast] = self.missed(q[fast], v[fast])
+        unit = residual_unit(v[fast], self.body.k_g, self.duration)
+        mean[fast] = np.hstack(self.path(q[fast], v[fast], self.duration)) + residual * unit
+        if not self.deterministic:
+            cov[fast[:, None], np.arange(6), np.arange(6)] = (std * unit) ** 2
+        took[fast] = self.duration
+        return mean, cov, took, in_range
+
+    def missed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mean and standard deviation (n, 6) of the residual at touches, and whether they are like training's (n,)."""
+        speed = velocity_error(v, self.body.k_g)
+        X = contact_features(q, v, self.body.k_g)
+        mean, std, in_range = np.zeros((len(q), 6)), np.zeros((len(q), 6)), np.ones(len(q), bool)
+        # a covariance is larger than the square of the scale
+        wide = 1.0 if np.isinf(self.freedom) else np.sqrt(self.freedom / (self.freedom - 2.0))
+        for regime, rows in zip(self.regimes, split(speed, [regime.fastest for regime in self.regimes])):
+            process = regime.process
+            if process is None:
+                std[rows] = regime.scale * wide
+                continue
+            if not len(rows):
+                continue
+            mean[rows], variance = process.predict(X[rows], noise=True, variance=not self.deterministic)
+            if not self.deterministic:
+                std[rows] = np.sqrt(variance) * regime.scale * wide
+            out = X[rows] - process.x_mean
+            low, high = process.x.min(0) * process.x_scale, process.x.max(0) * process.x_scale
+            in_range[rows] = ((out >= low) & (out <= high)).all(1)
+        return mean, std, in_range
+
+
+def split(speed: np.ndarray, edges: list[float]) -> list[np.ndarray]:
+    """Rows of each range of speeds (n,): up to the first edge, ..., beyond the last but one (the last has no end)."""
+    which = np.searchsorted(np.array(edges[:-1]), speed)
+    return [np.flatnonzero(which == i) for i in range(len(edges))]
+
+
+def contact_features(q: np.ndarray, v: np.ndarray, k_g: float) -> np.ndarray:
+    """(sin 4θ, cos 4θ, v_x/s, v_y/s, k ω/s, log s, x), (n, 7), with the speed s = √(v_x² + v_y² + k² ω²)."""
+    speed = velocity_error(v, k_g)
+    direction = v * [1.0, 1.0, k_g] / speed[:, None]
+    angle = 4.0 * q[:, 2]
+    return np.column_stack([np.sin(angle), np.cos(angle), direction, np.log(speed), q[:, 0]])
+
+
+def residual_unit(v: np.ndarray, k_g: float, duration: float) -> np.ndarray:
+    """What one unit of the residual adds to the state (n, 6): s T of x, y, k θ and s of v_x, v_y, k ω."""
+    unit = np.array([duration, duration, duration / k_g, 1.0, 1.0, 1.0 / k_g])
+    return velocity_error(v, k_g)[:, None] * unit
+
+
+def leave_one_out(process: GaussianProcess) -> np.ndarray:
+    """Leave-one-out residuals over their standard deviations (n, p): α_i/√(K_y⁻¹)_ii (R. & W., eq. 5.12)."""
+    z = np.empty_like(process.y)
+    for i in range(z.shape[1]):
+        x = process.x / process.lengthscale[i]
+        square = (x * x).sum(1)
+        K = process.signal[i] * np.exp(-0.5 * np.maximum(square[:, None] + square - 2.0 * x @ x.T, 0.0))
+        inverse = np.linalg.inv(K + process.noise[i] * np.eye(len(x)))
+        z[:, i] = inverse @ process.y[:, i] / np.sqrt(np.diag(inverse))
+    return z
+
+
+def student(parts: list[np.ndarray]) -> tuple[list[np.ndarray], float]:
+    """Scales (d,) of each part's rows (n_i, d) and the degrees of freedom of all, of greatest likelihood."""
+    best = None
+    for freedom in FREEDOMS:
+        fits = [_student_scale(z, freedom) for z in parts]
+        score = sum(score for _, score in fits)
+        if best is None or score > best[0]:
+            best = (score, [scale for scale, _ in fits], freedom)
+    return best[1], best[2]
+
+
+def _student_scale(z: np.ndarray, freedom: float) -> tuple[np.ndarray, float]:
+    """Scale (d,) of rows (n, d) under Student's t, and their log likelihood."""
+    from scipy.special import gammaln
+
+    n, d = z.shape
+    scale = np.sqrt((z**2).mean(0))
+    if np.isinf(freedom):
+        scaled = z / scale
+        return scale, float(
+            -0.5 * (scaled**2).sum() - n * (np.log(scale).sum() + 0.5 * d * np.log(2.0 * np.pi))
+        )
+    for _ in range(_EM):
+        weight = (freedom + d) / (freedom + ((z / scale) ** 2).sum(1))
+        scale = np.sqrt((weight[:, None] * z**2).mean(0))
+    square = ((z / scale) ** 2).sum(1)
+    constant = gammaln(0.5 * (freedom + d)) - gammaln(0.5 * freedom) - 0.5 * d * np.log(freedom * np.pi)
+    score = n * (constant - np.log(scale).sum()) - 0.5 * (freedom + d) * np.log1p(square / freedom).sum()
+    return scale, float(score)

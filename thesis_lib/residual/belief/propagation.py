@@ -1,0 +1,240 @@
+"""Uncertain contacts (thesis section 4.3.3): what a state becomes is a Gaussian, of which feasible samples are drawn.
+
+    s⁺ ~ N(m(s), S(s)),   S = A Σ A' in the velocity, 0 in the pose (and in both for the contact map)
+
+Samples that penetrate or gain energy are rejected and drawn again, at most `draws` times; those that still fail take
+the law's outcome, which is feasible.  Every rejection is counted (`Tally`): the share of states whose first sample was
+rejected says how often a model is wrong, that of all samples also how hopeless it is there, since a state without any
+feasible sample adds `draws` rejections.  Throws to rest are made of these samples (`throw`), Gaussian mixtures of the
+distributions they come from (`mixture_belief`).  Three uncertain contacts:
+
+    scattered law      c = c_law + c_n ξ,    ξ ~ N(0, Ξ)          Ξ from training residuals, (c_t, c_n, τ)/c_n
+    learned impact     c ~ N(c̄, Σ) of a trained model of `learners`   eqs. 4.12 to 4.15
+    contact map        the model's own path over a time T + what it misses    double hits as one event (`contact_map`)
+
+| on paper | in code     | unit            | shape       | meaning                                                   |
+|----------|-------------|-----------------|-------------|-----------------------------------------------------------|
+| m        | `mean`      | m, rad; m/s, rad/s | (n, 6)   | of pose and velocity after contact                        |
+| S        | `cov`       | their products  | (n, 6, 6)   | their covariance                                          |
+| Ξ        | `relative`  | 1, 1, m         | (3, 3)      | covariance of the wrench over c_n                         |
+| T        | `duration`  | s               |             | of the contact map                                        |
+
+Sources: Bauza and Rodriguez, GP-SUM, arXiv 1709.08120; Fazeli, Ajay, Rodriguez, ICRA 2020, arXiv 2009.03994.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.residual.belief.belief import covariance_root, through_dynamics
+from thesis_lib.residual.belief.flight import ThrownBody
+from thesis_lib.residual.belief.throw import LawImpact, push
+from thesis_lib.residual.learners.learners import Trained
+
+PENETRATION = (
+    1e-3  # m; a pose this deep is rejected, a shallower one is lifted: contacts dent by a millimetre
+)
+
+
+@dataclass
+class Tally:
+    """Counts of an uncertain contact.
+
+    `drawn` samples, `rejected` of them; `sampled` states for which samples were drawn, `first_rejected` those whose
+    first was rejected, `given_up` those without a feasible one, left to the law; states `out_of_range`; `contacts` in
+    all, certain ones included.
+    """
+
+    contacts: int = 0
+    drawn: int = 0
+    rejected: int = 0
+    sampled: int = 0
+    first_rejected: int = 0
+    given_up: int = 0
+    out_of_range: int = 0
+
+    @property
+    def rejection_rate(self) -> float:
+        """Share of drawn samples that were not feasible."""
+        return self.rejected / self.drawn if self.drawn else 0.0
+
+    @property
+    def first_rejection_rate(self) -> float:
+        """Share of the states whose first sample was not feasible: every state counts once."""
+        return self.first_rejected / self.sampled if self.sampled else 0.0
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Outcome of n uncertain contacts: their Gaussians, and a feasible sample of each.
+
+    Attributes:
+        mean, cov: (n, 6) and (n, 6, 6) of pose and velocity; where no sample was feasible, the law's outcome.
+        q, v: (n, 3) the samples.
+        took: (n,) s.
+        in_range: (n,) whether the state lies within the range of training, if the contact is a learned one.
+    """
+
+    mean: np.ndarray
+    cov: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    took: np.ndarray
+    in_range: np.ndarray
+
+
+def draw(
+    contact: "Sampled",
+    q: np.ndarray,
+    v: np.ndarray,
+    r: np.ndarray,
+    slow: np.ndarray,
+    rng: np.random.Generator,
+) -> Drawn:
+    """One feasible sample of the outcome for each of n states at a touch; arguments as of `throw.ImpactModel`."""
+    mean, cov, took, in_range = contact.distribution(q, v, r, slow)
+    tally = contact.tally
+    tally.contacts += len(q)
+    tally.out_of_range += int((~in_range).sum())
+    out = mean.copy()
+    uncertain = np.einsum("nii->n", cov) > 0.0
+    tally.sampled += int(uncertain.sum())
+    root = np.zeros_like(cov)
+    root[uncertain] = covariance_root(cov[uncertain])
+    left = np.arange(len(q))
+    for i in range(contact.draws):
+        noise = contact.noise(len(left), rng)
+        out[left] = mean[left] + np.einsum("nij,nj->ni", root[left], noise)
+        good = contact.feasible(q[left], v[left], r[left], out[left], took[left])
+        # the law's own outcomes are not samples
+        good |= ~uncertain[left]
+        tally.drawn += int(uncertain[left].sum())
+        tally.rejected += int((~good).sum())
+        if i == 0:
+            tally.first_rejected += int((~good).sum())
+        left = left[~good]
+        if not len(left):
+            break
+    if len(left):
+        tally.given_up += len(left)
+        q_law, v_law, _ = contact.law(q[left], v[left], r[left], slow[left], rng)
+        out[left] = mean[left] = np.hstack([q_law, v_law])
+        cov[left] = 0.0
+        took = took.copy()
+        took[left] = 0.0
+    q_new, v_new = out[:, :3], out[:, 3:]
+    # what is not quite above the surface is lifted onto it
+    deep = took > 0.0
+    if deep.any():
+        q_new[deep, 1] += np.maximum(-contact.body.gap(q_new[deep]), 0.0)
+    return Drawn(mean, cov, q_new, v_new, took, in_range)
+
+
+@dataclass
+class Sampled:
+    """Base of uncertain contacts: an `ImpactModel` that draws from its distribution.
+
+    Attributes:
+        body: thrown.
+        law: resolves what the model was not trained for, and takes over where no feasible sample is found.
+        draws: samples tried for a state; 0 would be the law.
+        deterministic: take the mean instead of a sample.
+        freedom: degrees of freedom of Student's t of which samples are drawn, with the covariance given; ∞ a Gaussian.
+    """
+
+    body: ThrownBody
+    law: LawImpact
+    draws: int = 20
+    deterministic: bool = False
+    freedom: float = np.inf
+    tally: Tally = field(default_factory=Tally)
+
+    def __call__(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A feasible sample of the outcome."""
+        out = draw(self, q, v, r, slow, rng)
+        return out.q, out.v, out.took
+
+    def noise(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Samples (n, 6) of mean 0 and covariance 1."""
+        normal = rng.standard_normal((n, 6))
+        if np.isinf(self.freedom):
+            return normal
+        return normal * np.sqrt((self.freedom - 2.0) / rng.chisquare(self.freedom, n))[:, None]
+
+    def distribution(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Mean (n, 6), covariance (n, 6, 6), time and in_range (n,), see `Drawn`; here the law's, which is certain."""
+        _, after, _ = self.law(q, v, r, slow, np.random.default_rng(0))
+        n = len(q)
+        return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n), np.ones(n, bool)
+
+    def feasible(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, after: np.ndarray, took: np.ndarray
+    ) -> np.ndarray:
+        """Mask (n,) of outcomes that neither penetrate nor gain energy."""
+        k_g, g = self.body.k_g, self.body.gravity
+        q_new, v_new = after[:, :3], after[:, 3:]
+        before = 0.5 * (v[:, 0] ** 2 + v[:, 1] ** 2 + (k_g * v[:, 2]) ** 2) + g * q[:, 1]
+        now = 0.5 * (v_new[:, 0] ** 2 + v_new[:, 1] ** 2 + (k_g * v_new[:, 2]) ** 2) + g * q_new[:, 1]
+        separates = v_new[:, 1] + r[:, 0] * v_new[:, 2] >= 0.0
+        later = took > 0.0
+        if later.any():
+            separates[later] = self.body.gap(q_new[later]) > -PENETRATION
+        return separates & (now <= before) & np.isfinite(after).all(1)
+
+
+@dataclass
+class ScatteredLaw(Sampled):
+    """A law whose impulse scatters in proportion to its normal part; `relative` is Ξ (3, 3)."""
+
+    relative: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def distribution(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The law's outcome, and A Ξ A' c_n²; slow contacts are certain."""
+        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        fast = ~slow
+        c_n = mean[fast, 4] - v[fast, 1]
+        A = wrench_map(r[fast], self.body.k_g)
+        cov[np.ix_(fast, [3, 4, 5], [3, 4, 5])] = through_dynamics(A, self.relative * c_n[:, None, None] ** 2)
+        return mean, cov, took, in_range
+
+
+@dataclass
+class LearnedImpact(Sampled):
+    """A trained contact model of `learners`, for contacts that approach faster than `slowest` (m/s)."""
+
+    trained: Trained | None = None
+    slowest: float = 0.3
+
+    def distribution(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Mean impulse and its covariance, noise included, through the dynamics."""
+        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)
+        if not len(fast):
+            return mean, cov, took, in_range
+        zero = np.zeros(len(fast))
+        before = Impacts(
+            trial=zero, impact=zero, q=q[fast], v_pre=v[fast], v_post=v[fast], r=r[fast], k_g=self.body.k_g
+        )
+        out = self.trained.predict(before, covariance=not self.deterministic, noise=True)
+        known = np.isfinite(out.v_post).all(1)
+        in_range[fast] = out.in_range
+        rows = fast[known]
+        mean[rows, 3:] = (out.v_projected if self.deterministic else out.v_post)[known]
+        if not self.deterministic:
+            cov[np.ix_(rows, [3, 4, 5], [3, 4, 5])] = through_dynamics(out.jacobian, out.covariance)[known]
+        return mean, cov, took, in_range
+
+
+def wrench_map(r: np.ndarray, k_g: float) -> np.ndarray:
+    """A = M⁻¹ Jᵀ (n, 3, 3) per unit mass: velocity change by (c_t, c_n, τ)."""
+    n = len(r)
+    return np.stack([push(np.zeros((n, 3)), r, np.tile(unit, (n, 1)), k_g) for unit in np.eye(3)], axis=2)

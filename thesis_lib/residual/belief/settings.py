@@ -1,0 +1,121 @@
+"""Settings of the study of thrown dice: how throws are read, fitted, simulated to rest and compared."""
+
+from pydantic import Field
+
+from thesis_lib.foundation.settings import Section
+from thesis_lib.residual.learners.marginal_likelihood import GaussianProcessSettings
+
+
+class DiceDataSettings(Section):
+    """How states are read from recorded throws; all own choices."""
+
+    guard: float = Field(0.002, ge=0, description="s about a hit whose samples belong to no flight")
+    fewest: int = Field(6, ge=4, description="samples of a flight that gives a velocity")
+    most: int = Field(14, ge=4, description="samples of a flight that are used, those nearest to the contact")
+    longest_contact: float = Field(
+        0.03, gt=0, description="s between two flights up to which what happens between them is one contact"
+    )
+    drag: float = Field(
+        0.35,
+        ge=0,
+        description="1/s; deceleration expected in flight: 0.3 in the dice's first flights, 0.5 later",
+    )
+    stray: tuple[float, float, float] = Field(
+        (0.4, 0.4, 6.0),
+        description="m/s², m/s², rad/s²: one sigma of other accelerations, as the arc fits find",
+    )
+    long_flight: int = Field(25, ge=10, description="samples from which a flight tells the drag")
+    still: float = Field(
+        0.002, gt=0, description="m (rotation: times k) moved in the last samples, at most, at rest"
+    )
+    last: int = Field(10, ge=2, description="samples at the end of a throw that give its resting pose")
+
+
+class DiceFitSettings(Section):
+    """The fit of body and contact."""
+
+    evaluations: int = Field(
+        3500,
+        ge=50,
+        description="of the misfit; its 19 parameters are not settled before, with 2500 it is 5 % larger",
+    )
+    contacts: int = Field(
+        400, ge=20, description="training contacts used, those with most speed first kept at random"
+    )
+    slowest: float = Field(0.6, ge=0, description="m/s in the kinetic metric, of contacts that count")
+    cap: float = Field(1.0, gt=0, description="m/s, e_max")
+
+
+class ThrowSettings(Section):
+    """When a simulated throw ends, and what is kept of it."""
+
+    settle: float = Field(
+        0.02,
+        gt=0,
+        lt=1,
+        description="share of the energy barrier between sides below which a body lies; "
+        "0.02 leaves hops of 0.2 mm on a die of 6 cm",
+    )
+    micro: float = Field(
+        0.05,
+        ge=0,
+        description="m/s; contacts that approach more slowly are resolved by the law with restitution 1, so that a "
+        "body that tips or slides on a corner hops on it by 0.1 mm instead of bouncing infinitely often",
+    )
+    max_contacts: int = Field(
+        150,
+        ge=1,
+        description="hits of single corners after which a body is laid on its nearest side, and counted",
+    )
+    snapshots: int = Field(3, ge=0, description="contacts whose states are kept")
+    merge: float = Field(
+        0.008,
+        ge=0,
+        description="s; hits nearer in time than this are one contact in snapshots: two frames at 250 Hz, "
+        "within which a camera sees one",
+    )
+
+
+class DiceStudySettings(Section):
+    """The study of thrown dice."""
+
+    train_share: float = Field(0.5, gt=0, lt=1, description="share of throws that train")
+    splits: int = Field(
+        3,
+        ge=1,
+        description="random splits of the throws: what one split says is partly its luck (own choice)",
+    )
+    particles: int = Field(40, ge=10, description="of each held-out throw's belief (own choice)")
+    limit_copies: int = Field(10, ge=2, description="perturbed starts of each held-out throw for the limit")
+    bootstrap: int = Field(1000, ge=0, description="replicates over throws for intervals")
+    training_contacts: int = Field(
+        2000,
+        ge=20,
+        description="most training contacts (or isolated impacts) a process is conditioned on: more than half of "
+        "the public throws have, so it takes all of them",
+    )
+    duration: float = Field(0.012, gt=0, description="s, T of the contact map: longer than double hits last")
+    slowest: float = Field(
+        0.12,
+        gt=0,
+        description="m/s; contacts that approach more slowly are left to the law: g T, the approach that weight alone "
+        "gives and takes within T, so that below it no impact can be told from resting",
+    )
+    edges: tuple[float, ...] = Field(
+        (1.6,),
+        description="m/s; speeds between which what is missed has a process of its own: the gap between first contacts "
+        "(from 2.2) and later ones (to 1.5)",
+    )
+    outlier: float = Field(
+        6.0,
+        gt=1,
+        description="contacts whose residual is this many times the median are left out of training, counted",
+    )
+    slide_grid: tuple[float, ...] = Field(
+        (0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.32, 0.4, 0.5, 0.7, 1.0, 1.4),
+        description="candidates for the friction of sliding and of the slowest contacts, steps of a quarter",
+    )
+    data: DiceDataSettings = DiceDataSettings()
+    fit: DiceFitSettings = DiceFitSettings()
+    throw: ThrowSettings = ThrowSettings()
+    process: GaussianProcessSettings = GaussianProcessSettings()

@@ -1,0 +1,207 @@
+"""Throws of many particles at once, flight by flight and impact by impact, until they lie still.
+
+Each round takes all particles that still move from one contact to the next: flight in closed form to the first touch
+(`flight.first_touch`), then one call of the impact model for all of them.  Two corners that hit within a step are two
+rounds, the second with a flight of no length; the order is that of the touches, and at a tie the faster corner first.
+
+A particle has come to rest once it cannot leave its side any more.  After each impact,
+
+    E = (v_y² + k² ω²)/2 + g (y − y_side)  <  f g (y_corner − y_side)
+
+with y_corner the height of the centre above the surface on the lower of the side's two corners.  For f = 1 no motion
+of the rattling body passes the barrier unless friction turns sliding into spin; f is small (setting
+`settle`) so that the hops left move nothing either.  The infinitely many hops of a real bounce (Zeno) end here:
+friction at the mean impulse of many small hops is that of sliding, so what is left of v_x is lost at the rate μ g +
+c_v v_x, over
+
+    Δx = sign(v_x) (|v_x|/c_v − (μ g/c_v²) ln(1 + c_v |v_x|/(μ g)))         (v_x²/(2 μ g) where c_v → 0)
+
+and the angle is that of the side.  A body that tips over one corner, or slides on it, touches it all the time, which
+for impacts is again infinitely many.  As in Mirtich's microcollisions, contacts slower than `micro` get restitution
+1: the hops stay small, gain no energy, and carry the weight and the friction of the contact on the mean.  Particles
+that have not settled after `max_contacts` contacts are counted and are laid on their nearest side in the same way.
+
+| on paper | in code     | unit       | shape  | meaning                                                      |
+|----------|-------------|------------|--------|--------------------------------------------------------------|
+| q, v     | `q`, `v`    | m, rad; m/s, rad/s | (n, 3) | pose and velocity                                    |
+| f        | `settle`    | 1          |        | share of the barrier below which a particle lies             |
+| μ        | `mu_slide`  | 1          |        | friction of sliding                                          |
+
+Sources: Mirtich 1996 (impulse-based simulation), thesis section 4.3.3; criterion and rounds are our own.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from thesis_lib.contact.law import Law
+from thesis_lib.contact.space import contact_space
+from thesis_lib.residual.belief.flight import ThrownBody, first_touch, fly
+from thesis_lib.residual.belief.settings import ThrowSettings
+
+
+class ImpactModel(Protocol):
+    """What resolves one contact of each of n particles."""
+
+    def __call__(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | float]:
+        """Pose and velocity (n, 3) after contact and the time it took (n,) in s, 0 for an impulse.
+
+        Args: pose and velocity (n, 3) at the touch, contact point r (n, 2), and `slow` (n,), which marks contacts
+        that are to keep their energy (see the module's text).
+        """
+
+
+@dataclass(frozen=True)
+class LawImpact:
+    """An impact law with constant parameters on a body with radius of gyration `k_g` (m)."""
+
+    law: Law
+    mu: float
+    epsilon: float
+    k_g: float
+
+    def __call__(
+        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """The same pose, velocity after impact, no time."""
+        with np.errstate(all="ignore"):
+            space = contact_space(v, r, mass=1.0, k_g=self.k_g)
+            c_t, c_n = self.law.impulse(space, self.mu, np.where(slow, 1.0, self.epsilon))
+        return q, push(v, r, np.stack([c_t, c_n], axis=1), self.k_g), 0.0
+
+
+def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.ndarray:
+    """v⁺ = v + M⁻¹ Jᵀ c for impulses per unit mass (n, 2) = (c_t, c_n), or (n, 3) with a couple about r."""
+    after = v.copy()
+    after[:, 0] += impulse[:, 0]
+    after[:, 1] += impulse[:, 1]
+    couple = r[:, 0] * impulse[:, 1] - r[:, 1] * impulse[:, 0]
+    if impulse.shape[1] == 3:
+        couple = couple + impulse[:, 2]
+    after[:, 2] += couple / (k_g * k_g)
+    return after
+
+
+@dataclass(frozen=True)
+class Throws:
+    """Where n particles end, and on the way.
+
+    Attributes:
+        q: (n, 3) pose at rest; θ keeps its whole turns.
+        face: (n,) side on which it lies.
+        hits: (n,) hits of single corners.
+        settled: (n,) whether the criterion was met (else: laid down after `max_contacts`).
+        contacts: (n,) contacts, nearby hits merged.
+        snapshot_q, snapshot_v: (snapshots, n, 3) pose and velocity just after each of the first contacts (of the last
+            of its hits); NaN where there was none.
+        snapshot_t: (snapshots, n) s, its instant.
+    """
+
+    q: np.ndarray
+    face: np.ndarray
+    hits: np.ndarray
+    settled: np.ndarray
+    contacts: np.ndarray
+    snapshot_q: np.ndarray
+    snapshot_v: np.ndarray
+    snapshot_t: np.ndarray
+
+
+def simulate_throws(
+    body: ThrownBody,
+    q: np.ndarray,
+    v: np.ndarray,
+    impact: ImpactModel,
+    mu_slide: float,
+    settings: ThrowSettings,
+    rng: np.random.Generator,
+) -> Throws:
+    """Throw n particles from pose `q` and velocity `v` (n, 3), all above the surface, until they lie."""
+    n, kept = len(q), settings.snapshots
+    q, v = np.array(q, float), np.array(v, float)
+    hits, contacts, settled = np.zeros(n, int), np.zeros(n, int), np.zeros(n, bool)
+    snap_q, snap_v = np.full((kept, n, 3), np.nan), np.full((kept, n, 3), np.nan)
+    snap_t = np.full((kept, n), np.nan)
+    clock, last = np.zeros(n), np.full(n, -np.inf)
+    moving = np.arange(n)
+    for _ in range(settings.max_contacts):
+        if not len(moving):
+            break
+        q_m, v_m = q[moving], v[moving]
+        t, corner = first_touch(body, q_m, v_m)
+        q_m, v_m = fly(body, q_m, v_m, t)
+        r = body.contact_point(q_m[:, 2], corner)
+        slow = -(v_m[:, 1] + r[:, 0] * v_m[:, 2]) < settings.micro
+        q_m, v_m, took = impact(q_m, v_m, r, slow, rng)
+        q[moving], v[moving] = q_m, v_m
+        clock[moving] += t + took
+        hits[moving] += 1
+        contacts[moving] += clock[moving] - last[moving] > settings.merge
+        last[moving] = clock[moving]
+        shown = moving[contacts[moving] <= kept]
+        if len(shown):
+            which = contacts[shown] - 1
+            snap_q[which, shown], snap_v[which, shown] = q[shown], v[shown]
+            snap_t[which, shown] = clock[shown]
+        rest = lies(body, q_m, v_m, settings.settle)
+        settled[moving[rest]] = True
+        moving = moving[~rest]
+    face = body.face(q[:, 2])
+    turned = np.mod(q[:, 2] - body.faces[face] + np.pi, 2.0 * np.pi) - np.pi
+    slid = slide(v[:, 0], mu_slide * body.gravity, body.c_v)
+    end = np.stack([q[:, 0] + slid, body.height + body.rest_height[face], q[:, 2] - turned], axis=1)
+    return Throws(end, face, hits, settled, contacts, snap_q, snap_v, snap_t)
+
+
+def state_at(
+    body: ThrownBody,
+    q: np.ndarray,
+    v: np.ndarray,
+    until: np.ndarray,
+    impact: LawImpact,
+    settings: ThrowSettings,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pose and velocity (n, 3) of thrown particles at the times `until` (n,) in s, and hits until then (n,).
+
+    Particles that have used up `max_contacts` stay where they were at that contact, NaN marks them.
+    """
+    n = len(q)
+    q, v, left = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
+    hits, moving = np.zeros(n, int), np.arange(n)
+    for _ in range(settings.max_contacts):
+        if not len(moving):
+            break
+        q_m, v_m, left_m = q[moving], v[moving], left[moving]
+        t, corner = first_touch(body, q_m, v_m)
+        touches = t < left_m
+        t = np.minimum(t, left_m)
+        q_m, v_m = fly(body, q_m, v_m, t)
+        if touches.any():
+            r = body.contact_point(q_m[touches, 2], corner[touches])
+            before = v_m[touches]
+            slow = -(before[:, 1] + r[:, 0] * before[:, 2]) < settings.micro
+            _, v_m[touches], _ = impact(q_m[touches], before, r, slow, rng)
+        q[moving], v[moving], left[moving] = q_m, v_m, left_m - t
+        hits[moving] += touches
+        moving = moving[touches]
+    q[moving], v[moving] = np.nan, np.nan
+    return q, v, hits
+
+
+def lies(body: ThrownBody, q: np.ndarray, v: np.ndarray, settle: float) -> np.ndarray:
+    """Whether each of n bodies can no longer leave its side; see the module's text."""
+    above = q[:, 1] - body.height - body.rest_height[body.face(q[:, 2])]
+    energy = 0.5 * (v[:, 1] ** 2 + (body.k_g * v[:, 2]) ** 2) + body.gravity * above
+    return energy < settle * body.gravity * body.barrier
+
+
+def slide(speed: np.ndarray, friction: float, drag: float) -> np.ndarray:
+    """Distance (n,) in m until friction (m/s²) and linear drag (1/s) have stopped `speed` (n,) in m/s."""
+    v = np.abs(speed)
+    if drag * np.max(v, initial=0.0) < 1e-6 * friction:
+        return speed * v / (2.0 * friction)
+    return np.sign(speed) * (v / drag - friction / drag**2 * np.log1p(drag * v / friction))

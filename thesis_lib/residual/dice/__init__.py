@@ -1,0 +1,1 @@
+"""The study of thrown dice (thesis 4.4)."""

@@ -1,0 +1,237 @@
+"""What the recorded throws of a die show: state before the first contact, each contact from flight to flight, the end.
+
+Between contacts a pose is a parabola in time.  Its acceleration is nearly known, so that it enters as a measurement,
+too:
+
+    q_j = q + v t_j + a t_j²/2 + noise,    a = −(0, g, 0) − c v ± stray          weighted least squares, each coordinate
+
+    noise: white of one sigma σ √((1 + ρ)/(1 − ρ)), σ and the lag-one correlation ρ pooled over all first flights
+
+A contact of the table reaches from the last sample of one flight to a sample early in the next.  Hits that follow
+each other too fast for a flight of `fewest` samples between them are one contact: the camera cannot tell them apart,
+and from the two flights nothing needs to be assumed about them.
+
+| on paper | in code            | unit               | shape        | meaning                                  |
+|----------|--------------------|--------------------|--------------|------------------------------------------|
+| q, v     | `q`, `v`           | m, rad; m/s, rad/s | (n, 3)       | at the last sample of the flight         |
+| S        | `cov`              | their products     | (n, 6, 6)    | covariance of (q, v)                     |
+|          | `end`              | m, m, rad          | (n, 3)       | pose at rest                             |
+|          | `span`             | s                  | (n,)         | from the first state to the second       |
+
+A throw counts as at rest if it moves by less than `still` over its last samples; the others have no resting pose, and
+throws without a usable first flight no initial state: both are left out of the study of throws and counted.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.residual.belief.settings import DiceDataSettings
+
+ROBUST = 4.0  # standard deviations beyond which a sample counts as lost
+FINEST = 1e-9  # m, rad; simulated poses may have no noise at all
+
+
+@dataclass(frozen=True)
+class Releases:
+    """Throws with a usable first flight and end at rest; see the module's table.
+
+    `left_out` counts the others by reason; `sigma` (3,) is the noise of a sample of x, y (m) and θ (rad), correlation
+    included.
+    """
+
+    trial: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    cov: np.ndarray
+    end: np.ndarray
+    left_out: dict[str, int]
+    sigma: np.ndarray
+
+    def select(self, rows: np.ndarray) -> "Releases":
+        """The throws at `rows` (mask or indices)."""
+        parts = (getattr(self, name)[rows] for name in ("trial", "q", "v", "cov", "end"))
+        return Releases(*parts, self.left_out, self.sigma)
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts between two flights: states (q, v) before and after, `span` apart; `first` marks each throw's first."""
+
+    trial: np.ndarray
+    first: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    q_after: np.ndarray
+    v_after: np.ndarray
+    span: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.trial)
+
+    def select(self, rows: np.ndarray) -> "Contacts":
+        """The contacts at `rows` (mask or indices)."""
+        names = ("trial", "first", "q", "v", "q_after", "v_after", "span")
+        return Contacts(*(getattr(self, name)[rows] for name in names))
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Long flights: change of pose and velocity (n, 3) between an early sample and the last one."""
+
+    trial: np.ndarray
+    dq: np.ndarray
+    dv: np.ndarray
+
+    def select(self, rows: np.ndarray) -> "Flights":
+        """The flights at `rows`."""
+        return Flights(self.trial[rows], self.dq[rows], self.dv[rows])
+
+
+def flight_drag(flights: Flights) -> tuple[float, float]:
+    """Linear drag (c_v, c_w) in 1/s of translation (along x) and spin.
+
+    With linear drag Δv_x = −c_v Δx and Δω = −c_w Δθ exactly, for a flight of any length: the line through the origin
+    of least absolute deviation, that is the median of −Δv/Δq weighted by |Δq|.  Not below 0.
+    """
+    found = []
+    for i in (0, 2):
+        dq, dv = flights.dq[:, i], flights.dv[:, i]
+        used = np.abs(dq) > 0.0
+        ratio, weight = -dv[used] / dq[used], np.abs(dq[used])
+        order = np.argsort(ratio)
+        half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
+        found.append(max(0.0, float(ratio[order][half])) if used.any() else 0.0)
+    return found[0], found[1]
+
+
+def read_throws(
+    dataset: Dataset, hits: pd.DataFrame, settings: DiceDataSettings
+) -> tuple[Releases, Contacts, Flights]:
+    """States, contacts and long flights of all throws.
+
+    Args:
+        dataset: with trajectories.
+        hits: columns trial, t (s): all detected hits, measurable or not, as arcs.csv.
+        settings: see `DiceDataSettings`.
+
+    Raises:
+        UserError: the dataset has no trajectories, or no throw is usable.
+    """
+    if dataset.trajectories is None:
+        raise UserError(f"{dataset.name} has no trajectories, so there are no throws to follow to rest.")
+    when = {trial: np.sort(rows["t"].to_numpy(float)) for trial, rows in hits.groupby("trial")}
+    throws = []
+    for trial, rows in dataset.trajectories.groupby("trial"):
+        t, pose = rows["t"].to_numpy(float), rows[["x", "y", "theta"]].to_numpy(float)
+        throws.append((trial, t, pose, _flights(t, when.get(trial, np.array([])), settings)))
+    sigma = _noise(throws, settings)
+    releases, contacts, long = [], [], []
+    left_out = {"no_first_flight": 0, "not_at_rest": 0}
+    for trial, t, pose, flights in throws:
+        fits = []
+        for begin, end, inside in flights:
+            start, stop = inside[: settings.most], inside[-settings.most :]
+            early = t[start[min(3, len(start) - 1)]]
+            fits.append(
+                (
+                    begin,
+                    end,
+                    t[inside[-1]],
+                    _fit(t[stop], pose[stop], t[inside[-1]], sigma, dataset.gravity, settings),
+                    early,
+                    _fit(t[start], pose[start], early, sigma, dataset.gravity, settings),
+                )
+            )
+            if len(inside) >= settings.long_flight:
+                (last, _), (head, _) = fits[-1][3], fits[-1][5]
+                long.append((trial, *(last - head).T.ravel()))
+        for one, two in pairwise(fits):
+            if two[0] - one[1] <= settings.longest_contact:
+                before, after = one[3][0], two[5][0]
+                contacts.append(
+                    (trial, one[0] == -np.inf, *before.T.ravel(), *after.T.ravel(), two[4] - one[2])
+                )
+        tail = pose[-settings.last :]
+        moved = np.ptp(tail * [1.0, 1.0, dataset.k_g], axis=0).max()
+        if not fits or fits[0][0] != -np.inf:
+            left_out["no_first_flight"] += 1
+        elif moved > settings.still:
+            left_out["not_at_rest"] += 1
+        else:
+            state, cov = fits[0][3]
+            releases.append((trial, *state.T.ravel(), *cov.ravel(), *tail.mean(axis=0)))
+    if not releases or not contacts:
+        raise UserError(
+            f"{dataset.name} holds no throw with a first flight that comes to rest: nothing to study."
+        )
+    a, c, f = np.array(releases), np.array(contacts), np.array(long).reshape(-1, 7)
+    return (
+        Releases(
+            a[:, 0].astype(int),
+            a[:, 1:4],
+            a[:, 4:7],
+            a[:, 7:43].reshape(-1, 6, 6),
+            a[:, 43:46],
+            left_out,
+            sigma,
+        ),
+        Contacts(
+            c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14]
+        ),
+        Flights(f[:, 0].astype(int), f[:, 1:4], f[:, 4:7]),
+    )
+
+
+def _flights(
+    t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings
+) -> list[tuple[float, float, np.ndarray]]:
+    """Begin, end (hits in s, −∞ before the first) and samples of each stretch between hits that is long enough."""
+    found = []
+    for begin, end in zip(np.r_[-np.inf, hits], np.r_[hits, np.inf]):
+        inside = np.flatnonzero((t > begin + settings.guard) & (t < end - settings.guard))
+        if len(inside) >= settings.fewest:
+            found.append((begin, end, inside))
+    return found
+
+
+def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
+    """σ √((1 + ρ)/(1 − ρ)) (3,) of x, y, θ from parabolas through the first flights."""
+    residuals, freedom = [], 0
+    for _, t, pose, flights in throws:
+        if flights and flights[0][0] == -np.inf:
+            rows = flights[0][2][-settings.most :]
+            powers = np.vander(t[rows] - t[rows].mean(), 3)
+            residuals.append(pose[rows] - powers @ np.linalg.lstsq(powers, pose[rows], rcond=None)[0])
+            freedom += len(rows) - 3
+    if not residuals or freedom < 1:
+        raise UserError("No throw begins with a flight before its first hit.")
+    # a lost frame in one throw must not blur all
+    limit = ROBUST * 1.4826 * np.median(np.abs(np.concatenate(residuals)), axis=0)
+    residuals = [np.clip(left, -limit, limit) for left in residuals]
+    square = sum((left**2).sum(0) for left in residuals)
+    rho = sum((left[1:] * left[:-1]).sum(0) for left in residuals) / np.maximum(square, 1e-300)
+    rho = np.clip(rho, 0.0, 0.9)
+    sigma = np.sqrt(square / freedom * (1.0 + rho) / (1.0 - rho))
+    return np.maximum(sigma, FINEST)
+
+
+def _fit(
+    t: np.ndarray, pose: np.ndarray, at: float, sigma: np.ndarray, gravity: float, settings: DiceDataSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """(q, v) as rows [q_i, v_i] (3, 2) at the instant `at`, and the covariance (6, 6) of (q, v)."""
+    tau = t - at
+    powers = np.column_stack([np.ones_like(tau), tau, 0.5 * tau**2])
+    state, cov = np.empty((3, 2)), np.zeros((6, 6))
+    for i, (noise, stray, pull) in enumerate(zip(sigma, settings.stray, (0.0, gravity, 0.0))):
+        # the measurement of the acceleration: a + c v = −pull ± stray
+        rows = np.vstack([powers / noise, [0.0, settings.drag / stray, 1.0 / stray]])
+        right = np.append(pose[:, i] / noise, -pull / stray)
+        inverse = np.linalg.inv(rows.T @ rows)
+        state[i] = (inverse @ (rows.T @ right))[:2]
+        cov[np.ix_([i, 3 + i], [i, 3 + i])] = inverse[:2, :2]
+    return state, cov

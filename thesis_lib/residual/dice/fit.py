@@ -1,0 +1,212 @@
+"""Body and contact of a thrown square, fitted to the contacts of training throws by simulation error.
+
+Each training contact is simulated from the measured flight before it to the measured flight after it (all hits between
+them included); with e the kinetic norm of the velocity error,
+
+    minimise over body and contact    Σ min(e_i, e_max)
+
+by CMA-ES from the believed body and a contact that is the same at every place and angle, seeded.  The cap keeps
+contacts that the camera lost from bending everything.  Drag is no part of it: contacts are too short for it, flights
+tell it directly (`dice_data.flight_drag`).  Unlike a fit to isolated impacts this one uses double hits, and it counts
+geometry by what it does.
+
+| on paper | in code   | unit | meaning                                                                      |
+|----------|-----------|------|------------------------------------------------------------------------------|
+| a        | `half`    | m    | half the length of a side between the arcs of its corners                    |
+| ρ        | `rho`     | m    | radius of the corners                                                        |
+| h        | `height`  | m    | height of the surface in the camera's frame                                  |
+| k        | `k_g`     | m    | radius of gyration                                                           |
+| d_θ      | `d_theta` | rad  | measured minus true angle                                                    |
+| c        | `c_x`,`c_y`| m   | tracked point (taken as centre of mass) from the centre of the square        |
+| c_v, c_w | `c_v`,`c_w`| 1/s | drag in flight                                                               |
+|          | `contact` |      | `compliant_contact.CompliantContact`; None: the law alone                    |
+|          | `law`, `mu`, `epsilon` | | impact law of contacts if `contact` is None, else of the slowest ones    |
+
+Source of CMA-ES: Hansen, arXiv 1604.00772 (constants as in its table 1); the fit by simulation is an own choice.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.contact import LAWS
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.residual.belief.compliant_contact import PARAMETERS, CompliantContact, compliant_path
+from thesis_lib.residual.belief.flight import ThrownBody
+from thesis_lib.residual.belief.settings import DiceFitSettings, ThrowSettings
+from thesis_lib.residual.belief.throw import LawImpact, state_at
+from thesis_lib.residual.dice.data import Contacts
+
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+# first step of each parameter: a few times what a rig is off by, and what changes a contact visibly
+BODY_STEPS = {
+    "half": 2e-3,
+    "rho": 2e-3,
+    "height": 1e-3,
+    "k_g": 2e-3,
+    "d_theta": 0.02,
+    "c_x": 5e-4,
+    "c_y": 5e-4,
+}
+CONTACT_STEPS = {
+    "omega": 200.0,
+    "damping": 0.1,
+    "dashpot": 0.05,
+    "mu": 0.03,
+    "tau": 0.2,
+    "dashpot_t": 0.05,
+    "place": 0.05,
+    "width": 0.03,
+    "far": 0.5,
+    "far_dashpot": 0.3,
+    "flat": 0.3,
+    "flat_dashpot": 0.3,
+}
+TOUCHES = 1e-5  # m, by which a body that already touches at the last sample of a flight is lifted
+
+
+@dataclass(frozen=True)
+class DiceModel:
+    """A square with rounded corners, its drag and its contact; see the module's table."""
+
+    half: float
+    rho: float
+    height: float
+    k_g: float
+    law: str
+    mu: float
+    epsilon: float
+    gravity: float
+    d_theta: float = 0.0
+    c_x: float = 0.0
+    c_y: float = 0.0
+    c_v: float = 0.0
+    c_w: float = 0.0
+    contact: CompliantContact | None = None
+
+    @property
+    def body(self) -> ThrownBody:
+        """What flies."""
+        corners = CORNERS * self.half - np.array([self.c_x, self.c_y])
+        return ThrownBody(
+            tuple(map(tuple, corners.tolist())),
+            self.rho,
+            self.k_g,
+            self.gravity,
+            self.height,
+            self.c_v,
+            self.c_w,
+        )
+
+    @property
+    def impact(self) -> LawImpact:
+        """The impact law."""
+        return LawImpact(LAWS[self.law], self.mu, self.epsilon, self.k_g)
+
+    def seen(self, q: np.ndarray) -> np.ndarray:
+        """True poses (n, 3) of measured ones, lifted where they touch already."""
+        q = np.array(q, float)
+        q[:, 2] -= self.d_theta
+        q[:, 1] += np.maximum(TOUCHES - self.body.gap(q), 0.0)
+        return q
+
+    def face(self, theta: np.ndarray) -> np.ndarray:
+        """Side (n,) that is down at the measured angle `theta` (n,)."""
+        return self.body.face(np.asarray(theta) - self.d_theta)
+
+
+def contact_path(
+    model: DiceModel, q: np.ndarray, v: np.ndarray, until: np.ndarray | float, settings: ThrowSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """True pose and velocity (n, 3) at the times `until` in s, all contacts by the model alone.
+
+    A body that chatters for the whole time is left where it was, at rest.
+    """
+    until = np.broadcast_to(until, len(q))
+    if model.contact is not None:
+        end_q, end_v = compliant_path(model.body, model.contact, q, v, until)
+    else:
+        rng = np.random.default_rng(0)  # laws do not use it
+        end_q, end_v, _ = state_at(model.body, q, v, until, model.impact, settings, rng)
+    stuck = ~np.isfinite(end_v).all(1)
+    end_q[stuck], end_v[stuck] = q[stuck], 0.0
+    return end_q, end_v
+
+
+def fit_dice(
+    start: DiceModel, contacts: Contacts, rng: np.random.Generator, settings: DiceFitSettings
+) -> tuple[DiceModel, float]:
+    """The body with a compliant contact that follows training contacts best, and its mean capped error in m/s."""
+    quick = ThrowSettings(snapshots=0)
+    rows = np.flatnonzero(velocity_error(contacts.v, start.k_g) > settings.slowest)
+    if len(rows) > settings.contacts:
+        rows = np.sort(rng.choice(rows, settings.contacts, replace=False))
+    used = contacts.select(rows)
+    even = CompliantContact(
+        place=float(np.median(used.q[:, 0])),
+        width=max(float(np.std(used.q[:, 0])), 2.0 * CONTACT_STEPS["width"]),
+    )
+    names = [*BODY_STEPS, *CONTACT_STEPS]
+
+    def with_values(values: np.ndarray) -> DiceModel:
+        known = dict(zip(names, map(float, values)))
+        contact = CompliantContact(**{name: known.pop(name) for name in PARAMETERS})
+        return replace(start, contact=contact, **known)
+
+    def misfit(values: np.ndarray) -> float:
+        model = with_values(values)
+        bad = min(model.half / start.half - 0.2, model.rho, model.k_g / start.k_g - 0.3, model.contact.margin)
+        if bad < 0.0:
+            return settings.cap - bad  # outside: worse the farther
+        _, v = contact_path(model, model.seen(used.q), used.v, used.span, quick)
+        error = velocity_error(used.v_after - v, start.k_g)
+        return float(np.minimum(error, settings.cap).mean())
+
+    first = np.array([getattr(start, k) for k in BODY_STEPS] + [getattr(even, k) for k in CONTACT_STEPS])
+    steps = np.array([*BODY_STEPS.values(), *CONTACT_STEPS.values()])
+    best, value = cma_es(misfit, first, steps, settings.evaluations, rng)
+    return with_values(best), value
+
+
+def cma_es(
+    function: Callable[[np.ndarray], float],
+    start: np.ndarray,
+    steps: np.ndarray,
+    evaluations: int,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, float]:
+    """Minimum of a function of d numbers that may have kinks: point (d,) and value of the best one seen."""
+    d = len(start)
+    lam = 4 + int(3 * np.log(d)) + 2
+    n_best = lam // 2
+    w = np.log(n_best + 0.5) - np.log(np.arange(1, n_best + 1))
+    w /= w.sum()
+    mass = 1.0 / (w**2).sum()
+    c_c = (4 + mass / d) / (d + 4 + 2 * mass / d)
+    c_s = (mass + 2) / (d + mass + 5)
+    c_1 = 2 / ((d + 1.3) ** 2 + mass)
+    c_m = min(1 - c_1, 2 * (mass - 2 + 1 / mass) / ((d + 2) ** 2 + mass))
+    damping = 1 + 2 * max(0.0, np.sqrt((mass - 1) / (d + 1)) - 1) + c_s
+    length = np.sqrt(d) * (1 - 1 / (4 * d) + 1 / (21 * d * d))
+    centre, sigma, C = np.zeros(d), 0.5, np.eye(d)
+    path_c, path_s = np.zeros(d), np.zeros(d)
+    best, value = np.array(start, float), function(start)
+    for generation in range(max(1, evaluations // lam)):
+        root, axes = np.linalg.eigh(C)
+        root = np.sqrt(np.maximum(root, 1e-20))
+        Y = (rng.standard_normal((lam, d)) * root) @ axes.T
+        points = start + steps * (centre + sigma * Y)
+        values = np.array([function(point) for point in points])
+        order = np.argsort(values, kind="stable")
+        if values[order[0]] < value:
+            best, value = points[order[0]], float(values[order[0]])
+        elite = Y[order[:n_best]]
+        move = w @ elite
+        centre = centre + sigma * move
+        path_s = (1 - c_s) * path_s + np.sqrt(c_s * (2 - c_s) * mass) * (axes @ ((axes.T @ move) / root))
+        relative = np.linalg.norm(path_s) / np.sqrt(1 - (1 - c_s) ** (2 * (generation + 1))) / length
+        path_c = (1 - c_c) * path_c + (relative < 1.4 + 2 / (d + 1)) * np.sqrt(c_c * (2 - c_c) * mass) * move
+        C = (1 - c_1 - c_m) * C + c_1 * np.outer(path_c, path_c) + c_m * (elite.T * w) @ elite
+        sigma *= np.exp(c_s / damping * (np.linalg.norm(path_s) / length - 1))
+    return best, value

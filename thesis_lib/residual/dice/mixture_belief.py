@@ -1,0 +1,243 @@
+"""Beliefs over the state of a throw as Gaussian mixtures: the modified GP-SUM propagation (thesis, equation 4.16).
+
+    s_i ~ p(s_0),  i = 1 … m                    of the measured start
+    s_i → contact                               deterministic flight in closed form, all samples at once
+    p(s⁺) = Σ_i N(s⁺ | m(s_i), S(s_i))/m        the uncertain contact (`propagation`); 4.12 to 4.15 and 4.17
+    s_i ~ N(m(s_i), S(s_i)), feasible           and on to its next contact, if it has one before the instant asked for
+    m → fly(m),  S → F S Fᵀ,  F = ∂fly/∂s       flights are affine in the state, so this is exact
+
+GP-SUM's weights stay 1/m, because nothing is observed on the way.  Samples that penetrate or gain energy are rejected;
+a state without a feasible sample goes the law's way, without uncertainty of its own.  The Gaussians themselves are not
+truncated.  Beside the mixture stand the particles, its feasible samples s_i, as a density with kernels of covariance
+S_i = h² cov(s), h = (4/(5 m))^(1/7) (Silverman's in three dimensions).
+
+What is compared is the velocity, in the kinetic metric: in the pose most contacts put no uncertainty of their own, and
+it is measured a hundred times more finely than any body is known.  What was measured is y = v + noise of covariance R,
+
+    p(y) = (1 − γ) Σ_i N(y | m_i, S_i + R)/m + γ N(y | m̄, 25 S̄)
+
+with m̄ and S̄ the moments of the sum; γ = 0.01 says that a finite sample never makes an outcome impossible (as in
+`belief`).  The PIT is u = P(p(Y) > p(y)), the smallest region of highest density that holds y, by samples; the CRPS is
+that of each coordinate in closed form, and its mean over (v_x, v_y, k ω), and over (x, y, k θ) of the pose.
+
+| on paper | in code  | unit               | shape        | meaning                                                  |
+|----------|----------|--------------------|--------------|----------------------------------------------------------|
+| m_i, S_i | `mean`, `cov` | m, rad; m/s, rad/s | (n, m, 6), (n, m, 6, 6) | components of n throws                 |
+| s_i      | `sample` | m, rad; m/s, rad/s | (n, m, 6)    | particles                                                |
+| R        | `noise`  | their products     | (n, 6, 6)    | of the measured state after contact                      |
+
+Own choices: R is the covariance of the measured start (the flight after a contact is read like that before it), and
+what is compared is the state at the instant of the measured flight after the first contact, further hits until then
+included (hits that follow each other too fast are one contact: `dice_data`).
+
+Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; regions of highest density: Hyndman 1996,
+doi:10.1080/00031305.1996.10474359.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.randomness import streams
+from thesis_lib.residual.belief.belief import WIDE, GaussianMixture
+from thesis_lib.residual.belief.calibration import LEVELS, crps_of_mixture
+from thesis_lib.residual.belief.flight import ThrownBody, first_touch, fly
+from thesis_lib.residual.belief.propagation import Sampled, Tally, draw
+from thesis_lib.residual.belief.settings import DiceStudySettings
+from thesis_lib.residual.dice.data import Contacts, Releases
+from thesis_lib.residual.dice.limit import perturbed
+from thesis_lib.residual.dice.models import Thrower
+from thesis_lib.residual.dice.tables import spread
+
+SAMPLES = 200  # of a belief, for its regions of highest density
+MOST = 100  # hits of a throw before the instant asked for: more are micro-hops that move nothing any more
+
+
+@dataclass(frozen=True)
+class StateBelief:
+    """Beliefs over the states of n throws, m components of equal weight each; see the module's table.
+
+    `out_of_range` (n,) is the share of particles that met a contact outside the range of training.
+    """
+
+    mean: np.ndarray
+    cov: np.ndarray
+    sample: np.ndarray
+    out_of_range: np.ndarray
+
+    @property
+    def particles(self) -> "StateBelief":
+        """The same belief as particles with kernels."""
+        count = self.sample.shape[1]
+        away = self.sample - self.sample.mean(1, keepdims=True)
+        kernel = np.einsum("nmi,nmj->nij", away, away) / (count - 1) * (4.0 / (5.0 * count)) ** (2.0 / 7.0)
+        return replace(self, mean=self.sample, cov=np.repeat(kernel[:, None], count, axis=1))
+
+
+def propagate(
+    body: ThrownBody,
+    q: np.ndarray,
+    v: np.ndarray,
+    contact: Sampled,
+    span: np.ndarray,
+    micro: float,
+    rng: np.random.Generator,
+) -> StateBelief:
+    """Beliefs over n throws at the instants `span`.
+
+    Args:
+        body: thrown.
+        q, v: (n, m, 3) samples of the start; poses above the surface.
+        contact: uncertain contact.
+        span: (n,) s after the start.
+        micro: m/s, approach below which a contact keeps its energy (`ThrowSettings`).
+        rng: of the samples after contacts.
+    """
+    shape = q.shape[:2]
+    q, v = q.reshape(-1, 3).copy(), v.reshape(-1, 3).copy()
+    mean, cov = np.hstack([q, v]), np.zeros((len(q), 6, 6))
+    left, outside = np.repeat(np.asarray(span, float), shape[1]), np.zeros(len(q), bool)
+    rows = np.arange(len(q))
+    for _ in range(MOST):
+        t, corner = first_touch(body, q[rows], v[rows])
+        hits = t <= left[rows]
+        rows, t, corner = rows[hits], t[hits], corner[hits]
+        if not len(rows):
+            break
+        at_q, at_v = fly(body, q[rows], v[rows], t)
+        r = body.contact_point(at_q[:, 2], corner)
+        slow = -(at_v[:, 1] + r[:, 0] * at_v[:, 2]) < micro
+        out = draw(contact, at_q, at_v, r, slow, rng)
+        mean[rows], cov[rows], q[rows], v[rows] = out.mean, out.cov, out.q, out.v
+        left[rows] -= t + out.took
+        outside[rows] |= ~out.in_range
+    # whoever has still not come to its last hit stays where it is
+    left[rows] = np.minimum(left[rows], 0.0)
+    mean, cov = fly_gaussian(body, mean, cov, left)
+    sample = np.hstack(fly(body, q, v, left))
+    return StateBelief(
+        mean.reshape(*shape, 6),
+        cov.reshape(*shape, 6, 6),
+        sample.reshape(*shape, 6),
+        outside.reshape(shape).mean(1),
+    )
+
+
+def fly_gaussian(
+    body: ThrownBody, mean: np.ndarray, cov: np.ndarray, t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (n, 6) and covariance (n, 6, 6) after the times t (n,) of free flight, negative ones included."""
+    q, v = mean[:, :3], mean[:, 3:]
+    end = np.hstack(fly(body, q, v, t))
+    F = np.tile(np.eye(6), (len(mean), 1, 1))
+    for i, unit in enumerate(np.eye(3)):
+        F[:, :, 3 + i] = np.hstack(fly(body, q, v + unit, t)) - end
+    return end, F @ cov @ np.swapaxes(F, 1, 2)
+
+
+def state_scores(
+    belief: StateBelief, measured: np.ndarray, noise: np.ndarray, k_g: float, rng: np.random.Generator
+) -> pd.DataFrame:
+    """How well beliefs over n throws foretold their measured states; see the module's equations.
+
+    Args:
+        belief: of n throws.
+        measured: (n, 6) pose and velocity.
+        noise: (n, 6, 6) their covariance, positive definite.
+        k_g: radius of gyration, m: makes lengths of angles.
+        rng: samples for the PIT.
+
+    Returns:
+        pit and log_score (nats; of a density in m³/s³) of the velocity, crps_velocity (m/s), crps_pose (m),
+        out_of_range.
+    """
+    metric = np.array([1.0, 1.0, k_g, 1.0, 1.0, k_g])
+    scale = np.outer(metric, metric)
+    rows = []
+    for mean, cov, y, R in zip(belief.mean, belief.cov, measured * metric, noise * scale):
+        mixture = widened(mean * metric, cov * scale + R)
+        velocity = mixture.marginal([3, 4, 5])
+        log_density = velocity.log_density(np.vstack([y[3:], velocity.sample(SAMPLES, rng)]))
+        # a rank among the samples, uniform if the belief is right
+        pit = (np.sum(log_density[1:] > log_density[0]) + rng.uniform()) / (SAMPLES + 1)
+        std = np.sqrt(np.einsum("mii->im", mixture.cov))
+        crps = crps_of_mixture(y, mixture.mean.T, std, mixture.weight)
+        rows.append((pit, log_density[0], crps[3:].mean(), crps[:3].mean()))
+    table = pd.DataFrame(rows, columns=["pit", "log_score", "crps_velocity", "crps_pose"])
+    return table.assign(out_of_range=belief.out_of_range)
+
+
+def widened(mean: np.ndarray, cov: np.ndarray) -> GaussianMixture:
+    """Mixture of equal Gaussians (m, d), (m, d, d) and, with weight γ, one of five times the spread of all."""
+    equal = GaussianMixture(mean, cov, np.full(len(mean), 1.0 / len(mean)))
+    centre, width = equal.moments
+    return GaussianMixture(
+        np.vstack([mean, centre]),
+        np.concatenate([cov, 25.0 * width[None]]),
+        np.append((1.0 - WIDE) * equal.weight, WIDE),
+    )
+
+
+def first_contact_scores(
+    throwers: Sequence[Thrower],
+    releases: Releases,
+    contacts: Contacts,
+    settings: DiceStudySettings,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Beliefs of each model over the state after the first contact, against the measured one.
+
+    Args:
+        throwers: trained models.
+        releases: held-out throws.
+        contacts: measured contacts; the first of each held-out throw is used, if there is a flight soon after it.
+        settings: particles of a belief, and when contacts are micro.
+        rng: of the starts and of all samples.
+
+    Returns:
+        A row for each throw, model and belief (mixture or particles): trial, model, belief and the columns of
+        `state_scores`.
+    """
+    first = contacts.select(contacts.first & np.isin(contacts.trial, releases.trial))
+    order = np.argsort(releases.trial)
+    known = releases.select(order[np.searchsorted(releases.trial[order], first.trial)])
+    measured = np.hstack([first.q_after, first.v_after])
+    tables, stream = [], streams(rng)
+    for thrower in throwers:
+        model, own = thrower.model, stream(thrower.name)
+        q, v = perturbed(known, settings.particles, own)
+        shape = (len(first), settings.particles, 3)
+        contact = replace(thrower.contact, tally=Tally())
+        start = model.seen(q).reshape(shape), v.reshape(shape)
+        belief = propagate(model.body, *start, contact, first.span, settings.throw.micro, own)
+        true = measured - [0.0, 0.0, model.d_theta, 0.0, 0.0, 0.0]
+        for name, one in (("mixture", belief), ("particles", belief.particles)):
+            scores = state_scores(one, true, known.cov, model.k_g, own)
+            labels = {"trial": first.trial, "model": thrower.name, "belief": name}
+            tables.append(pd.concat([pd.DataFrame(labels), scores], axis=1))
+    return pd.concat(tables, ignore_index=True)
+
+
+def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
+    """A row per model, belief and quantity: value, std, low, high (bootstrap over throws), n.
+
+    Quantities: coverage_50, coverage_80, coverage_95 (regions of highest density), log_score, crps_velocity,
+    crps_pose, out_of_range: means over throws; log_score_median.
+    """
+    rows, stream = [], streams(rng)
+    for (model, belief), part in scores.groupby(["model", "belief"], sort=False):
+        quantities = {f"coverage_{level:.0%}".rstrip("%"): part["pit"] <= level for level in LEVELS}
+        quantities |= {
+            name: part[name] for name in ("log_score", "crps_velocity", "crps_pose", "out_of_range")
+        }
+        for name, column in quantities.items():
+            values = column.to_numpy(float)
+            interval = spread(values, np.mean, bootstrap, stream(model, belief, name))
+            rows.append((model, belief, name, float(values.mean()), *interval, len(values)))
+        # a contact that the camera lost can decide a mean of logarithms
+        values = part["log_score"].to_numpy()
+        interval = spread(values, np.median, bootstrap, stream(model, belief, "median"))
+        rows.append((model, belief, "log_score_median", float(np.median(values)), *interval, len(values)))
+    return pd.DataFrame(rows, columns=["model", "belief", "quantity", "value", "std", "low", "high", "n"])

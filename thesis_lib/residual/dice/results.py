@@ -1,0 +1,142 @@
+"""What is written and drawn of the study of dice: tables over all splits, and the throws that figures show.
+
+    value = mean over splits;   std, low, high: means over splits of what the bootstrap gives within one
+    std_splits = standard deviation of the value over splits
+
+Splits share throws, so their mean is hardly more certain than one of them: std is that of one split, and std_splits is
+beside it to show what the choice of training throws does.  Coverages count the held-out throws of all splits, with
+intervals from the bootstrap over throws.  Figures of single throws, and of one belief, are those of the first split.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.randomness import streams
+from thesis_lib.residual.belief.calibration import coverage_table, pit_histogram
+from thesis_lib.residual.belief.settings import DiceStudySettings
+from thesis_lib.residual.dice.restitution import restitution
+from thesis_lib.residual.dice.study import DiceStudy, first_contacts
+from thesis_lib.residual.dice.tables import easy_and_hard
+
+BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
+PLAIN = "law"
+COMPLIANT = "compliant"
+SAMPLES = 200  # of a drawn belief
+
+
+@dataclass(frozen=True)
+class Examples:
+    """An easy and a hard held-out throw of the first split, chosen by the belief alone.
+
+    `samples`: contact, t, x, y, theta of the hard throw's belief; `rest`: its x at rest in m; `beliefs`: case, distance
+    of both at rest, and `marks`: case, law, measured ends, in sides from the start.
+    """
+
+    easy: int
+    hard: int
+    samples: pd.DataFrame
+    rest: np.ndarray
+    beliefs: pd.DataFrame
+    marks: pd.DataFrame
+
+
+def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[str, pd.DataFrame]:
+    """Tables by the name of their file; `dice` is the summary.
+
+    Args:
+        studies: of all splits.
+        rng: bootstrap of the coverages.
+    """
+    throws = stacked(studies, lambda s: s.throws)
+    pits = stacked(studies, lambda s: s.contact_pits)
+    stream = streams(rng)
+    coverages = [
+        coverage_table(
+            part["pit"].to_numpy(), central=central, groups=part["trial"].to_numpy(), rng=stream(kind, model)
+        ).assign(model=model, kind=kind)
+        for kind, table, central in (("roll", throws, True), ("contact", pits, False))
+        for model, part in table.groupby("model", sort=False)
+    ]
+    first = ["model", "kind"]
+    coverage = pd.concat(coverages, ignore_index=True)
+    return {
+        "dice": over_splits(stacked(studies, lambda s: s.table), ["model", "quantity"], "value"),
+        "dice_throws": throws,
+        "dice_limit": stacked(studies, lambda s: s.limit),
+        "dice_difficulty": over_splits(
+            stacked(studies, lambda s: s.difficulty), ["model", "spread"], "rank_correlation"
+        ),
+        "dice_rates": stacked(studies, lambda s: s.rates),
+        "dice_parameters": stacked(studies, lambda s: s.parameters),
+        "dice_laws": stacked(studies, lambda s: s.laws),
+        "dice_calibration": coverage[first + [name for name in coverage.columns if name not in first]],
+        "dice_first_contact": over_splits(
+            stacked(studies, lambda s: s.first_table), ["model", "belief", "quantity"], "value"
+        ),
+        "dice_first_contact_throws": stacked(studies, lambda s: s.first),
+        "dice_counts": stacked(
+            studies, lambda s: pd.DataFrame({"counted": list(s.counts), "count": list(s.counts.values())})
+        ),
+    }
+
+
+def stacked(studies: Sequence[DiceStudy], table: Callable[[DiceStudy], pd.DataFrame]) -> pd.DataFrame:
+    """A table of all splits, `split` in front."""
+    parts = []
+    for i, study in enumerate(studies):
+        part = table(study).copy()
+        part.insert(0, "split", i)
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def over_splits(table: pd.DataFrame, keys: list[str], value: str) -> pd.DataFrame:
+    """Means over splits of `value`, its standard error and interval, the spread over splits, and how many they are."""
+    groups = table.groupby(keys, sort=False)
+    mean = groups[[value, "std", "low", "high"]].mean()
+    mean["std_splits"] = groups[value].std(ddof=1)
+    mean["splits"] = groups[value].count()
+    return mean.reset_index()
+
+
+def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Histograms of the PIT of resting positions in the first split (whose throws are all different), and coverages."""
+    one = throws[throws["split"] == 0]
+    histograms = [
+        pit_histogram(part["pit"].to_numpy()).assign(model=model)
+        for model, part in one.groupby("model", sort=False)
+    ]
+    return pd.concat(histograms, ignore_index=True), coverage[coverage["kind"] == "roll"]
+
+
+def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.DataFrame:
+    """Restitution against place of held-out contacts, as measured and by the compliant contact (`restitution`)."""
+    held = study.contacts.select(~np.isin(study.contacts.trial, study.train))
+    return restitution(study.outcomes[COMPLIANT].thrower.model, held, settings.throw)
+
+
+def examples(
+    study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
+) -> Examples:
+    """Throws that the figures show, and what `BELIEVED` believes of them; `side` in m."""
+    believed, plain = study.outcomes[BELIEVED], study.outcomes[PLAIN]
+    held = study.releases.select(~np.isin(study.releases.trial, study.train))
+    easy, hard = easy_and_hard(study.throws, BELIEVED)
+    beliefs, marks, rest = [], [], {}
+    for case, trial in (("hard", hard), ("easy", easy)):
+        row = int(np.flatnonzero(held.trial == trial)[0])
+        start, rest[case] = held.q[row, 0], believed.x[row]
+        beliefs.append(pd.DataFrame({"case": case, "distance": (rest[case] - start) / side}))
+        ends = (plain.certain.q[row, 0], held.end[row, 0])
+        marks.append((case, *((x - start) / side for x in ends)))
+    return Examples(
+        easy,
+        hard,
+        first_contacts(believed.thrower, held, hard, SAMPLES, settings, rng),
+        rest["hard"],
+        pd.concat(beliefs, ignore_index=True),
+        pd.DataFrame(marks, columns=["case", "law", "measured"]),
+    )

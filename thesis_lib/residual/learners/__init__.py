@@ -1,0 +1,1 @@
+"""Learned contact models (thesis 4.3)."""

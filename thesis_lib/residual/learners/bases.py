@@ -1,0 +1,124 @@
+"""What a residual is added to: an impact law fitted on the training impacts, or the critique's law with its effects.
+
+A base also says how measured impacts look to the contact (`seen`) and back (`measured`), so that a learner works in the
+frame in which the physics holds: a mirrored rotation is turned round, a rounded corner moves the contact point, a wrong
+inertia is put right.  Both are the identity for a plain law.
+
+    seen:      q, v, r, k  ──  Model.contact:  to_true, to_contact, contact_point, radius_of_gyration
+    measured:  v⁺          ──  from_contact, to_measured at the pose of impact
+
+What effects do to the coefficients and to the impulse is part of the prediction.  Effects on the flight (drag) act on
+the fits of the arcs before impacts are made of them, and are not applied here again.
+The parameters of the critique's model come with it: they were fitted on its training trials and stay as they are.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.effects.effect import State
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.ensemble import fit_ensemble
+
+
+class Base(Protocol):
+    """A prediction without learning, and the frame in which its contact is seen."""
+
+    def fit(self, impacts: Impacts) -> "Base":
+        """The base with parameters from training impacts."""
+
+    def predict(self, impacts: Impacts) -> np.ndarray:
+        """Measured velocity after impact, (n, 3)."""
+
+    def seen(self, impacts: Impacts) -> Impacts:
+        """The impacts as the contact sees them."""
+
+    def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
+        """Measured velocity (n, 3) of one that the contact sees; affine in v_post."""
+
+
+@dataclass(frozen=True)
+class LawBase:
+    """An impact law with one (μ, ε), fitted to the least mean velocity error of the training impacts."""
+
+    law: str
+    mu: float = np.nan
+    epsilon: float = np.nan
+
+    def fit(self, impacts: Impacts) -> "LawBase":
+        """The law with (μ, ε) from training impacts."""
+        found = fit_ensemble(LAWS[self.law], target_of(impacts), "velocity")
+        return LawBase(self.law, found.mu, found.epsilon)
+
+    def predict(self, impacts: Impacts) -> np.ndarray:
+        """Velocity after impact, (n, 3); NaN where the law has no solution."""
+        body = {"mass": impacts.mass, "k_g": impacts.k_g}
+        return LAWS[self.law](impacts.v_pre, impacts.r, **body, mu=self.mu, epsilon=self.epsilon).v_post
+
+    def seen(self, impacts: Impacts) -> Impacts:
+        """The impacts themselves."""
+        return impacts
+
+    def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
+        """The velocity itself."""
+        return v_post
+
+
+@dataclass(frozen=True)
+class AugmentedBase:
+    """The law and the effects that a critique chose (model.json)."""
+
+    model: SavedModel
+
+    def fit(self, impacts: Impacts) -> "AugmentedBase":
+        """Itself: its parameters were fitted by the critique."""
+        return self
+
+    def predict(self, impacts: Impacts) -> np.ndarray:
+        """Measured velocity after impact, (n, 3)."""
+        m = self.model
+        return m.model.predict(_state(impacts), m.values, m.believed, self._offset(impacts)).v
+
+    def seen(self, impacts: Impacts) -> Impacts:
+        """Impacts with true pose, velocities, contact point and radius of gyration."""
+        m = self.model
+        before, r_x, r_y, k_g = m.model.contact(_state(impacts), m.values, m.believed, self._offset(impacts))
+        after, *_ = m.model.contact(_state(impacts, impacts.v_post), m.values, m.believed)
+        # covariances are of the measured quantities
+        return replace(
+            impacts,
+            q=before.q,
+            v_pre=before.v,
+            v_post=after.v,
+            r=np.stack([r_x, r_y], 1),
+            k_g=k_g,
+            cov=None,
+        )
+
+    def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
+        """Measured velocity (n, 3) of impacts whose contact sees v_post."""
+        m = self.model
+        own = m.model.own(m.values)
+        state, *_ = m.model.contact(_state(impacts), m.values, m.believed)
+        after = state.with_velocity(v_post)
+        for effect, p in reversed(own):
+            after = effect.from_contact(after, p, m.believed)
+        return m.model.to_measured(after, own, m.believed).v
+
+    def _offset(self, impacts: Impacts) -> np.ndarray:
+        """Contact points as given minus those of the shape, (n, 2) m: what measured points add to the shape."""
+        shape = self.model.rig.shape
+        offset = impacts.r - shape.contact_point(impacts.q[:, 2])
+        return np.where(np.abs(offset) > ROUNDED * shape.extent, offset, 0.0)
+
+
+ROUNDED = 1e-6  # of the body's size: tables hold nine digits
+
+
+def _state(impacts: Impacts, v: np.ndarray | None = None) -> State:
+    v = impacts.v_pre if v is None else v
+    return State.of(impacts.q, v, impacts.trial.astype(float), np.nan_to_num(impacts.t))

@@ -1,0 +1,96 @@
+"""What learned contact models see and what they predict (thesis section 4.3.2, equations 4.9 to 4.11).
+
+    X1 = (M_c,tt, M_c,tn, M_c,nn, v_t, v_n)                 inertia and velocity of the contact point, eq. 4.9
+    X2 = ((M_c v_c)_t, (M_c v_c)_n)                         momentum of the contact point, eq. 4.10
+    X2 polar = (atan2(p_n, p_t), |p|), p = M_c v_c          as in the authors' repository
+    X1 + ω                                                  own extension: ω is not a function of X1
+
+    rigid   (c_t, c_n)        c_irb = M_C J Δv, the impulse through the contact point that is nearest to Δv
+    wrench  (c_t, c_n, τ)     c = m (Δv_x, Δv_y),  τ = m (k² Δω − r_x Δv_y + r_y Δv_x) about the contact point
+
+A wrench is a change of coordinates of Δv and loses nothing; a rigid impulse drops the couple.
+
+| on paper      | in code      | unit              | shape       |                                              |
+|---------------|--------------|-------------------|-------------|----------------------------------------------|
+| X             | `features`   | kg, m/s, N s, rad/s | (n, 2..6) | input of a learner                           |
+| (c, τ)        | `impulse_of` | N s, N m s        | (n, 2 or 3) | target of a learner                          |
+| M⁻¹ Jᵀ        | `velocity_map` | 1/kg, 1/(kg m), 1/(kg m²) | (n, 3, 2 or 3) | Δv by each component of the impulse |
+
+The thesis's class 2 names an undefined X5; it is read as X1.  A dataset without a mass has impulses per kilogram.
+Source: Fazeli, Zapolsky, Drumwright, Rodriguez, "Learning data-efficient rigid-body contact models", CoRL 2017.
+"""
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+
+from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse, residual_couple
+from thesis_lib.datasets.format.impacts import Impacts
+
+FeatureSet = Literal["X1", "X2", "X2_polar", "X1_omega"]
+
+
+def space_of(impacts: Impacts) -> ContactSpace:
+    """Contact space before impact, arrays (n,)."""
+    return contact_space(impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
+
+
+def _x1(impacts: Impacts) -> np.ndarray:
+    space = space_of(impacts)
+    M_c = space.M_c
+    return np.stack([M_c[:, 0, 0], M_c[:, 0, 1], M_c[:, 1, 1], space.v_t, space.v_n], axis=1)
+
+
+def _x2(impacts: Impacts) -> np.ndarray:
+    return -np.stack(space_of(impacts).impulse_to(0.0, 0.0), axis=1)
+
+
+def _x2_polar(impacts: Impacts) -> np.ndarray:
+    # an approaching contact has its momentum mostly downwards, so that the angle does not jump
+    p_t, p_n = _x2(impacts).T
+    return np.stack([np.arctan2(p_n, p_t), np.hypot(p_t, p_n)], axis=1)
+
+
+def _x1_omega(impacts: Impacts) -> np.ndarray:
+    return np.column_stack([_x1(impacts), impacts.v_pre[:, 2]])
+
+
+_SETS: dict[FeatureSet, Callable[[Impacts], np.ndarray]] = {
+    "X1": _x1,
+    "X2": _x2,
+    "X2_polar": _x2_polar,
+    "X1_omega": _x1_omega,
+}
+
+
+def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
+    """Features of n impacts, (n, 5), (n, 2), (n, 2) or (n, 6); they use nothing that is measured after impact."""
+    return _SETS[chosen](impacts)
+
+
+def impulse_of(dv: np.ndarray, impacts: Impacts, *, wrench: bool) -> np.ndarray:
+    """Impulse (c_t, c_n) or wrench (c_t, c_n, τ) that belongs to the velocity change dv (n, 3); linear in dv."""
+    body = {"mass": impacts.mass, "k_g": impacts.k_g}
+    if not wrench:
+        return np.stack(measured_impulse(dv, impacts.r, **body), axis=1)
+    tau = residual_couple(dv, impacts.r, **body)
+    return np.column_stack([impacts.mass * dv[:, :2], tau])
+
+
+def velocity_map(impacts: Impacts, *, wrench: bool) -> np.ndarray:
+    """A = M⁻¹ Jᵀ, (n, 3, 2) or (n, 3, 3): Δv = A c; the columns are c_t, c_n and τ."""
+    n, w = len(impacts), 1.0 / impacts.mass
+    w_I = w / impacts.k_g**2
+    A = np.zeros((n, 3, 3 if wrench else 2))
+    A[:, 0, 0] = A[:, 1, 1] = w
+    A[:, 2, 0], A[:, 2, 1] = -w_I * impacts.r[:, 1], w_I * impacts.r[:, 0]
+    if wrench:
+        A[:, 2, 2] = w_I
+    return A
+
+
+def velocity_after(impulse: np.ndarray, impacts: Impacts) -> np.ndarray:
+    """v⁺ = v + M⁻¹ Jᵀ c, (n, 3), from impulses (n, 2) or wrenches (n, 3) (thesis, equation 4.8)."""
+    A = velocity_map(impacts, wrench=impulse.shape[1] == 3)
+    return impacts.v_pre + np.einsum("nij,nj->ni", A, impulse)

@@ -1,0 +1,258 @@
+"""Gaussian processes with several outputs: exact, ARD squared-exponential, hyperparameters by marginal likelihood.
+
+For each output by itself, in standardised inputs x and outputs y,
+
+    k(x, x') = s exp(−½ Σ_d (x_d − x'_d)² / l_d²),   K_y = K + σ² W⁻¹,   α = K_y⁻¹ y
+    μ* = k*ᵀ α,   var* = s − k*ᵀ K_y⁻¹ k*
+
+| on paper | in code        | unit | shape  |                                          |
+|----------|----------------|------|--------|------------------------------------------|
+| l        | `lengthscale`  | 1    | (p, d) | in standard deviations of the feature    |
+| s        | `signal`       | 1    | (p,)   | prior variance of the function           |
+| σ²       | `noise`        | 1    | (p,)   | variance of the noise                    |
+| w        | `weight`       | 1    | (n, p) | of each measurement, 1 unless it is wild |
+|          | `log_likelihood` | nats | (p,) | of the impacts that gave hyperparameters |
+
+Kernel, factorisation and what is kept of it for predictions are GPyTorch's (exact, float64, all outputs in one batch);
+predictions ask it for the covariance with the training data only, not for that among themselves.
+Hyperparameters by marginal likelihood with wild measurements held back: see `marginal_likelihood`.
+
+On a GPU everything is float64, too, and no random number is drawn there; sums run in another order.  With the same
+hyperparameters predictions agree within `SAME` of the outputs' spread, after training within `SAME_TRAINED`, because
+the search for hyperparameters stops where the likelihood changes by less than a hundredth of a nat.
+
+Sources: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006; Gardner et al. 2018 (GPyTorch),
+arXiv 1809.11165.  Standardisation: own choice, the thesis gives none.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.residual.learners.marginal_likelihood import GaussianProcessSettings, search, starts, weights
+
+if TYPE_CHECKING:
+    import torch
+
+SAME = 1e-8
+SAME_TRAINED = 1e-4
+ROWS = 256  # predictions at a time: their covariances with 450 impacts fit the processor's cache
+
+
+def device_of(settings: GaussianProcessSettings) -> "torch.device":
+    """The device that the settings ask for.
+
+    Raises:
+        UserError: CUDA is asked for and not there.
+    """
+    import torch
+
+    if settings.device == "cuda" and not torch.cuda.is_available():
+        raise UserError("device: cuda is set, but no CUDA GPU is usable here; set device: auto or cpu.")
+    use_cuda = settings.device != "cpu" and torch.cuda.is_available()
+    return torch.device("cuda" if use_cuda else "cpu")
+
+
+@dataclass(frozen=True)
+class GaussianProcess:
+    """A trained process: data, standardisation and hyperparameters (module's table); arrays are NumPy's.
+
+    Attributes:
+        x, y: (n, d) and (n, p) standardised training data.
+        x_mean, x_scale, y_mean, y_scale: (d,) and (p,) of the standardisation.
+        n_hyper: training points that the hyperparameters were found with.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    x_mean: np.ndarray
+    x_scale: np.ndarray
+    y_mean: np.ndarray
+    y_scale: np.ndarray
+    lengthscale: np.ndarray
+    signal: np.ndarray
+    noise: np.ndarray
+    weight: np.ndarray
+    log_likelihood: np.ndarray
+    n_hyper: int
+    device: str = "cpu"
+
+    def predict(
+        self, X: np.ndarray, *, noise: bool = False, variance: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and variance, each (m, p) in the outputs' units, at X (m, d).
+
+        Args:
+            X: inputs in their own units.
+            noise: whether the variance is that of a new measurement, or of the function alone.
+            variance: False saves its cost; it is NaN then.
+
+        Raises:
+            ValueError: X is not (m, d), or not finite.
+        """
+        import torch
+
+        X = np.asarray(X, dtype=float)
+        if X.ndim != 2 or X.shape[1] != len(self.x_mean):
+            raise ValueError(f"inputs must have shape (m, {len(self.x_mean)}), got {X.shape}")
+        if not np.isfinite(X).all():
+            raise ValueError("inputs must be finite")
+        z = (X - self.x_mean) / self.x_scale
+        p = self.y.shape[1]
+        mean, var = np.empty((len(X), p)), np.full((len(X), p), np.nan)
+        with torch.no_grad(), _exact():
+            model, weights, root = self._trained
+            for first in range(0, len(X), ROWS):
+                rows = slice(first, first + ROWS)
+                at = torch.as_tensor(z[rows], device=self.device).expand(p, -1, -1)
+                k = model.covar_module(at, model.train_inputs[0]).to_dense()
+                mean[rows] = (k @ weights)[:, :, 0].T.cpu().numpy()
+                if variance:
+                    # k*ᵀ K_y⁻¹ k* as the square of k*ᵀ L⁻ᵀ
+                    explained = (k @ root).square_().sum(dim=2).cpu().numpy()
+                    var[rows] = self.signal - explained.T
+        var = np.maximum(var, 0.0) + (self.noise if noise else 0.0)
+        return self.y_mean + mean * self.y_scale, var * self.y_scale**2
+
+    @cached_property
+    def _trained(self) -> "tuple[Any, torch.Tensor, torch.Tensor]":
+        """GPyTorch's model with what it keeps for predictions: K_y⁻¹ y (p, n, 1) and L⁻ᵀ (p, n, n)."""
+        import torch
+
+        x = torch.as_tensor(self.x, device=self.device).expand(self.y.shape[1], -1, -1).contiguous()
+        y = torch.as_tensor(np.ascontiguousarray(self.y.T), device=self.device)
+        noise = torch.as_tensor(np.ascontiguousarray((self.noise / self.weight).T), device=self.device)
+        model = _gpytorch_model(x, y, noise)
+        model.set_hyperparameters(self.lengthscale, self.signal)
+        model.eval()
+        model(x[:, :1])  # makes the caches
+        caches = model.prediction_strategy
+        return model, caches.mean_cache[..., None], caches.covar_cache
+
+    def start_for(self, x_scale: np.ndarray, y_scale: np.ndarray) -> np.ndarray:
+        """Hyperparameters (p, d + 2) as logarithms, for data with another standardisation."""
+        length = self.lengthscale * self.x_scale / x_scale
+        square = ((self.y_scale / y_scale) ** 2)[:, None]
+        return np.log(np.column_stack([length, self.signal[:, None] * square, self.noise[:, None] * square]))
+
+
+def fit_gaussian_process(
+    X: np.ndarray,
+    Y: np.ndarray,
+    rng: np.random.Generator,
+    settings: GaussianProcessSettings | None = None,
+    *,
+    centred: bool = True,
+    start: GaussianProcess | None = None,
+) -> GaussianProcess:
+    """Train one process for each column of Y.
+
+    Args:
+        X, Y: (n, d) inputs and (n, p) outputs.
+        rng: draws the starts beyond the first.
+        settings: restarts and device.
+        centred: whether the prior mean is that of Y, or zero (residuals: where there are no data the law stands).
+        start: an earlier process on other data of the same kind: its hyperparameters are the first start, and are
+            taken over unchanged if they already came from as many impacts as the settings allow.
+
+    Raises:
+        ValueError: shapes do not agree, fewer than two rows, or values that are not finite.
+    """
+    X, Y = np.asarray(X, dtype=float), np.asarray(Y, dtype=float)
+    if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y):
+        raise ValueError(f"expected X (n, d) and Y (n, p), got {X.shape} and {Y.shape}")
+    if len(X) < 2 or not (np.isfinite(X).all() and np.isfinite(Y).all()):
+        raise ValueError(f"training needs at least two finite rows, got {len(X)}")
+    settings = settings or GaussianProcessSettings()
+    device = device_of(settings)
+    x_mean, x_scale = X.mean(axis=0), _scale(X, X.mean(axis=0))
+    y_mean = Y.mean(axis=0) if centred else np.zeros(Y.shape[1])
+    y_scale = _scale(Y, y_mean)
+    x, y = (X - x_mean) / x_scale, (Y - y_mean) / y_scale
+    known = None if start is None else start.start_for(x_scale, y_scale)
+    count, d = min(len(x), settings.hyperparameter_impacts), x.shape[1]
+    fixed = start is not None and start.n_hyper >= count
+    theta, value, weight = np.empty((y.shape[1], d + 2)), np.empty(y.shape[1]), np.ones_like(y)
+    for i, one in enumerate(y.T):
+        if fixed:
+            theta[i], value[i] = known[i], start.log_likelihood[i]
+        else:
+            first = starts(d, rng, settings.restarts, None if known is None else known[i])
+            theta[i], value[i] = search(x[:count], one[:count], weight[:count, i], first, settings, device)
+        for _ in range(settings.robust_rounds):
+            weight[:, i] = weights(theta[i], x, one, weight[:, i], device)
+            if weight[:, i].min() == 1.0:
+                break
+            if not fixed:
+                theta[i], value[i] = search(
+                    x[:count], one[:count], weight[:count, i], theta[i : i + 1], settings, device
+                )
+    h = np.exp(theta)
+    count = start.n_hyper if fixed else count
+    return GaussianProcess(
+        x,
+        y,
+        x_mean,
+        x_scale,
+        y_mean,
+        y_scale,
+        h[:, :d],
+        h[:, d],
+        h[:, d + 1],
+        weight,
+        value,
+        count,
+        str(device),
+    )
+
+
+def _scale(values: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """Root mean square about a centre; 1 where nothing varies (a disk's inertia is the same at every impact)."""
+    scale = np.sqrt(np.mean((values - about) ** 2, axis=0))
+    return np.where(scale > 1e-12 * (1e-300 + np.abs(values).max(axis=0)), scale, 1.0)
+
+
+def _exact() -> Any:
+    """GPyTorch's settings for exact Cholesky factors of any size, with their inverse kept for all predictions."""
+    import contextlib
+
+    import gpytorch
+
+    stack = contextlib.ExitStack()
+    stack.enter_context(gpytorch.settings.fast_computations(False, False, False))
+    stack.enter_context(gpytorch.settings.max_cholesky_size(1_000_000))
+    stack.enter_context(gpytorch.settings.fast_pred_var(True))
+    stack.enter_context(gpytorch.settings.debug(False))  # no warning where inputs are training inputs
+    stack.enter_context(gpytorch.settings.max_root_decomposition_size(1_000_000))
+    return stack
+
+
+def _gpytorch_model(x: "torch.Tensor", y: "torch.Tensor", noise: "torch.Tensor") -> Any:
+    """GPyTorch's exact process for x (p, n, d), y (p, n) and variances of noise (p, n), a batch of outputs."""
+    import gpytorch
+    import torch
+
+    class Independent(gpytorch.models.ExactGP):
+        def __init__(self) -> None:
+            batch = torch.Size([len(y)])
+            likelihood = gpytorch.likelihoods.FixedNoiseGaussianLikelihood(noise=noise, batch_shape=batch)
+            super().__init__(x, y, likelihood)
+            self.mean_module = gpytorch.means.ZeroMean(batch_shape=batch)
+            kernel = gpytorch.kernels.RBFKernel(ard_num_dims=x.shape[-1], batch_shape=batch)
+            self.covar_module = gpytorch.kernels.ScaleKernel(kernel, batch_shape=batch)
+            self.to(dtype=torch.float64, device=x.device)
+
+        def forward(self, at: "torch.Tensor") -> Any:
+            return gpytorch.distributions.MultivariateNormal(self.mean_module(at), self.covar_module(at))
+
+        def set_hyperparameters(self, lengthscale: np.ndarray, signal: np.ndarray) -> None:
+            def tensor(values: np.ndarray) -> torch.Tensor:
+                return torch.as_tensor(np.ascontiguousarray(values), device=x.device)
+
+            self.covar_module.base_kernel.lengthscale = tensor(lengthscale[:, None, :])
+            self.covar_module.outputscale = tensor(signal)
+
+    return Independent()

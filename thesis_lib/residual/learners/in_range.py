@@ -1,0 +1,74 @@
+"""Is an impact within the range of those that a learner was trained on?
+
+    d(x) = mean distance of x to its K nearest training impacts,   x = (X1, ω) in their standard deviations
+    x is in range  ⇔  d(x) ≤ d_q,   d_q = the q quantile of d over the training impacts, each left out of its own
+
+Distances and not the predictive variance of the process, because a process that has learned a long length scale from a
+narrow range is sure of itself far outside of it.  Nearest neighbours and not a Mahalanobis distance, because the
+inertia of the contact point runs along a curve: a body angle that was never seen can lie in the middle of an ellipsoid.
+By construction a share 1 − q of new impacts of the same kind is flagged.
+
+| on paper | in code     | unit | shape |                                            |
+|----------|-------------|------|-------|--------------------------------------------|
+| d        | `distance`  | 1    | (n,)  | in standard deviations                     |
+| d_q      | `threshold` | 1    |       | calibrated by leaving out                  |
+
+Source: Ramaswamy, Rastogi and Shim 2000 (outliers by distance to nearest neighbours), doi:10.1145/335191.335437.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.residual.learners.features import features
+
+NEIGHBOURS = 3  # one alone would make a single wild training impact a licence
+QUANTILE = 0.99  # own choice: one in a hundred ordinary impacts is flagged
+
+
+@dataclass(frozen=True)
+class TrainingRange:
+    """Range of n training impacts: centre and scale (6,), standardised `points` (n, 6), and the `threshold`."""
+
+    centre: np.ndarray
+    scale: np.ndarray
+    points: np.ndarray
+    threshold: float
+
+    @classmethod
+    def of(cls, impacts: Impacts, quantile: float = QUANTILE) -> "TrainingRange":
+        """Range of training impacts.
+
+        Raises:
+            ValueError: fewer than two impacts.
+        """
+        if len(impacts) < 2:
+            raise ValueError("a range needs at least two impacts")
+        x = features(impacts, "X1_omega")
+        centre, scale = x.mean(axis=0), x.std(axis=0)
+        scale = np.where(scale > 1e-12 * (1e-300 + np.abs(x).max(axis=0)), scale, 1.0)
+        found = cls(centre, scale, (x - centre) / scale, np.nan)
+        own = found._nearest(found.points, skip=1)
+        return cls(centre, scale, found.points, float(np.quantile(own, quantile)))
+
+    def distance(self, impacts: Impacts) -> np.ndarray:
+        """Mean distance (n,) to the nearest training impacts, in standard deviations."""
+        return self._nearest((features(impacts, "X1_omega") - self.centre) / self.scale, skip=0)
+
+    def contains(self, impacts: Impacts) -> np.ndarray:
+        """Mask (n,): within the range.  What is not is extrapolated, and must be said to be."""
+        return self.distance(impacts) <= self.threshold
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points)
+
+    def _nearest(self, x: np.ndarray, skip: int) -> np.ndarray:
+        count = min(NEIGHBOURS, len(self.points) - skip)
+        distance, _ = self._tree.query(x, k=[*range(1 + skip, count + skip + 1)])
+        return distance.mean(axis=1)

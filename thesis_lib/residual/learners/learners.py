@@ -1,0 +1,341 @@
+"""Learned contact models: data-driven, residual on a law, law with learned parameters, feasible by construction.
+
+    class 1   c ~ GP(X)                           purely data-driven: rigid on X1, X2, X2 polar; wrench on X1, X1 + ω
+    class 2   c = c_law(μ, ε) + c_res, c_res ~ GP(0, X1)        residual (rigid or wrench), equations 4.12 and 4.13
+              (μ, ε) ~ GP(X1), c = c_law(μ(X), ε(X))            law with learned parameters
+    beyond    s ~ GP(X), v⁺ = v⁺(s)               every s is a feasible velocity (see `feasible`)
+    v⁺ ~ N(v + A c̄, A Σ Aᵀ),  A = M⁻¹ Jᵀ           equations 4.14 and 4.15 (whose factors are printed transposed)
+
+One interface: `learner.fit(impacts, rng)` gives a trained model, `model.predict(impacts)` a `Prediction` with velocity,
+impulse and its covariance.  What is not feasible is said, and its projection stands beside it; what lies outside the
+range of training is flagged.  Neither is repaired in silence.
+
+| on paper | in code      | unit            | shape               |                                                    |
+|----------|--------------|-----------------|---------------------|----------------------------------------------------|
+| c̄        | `impulse`    | N s, N m s      | (n, 2 or 3)         | mean (c_t, c_n) or (c_t, c_n, τ)                   |
+| Σ        | `covariance` | their products  | (n, 2 or 3 square)  | of the function; with `noise=True` of an outcome   |
+| A        | `jacobian`   | 1/kg, 1/(kg m)  | (n, 3, 2 or 3)      | ∂v⁺/∂c, as measured                                |
+
+A law that has no solution for an impact gives NaN: the impact is left out of training, and its prediction is NaN.
+Own choices: outputs of class 1 have their mean as prior mean, residuals have zero; μ and ε are learned from those
+training impacts that the law can explain within `RANGE` (all, if fewer than `FEWEST`), and clipped to 0 ≤ μ ≤ 2 and
+0 ≤ ε ≤ 1.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from thesis_lib.contact import LAWS
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.individual import MU_MAX, fit_individual
+from thesis_lib.residual.learners import feasible as feasibility
+from thesis_lib.residual.learners.bases import Base, LawBase
+from thesis_lib.residual.learners.features import (
+    FeatureSet,
+    features,
+    impulse_of,
+    velocity_after,
+    velocity_map,
+)
+from thesis_lib.residual.learners.gaussian_process import (
+    GaussianProcess,
+    GaussianProcessSettings,
+    fit_gaussian_process,
+)
+from thesis_lib.residual.learners.in_range import TrainingRange
+
+# m/s in the kinetic metric: misfit of the best (μ, ε) up to which an outcome counts as the law's
+RANGE = 0.02
+FEWEST = 5
+IDENTITY = LawBase("")  # the frame of a learner without a base
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Prediction of n impacts.
+
+    Attributes:
+        v_post: (n, 3) mean velocity after impact as measured, m/s and rad/s; NaN where the base has none.
+        impulse, covariance, jacobian: see the module's table; NaN covariance where it was not asked for.
+        feasible: (n,) whether v_post neither penetrates nor gains energy.
+        v_projected: (n, 3) the nearest feasible velocity, v_post itself where that is feasible.
+        in_range: (n,) whether the impact lies within the range of training.
+    """
+
+    v_post: np.ndarray
+    impulse: np.ndarray
+    covariance: np.ndarray
+    jacobian: np.ndarray
+    feasible: np.ndarray
+    v_projected: np.ndarray
+    in_range: np.ndarray
+
+
+class Trained(Protocol):
+    """A trained contact model."""
+
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+        """Prediction from what is known before impact; `v_post` of `impacts` is not looked at."""
+
+
+class Learner(Protocol):
+    """A contact model that can be trained; `start` is one trained on other impacts, to start the search from."""
+
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: "Trained | None" = None) -> Trained:
+        """Train on impacts; raises ValueError for fewer than two."""
+
+
+@dataclass(frozen=True)
+class ImpulseLearner:
+    """Impulse or wrench by a Gaussian process: data-driven, or a residual on `base` (its prior mean).
+
+    With `residual` False a base lends its frame only.
+    """
+
+    feature_set: FeatureSet
+    wrench: bool
+    base: Base | None = None
+    residual: bool = False
+    settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
+
+    def fit(
+        self, impacts: Impacts, rng: np.random.Generator, start: "TrainedImpulse | None" = None
+    ) -> "TrainedImpulse":
+        """Train on impacts (n ≥ 2)."""
+        base = (self.base or IDENTITY).fit(impacts) if self.residual else self.base or IDENTITY
+        seen = base.seen(impacts)
+        target = seen.dv
+        if self.residual:
+            target = seen.v_post - _seen_prediction(base, impacts)
+        y = impulse_of(target, seen, wrench=self.wrench)
+        x = features(seen, self.feature_set)
+        known = np.isfinite(y).all(axis=1)
+        process = fit_gaussian_process(
+            x[known],
+            y[known],
+            rng,
+            self.settings,
+            centred=not self.residual,
+            start=None if start is None else start.process,
+        )
+        return TrainedImpulse(self, base, process, TrainingRange.of(seen))
+
+
+@dataclass(frozen=True)
+class TrainedImpulse:
+    """A trained `ImpulseLearner`."""
+
+    learner: ImpulseLearner
+    base: Base
+    process: GaussianProcess
+    range: TrainingRange
+
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+        """Prediction; see `Prediction`."""
+        wrench = self.learner.wrench
+        seen = self.base.seen(impacts)
+        impulse, variance = self.process.predict(
+            features(seen, self.learner.feature_set), noise=noise, variance=covariance
+        )
+        if self.learner.residual:
+            prior = _seen_prediction(self.base, impacts)
+            # what the law's own v⁺ has beyond an impulse through the contact point is kept
+            v_seen = prior + velocity_after(impulse, seen) - seen.v_pre
+            impulse = impulse + impulse_of(prior - seen.v_pre, seen, wrench=wrench)
+        else:
+            v_seen = velocity_after(impulse, seen)
+        return _prediction(
+            self.base, impacts, seen, v_seen, impulse, _diagonal(variance), self.range, wrench=wrench
+        )
+
+
+@dataclass(frozen=True)
+class ParameterLearner:
+    """A law whose μ and ε are learned functions of the state (the thesis's "rigid par" model)."""
+
+    law: str
+    feature_set: FeatureSet = "X1"
+    settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
+
+    def fit(
+        self, impacts: Impacts, rng: np.random.Generator, start: "TrainedParameters | None" = None
+    ) -> "TrainedParameters":
+        """Train on the individual parameters of impacts (n ≥ 2)."""
+        target = target_of(impacts)
+        own = fit_individual(LAWS[self.law], target, "velocity")
+        left = np.sqrt(np.maximum(own.error**2 - target.unreachable**2, 0.0))
+        solved = np.isfinite(own.error)
+        known = solved & (left <= RANGE)
+        known = known if known.sum() >= FEWEST else solved
+        process = fit_gaussian_process(
+            features(impacts, self.feature_set)[known],
+            np.stack([own.mu, own.epsilon], axis=1)[known],
+            rng,
+            self.settings,
+            start=None if start is None else start.process,
+        )
+        return TrainedParameters(self, process, TrainingRange.of(impacts))
+
+
+@dataclass(frozen=True)
+class TrainedParameters:
+    """A trained `ParameterLearner`."""
+
+    learner: ParameterLearner
+    process: GaussianProcess
+    range: TrainingRange
+
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+        """Prediction; the covariance is that of (μ, ε) through the law, by secants over one standard deviation."""
+        mean, variance = self.process.predict(
+            features(impacts, self.learner.feature_set), noise=noise, variance=covariance
+        )
+        impulse, v_post = self._law(impacts, mean)
+        S = _diagonal(np.full_like(mean, np.nan))
+        if covariance:
+            std = np.sqrt(variance)
+            columns = []
+            for i in range(2):
+                shift = std * (np.arange(2) == i)
+                columns.append(
+                    0.5 * (self._law(impacts, mean + shift)[0] - self._law(impacts, mean - shift)[0])
+                )
+            J = np.stack(columns, axis=2)
+            S = J @ np.swapaxes(J, 1, 2)
+        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range, wrench=False)
+
+    def _law(self, impacts: Impacts, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        mu, epsilon = np.clip(parameters, 0.0, [MU_MAX, 1.0]).T
+        body = {"mass": impacts.mass, "k_g": impacts.k_g}
+        out = LAWS[self.learner.law](impacts.v_pre, impacts.r, **body, mu=mu, epsilon=epsilon)
+        return out.impulse, out.v_post
+
+
+@dataclass(frozen=True)
+class FeasibleLearner:
+    """Coordinates of the feasible set by a Gaussian process: the mean and every sample are feasible."""
+
+    feature_set: FeatureSet
+    wrench: bool
+    settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
+
+    def fit(
+        self, impacts: Impacts, rng: np.random.Generator, start: "TrainedFeasible | None" = None
+    ) -> "TrainedFeasible":
+        """Train on impacts (n ≥ 2)."""
+        # an outcome that no point impulse reaches is taken at its nearest one that is reached
+        v = velocity_after(impulse_of(impacts.dv, impacts, wrench=self.wrench), impacts)
+        s = feasibility.to_latent(impacts.v_pre, v, impacts.r, impacts.k_g, wrench=self.wrench)
+        process = fit_gaussian_process(
+            features(impacts, self.feature_set),
+            s,
+            rng,
+            self.settings,
+            start=None if start is None else start.process,
+        )
+        return TrainedFeasible(self, process, TrainingRange.of(impacts))
+
+
+@dataclass(frozen=True)
+class TrainedFeasible:
+    """A trained `FeasibleLearner`."""
+
+    learner: FeasibleLearner
+    process: GaussianProcess
+    range: TrainingRange
+
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+        """Prediction at the mean coordinates; the covariance is theirs, linearised."""
+        s, variance = self.process.predict(
+            features(impacts, self.learner.feature_set), noise=noise, variance=covariance
+        )
+        v_post = feasibility.from_latent(impacts.v_pre, s, impacts.r, impacts.k_g)
+        wrench = self.learner.wrench
+        impulse = impulse_of(v_post - impacts.v_pre, impacts, wrench=wrench)
+        S = _diagonal(variance)
+        if covariance:
+            slopes = feasibility.latent_slopes(impacts.v_pre, s, impacts.r, impacts.k_g)
+            J = np.stack([impulse_of(slopes[:, :, i], impacts, wrench=wrench) for i in range(s.shape[1])], 2)
+            S = J @ S @ np.swapaxes(J, 1, 2)
+        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range, wrench=wrench)
+
+
+@dataclass(frozen=True)
+class LawLearner:
+    """A base alone, with the interface of a learner: what learning is compared with."""
+
+    base: Base
+
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: "Trained | None" = None) -> "TrainedLaw":
+        """Fit the base's parameters; `rng` and `start` are not needed."""
+        base = self.base.fit(impacts)
+        return TrainedLaw(base, TrainingRange.of(base.seen(impacts)))
+
+
+@dataclass(frozen=True)
+class TrainedLaw:
+    """A fitted base: no uncertainty of its own."""
+
+    base: Base
+    range: TrainingRange
+
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+        """Prediction with zero covariance; as a wrench, since effects may add a couple."""
+        seen = self.base.seen(impacts)
+        v_seen = _seen_prediction(self.base, impacts)
+        impulse = impulse_of(v_seen - seen.v_pre, seen, wrench=True)
+        S = np.zeros((len(impacts), 3, 3))
+        return _prediction(self.base, impacts, seen, v_seen, impulse, S, self.range, wrench=True)
+
+
+def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
+    """The base's velocity after impact (n, 3) as the contact sees it."""
+    return base.seen(replace(impacts, v_post=base.predict(impacts))).v_post
+
+
+def _diagonal(variance: np.ndarray) -> np.ndarray:
+    return variance[:, :, None] * np.eye(variance.shape[1])
+
+
+def _prediction(
+    base: Base,
+    impacts: Impacts,
+    seen: Impacts,
+    v_seen: np.ndarray,
+    impulse: np.ndarray,
+    covariance: np.ndarray,
+    trained: TrainingRange,
+    *,
+    wrench: bool,
+) -> Prediction:
+    A = velocity_map(seen, wrench=impulse.shape[1] == 3)
+    v_post = base.measured(impacts, v_seen)
+    # the way back is affine in the velocity, so that unit impulses give its slope
+    jacobian = np.stack(
+        [base.measured(impacts, v_seen + A[:, :, i]) - v_post for i in range(A.shape[2])], axis=2
+    )
+    inside = feasibility.feasible(seen.v_pre, v_seen, seen.r, seen.k_g)
+    near = feasibility.project(seen.v_pre, v_seen, seen.r, seen.k_g, wrench=wrench)
+    projected = np.where(inside[:, None], v_post, base.measured(impacts, near))
+    return Prediction(v_post, impulse, covariance, jacobian, inside, projected, trained.contains(seen))
+
+
+def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[str, Learner]:
+    """All learned contact models of chapter 4 by name; `law` is the base of class 2."""
+    gp = settings or GaussianProcessSettings()
+    base = LawBase(law)
+    return {
+        "rigid_x1": ImpulseLearner("X1", False, settings=gp),
+        "rigid_x2": ImpulseLearner("X2", False, settings=gp),
+        "rigid_x2_polar": ImpulseLearner("X2_polar", False, settings=gp),
+        "wrench_x1": ImpulseLearner("X1", True, settings=gp),
+        "wrench_x1_omega": ImpulseLearner("X1_omega", True, settings=gp),
+        "residual_rigid": ImpulseLearner("X1", False, base, True, gp),
+        "residual_wrench": ImpulseLearner("X1", True, base, True, gp),
+        "law_parameters": ParameterLearner(law, settings=gp),
+        "feasible_rigid": FeasibleLearner("X1", False, gp),
+        "feasible_wrench": FeasibleLearner("X1_omega", True, gp),
+    }

@@ -1,0 +1,329 @@
+"""How well learned contact models predict, against how many impacts they were trained on (thesis, figures 4-5 and 4-6).
+
+Each random split holds a share of the trials out and puts the others in a random order; for every size n the models
+are trained on the impacts of the first trials, n in all, so that the training sets of a split are nested and all
+models of a split see the same impacts.  Errors are those of held-out impacts, √(δv_x² + δv_y² + (k δω)²).
+
+The second study asks what is left to learn once the physics that a critique named is in: the same learners on the
+plain law and on the critique's law with its effects, judged on the trials that no choice of the critique has seen.
+Splits then differ in their training impacts only, and intervals come from the bootstrap over held-out trials.
+
+| in code       | unit | meaning                                                                                    |
+|---------------|------|--------------------------------------------------------------------------------------------|
+| `model`       |      | law, bound or learner, see `learners` and `NAMED`                                          |
+| `mean`        | m/s  | mean error over the held-out impacts of one split                                          |
+| `infeasible`  | 1    | share of predictions that penetrate or gain energy                                         |
+| `n_converged` | 1    | least n from which on the mean error stays within 5 % of that at the largest n             |
+| `n_learned`   | 1    | the same within 5 % of the fall from the smallest to the largest n: what was to be learned |
+
+Own choices, where the thesis gives none: sizes, splits, the share held out, and all of `GaussianProcessSettings`.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact.bounds import best_post_hoc, irb_bound
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.impact_study.study import split_trials
+from thesis_lib.residual.learners.bases import AugmentedBase, LawBase
+from thesis_lib.residual.learners.learners import ImpulseLearner, LawLearner, Learner, Prediction, learners
+from thesis_lib.residual.learners.settings import LearningStudySettings
+
+BOOTSTRAP = 1000
+BOUNDS = ("best_post_hoc", "irb_bound")
+NAMED = (
+    "law",
+    "law_rigid",
+    "law_wrench",
+    "effects",
+    "effects_rigid",
+    "effects_wrench",
+)
+
+
+def learning_curves(
+    impacts: Impacts,
+    settings: LearningStudySettings,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda text: None,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """All laws, bounds and learners on random splits.
+
+    Args:
+        impacts: approaching impacts, see `identify.impact_study.select_impacts`.
+        settings: sizes and splits.
+        rng: of the splits and of the searches.
+
+    Returns:
+        curves: a row per model, n and split; errors: a row per model and held-out impact of the first split, at the
+        size of figure 4-5 (or the nearest that there is).
+
+    Raises:
+        ValueError: the smallest size is above what a split has for training.
+    """
+    models: dict[str, Learner] = {name: LawLearner(LawBase(name)) for name in settings.laws}
+    models |= learners(settings.base_law, settings.gaussian_process)
+    seed = int(rng.integers(2**63))
+    curves, errors = [], []
+    for split in range(settings.splits):
+        say(f"split {split + 1} of {settings.splits}")
+        train, held_out = _split(impacts, settings.held_out_share, generator(seed, "split", str(split)))
+        sizes = _sizes(settings.sizes, len(train))
+        shown = min(sizes, key=lambda n: abs(n - settings.density_size))
+        for n, found in _trained(models, train, held_out, sizes, seed, split):
+            table = {
+                name: velocity_error(held_out.v_post - p.v_post, held_out.k_g) for name, p in found.items()
+            }
+            curves += [_row(name, n, split, p, held_out) for name, p in found.items()]
+            table |= _bounds(table, settings.laws, held_out)
+            curves += [_error_row(name, n, split, table[name]) for name in BOUNDS]
+            if split == 0 and n == shown:
+                errors = [_errors(name, error, found.get(name), held_out) for name, error in table.items()]
+    return pd.DataFrame(curves), pd.concat(errors, ignore_index=True).assign(n=shown)
+
+
+def named_physics_models(law: str, model: SavedModel, settings: LearningStudySettings) -> dict[str, Learner]:
+    """The models of `NAMED`: a plain law and the critique's law with its effects, alone and with residuals."""
+    gp, plain, augmented = settings.gaussian_process, LawBase(law), AugmentedBase(model)
+    found: dict[str, Learner] = {}
+    for name, base in (("law", plain), ("effects", augmented)):
+        found[name] = LawLearner(base)
+        found[f"{name}_rigid"] = ImpulseLearner("X1", False, base, True, gp)
+        found[f"{name}_wrench"] = ImpulseLearner("X1", True, base, True, gp)
+    return found
+
+
+def named_physics(
+    impacts: Impacts,
+    held_out: np.ndarray,
+    law: str,
+    model: SavedModel,
+    settings: LearningStudySettings,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda text: None,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Named physics, then residual: errors on the trials that the critique held out.
+
+    Args:
+        impacts: approaching impacts.
+        held_out: (n,) mask of the impacts whose trial no choice of the critique has seen.
+        law: the critique's base law.
+        model: the critique's model.json.
+        settings: sizes and splits (here draws of the training impacts).
+        rng: of the draws and the searches.
+
+    Returns:
+        curves: a row per model, n and draw; rungs: a row per model at the size of figure 4-5 with the mean error over
+        draws and its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published
+        and as the effects see them.
+
+    Raises:
+        ValueError: no impact on one of the sides.
+    """
+    if held_out.all() or not held_out.any():
+        raise ValueError("there must be impacts on both sides of the critique's held-out trials")
+    test, pool = impacts.select(held_out), impacts.select(~held_out)
+    models = named_physics_models(law, model, settings)
+    sizes = _sizes(settings.sizes, len(pool))
+    shown = min(sizes, key=lambda n: abs(n - settings.density_size))
+    seed = int(rng.integers(2**63))
+    curves, sums = [], dict.fromkeys(models, 0.0)
+    for split in range(settings.splits):
+        say(f"draw {split + 1} of {settings.splits}")
+        train = _in_random_order(pool, generator(seed, "draw", str(split)))
+        for n, found in _trained(models, train, test, sizes, seed, split):
+            curves += [_row(name, n, split, p, test) for name, p in found.items()]
+            if n == shown:
+                for name, p in found.items():
+                    sums[name] = sums[name] + velocity_error(test.v_post - p.v_post, test.k_g)
+    means = {name: total / settings.splits for name, total in sums.items()}
+    for name, seen in (("irb_bound", test), ("irb_bound_effects", AugmentedBase(model).seen(test))):
+        means[name] = irb_bound(seen.v_pre, seen.v_post, seen.r, mass=seen.mass, k_g=seen.k_g).error
+    bootstrap = generator(seed, "bootstrap")
+    rungs = [
+        {"model": name, "n": shown, **_interval(error, test.trial, bootstrap), "n_held_out": len(test)}
+        for name, error in means.items()
+    ]
+    return pd.DataFrame(curves), pd.DataFrame(rungs)
+
+
+def held_out_by(critique: pd.DataFrame, impacts: Impacts) -> np.ndarray:
+    """Mask (n,) of the impacts whose trial a critique held out; a trial that it did not use was seen by no choice.
+
+    Args:
+        critique: its impacts.csv, with columns trial and held_out.
+        impacts: of the same dataset.
+    """
+    held = critique.groupby("trial")["held_out"].max()
+    return held.reindex(impacts.trial).fillna(1).to_numpy() == 1
+
+
+def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
+    """Mean over splits with a 95 % interval of that mean (Student's t), and mean rates: a row per model and n."""
+    from scipy.stats import t
+
+    rows = []
+    for (model, n), group in curves.groupby(["model", "n"], sort=False):
+        count = len(group)
+        half = t.ppf(0.975, count - 1) * group["mean"].std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
+        mean = group["mean"].mean()
+        rates = group[["mean_projected", "infeasible", "out_of_range"]].mean()
+        rows.append({"model": model, "n": n, "mean": mean, "low": mean - half, "high": mean + half, **rates})
+    return pd.DataFrame(rows)
+
+
+def convergence(curves: pd.DataFrame, within: float, rng: np.random.Generator) -> pd.DataFrame:
+    """Impacts needed until the mean over splits stays within a share of that at the largest n, or of its fall.
+
+    Returns:
+        model, n_converged and n_learned (module's table), each with the ends _low and _high of its 95 % interval by
+        the bootstrap over splits.
+    """
+    rows = []
+    for model, group in curves.groupby("model", sort=False):
+        wide = group.pivot(index="split", columns="n", values="mean").dropna(axis=1)
+        sizes, values = wide.columns.to_numpy(), wide.to_numpy()
+        drawn = values[rng.integers(len(values), size=(BOOTSTRAP, len(values)))].mean(axis=1)
+        row = {"model": model}
+        for name, by_fall in (("n_converged", False), ("n_learned", True)):
+            at = [_settled(sizes, one, within, by_fall) for one in (values.mean(axis=0), *drawn)]
+            low, high = np.quantile(at[1:], [0.025, 0.975], method="nearest")
+            row |= {name: int(at[0]), f"{name}_low": int(low), f"{name}_high": int(high)}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+# numerator and denominator of what the thesis claims, as ratios of mean errors
+CLAIMS = {
+    "rigid_over_irb": ("rigid_x1", "irb_bound"),
+    "residual_rigid_over_irb": ("residual_rigid", "irb_bound"),
+    "wrench_over_irb": ("wrench_x1", "irb_bound"),
+    "residual_wrench_over_irb": ("residual_wrench", "irb_bound"),
+    "wrench_omega_over_wrench": ("wrench_x1_omega", "wrench_x1"),
+    "best_post_hoc_over_rigid": ("best_post_hoc", "rigid_x1"),
+    "best_post_hoc_over_wrench": ("best_post_hoc", "wrench_x1"),
+    "x2_over_x1": ("rigid_x2", "rigid_x1"),
+    "x2_polar_over_x1": ("rigid_x2_polar", "rigid_x1"),
+    "parameters_over_residual": ("law_parameters", "residual_rigid"),
+    "feasible_over_rigid": ("feasible_rigid", "rigid_x1"),
+    "feasible_over_wrench_omega": ("feasible_wrench", "wrench_x1_omega"),
+}
+
+
+def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.DataFrame:
+    """Ratios of mean errors at the size of figure 4-5, paired by split: statement, value, standard error, n."""
+    n = min(curves["n"].unique(), key=lambda size: abs(size - density_size))
+    wide = curves[curves["n"] == n].pivot(index="split", columns="model", values="mean")
+    pairs = CLAIMS | {
+        "law_over_rigid": (base_law, "rigid_x1"),
+        "law_over_wrench": (base_law, "wrench_x1"),
+        "law_over_wrench_omega": (base_law, "wrench_x1_omega"),
+    }
+    rows = []
+    for statement, (above, below) in pairs.items():
+        ratio = wide[above] / wide[below]
+        rows.append(
+            {
+                "statement": statement,
+                "n": n,
+                "value": ratio.mean(),
+                "std": ratio.std(ddof=1) / np.sqrt(len(ratio)),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) -> int:
+    near = np.abs(mean - mean[-1]) <= within * (abs(mean[0] - mean[-1]) if by_fall else mean[-1])
+    last_off = np.flatnonzero(~near)
+    return sizes[0] if not len(last_off) else sizes[last_off[-1] + 1]
+
+
+def _split(impacts: Impacts, share: float, rng: np.random.Generator) -> tuple[Impacts, Impacts]:
+    """Training impacts in the random order of their trials, and held-out impacts."""
+    held = split_trials(impacts.trial, share, rng)
+    return _in_random_order(impacts.select(~held), rng), impacts.select(held)
+
+
+def _in_random_order(impacts: Impacts, rng: np.random.Generator) -> Impacts:
+    trials, unit = np.unique(impacts.trial, return_inverse=True)
+    return impacts.select(np.argsort(rng.permutation(len(trials))[unit], kind="stable"))
+
+
+def _sizes(sizes: Sequence[int], available: int) -> list[int]:
+    found = [n for n in sorted(set(sizes)) if n <= available]
+    if not found:
+        raise ValueError(f"the smallest size is {min(sizes)}, but there are {available} training impacts")
+    return found
+
+
+def _trained(
+    models: Mapping[str, Learner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
+) -> Iterator[tuple[int, dict[str, Prediction]]]:
+    """Predictions of all models for each size; a model starts its search from its smaller self."""
+    previous = dict.fromkeys(models)
+    for n in sizes:
+        subset, found = train.select(np.arange(n)), {}
+        for name, learner in models.items():
+            # streams by name, so that a further model changes no other
+            trained = learner.fit(subset, generator(seed, name, str(split), str(n)), previous[name])
+            previous[name], found[name] = trained, trained.predict(test, covariance=False)
+        yield n, found
+
+
+def _row(name: str, n: int, split: int, p: Prediction, held_out: Impacts) -> dict:
+    error = velocity_error(held_out.v_post - p.v_post, held_out.k_g)
+    kept = velocity_error(held_out.v_post - p.v_projected, held_out.k_g)
+    return _error_row(name, n, split, error) | {
+        "mean_projected": float(np.nanmean(kept)),
+        "mean_rejected": float(np.nanmean(np.where(p.feasible, error, np.nan))),
+        "infeasible": float(np.mean(~p.feasible)),
+        "out_of_range": float(np.mean(~p.in_range)),
+    }
+
+
+def _error_row(name: str, n: int, split: int, error: np.ndarray) -> dict:
+    return {
+        "model": name,
+        "n": n,
+        "split": split,
+        "mean": float(np.nanmean(error)),
+        "median": float(np.nanmedian(error)),
+        "n_held_out": len(error),
+        "n_failed": int(np.isnan(error).sum()),
+    }
+
+
+def _bounds(table: Mapping[str, np.ndarray], laws: Sequence[str], held_out: Impacts) -> dict[str, np.ndarray]:
+    body = {"mass": held_out.mass, "k_g": held_out.k_g}
+    return {
+        "best_post_hoc": best_post_hoc(np.stack([table[law] for law in laws], axis=1))[1],
+        "irb_bound": irb_bound(held_out.v_pre, held_out.v_post, held_out.r, **body).error,
+    }
+
+
+def _errors(name: str, error: np.ndarray, p: Prediction | None, held_out: Impacts) -> pd.DataFrame:
+    table = pd.DataFrame({"model": name, "trial": held_out.trial, "impact": held_out.impact, "error": error})
+    table["feasible"] = 1 if p is None else p.feasible.astype(int)
+    table["in_range"] = 1 if p is None else p.in_range.astype(int)
+    return table
+
+
+def _interval(error: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+    """Mean error and its 95 % interval by the bootstrap over trials; failed solves (NaN) are left out and counted."""
+    known = np.isfinite(error)
+    trials, unit = np.unique(trial[known], return_inverse=True)
+    total, count = np.bincount(unit, error[known]), np.bincount(unit).astype(float)
+    weights = rng.multinomial(len(trials), np.full(len(trials), 1.0 / len(trials)), size=BOOTSTRAP)
+    low, high = np.quantile((weights @ total) / (weights @ count), [0.025, 0.975])
+    return {
+        "mean": float(error[known].mean()),
+        "low": float(low),
+        "high": float(high),
+        "n_failed": int((~known).sum()),
+    }

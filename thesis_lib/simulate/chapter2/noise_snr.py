@@ -1,0 +1,51 @@
+"""Measurement noise of a given signal-to-noise ratio on simulated states (thesis 2.4, table 2.1).
+
+    σ_i² = var(channel i) / 10^(SNR/10)
+
+Each coordinate of q and v of each record is a channel of its own; var is the variance of its values over the record.
+A channel that does not move gets no noise.
+
+| on paper | in code  | unit         | shape   | meaning                                     |
+|----------|----------|--------------|---------|---------------------------------------------|
+| SNR      | `snr_db` | dB           |         | ratio of variances, 20 dB is a factor 100   |
+| σ        | `sigma`  | as the state | (2, nv) | standard deviations of the noise of q and v |
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.stepping.stepping import Record
+
+
+@dataclass(frozen=True)
+class NoisyStates:
+    """What a sensor reports of a record.
+
+    Attributes:
+        q, v: (m+1, nv) noisy states.
+        sigma: (2, nv) standard deviations of the noise on q and on v: the truth, which an estimator need not be told.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    sigma: np.ndarray
+
+
+def add_noise(record: Record, snr_db: float, rng: np.random.Generator) -> NoisyStates:
+    """Gaussian noise on q and v of a record, independent in every sample and channel.
+
+    Raises:
+        UserError: the ratio is NaN or minus infinity, or the record holds a step that was not solved.
+    """
+    if np.isnan(snr_db) or snr_db == -np.inf:
+        raise UserError(f"A signal-to-noise ratio is a number of dB, or infinite for no noise; got {snr_db}.")
+    if not (np.isfinite(record.q).all() and np.isfinite(record.v).all()):
+        raise UserError(
+            "Noise was asked for on a record with a step that was not solved; look at its status, and leave it out or "
+            "cut it with `Record.window`."
+        )
+    sigma = np.stack([record.q.std(axis=0), record.v.std(axis=0)]) * 10.0 ** (-snr_db / 20.0)
+    noise = rng.standard_normal((2, *record.q.shape)) * sigma[:, None, :]
+    return NoisyStates(record.q + noise[0], record.v + noise[1], sigma)

@@ -1,0 +1,1 @@
+"""Drops with compliant contact in continuous time."""

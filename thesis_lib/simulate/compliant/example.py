@@ -1,0 +1,156 @@
+"""An example dataset: what a rig with one hidden cause would have logged, for learning the critique and for trying it.
+
+The drops are those of `compliant`: contact forces integrated in time, so that no impact law has made them.  The folder
+holds what a rig's owner has and nothing else: dataset.yaml as believed, trajectories.csv with noise, and
+`NEW_IMPACTS`, the first impacts of further drops.  What was hidden is not written down.
+
+| on paper | in code                      | unit               | shape | meaning                                       |
+|----------|------------------------------|--------------------|-------|-----------------------------------------------|
+| q, v     | x, y, theta; vx, vy, omega   | m, rad; m/s, rad/s | (n,)  | state just before a new impact, without noise |
+| v⁺       | vx_seen, vy_seen, omega_seen | m/s, rad/s         | (n,)  | velocity just after it, without noise         |
+
+Sources: see `mechanisms`.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pydantic import ValidationError
+
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
+from thesis_lib.datasets.format.write import write_csv, write_dataset
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.simulate.compliant.drops import CompliantDrops, simulate_compliant_drops
+from thesis_lib.simulate.rig.camera import reported
+from thesis_lib.simulate.rig.hidden_causes import (
+    CAUSES,
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    Mechanisms,
+)
+
+NOTHING = "nothing"
+NEW_IMPACTS = "new_impacts.csv"
+NEW_DROPS = 40
+DESCRIPTION = "example: simulated drops of a rig that may not be what dataset.yaml says"
+FLOAT_FORMAT = "%.6f"  # of the poses: a micrometre and a microradian, far below the noise
+
+
+@dataclass(frozen=True)
+class Example:
+    """What a rig with a hidden cause logs.
+
+    Attributes:
+        dataset: the drops, with the header as believed.
+        new_impacts: x,y,theta,vx,vy,omega (m, rad, m/s, rad/s) just before the first impacts of `NEW_DROPS` further
+            drops, and vx_seen,vy_seen,omega_seen just after, as the camera sees them but without noise, so that they
+            differ from a prediction by the error of the model; no row of `dataset`.
+    """
+
+    dataset: Dataset
+    new_impacts: pd.DataFrame
+
+
+def simulate_example(
+    name: str, hidden: str, *, size: float | None = None, drops: int = 150, seed: int = 0
+) -> Example:
+    """Simulate an example.
+
+    Args:
+        name: of the dataset.
+        hidden: a cause of `CAUSES`, or "nothing".
+        size: of the cause, in its unit; that of `CAUSES` if None.
+        drops: number of releases.
+        seed: equal seeds give equal data.
+
+    Raises:
+        UserError: the cause is unknown, its size is out of range, or there are no drops.
+    """
+    mechanisms = _mechanisms(hidden, size)
+    if drops < 1:
+        raise UserError(f"An example needs at least one drop; got {drops}.")
+    if seed < 0:
+        raise UserError(f"The seed must be 0 or more; got {seed}.")
+    body = SQUARE if hidden in CAUSES and CAUSES[hidden].polygon_only else ELLIPSE_BODY
+
+    def released(n: int, part: str) -> CompliantDrops:
+        rng = generator(seed, "example", part)
+        return simulate_compliant_drops(
+            body, PROOF_RELEASE, n, mechanisms=mechanisms, noise=RIG_NOISE, rng=rng
+        )
+
+    made = released(drops, "drops")
+    header = made.header.model_copy(update={"description": DESCRIPTION})
+    truth = released(NEW_DROPS, "new").impacts
+    first = truth[(truth["impact"] == 0) & truth["separated"]].reset_index(drop=True)
+    return Example(Dataset(name, header, made.trajectories), _new_impacts(first, mechanisms))
+
+
+def _new_impacts(truth: pd.DataFrame, m: Mechanisms) -> pd.DataFrame:
+    """States before and after impact as the camera sees them, from the true ones of the body's origin."""
+    q, t = truth[list(POSE)].to_numpy(), truth["t"].to_numpy()
+    (pose, before), (_, after) = (
+        _camera(q, truth[list(names)].to_numpy(), t, m) for names in (V_PRE, V_POST)
+    )
+    columns = dict(zip(POSE, pose.T))
+    columns |= dict(zip(("vx", "vy", "omega"), before.T))
+    columns |= dict(zip(("vx_seen", "vy_seen", "omega_seen"), after.T))
+    return pd.DataFrame(columns)
+
+
+def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: Mechanisms) -> tuple[np.ndarray, np.ndarray]:
+    """What the camera makes of pose and velocity (n, 3) at times `t` (n,)."""
+    step = np.array([0.0, 1e-3])  # s; along a straight path any step gives the same velocity
+    poses = q[:, None] + step[:, None] * v[:, None]
+    late = poses[..., 2] - m.time_lag * v[:, 2:]
+    seen = reported(poses, late, t[:, None] + step, m)
+    return seen[:, 0], (seen[:, 1] - seen[:, 0]) / step[1]
+
+
+def write_example(example: Example, folder: str | Path) -> Path:
+    """Write dataset.yaml, trajectories.csv and `NEW_IMPACTS` into `folder` and return it.
+
+    Raises:
+        UserError: `folder` holds a table that would be read as part of the dataset.
+    """
+    folder = write_dataset(example.dataset, folder, float_format=FLOAT_FORMAT)
+    write_csv(example.new_impacts, folder / NEW_IMPACTS, FLOAT_FORMAT)
+    return folder
+
+
+def causes_text() -> str:
+    """What can be hidden, with the default size and its meaning, a line each."""
+    width = max(map(len, CAUSES))
+    lines = []
+    for name, cause in CAUSES.items():
+        meaning = Mechanisms.model_fields[name].description
+        size = "on" if name == "mirrored" else f"{cause.size:g}"
+        lines.append(f"  {name:<{width}}  {size:<8} {meaning}{'' if cause.effects else ' (no effect fits)'}")
+    return "\n".join([*lines, f"  {NOTHING:<{width}}  {'':<8} a rig that is what its dataset.yaml says"])
+
+
+def _mechanisms(hidden: str, size: float | None) -> Mechanisms:
+    if hidden == NOTHING:
+        if size is not None:
+            raise UserError("--size has no meaning with --hidden nothing; leave it out.")
+        return Mechanisms()
+    if hidden not in CAUSES:
+        raise UserError(f"There is no hidden cause {hidden!r}; known are {', '.join(CAUSES)} and {NOTHING}.")
+    if hidden == "mirrored":
+        if size not in (None, 1.0):
+            raise UserError("A mirrored camera is on or off; leave --size out.")
+        return Mechanisms(mirrored=True)
+    value = CAUSES[hidden].size if size is None else size
+    try:
+        return Mechanisms.model_validate({hidden: value})
+    except ValidationError as error:
+        raise UserError(
+            f"A size of {value:g} is not possible for {hidden} "
+            f"({Mechanisms.model_fields[hidden].description}): {error.errors()[0]['msg']}."
+        ) from error

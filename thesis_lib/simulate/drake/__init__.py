@@ -1,0 +1,1 @@
+"""Drops and mechanisms in Drake, with its own contact."""

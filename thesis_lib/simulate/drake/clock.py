@@ -1,0 +1,113 @@
+"""A Drake simulator whose state can be set and read, and flights in it that end where the body touches.
+
+Drake steps a flight from sample to sample and logs the state at every step, in C++.  The instant of the touch, φ_n =
+0, is found afterwards by bisection on the cubic Hermite path (exact on a parabola) of the step that ends below.
+
+| on paper | in code     | unit               | shape   | meaning                                                   |
+|----------|-------------|--------------------|---------|-----------------------------------------------------------|
+| q, v     | `q`, `v`    | m, rad; m/s, rad/s | (size,) | x, y, θ of the body and their rates, then a loose mass's  |
+| φ_n      | `gap(q, t)` | m                  | (s,)    | gap between body and surface at q (s, size) and t (s,)    |
+
+Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
+"""
+
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from scipy.interpolate import CubicHermiteSpline
+
+from thesis_lib.simulate.drake.plant import DropPlant
+
+BISECTIONS = 34  # of a step: 2e-3 s / 2^34 = 1e-13 s
+Gap = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+class Clock:
+    """A Drake simulator whose state can be set and read; positions and velocities are those of what moves."""
+
+    def __init__(self, made: DropPlant, step: float, accuracy: float) -> None:
+        with _quiet():
+            self.made, self.simulator = made, Simulator(made.diagram)
+        integrator = ResetIntegratorFromFlags(self.simulator, "runge_kutta3", step)
+        integrator.set_target_accuracy(accuracy)
+        self.root = self.simulator.get_mutable_context()
+        self.context = made.plant.GetMyMutableContextFromRoot(self.root)
+        self.size = made.plant.num_positions(made.moving)
+        self._rest = np.zeros(made.plant.num_multibody_states())
+
+    def start(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
+        """Set time and state; everything else of the plant is at rest."""
+        plant, moving = self.made.plant, self.made.moving
+        self.root.SetTime(t)
+        plant.SetPositionsAndVelocities(self.context, self._rest)
+        plant.SetPositions(self.context, moving, q)
+        plant.SetVelocities(self.context, moving, v)
+        if self.made.log is not None:
+            self.made.log.FindMutableLog(self.root).Clear()
+        self.simulator.Initialize()
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (size,)."""
+        plant, moving = self.made.plant, self.made.moving
+        return plant.GetPositions(self.context, moving), plant.GetVelocities(self.context, moving)
+
+    def path(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times (s,), positions and velocities (s, size) of all steps since the start; in flight only."""
+        log = self.made.log.FindLog(self.root)  # pyright: ignore[reportOptionalMemberAccess]
+        state = log.data().T
+        return log.sample_times().copy(), state[:, : self.size].copy(), state[:, self.size :].copy()
+
+    def momentum_and_energy(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
+        """Momentum (2,) in N s and kinetic energy in J of what moves; changes the state."""
+        plant, moving = self.made.plant, self.made.moving
+        plant.SetPositions(self.context, moving, q)
+        plant.SetVelocities(self.context, moving, v)
+        total = plant.CalcSpatialMomentumInWorldAboutPoint(self.context, [moving], np.zeros(3))
+        return total.translational()[:2], plant.CalcKineticEnergy(self.context)
+
+
+def fly(
+    clock: Clock, gap: Gap, t: float, q: np.ndarray, v: np.ndarray, samples: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+    """A flight from (t, q, v) to the last of the times `samples`, or to where the body touches.
+
+    Returns:
+        Times (s,), positions and velocities (s, size) of its steps; whether it ends at a touch, just above the surface.
+    """
+    clock.start(t, q, v)
+    for end in samples:
+        clock.simulator.AdvanceTo(end)
+        if gap(clock.state()[0][None], np.array([end]))[0] < 0.0:
+            break
+    times, q_path, v_path = clock.path()
+    below = np.flatnonzero(gap(q_path, times) < 0.0)
+    below = below[below > 0]  # a flight may begin where a contact ended, on the surface but for rounding
+    if not len(below):
+        return times, q_path, v_path, False
+    i = below[0]
+    spline = CubicHermiteSpline(*(part[i - 1 : i + 1] for part in (times, q_path, v_path)))
+    low, high = times[i - 1], times[i]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        under = gap(spline(middle)[None], np.array([middle]))[0] < 0.0
+        low, high = (low, middle) if under else (middle, high)
+    touch = np.append(times[:i], low), np.vstack([q_path[:i], spline(low)])
+    return *touch, np.vstack([v_path[:i], spline(low, 1)]), True
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without Drake's warning that half-spaces cannot touch deformable bodies, of which there are none."""
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)

@@ -1,0 +1,260 @@
+"""Drops of a planar body in Drake, with compliant contact in continuous time: a second truth that no impact law made.
+
+Drake's MultibodyPlant has the body, the plate and what is hidden (`drake_plant`), and its error-controlled Runge-Kutta
+integrator goes through flights, in steps of at most `FLIGHT_STEP`, and through contacts, in some hundreds of steps of
+some ten nanoseconds.  Nothing in Python is called within them: Drake logs its steps, and poses at the samples are read
+from the log (cubic Hermite, exact on a parabola).  A contact lasts from the touch until body and plate, both taken
+undeformed, no longer overlap.  Its impulse is the change of momentum less gravity's.
+
+A recording ends where the body comes to rest, by the rules of `compliant`.  Later samples do not exist.
+
+| on paper | in code      | unit               | shape   | meaning                                                 |
+|----------|--------------|--------------------|---------|---------------------------------------------------------|
+| q, v     | `q`, `v`     | m, rad; m/s, rad/s | (size,) | x, y, θ of the true centre of mass, then a loose mass's |
+| c_t, c_n | `c_t`, `c_n` | N s                |         | time integral of the contact forces over one contact    |
+
+Randomness: as in `compliant`; the same generator gives the same releases, noise and phases there and here.
+
+Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.body import Body, Noise
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.drops import (
+    LONGEST,
+    MAX_CONTACTS,
+    SLOW_TOUCHES,
+    TRUTH,
+    V_SLOW,
+    CompliantDrops,
+    check_request,
+)
+from thesis_lib.simulate.compliant.forces import Mechanics
+from thesis_lib.simulate.rig.camera import as_trajectories, reported, with_noise, wobble
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.release import Release
+
+if TYPE_CHECKING:
+    from thesis_lib.simulate.drake.clock import Clock
+
+FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm unseen within it
+# relative, of Drake's error control; a tenth of it moves velocities after impact by 0.01 mm/s
+ACCURACY = 1e-4
+LOOKS = 4  # in a contact time, at which Python looks whether the contact has ended
+WEAR_NODES = 5  # pads between which those of worn plates are interpolated
+
+# causes of which Drake has no element of its own; what they would add is a formula, which `compliant` has already
+WITHOUT_ELEMENT = (
+    *("stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy", "orientation_restitution"),
+    *("friction_slope", "restitution_slope"),
+)
+SUPPORTED: tuple[str, ...] = tuple(name for name in CAUSES if name not in WITHOUT_ELEMENT)
+
+
+def simulate_drake_drops(
+    body: Body,
+    release: Release,
+    n: int,
+    *,
+    contact: CompliantContact | None = None,
+    mechanisms: Mechanisms | None = None,
+    gravity: float = 9.81,
+    duration: float = 0.5,
+    rate: float = 250.0,
+    noise: Noise | None = None,
+    accuracy: float = ACCURACY,
+    rng: np.random.Generator,
+) -> CompliantDrops:
+    """Release n bodies over a plate in Drake and record their poses.
+
+    Args:
+        body: shape, mass, radius of gyration, as believed.
+        release: distribution of the release states of the body's origin.
+        n: number of drops.
+        contact: the contact without anything hidden; its `exponent` is 1, and `steps` is not used.
+        mechanisms: what is hidden; nothing if None.
+        gravity: believed, m/s².
+        duration: s; samples at 0, 1/rate, ... up to it.
+        rate: sampling rate, Hz.
+        noise: one-sigma noise of position (x, y each) and angle; what is None or absent is recorded without noise.
+        accuracy: relative, of Drake's error control.
+        rng: spawns the streams for releases, noise and phases.
+
+    Raises:
+        UserError: a mechanism that Drake's elements cannot make, the body has no mass, an argument is out of range,
+            or a release touches the plate.
+    """
+    contact, m = contact or CompliantContact(), mechanisms or Mechanisms()
+    _refuse(contact, m)
+    check_request(body, release, m, {"n": n, "gravity": gravity, "duration": duration, "rate": rate})
+    release_rng, noise_rng, phase_rng = rng.spawn(3)
+    pose, velocity = release.draw(n, release_rng)
+    mechanics = Mechanics(body, contact, m, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
+    drops = _Drops(body, contact, mechanics, gravity, accuracy)
+    samples = np.arange(int(duration * rate + 1e-9) + 1) / rate
+    lagged = samples - m.time_lag
+    poses, late = np.full((n, len(samples), 3), np.nan), np.full((n, len(samples)), np.nan)
+    for i in range(n):
+        drops.run(i, pose[i], velocity[i], samples)
+        poses[i] = drops.poses_at(samples)
+        late[i] = drops.poses_at(np.maximum(lagged, 0.0))[:, 2] + np.minimum(lagged, 0.0) * velocity[i, 2]
+    impacts = drops.impacts()
+    if m.wobble:
+        shown = wobble(impacts, samples, n, m, body.radius_of_gyration)
+        poses, late = poses + shown, late + shown[..., 2]
+    poses = reported(poses, late, samples, m)
+    poses = with_noise(poses, noise, noise_rng)
+    header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
+    states = dict(zip((*POSE, "vx", "vy", "omega"), [*pose.T, *velocity.T]))
+    count = np.bincount(impacts["trial"], minlength=n)
+    trials = pd.DataFrame({"trial": np.arange(n)} | states | {"contacts": count, "t_end": drops.ends})
+    return CompliantDrops(header, as_trajectories(poses, samples), impacts, trials)
+
+
+def _refuse(contact: CompliantContact, m: Mechanisms) -> None:
+    asked = [name for name in WITHOUT_ELEMENT if getattr(m, name)]
+    if asked:
+        raise UserError(
+            f"Drops in Drake cannot have {', '.join(asked)}: Drake has no such contact. "
+            f"Take simulate_compliant_drops for it; Drake makes {', '.join(SUPPORTED)}."
+        )
+    if contact.exponent != 1.0:
+        raise UserError(f"Drake's contact is linear: exponent must be 1, got {contact.exponent}.")
+    if m.plate_velocity and m.plate_amplitude:
+        raise UserError("Drops in Drake have one carriage: give plate_velocity or plate_amplitude, not both.")
+
+
+class _Drops:
+    """Drake's simulators, the path of the last drop and the record of all contacts.
+
+    Positions and velocities are those of body and loose mass, body first.
+    """
+
+    def __init__(
+        self, body: Body, contact: CompliantContact, mechanics: Mechanics, gravity: float, accuracy: float
+    ) -> None:
+        from thesis_lib.simulate.drake.clock import Clock
+        from thesis_lib.simulate.drake.plant import drop_plant, pad_of
+
+        self.body, self.contact, self.mechanics = body, contact, mechanics
+        self.gravity, self.accuracy = gravity, accuracy
+        every = mechanics.epsilon
+        self._nodes = np.linspace(every.min(), every.max(), WEAR_NODES) if np.ptp(every) else every[:1]
+        self._pads = [pad_of(body, contact, mechanics.hidden, float(epsilon)) for epsilon in self._nodes]
+        self._flight = Clock(drop_plant(body, contact, mechanics.hidden, gravity), FLIGHT_STEP, accuracy)
+        self._plate: tuple[float, Clock] | None = None
+        self.ends = np.zeros(len(every))
+        self._rows: list[dict[str, float]] = []
+
+    def run(self, trial: int, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> None:
+        """Simulate one drop from the pose and velocity (3,) of its origin to the last sample, or to rest."""
+        from thesis_lib.simulate.drake.clock import fly
+
+        com, flight = self.mechanics.origin(pose[2:])[0], self._flight
+        q, v = np.zeros((2, flight.size))  # a loose mass starts at rest in the body
+        q[:3] = np.r_[pose[:2] + com, pose[2]]
+        v[:3] = np.r_[velocity[:2] + velocity[2] * np.array([-com[1], com[0]]), velocity[2]]
+        t, slow, path = 0.0, 0, []
+
+        def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
+            return self.mechanics.gap(q, t, np.full(len(t), trial))
+
+        for count in range(1, MAX_CONTACTS + 1):
+            times, q_path, v_path, landed = fly(flight, gap, t, q, v, samples[samples > t + 1e-12])
+            path.append((times, q_path[:, :3], v_path[:, :3]))
+            t, q, v = times[-1], q_path[-1], v_path[-1]
+            if not landed:
+                break
+            start = t, q, v
+            t, q, v, separated = self._touch_down(trial, t, q, v)
+            speed = self._record(trial, count - 1, start, (t, q, v), separated)
+            slow = slow + 1 if speed < V_SLOW else 0
+            path.append((np.array([t]), q[None, :3], v[None, :3]))
+            if not separated or slow == SLOW_TOUCHES:
+                break
+        self._times, self._q, self._v = (np.concatenate(part) for part in zip(*path))
+        # a flight begins with the state in which the contact ended
+        self._times, first = np.unique(self._times, return_index=True)
+        self._q, self._v = self._q[first], self._v[first]
+        self.ends[trial] = self._times[-1]
+
+    def _touch_down(
+        self, trial: int, t: float, q: np.ndarray, v: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray, bool]:
+        """Time, positions and velocities where a contact ends, and whether the body has left the plate."""
+        clock, mech, T = self._over_plate(trial), self.mechanics, self.contact.contact_time
+        clock.start(t, q, v)
+        if clock.made.carriage is not None:
+            m, context = mech.hidden, clock.context
+            height, rise = mech.plate(np.array([t]), np.array([trial]))
+            raised = 0.0 if m.plate_velocity else height[0, 0] - m.surface_height
+            clock.made.carriage.set_translation(context, raised)
+            clock.made.carriage.set_translation_rate(context, m.plate_velocity or rise[0, 0])
+        for part in range(1, int(LONGEST * LOOKS) + 1):
+            end = t + part * T / LOOKS
+            clock.simulator.AdvanceTo(end)
+            q, v = clock.state()
+            if mech.gap(q[None], np.array([end]), np.array([trial]))[0] > 0.0:
+                return end, q, v, True
+        return end, q, v, False
+
+    def _over_plate(self, trial: int) -> "Clock":
+        """Simulator over a plate of the drop's restitution; kept while that stays the same."""
+        from thesis_lib.simulate.drake.clock import Clock
+        from thesis_lib.simulate.drake.plant import drop_plant
+        from thesis_lib.simulate.drake.viscoelastic_pad import Pad
+
+        epsilon = float(self.mechanics.epsilon[trial])
+        if self._plate is None or self._plate[0] != epsilon:
+            table = np.array([np.r_[p.k_contact, np.ravel(p.layers), p.mass] for p in self._pads])
+            k, *layers, mass = (float(np.interp(epsilon, self._nodes, column)) for column in table.T)
+            pad = Pad(k, tuple(zip(layers[::2], layers[1::2])), mass)
+            made = drop_plant(self.body, self.contact, self.mechanics.hidden, self.gravity, pad)
+            self._plate = epsilon, Clock(made, self.contact.contact_time, self.accuracy)
+        return self._plate[1]
+
+    def poses_at(self, times: np.ndarray) -> np.ndarray:
+        """Poses (len(times), 3) of the body's origin in the last drop; NaN after the end of its recording."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        q = CubicHermiteSpline(self._times, self._q, self._v)(times)
+        out = np.column_stack([q[:, :2] - self.mechanics.origin(q[:, 2]), q[:, 2]])
+        out[times > self._times[-1] + 1e-9] = np.nan
+        return out
+
+    def _record(self, trial: int, impact: int, before: tuple, after: tuple, separated: bool) -> float:
+        """Keep the truth of a contact from and to (t, q, v); returns the speed of approach in m/s."""
+        mech = self.mechanics
+        (t0, q0, v0), (t1, q1, v1) = before, after
+        p0, e0 = self._flight.momentum_and_energy(q0, v0)
+        p1, e1 = self._flight.momentum_and_energy(q1, v1)
+        r_x, r_y = (r[0] for r in mech.points(q0[2:3]))
+        lowest, com = r_y.argmin(), mech.origin(q0[2:3])[0]
+
+        def body(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            c = mech.origin(q[2:3])[0]
+            return np.r_[q[:2] - c, q[2]], np.r_[v[:2] - v[2] * np.array([-c[1], c[0]]), v[2]]
+
+        pose, pre = body(q0, v0)
+        c = p1 - p0 - mech.mass * mech.gravity * (t1 - t0)
+        self._rows.append(
+            {"trial": trial, "impact": impact, "t": t0, "duration": t1 - t0, "separated": separated}
+            | dict(zip((*POSE, *V_PRE, *V_POST), np.r_[pose, pre, body(q1, v1)[1]]))
+            | {"r_x": r_x[lowest] + com[0], "r_y": r_y[lowest] + com[1]}
+            | {"c_t": c[0], "c_n": c[1], "energy_change": e1 - e0}
+        )
+        rise = mech.plate(np.array([t0]), np.array([trial]))[1][0, 0]
+        return rise - v0[1] - r_x[lowest] * v0[2]
+
+    def impacts(self) -> pd.DataFrame:
+        """The recorded contacts, sorted by trial and time and counted from 0 in each trial."""
+        if not self._rows:
+            return pd.DataFrame(columns=TRUTH, dtype=float).astype({"trial": int, "separated": bool})
+        return pd.DataFrame(self._rows)[list(TRUTH)]

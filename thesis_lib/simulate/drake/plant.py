@@ -1,0 +1,266 @@
+"""A planar body over a plate as a Drake diagram with compliant point contact, integrated in continuous time.
+
+    world ── carriage (a moving or vibrating plate only) ── pad ── skid (tangential compliance only) ── half-space
+    world ── PlanarJoint ── body (sphere at each corner, or ellipsoid) ── loose mass on two springs
+
+The plane is Drake's world x-y plane with gravity set along −y (see `plant`).  Contact is Drake's own: a spring between
+half-space and body with Hunt-Crossley dissipation d, and Coulomb friction of one coefficient, regularised below a slip
+of `STICTION`.  Restitution comes from the pad (`viscoelastic_pad`).  The body flies in a diagram of its own: the pad
+has come to rest long before the next contact, and its dampers would force steps of 0.1 µs on the whole flight.  Every
+cause is one of the rig or the body:
+
+| cause                               | in the plant                                                             |
+|-------------------------------------|--------------------------------------------------------------------------|
+| tilt, gravity_error                 | gravity vector, on the body; what carries the plate is weightless        |
+| com_offset, inertia_error           | where the shape sits on the frame of the centre of mass; inertia         |
+| size_error, corner_radius           | geometry of the body                                                     |
+| surface_height                      | where the pad hangs                                                      |
+| plate_velocity, plate_amplitude     | a carriage of `HEAVY` body masses that coasts, or swings on a spring     |
+| tangential_compliance               | a spring and a damper along the plate, on the pad                        |
+| hunt_crossley                       | d of Drake's contact, over the share of the squeeze that its spring takes |
+| linear_drag, spin_damping           | damping of the PlanarJoint                                               |
+| quadratic_drag, magnus              | generalised force that a symbolic system computes from the velocity      |
+| loose_mass                          | a point mass on two sliding joints with springs and dampers in the body  |
+
+Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, "compliant contact");
+Hunt and Crossley 1975, doi 10.1115/1.3423596.
+"""
+
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+# mass is known: bodies without one are refused before
+# pyright: reportOptionalOperand=false, reportOperatorIssue=false
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import AddContactMaterial, Ellipsoid, HalfSpace, ProximityProperties, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import (
+    ModelInstanceIndex,
+    PlanarJoint,
+    PrismaticJoint,
+    PrismaticSpring,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.symbolic import Expression, sqrt
+from pydrake.symbolic import Variable as SymbolicVariable
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, TriggerType
+from pydrake.systems.primitives import LogVectorOutput, SymbolicVectorSystem, VectorLogSink
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.bodies.shapes import Disk, Ellipse
+from thesis_lib.simulate.compliant.forces import rounded_centres
+from thesis_lib.simulate.drake.viscoelastic_pad import Pad, design
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, Mechanisms
+
+# m/s; slip below which friction is not full: a tenth of what the rig resolves of one velocity
+STICTION = 2e-3
+SHARP = 1e-6  # m; radius of the sphere that stands for a sharp corner
+HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
+SKID_SHARE = 0.03  # of the body's mass; lighter ones need more time steps and change little
+_X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class DropPlant:
+    """One diagram for drops, in flight or in contact.
+
+    Attributes:
+        diagram: with the plant, over a plate also its geometry.
+        plant: finalized.
+        joint: of the body, whose frame is at the true centre of mass.
+        moving: model instance of body and loose mass; the body's x, y, θ come first in its positions.
+        carriage: joint of a moving or vibrating plate, or None.
+        log: of the plant's state at every step; None over a plate.
+    """
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    joint: PlanarJoint
+    moving: ModelInstanceIndex
+    carriage: PrismaticJoint | None
+    log: VectorLogSink | None
+
+
+def pad_of(body: Body, contact: CompliantContact, m: Mechanisms, epsilon: float) -> Pad:
+    """Pad of restitution `epsilon` under the true body.
+
+    Raises:
+        UserError: no pad gives so little back.
+    """
+    r_x = body.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 721))[:, 0]
+    k2 = body.radius_of_gyration**2 * (1.0 + m.inertia_error)
+    lever = ((1.0 + m.size_error) * np.abs(r_x).max()) ** 2 / k2
+    return design(epsilon, contact.contact_time, body.mass, 1.0 / (1.0 + lever))
+
+
+def drop_plant(
+    body: Body,
+    contact: CompliantContact,
+    m: Mechanisms,
+    gravity: float,
+    pad: Pad | None = None,
+    air: LeafSystem | None = None,
+) -> DropPlant:
+    """Diagram of one body in flight, or over the plate.
+
+    Args:
+        body: as believed; the mechanisms `m` say how the true one differs.
+        contact: its friction.
+        gravity: believed, m/s².
+        pad: what gives the restitution; None: no plate, and the log of the flight instead.
+        air: system from the plant's state to a generalised force on it; None: what the mechanisms say.
+    """
+    builder = DiagramBuilder()
+    if pad is None:
+        plant = builder.AddSystem(MultibodyPlant(time_step=0.0))
+    else:
+        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+        plant.set_contact_model(ContactModel.kPoint)
+    moving, plate = plant.AddModelInstance("moving"), plant.AddModelInstance("plate")
+
+    # only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality
+    shell = body.mass * (1.0 - m.loose_mass)
+    inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
+    solid = SpatialInertia(shell, np.zeros(3), UnitInertia(*[inertia / shell] * 3))
+    frame = plant.AddRigidBody("body", moving, solid)
+    drag = np.array([m.linear_drag * shell, m.linear_drag * shell, m.spin_damping * inertia])
+    joint = plant.AddJoint(PlanarJoint("plane", plant.world_frame(), frame.body_frame(), damping=drag))
+    if m.loose_mass:
+        _add_loose_mass(plant, moving, frame, body.mass, m)
+    carriage = None
+    if pad is not None:
+        properties = _properties(pad, contact, m)
+        _add_shape(plant, frame, body, m, properties)
+        carriage, carrier = _add_carriage(plant, plate, body.mass, m)
+        _add_pad(plant, plate, carrier, body, pad, m, properties)
+
+    g = gravity + m.gravity_error
+    plant.mutable_gravity_field().set_gravity_vector([g * np.sin(m.tilt), -g * np.cos(m.tilt), 0.0])
+    plant.set_gravity_enabled(plate, False)
+    plant.Finalize()
+    plant.set_stiction_tolerance(STICTION)
+    if air is None and (m.quadratic_drag or m.magnus):
+        air = _air(plant, joint, shell, m)
+    if air is not None:
+        builder.AddSystem(air)
+        builder.Connect(plant.get_state_output_port(), air.get_input_port())
+        builder.Connect(air.get_output_port(), plant.get_applied_generalized_force_input_port())
+    log = None
+    if pad is None:
+        log = LogVectorOutput(plant.get_state_output_port(), builder, {TriggerType.kPerStep})
+    return DropPlant(builder.Build(), plant, joint, moving, carriage, log)
+
+
+def _properties(pad: Pad, contact: CompliantContact, m: Mechanisms) -> ProximityProperties:
+    properties = ProximityProperties()
+    # Drake's d acts on the rate of its spring alone, which takes only a share of what body and plate approach
+    share = 1.0 / (pad.k_contact * pad.softness)
+    # given to both geometries: Drake puts their springs in series, and leaves equal d and μ as they are
+    AddContactMaterial(
+        dissipation=m.hunt_crossley / share,
+        point_stiffness=2.0 * pad.k_contact,
+        friction=CoulombFriction(contact.mu, contact.mu),
+        properties=properties,
+    )
+    return properties
+
+
+def _add_shape(
+    plant: MultibodyPlant, frame: RigidBody, body: Body, m: Mechanisms, properties: ProximityProperties
+) -> None:
+    grown, com = 1.0 + m.size_error, np.array([m.com_offset_x, m.com_offset_y])
+    shape = body.shape
+    if isinstance(shape, Ellipse | Disk):
+        a, b = shape.semi_axes if isinstance(shape, Ellipse) else (shape.radius, shape.radius)
+        solid = Sphere(grown * a) if a == b else Ellipsoid(grown * a, grown * b, grown * max(a, b))
+        centres = np.zeros((1, 2))
+    else:
+        radius = m.corner_radius or SHARP
+        solid, centres = Sphere(radius), rounded_centres(grown * np.array(shape.vertices), radius)
+    for i, centre in enumerate(centres - com):
+        pose = RigidTransform([*centre, 0.0])
+        plant.RegisterCollisionGeometry(frame, pose, solid, f"corner_{i}", properties)
+
+
+def _add_loose_mass(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, frame: RigidBody, mass: float, m: Mechanisms
+) -> None:
+    loose = mass * m.loose_mass
+    w = 2.0 * np.pi * m.loose_frequency
+    slider = plant.AddRigidBody("slider", instance, _point(1e-3 * loose))
+    inner = plant.AddRigidBody("loose", instance, _point(0.999 * loose))
+    for name, parent, child, axis in (("loose_x", frame, slider, _X), ("loose_y", slider, inner, _Y)):
+        joint = PrismaticJoint(
+            name, parent.body_frame(), child.body_frame(), axis, damping=2.0 * m.loose_damping * w * loose
+        )
+        plant.AddForceElement(PrismaticSpring(plant.AddJoint(joint), 0.0, w**2 * loose))
+
+
+def _add_carriage(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, mass: float, m: Mechanisms
+) -> tuple[PrismaticJoint | None, RigidBody]:
+    if not (m.plate_velocity or m.plate_amplitude):
+        return None, plant.world_body()
+    heavy = HEAVY * mass
+    carriage = plant.AddRigidBody("carriage", instance, _ball(heavy))
+    axis = _X if m.plate_velocity else _Y
+    joint = plant.AddJoint(PrismaticJoint("carriage", plant.world_frame(), carriage.body_frame(), axis))
+    if m.plate_amplitude:
+        plant.AddForceElement(PrismaticSpring(joint, 0.0, heavy * (2.0 * np.pi * m.plate_frequency) ** 2))
+    return joint, carriage
+
+
+def _add_pad(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    carrier: RigidBody,
+    body: Body,
+    pad: Pad,
+    m: Mechanisms,
+    properties: ProximityProperties,
+) -> None:
+    plate, skid = carrier, (SKID_SHARE * body.mass if m.tangential_compliance else 0.0)
+    for i, (k, c) in reversed(list(enumerate(pad.layers))):
+        # the skid rides on the top layer and is part of its mass
+        layer = plant.AddRigidBody(f"layer_{i}", instance, _ball(pad.mass - (0.0 if i else skid)))
+        joint = PrismaticJoint(f"layer_{i}", plate.body_frame(), layer.body_frame(), _Y, damping=c)
+        plant.AddForceElement(PrismaticSpring(plant.AddJoint(joint), 0.0, k))
+        plate = layer
+    if m.tangential_compliance:
+        top = plant.AddRigidBody("skid", instance, _ball(skid))
+        k = 1.0 / (pad.softness * m.tangential_compliance)
+        lever = (body.shape.extent / body.radius_of_gyration) ** 2
+        damping = 2.0 * m.tangential_damping * np.sqrt(k * body.mass / (1.0 + lever))
+        joint = PrismaticJoint("skid", plate.body_frame(), top.body_frame(), _X, damping=damping)
+        plant.AddForceElement(PrismaticSpring(plant.AddJoint(joint), 0.0, k))
+        plate = top
+    pose = HalfSpace.MakePose(_Y, np.array([0.0, m.surface_height, 0.0]))
+    plant.RegisterCollisionGeometry(plate, pose, HalfSpace(), "surface", properties)
+
+
+def _ball(mass: float) -> SpatialInertia:
+    return SpatialInertia(mass, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))  # none of these bodies turns
+
+
+def _air(plant: MultibodyPlant, joint: PlanarJoint, mass: float, m: Mechanisms) -> LeafSystem:
+    """Quadratic drag and Magnus force, from the plant's state."""
+    state = [SymbolicVariable(f"s{i}") for i in range(plant.num_multibody_states())]
+    start = joint.velocity_start()
+    first = plant.num_positions() + start
+    vx, vy, omega = state[first : first + 3]
+    resistance = m.quadratic_drag * sqrt(vx * vx + vy * vy)
+    force = np.array([Expression(0.0)] * plant.num_velocities())
+    force[start] = mass * (-resistance * vx - m.magnus * omega * vy)
+    force[start + 1] = mass * (-resistance * vy + m.magnus * omega * vx)
+    # Drake evaluates the rate of this system's state even where it has none, and fails: give it one that rests
+    idle = SymbolicVariable("idle")
+    return SymbolicVectorSystem(state=[idle], input=state, dynamics=[Expression(0.0)], output=force)
+
+
+def _point(mass: float) -> SpatialInertia:
+    return SpatialInertia(mass, np.zeros(3), UnitInertia(0.0, 0.0, 0.0))

@@ -1,0 +1,1 @@
+"""What all simulated drops share: releases, hidden causes, the camera."""

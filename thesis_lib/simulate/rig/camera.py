@@ -1,0 +1,65 @@
+"""What a camera reports of true poses: its faults, its noise, and the wobble of a body out of its plane.
+
+    x_m = (1 + s) x + d t,   y_m = (1 + s) y,   θ_m(t) = ± θ(t − lag) + δ
+
+A body that wobbles out of its plane after an impact shows its tracked frame displaced along the line on which its x
+axis lay at the impact, by  a Δv_n cos(β − axis) exp(−t/T) sin(2π f t)  with t since the impact and β the place that was
+hit: a lever out of the plane that differs from place to place.  θ is displaced by half that over the radius of
+gyration.
+
+All arrays in SI units; poses (n, samples, 3) are x, y, θ of the body's origin.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.body import Noise
+from thesis_lib.datasets.format.impacts import POSE
+from thesis_lib.simulate.rig.hidden_causes import Mechanisms
+
+
+def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: Mechanisms, k_g: float) -> np.ndarray:
+    """Displacement (n, samples, 3) of the reported poses at `times` (samples,) after the true `impacts`."""
+    out = np.zeros((n, len(times), 3))
+    if m.wobble == 0.0 or not len(impacts):
+        return out
+    theta = impacts["theta"].to_numpy()
+    place = np.arctan2(impacts["r_y"].to_numpy(), impacts["r_x"].to_numpy()) - theta
+    size = m.wobble * (impacts["vy_post"] - impacts["vy_pre"]).to_numpy() * np.cos(place - m.orientation_axis)
+    since = times - impacts["t"].to_numpy()[:, None]
+    after = np.maximum(since, 0.0)
+    swing = size[:, None] * np.exp(-after / m.wobble_decay) * np.sin(2 * np.pi * m.wobble_frequency * after)
+    shown = np.stack(
+        [swing * np.cos(theta)[:, None], swing * np.sin(theta)[:, None], swing / (2.0 * k_g)], axis=-1
+    )
+    np.add.at(out, impacts["trial"].to_numpy(), shown)
+    return out
+
+
+def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: Mechanisms) -> np.ndarray:
+    """Poses (n, samples, 3) as the camera reports them, without noise.
+
+    Args:
+        poses: true poses at `times` (samples,) in s.
+        lagged_theta: (n, samples) true θ at `times` less the lag, rad.
+        times: (samples,) s.
+        m: its camera faults are used.
+    """
+    x = (1.0 + m.length_scale) * poses[..., 0] + m.drift * times
+    y = (1.0 + m.length_scale) * poses[..., 1]
+    theta = (-lagged_theta if m.mirrored else lagged_theta) + m.angle_offset
+    return np.stack([x, y, theta], axis=-1)
+
+
+def with_noise(poses: np.ndarray, noise: Noise | None, rng: np.random.Generator) -> np.ndarray:
+    """Poses (n, samples, 3) with Gaussian noise; numbers are drawn also for what has none, so that streams agree."""
+    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
+    return poses + rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
+
+
+def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
+    """Long table of poses (n, samples, 3); samples after the end of a recording (NaN) do not exist."""
+    n = len(poses)
+    table = pd.DataFrame({"trial": np.repeat(np.arange(n), len(times)), "t": np.tile(times, n)})
+    table[list(POSE)] = poses.reshape(-1, 3)
+    return table.dropna(subset=list(POSE)).reset_index(drop=True)

@@ -1,0 +1,278 @@
+"""Impulses of the active contacts of one step: modes of a single contact in closed form, several by Drake's Moby.
+
+With K = J M⁻¹ J' the inverse contact-space inertia, v_C = J v_free and w = v_n - b, a single contact has three modes:
+
+    stick:            K (c_t, c_n)' = -(v_t, w)'                          if c_n >= 0 and |c_t| <= μ c_n
+    slip towards s:   c_n = -w / (K_nn - s μ K_tn),  c_t = -s μ c_n       if c_n >= 0 and s v_t⁺ >= 0
+
+k contacts have the LCP of `lcp` in blocks, z = (c_n, b_1, b_2, λ) of k unknowns each.  A pivoting solver returns z to
+its own tolerance; the equations of its basis, z_S = -M_SS⁻¹ q_S, are then solved once more, so that what remains is
+rounding.  Several contacts can have several solutions (two sticking feet share their friction in many ways): one of
+them is returned, and only its sum is determined.
+
+The residual is the largest of -z, -w and |z w| with impulses and velocities divided by v_scale / k_scale and v_scale,
+k_scale = tr K / (2 k), v_scale the largest contact velocity in the data.
+
+| on paper | in code      | unit | shape    | meaning                                        |
+|----------|--------------|------|----------|------------------------------------------------|
+| K        | `K`          | 1/kg | (2k, 2k) | rows of J_t of all contacts, then those of J_n |
+| v_C      | `v_t`, `v_n` | m/s  | (k,)     | contact velocities after the free step         |
+| b        | `b`          | m/s  | (k,)     | normal velocity that a contact must leave with |
+| c_t, c_n | `c_t`, `c_n` | N s  | (k,)     | impulses                                       |
+
+Sources: as `lcp`, whose first source names the scheme and whose second the bases.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.simulate.stepping.lcp import MAX_UNKNOWNS, LcpStatus, solve_lcp_enumeration
+from thesis_lib.simulate.stepping.multibody import Mechanism
+
+MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
+# m: a pair this near may be closed by the impulse of another in the same step, though free motion would open it
+TOUCH = 1e-4
+POLISHED = 1e-13  # residual of a basis that is solved to rounding
+ACCEPTED = 1e-9  # largest residual with which a solution counts, on dimensionless data
+
+
+@dataclass(frozen=True, slots=True)
+class StepSolution:
+    """What the contacts did in one step.
+
+    Attributes:
+        v: (nv,) velocity after the step; NaN where the step has no solution.
+        c_n, c_t: (p,) impulses in N s; NaN where it has none.
+        residual: dimensionless, NaN where it has none.
+        status: an `LcpStatus` code.
+        impulse: whether any contact was active, or the step failed.
+    """
+
+    v: np.ndarray
+    c_n: np.ndarray
+    c_t: np.ndarray
+    residual: float
+    status: int
+    impulse: bool
+
+
+def solve_contacts(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    M_inv: np.ndarray,
+    v: np.ndarray,
+    v_free: np.ndarray,
+    h: float,
+    mu: np.ndarray,
+    epsilon: np.ndarray,
+    v_rebound: float,
+    v_recover: float,
+) -> StepSolution:
+    """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
+
+    Args:
+        mechanism: gives the contacts.
+        q: (nq,) configuration at the start of the step.
+        M_inv: (nv, nv).
+        v, v_free: (nv,) velocity before the step and after it without contact.
+        h: s.
+        mu, epsilon: (p,).
+        v_rebound, v_recover: m/s.
+    """
+    contacts, phi_free = mechanism.contacts(q), mechanism.contacts(q + h * v_free).phi
+    phi, J_n, J_t = contacts.phi, contacts.J_n, contacts.J_t
+    c_n, c_t = np.zeros((2, len(phi)))
+    active = np.flatnonzero((phi_free <= 0.0) | (phi <= TOUCH))
+    if not (phi_free <= 0.0).any():
+        if np.isfinite(v_free).all():
+            return StepSolution(v_free, c_n, c_t, 0.0, LcpStatus.SOLVED, False)
+        return _failed(v_free, len(phi), LcpStatus.INVALID_INPUT)
+
+    if len(active) == 1:
+        i = int(active[0])
+        M_inv_t, M_inv_n = M_inv @ J_t[i], M_inv @ J_n[i]
+        v_n_pre, v_n = float(J_n[i] @ v), float(J_n[i] @ v_free)
+        rebound = -float(epsilon[i]) * v_n_pre
+        b = rebound if rebound > v_rebound else min(v_n - float(phi_free[i]) / h, v_recover)
+        c_t[i], c_n[i], residual = solve_one(
+            float(J_t[i] @ M_inv_t),
+            float(J_t[i] @ M_inv_n),
+            float(J_n[i] @ M_inv_n),
+            float(J_t[i] @ v_free),
+            v_n,
+            b,
+            float(mu[i]),
+        )
+        v_new = v_free + c_t[i] * M_inv_t + c_n[i] * M_inv_n
+    else:
+        k, J = len(active), np.concatenate([J_t[active], J_n[active]])
+        v_n_pre = J_n[active] @ v
+        rebound = -epsilon[active] * v_n_pre
+        closing = np.minimum(J_n[active] @ v_free - phi_free[active] / h, v_recover)
+        hit = (rebound > v_rebound) & (phi_free[active] <= 0.0)
+        b = np.where(hit, rebound, closing)
+        M_inv_Jt = M_inv @ J.T
+        c, residual = solve_several(J @ M_inv_Jt, J @ v_free, b, mu[active])
+        c_t[active], c_n[active] = c[:k], c[k:]
+        v_new = v_free + M_inv_Jt @ c
+    if residual <= ACCEPTED:
+        return StepSolution(v_new, c_n, c_t, residual, LcpStatus.SOLVED, True)
+    finite = np.isfinite(v_free).all() and np.isfinite(phi).all() and np.isfinite(M_inv).all()
+    return _failed(v_free, len(phi), LcpStatus.NO_SOLUTION if finite else LcpStatus.INVALID_INPUT)
+
+
+def _failed(v: np.ndarray, p: int, status: LcpStatus) -> StepSolution:
+    nothing = np.full(p, np.nan)
+    return StepSolution(np.full_like(v, np.nan), nothing, nothing, np.nan, status, True)
+
+
+def solve_one(
+    K_tt: float, K_tn: float, K_nn: float, v_t: float, v_n: float, b: float, mu: float
+) -> tuple[float, float, float]:
+    """Impulse (c_t, c_n) in N s of one contact and its residual; infinite residual where no mode fits."""
+    w = v_n - b
+    k_scale, v_scale = 0.5 * (K_tt + K_nn), max(abs(v_t), abs(v_n), abs(b)) or 1.0
+    unit = v_scale / k_scale
+    if w >= 0.0:
+        return 0.0, 0.0, 0.0
+    # stick: K c = -(v_t, w)
+    det = K_tt * K_nn - K_tn * K_tn
+    if det > 0.0:
+        c_t, c_n = (K_tn * w - K_nn * v_t) / det, (K_tn * v_t - K_tt * w) / det
+        if c_n >= 0.0 and abs(c_t) <= mu * c_n + MODE_TOL * unit:
+            return c_t, c_n, _residual_of_one(K_tt, K_tn, K_nn, v_t, w, mu, c_t, c_n, v_scale, unit)
+    # slip in the direction of the free motion first; the other way round is rare
+    first = 1.0 if v_t >= 0.0 else -1.0
+    for s in (first, -first):
+        reach = K_nn - s * mu * K_tn
+        if reach <= 0.0:
+            continue
+        c_n = -w / reach
+        c_t = -s * mu * c_n
+        if s * (v_t + K_tt * c_t + K_tn * c_n) >= -MODE_TOL * v_scale:
+            return c_t, c_n, _residual_of_one(K_tt, K_tn, K_nn, v_t, w, mu, c_t, c_n, v_scale, unit)
+    return np.nan, np.nan, np.inf
+
+
+def _residual_of_one(
+    K_tt: float,
+    K_tn: float,
+    K_nn: float,
+    v_t: float,
+    w: float,
+    mu: float,
+    c_t: float,
+    c_n: float,
+    v_scale: float,
+    unit: float,
+) -> float:
+    slip = (v_t + K_tt * c_t + K_tn * c_n) / v_scale
+    gap = (w + K_tn * c_t + K_nn * c_n) / v_scale
+    c_t, c_n = c_t / unit, c_n / unit
+    cone = mu * c_n - abs(c_t)
+    # a friction impulse acts only against a slip of its full size: b (λ ± v_t) with λ = |v_t|
+    against = abs(c_t) * (abs(slip) + (slip if c_t > 0.0 else -slip))
+    return max(-c_n, -gap, abs(c_n * gap), -cone, abs(slip * cone), against)
+
+
+def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray) -> tuple[np.ndarray, float]:
+    """Impulses of k >= 1 contacts that share a mechanism.
+
+    Args:
+        K: (2k, 2k) inverse contact-space inertia, tangential rows first, 1/kg; may be singular.
+        v_c: (2k,) contact velocities after the free step in the same order, m/s.
+        b: (k,) normal velocities to leave with, m/s.
+        mu: (k,).
+
+    Returns:
+        c (2k,) = (c_t, c_n) in N s and the residual; NaN and infinity where no solver finds a solution.
+    """
+    k = len(b)
+    if not (np.isfinite(K).all() and np.isfinite(v_c).all() and np.isfinite(b).all()):
+        return np.full(2 * k, np.nan), np.inf
+    k_scale, v_scale = np.trace(K) / (2 * k), max(np.abs(v_c).max(), np.abs(b).max()) or 1.0
+    M, q = several_lcp_matrices(K / k_scale, v_c / v_scale, b / v_scale, mu)
+    best, residual = np.full(4 * k, np.nan), np.inf
+    for solve in (_moby, _enumerate, _unrevised_lemke):
+        z = solve(M, q)
+        if z is not None:
+            z, residual = _polished(M, q, z)
+            best = z
+        if residual <= ACCEPTED:
+            break
+    c_n, b_1, b_2 = best[:k], best[k : 2 * k], best[2 * k : 3 * k]
+    return np.concatenate([b_2 - b_1, c_n]) * (v_scale / k_scale), residual
+
+
+def several_lcp_matrices(
+    K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """LCP data M (4k, 4k), q (4k,) for z = (c_n, b_1, b_2, λ); arguments as in `solve_several`."""
+    k = len(b)
+    K_tt, K_tn, K_nn = K[:k, :k], K[:k, k:], K[k:, k:]
+    zero, one = np.zeros((k, k)), np.eye(k)
+    M = np.block(
+        [
+            [K_nn, -K_tn.T, K_tn.T, zero],
+            [-K_tn, K_tt, -K_tt, one],
+            [K_tn, -K_tt, K_tt, one],
+            [np.diag(mu), -one, -one, zero],
+        ]
+    )
+    return M, np.concatenate([v_c[k:] - b, -v_c[:k], v_c[:k], np.zeros(k)])
+
+
+def _polished(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float]:
+    """z with the equations of its basis solved to rounding, unless that is worse; and its residual."""
+    basis = np.flatnonzero(z > M @ z + q)
+    best, residual = z, _residual(M, q, z)
+    # the least-squares solution is for bases that are singular: several supports share one force
+    for solve in (np.linalg.solve, lambda A, b: np.linalg.lstsq(A, b, rcond=None)[0]):
+        exact = np.zeros_like(z)
+        try:
+            exact[basis] = solve(M[np.ix_(basis, basis)], -q[basis])
+        except np.linalg.LinAlgError:
+            continue
+        found = _residual(M, q, exact)
+        if found < residual:
+            best, residual = exact, found
+        if residual < POLISHED:
+            break
+    return best, residual
+
+
+def _residual(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> float:
+    w = M @ z + q
+    return float(max(0.0, -z.min(), -w.min(), np.abs(z * w).max()))
+
+
+def _moby(M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    from pydrake.solvers import MobyLcpSolver
+
+    return _solved_by(MobyLcpSolver(), M, q)
+
+
+def _unrevised_lemke(M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    from pydrake.solvers import UnrevisedLemkeSolver
+
+    return _solved_by(UnrevisedLemkeSolver(), M, q)
+
+
+def _solved_by(solver: Any, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    from pydrake.solvers import MathematicalProgram
+
+    program = MathematicalProgram()
+    z = program.NewContinuousVariables(len(q))
+    program.AddLinearComplementarityConstraint(M, q, z)  # pyright: ignore[reportArgumentType]
+    result = solver.Solve(program, None, None)
+    value = result.GetSolution(z) if result.is_success() else np.array([np.nan])
+    return value if np.isfinite(value).all() else None
+
+
+def _enumerate(M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    if len(q) > MAX_UNKNOWNS:
+        return None
+    z, status = solve_lcp_enumeration(M[None], q[None])
+    return z[0] if status[0] == LcpStatus.SOLVED else None

@@ -1,0 +1,288 @@
+"""Drops of a planar body on a level surface, stepped in time with contact impulses from an LCP.
+
+The state is stepped with a fixed h for all drops at once.  Mass matrix, gravity and contact Jacobians come from a Drake
+plant (plant.py), the impulse from the Anitescu-Potra LCP (lcp.py).  Within a step:
+
+    flight   q(t) = q + v t + a t²/2,  v(t) = v + a t,  a = M⁻¹ τ_g     exact, since a is constant
+    impact   a flight that ends with φ_n < 0 is cut at φ_n(t) = 0 (Newton inside a bracket, φ̇_n = J_n v), there
+             v ← v + M⁻¹ J' c,  c from the LCP with K = J M⁻¹ J', and the rest of the step is flown
+    support  a contact slower than `V_PLASTIC` is plastic and held for the rest of the step: an Anitescu-Potra step,
+             v ← v + a h + M⁻¹ J' c with ε = 0 and v_n after it >= 0, q ← q + h v, J taken half a step ahead
+
+So an impact does not depend on h; only support does, to first order.  Plastic slow contacts end the endless sequence of
+ever smaller bounces.  After support, a body that has drifted into the surface (third order in h) is lifted to it.
+
+| on paper      | in code         | unit            | shape  |                                                    |
+|---------------|-----------------|-----------------|--------|----------------------------------------------------|
+| q, v          | `q`, `v`        | m, rad; m/s, rad/s | (n, 3) | pose and velocity of each drop                  |
+| a             | `a`             | m/s², rad/s²    | (3,)   | acceleration in flight                             |
+| φ_n           | `gap`           | m               | (n,)   | gap to the surface y = 0                           |
+| r             | `r`             | m               | (n, 2) | contact point from the body origin                 |
+| h             | `dt`            | s               |        | time step                                          |
+
+Randomness: `rng` spawns two streams, one for releases, one for measurement noise.  Each is drawn as one block in the
+order of the drops, so drop i is the same whatever the number of drops.
+
+Sources: thesis chapter 3 (experiment); Anitescu and Potra 1997, doi 10.1023/A:1008292328909; Stewart and Trinkle 1996,
+doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I (time stepping of support).
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.body import Body, Noise
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.camera import as_trajectories, with_noise
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY as ELLIPSE_BODY
+from thesis_lib.simulate.rig.release import Release
+from thesis_lib.simulate.stepping.lcp import ContactImpulse, LcpStatus, impact
+from thesis_lib.simulate.stepping.plant import PlanarPlant, planar_body
+
+V_PLASTIC = 0.05  # m/s; a slower contact rebounds by at most v²/2g = 0.13 mm, below motion-capture noise
+GAP_TOL = 1e-13  # m; accepted |φ_n| at contact: the rounding of a pose of about 1 m is 1e-16
+V_LEAVING = 1e-9  # m/s; a body on the surface that is faster than this upwards is leaving it
+MAX_IMPACTS = 20  # in one step, of one drop
+MAX_NEWTON = 80  # bisection alone needs 50
+
+IMPACT_TRUTH = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", "c_n")
+IMPACT_TRUTH += ("energy_change", "residual", "status")
+
+
+class DropStatus(IntEnum):
+    """What became of one drop."""
+
+    DONE = 0
+    CLUSTERED = 1  # more than MAX_IMPACTS impacts in one step; the rest of that step was treated as support
+    LCP_FAILED = 2  # no impulse found; the trajectory ends there
+
+
+@dataclass(frozen=True)
+class Drops:
+    """Simulated drops.
+
+    Attributes:
+        header: content of dataset.yaml.
+        trajectories: columns trial,t,x,y,theta, with noise, sorted by trial and t.
+        impacts: the truth, a row per impact faster than the plastic limit (and per failed solve): the columns of
+            impacts.csv, t, r_x, r_y, and c_t, c_n (N s), energy_change (J), residual (1), status (`LcpStatus`).
+        trials: the truth, a row per drop: release x,y,theta,vx,vy,omega; impacts (count); t_support, the time of the
+            first supported step in s (NaN: none); status (`DropStatus`).
+    """
+
+    header: Header
+    trajectories: pd.DataFrame
+    impacts: pd.DataFrame
+    trials: pd.DataFrame
+
+
+def simulate_drops(
+    body: Body,
+    release: Release,
+    n: int,
+    *,
+    mu: np.ndarray | float,
+    epsilon: np.ndarray | float,
+    gravity: float = 9.81,
+    dt: float = 1e-3,
+    duration: float = 0.8,
+    rate: float = 250.0,
+    noise: Noise | None = None,
+    rng: np.random.Generator,
+) -> Drops:
+    """Release n bodies over the surface y = 0 and record their poses.
+
+    Args:
+        body: shape, mass, radius of gyration.
+        release: distribution of the release states.
+        n: number of drops.
+        mu, epsilon: friction and restitution coefficients, scalars or (n,), 1.
+        gravity: m/s².
+        dt: largest time step in s; the largest step up to it that divides the sampling period is taken.
+        duration: s; samples at 0, 1/rate, ... up to it.
+        rate: sampling rate, Hz.
+        noise: one-sigma noise of position (x, y each) and angle; what is None or absent is recorded without noise.
+        rng: spawns the streams for releases and noise.
+
+    Raises:
+        UserError: the body has no mass, an argument is out of range, or a release touches the surface.
+    """
+    mu, epsilon = np.asarray(mu, dtype=float), np.asarray(epsilon, dtype=float)
+    positive = {"n": n, "gravity": gravity, "dt": dt, "duration": duration, "rate": rate}
+    _check(body, release, mu, epsilon, positive)
+    release_rng, noise_rng = rng.spawn(2)
+    q, v = release.draw(n, release_rng)
+    simulation = _Simulation(body, q, v, np.broadcast_to(mu, n), np.broadcast_to(epsilon, n), gravity)
+
+    substeps = math.ceil(1.0 / (rate * dt) - 1e-9)
+    times = np.arange(int(duration * rate + 1e-9) + 1) / rate
+    poses = np.empty((n, len(times), 3))
+    poses[:, 0] = q
+    for k in range(1, len(times)):
+        for i in range(substeps):
+            simulation.step(((k - 1) + i / substeps) / rate, 1.0 / (rate * substeps))
+        poses[:, k] = np.where(simulation.alive[:, None], simulation.q, np.nan)
+
+    poses = with_noise(poses, noise, noise_rng)
+    text = f"{n} simulated drops (Anitescu-Potra LCP with Newton restitution)"
+    header = Header(schema=1, description=text, body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
+    return Drops(header, as_trajectories(poses, times), simulation.impacts(), simulation.trials(q, v))
+
+
+class _Simulation:
+    """The moving state of n drops and the record of their impacts."""
+
+    def __init__(
+        self, body: Body, q: np.ndarray, v: np.ndarray, mu: np.ndarray, epsilon: np.ndarray, gravity: float
+    ) -> None:
+        n = len(q)
+        self.shape: Shape = body.shape
+        self.plant: PlanarPlant = planar_body(body.mass, body.radius_of_gyration, (0.0, -gravity))  # pyright: ignore[reportArgumentType]
+        # one free body: M and τ_g are the same at every pose, and so is the acceleration in flight
+        origin = np.zeros((1, 3))
+        self.a = np.linalg.solve(self.plant.mass_matrix(origin)[0], self.plant.gravity_forces(origin)[0])
+        self.q, self.v, self.mu, self.epsilon = q.copy(), v.copy(), mu, epsilon
+        self.status = np.full(n, DropStatus.DONE, dtype=int)
+        self.t_support = np.full(n, np.nan)
+        self._rows: list[dict[str, np.ndarray]] = []
+
+    @property
+    def alive(self) -> np.ndarray:
+        """Mask (n,) of the drops whose solves have all succeeded."""
+        return self.status != DropStatus.LCP_FAILED
+
+    def step(self, t: float, h: float) -> None:
+        """Advance every drop from time `t` by `h`, in s."""
+        q, v = self._fly(self.q, self.v, np.full(len(self.q), h))
+        touches = (self.shape.gap(q[:, 1], q[:, 2]) < 0.0) & self.alive
+        flies = self.alive & ~touches
+        self.q[flies], self.v[flies] = q[flies], v[flies]
+
+        rows = np.flatnonzero(touches)
+        rest = np.full(len(rows), h)  # of the step, after what has been flown
+        for contact in range(MAX_IMPACTS + 1):
+            if not len(rows):
+                break
+            t_c = self._time_of_contact(self.q[rows], self.v[rows], rest)
+            self.q[rows], self.v[rows] = self._fly(self.q[rows], self.v[rows], t_c)
+            rest = rest - t_c
+            fast = self._gap_rate(self.q[rows], self.v[rows]) < -V_PLASTIC
+            if contact == MAX_IMPACTS:
+                self.status[rows[fast]] = DropStatus.CLUSTERED
+                fast[:] = False
+            self._support(rows[~fast], rest[~fast], t + h - rest[~fast])
+            rows, rest = rows[fast], rest[fast]
+            self._impact(rows, t + h - rest)
+            rows, rest = rows[self.alive[rows]], rest[self.alive[rows]]
+            q, v = self._fly(self.q[rows], self.v[rows], rest)
+            again = self.shape.gap(q[:, 1], q[:, 2]) < 0.0
+            self.q[rows[~again]], self.v[rows[~again]] = q[~again], v[~again]
+            rows, rest = rows[again], rest[again]
+
+    def _fly(self, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        t = t[:, None]
+        return q + v * t + 0.5 * self.a * t**2, v + self.a * t
+
+    def _gap_rate(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        # φ̇_n = J_n v; the motion of the lowest point along a level surface does not change the gap
+        return v[:, 1] + self.shape.contact_point(q[:, 2])[:, 0] * v[:, 2]
+
+    def _time_of_contact(self, q: np.ndarray, v: np.ndarray, rest: np.ndarray) -> np.ndarray:
+        """Time (n,) in [0, rest] at which a flight that ends below the surface comes down on it.
+
+        Newton's iteration inside a bracket.  The start counts as above the surface even where it is on it, so that a
+        body that has just bounced is followed to where it comes down again.
+        """
+        low, high = np.zeros_like(rest), rest.copy()
+        above = (self.shape.gap(q[:, 1], q[:, 2]) > GAP_TOL) | (self._gap_rate(q, v) > V_LEAVING)
+        t = np.where(above, 0.5 * rest, 0.0)
+        todo = np.arange(len(t))
+        for _ in range(MAX_NEWTON):
+            q_t, v_t = self._fly(q[todo], v[todo], t[todo])
+            gap, rate = self.shape.gap(q_t[:, 1], q_t[:, 2]), self._gap_rate(q_t, v_t)
+            below = gap < 0.0
+            low[todo[~below]], high[todo[below]] = t[todo[~below]], t[todo[below]]
+            going = (np.abs(gap) > GAP_TOL) | (rate > V_LEAVING)
+            todo, gap, rate = todo[going], gap[going], rate[going]
+            if not len(todo):
+                break
+            newton = t[todo] - gap / np.where(rate < 0.0, rate, -1.0)
+            good = (rate < 0.0) & (newton > low[todo]) & (newton < high[todo])
+            t[todo] = np.where(good, newton, 0.5 * (low[todo] + high[todo]))
+        t[todo] = low[todo]  # not converged: a graze, or the start itself; this side is above the surface
+        return t
+
+    def _impulse(
+        self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, epsilon: np.ndarray
+    ) -> tuple[ContactImpulse, np.ndarray]:
+        """Impulse at poses q of drops `rows` that move with v, and the velocity after it (n, 3)."""
+        J = np.stack(self.plant.contact_jacobian(q, self.shape.contact_point(q[:, 2])), axis=1)
+        out, v_post = impact(self.plant.mass_matrix(q), J, v, self.mu[rows], epsilon)
+        self.status[rows[out.status != LcpStatus.SOLVED]] = DropStatus.LCP_FAILED
+        return out, v_post
+
+    def _impact(self, rows: np.ndarray, t: np.ndarray) -> None:
+        if not len(rows):
+            return
+        q, v = self.q[rows], self.v[rows]
+        out, v_post = self._impulse(rows, q, v, self.epsilon[rows])
+        M = self.plant.mass_matrix(q)
+        before, after = (0.5 * np.einsum("ni,nij,nj->n", u, M, u) for u in (v, v_post))
+        self._rows.append(
+            {"trial": rows, "t": t, "energy_change": after - before, "residual": out.residual}
+            | dict(zip(POSE, q.T))
+            | dict(zip(V_PRE, v.T))
+            | dict(zip(V_POST, v_post.T))
+            | dict(zip(("r_x", "r_y"), self.shape.contact_point(q[:, 2]).T))
+            | dict(zip(("c_t", "c_n"), out.c.T))
+            | {"status": out.status}
+        )
+        self.v[rows] = v_post
+
+    def _support(self, rows: np.ndarray, rest: np.ndarray, t: np.ndarray) -> None:
+        if not len(rows):
+            return
+        q, v = self.q[rows], self.v[rows]
+        ahead = q + 0.5 * rest[:, None] * v  # J half a step ahead: drift along a curve is then O(h³) a step
+        _, v = self._impulse(rows, ahead, v + self.a * rest[:, None], np.zeros(len(rows)))
+        q = q + rest[:, None] * v
+        q[:, 1] -= np.minimum(self.shape.gap(q[:, 1], q[:, 2]), 0.0)
+        self.q[rows], self.v[rows] = q, v
+        self.t_support[rows] = np.fmin(self.t_support[rows], t)
+
+    def impacts(self) -> pd.DataFrame:
+        """The recorded impacts, sorted by trial and time and counted from 0 in each trial."""
+        if self._rows:
+            table = pd.concat([pd.DataFrame(row) for row in self._rows]).astype({"status": int})
+        else:
+            table = pd.DataFrame(columns=IMPACT_TRUTH, dtype=float).astype({"trial": int, "status": int})
+        table = table.sort_values(["trial", "t"], kind="stable", ignore_index=True)
+        table["impact"] = table.groupby("trial").cumcount()
+        return table[list(IMPACT_TRUTH)]
+
+    def trials(self, q: np.ndarray, v: np.ndarray) -> pd.DataFrame:
+        """A row per drop, with its release state q, v (n, 3)."""
+        count = np.bincount(self.impacts()["trial"], minlength=len(q))
+        table = {"trial": np.arange(len(q))} | dict(zip((*POSE, "vx", "vy", "omega"), [*q.T, *v.T]))
+        return pd.DataFrame(table | {"impacts": count, "t_support": self.t_support, "status": self.status})
+
+
+def _check(body: Body, release: Release, mu: np.ndarray, epsilon: np.ndarray, positive: dict) -> None:
+    if body.mass is None:
+        raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
+    for name, value in positive.items():
+        if not 0 < value < np.inf:
+            raise UserError(f"Simulated drops need a positive {name}; got {value}.")
+    if not ((mu >= 0) & (mu < np.inf)).all() or not ((epsilon >= 0) & (epsilon <= 1)).all():
+        raise UserError("Simulated drops need mu >= 0 and epsilon between 0 and 1; another value was given.")
+    if release.height.low <= body.shape.extent:
+        raise UserError(
+            f"A release at {release.height.low} m can touch the surface: the body reaches {body.shape.extent:.4g} m "
+            "from its origin. Raise the lower end of the release height."
+        )

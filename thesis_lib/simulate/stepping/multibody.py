@@ -1,0 +1,190 @@
+"""Mechanisms with planar contact: what the time stepping and the identification know of them (thesis 2.3.1, 2.4).
+
+    M(q) v̇ + C(q, v) v = g(q) + f_ext + J_n(q)' c_n + J_t(q)' c_t                                     (2.2)
+
+A mechanism gives M, C v, g and, for each of its p contact pairs, the gap φ and the rows J_n = ∂φ/∂q and J_t (velocity
+of the touching point along the surface).  For a free body with contact point r from its origin, in the axes of the
+surface (2.19, 2.20; for the ellipse, 2.21 and 2.22 say the same through the angle β of the touching point):
+
+    φ = y + r_y,      J_n = [0, 1, r_x],      J_t = [1, 0, -r_y]
+
+A corner is a point of the body, r = R(θ) p, and makes a pair of its own; a smooth outline has one pair, whose point is
+the lowest.  On a surface tilted by α about the origin, the axes stay on the surface and gravity turns:
+g = m g (sin α, -cos α, 0), so that a positive tilt goes downhill along +x.
+
+| on paper | in code          | unit            | shape        | meaning                                        |
+|----------|------------------|-----------------|--------------|------------------------------------------------|
+| q, v     | `q`, `v`         | m, rad; per s   | (nv,)        | configuration and velocity; q̇ = v             |
+| M        | `mass_matrix(q)` | kg, kg m, kg m² | (nv, nv)     | joint-space inertia                            |
+| C v      | `bias(q, v)`     | N, N m          | (nv,)        | centrifugal and Coriolis forces                |
+| g        | `gravity(q)`     | N, N m          | (nv,)        | generalised force of gravity (right-hand side) |
+| φ        | `phi`            | m               | (..., p)     | gaps of the pairs, negative in penetration     |
+| J_n, J_t | `J_n`, `J_t`     | 1, m            | (..., p, nv) | rows of the contact Jacobian                   |
+
+Sources: D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39 (1996),
+doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
+from thesis_lib.foundation.errors import UserError
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Gaps and Jacobians of p contact pairs, of one configuration or with n configurations in front.
+
+    Attributes:
+        phi: (..., p) gaps in m.
+        J_n, J_t: (..., p, nv) rows of the normal and tangential contact Jacobian.
+    """
+
+    phi: np.ndarray
+    J_n: np.ndarray
+    J_t: np.ndarray
+
+
+@dataclass(frozen=True)
+class Rod:
+    """Thin straight rod of `length` m about the body origin, which touches with its ends only."""
+
+    length: float
+
+    def outline(self, points: int = 2) -> np.ndarray:
+        """The two ends in the body frame, (2, 2) in m; `points` is there for the likeness of the other shapes."""
+        return np.array([[-0.5 * self.length, 0.0], [0.5 * self.length, 0.0]])
+
+
+class Mechanism(ABC):
+    """A planar mechanism with nq = nv coordinates and p contact pairs.
+
+    Attributes:
+        nq, nv: number of coordinates and velocities.
+        pairs: names of the contact pairs, p of them.
+        constant: M and gravity do not depend on q and C v = 0, so that flight is a parabola.
+    """
+
+    nq: int
+    nv: int
+    pairs: tuple[str, ...]
+    constant: bool = False
+
+    @abstractmethod
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """M (nv, nv) at one configuration q (nq,), in kg, kg m and kg m²."""
+
+    @abstractmethod
+    def bias(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """C(q, v) v (nv,) at one state, in N and N m."""
+
+    @abstractmethod
+    def gravity(self, q: np.ndarray) -> np.ndarray:
+        """Generalised force of gravity (nv,) at one configuration, in N and N m."""
+
+    @abstractmethod
+    def contacts_of(self, q: np.ndarray) -> Contacts:
+        """Gaps and Jacobians at n configurations q (n, nq): phi (n, p), J_n and J_t (n, p, nv)."""
+
+    def contacts(self, q: np.ndarray) -> Contacts:
+        """Gaps and Jacobians at one configuration q (nq,): phi (p,), J_n and J_t (p, nv)."""
+        out = self.contacts_of(np.asarray(q, dtype=float)[None])
+        return Contacts(out.phi[0], out.J_n[0], out.J_t[0])
+
+
+class PlanarFreeBody(Mechanism):
+    """One rigid body over a flat surface, q = (x, y, θ) of its centre of mass in the axes of the surface.
+
+    Args:
+        shape: polygon (a pair per vertex), rod (a pair per end), ellipse or disk (one pair).
+        mass: kg.
+        inertia: kg m², about the centre of mass.
+        gravity: m/s².
+        tilt: rad, slope of the surface; positive goes downhill along +x.
+
+    Attributes:
+        corners: (p, 2) points in the body frame that can touch, m; None for a smooth outline.
+
+    Raises:
+        UserError: mass, inertia or gravity is not a positive finite number, or the tilt is not finite.
+    """
+
+    constant = True
+    nq = nv = 3
+
+    def __init__(
+        self,
+        shape: Polygon | Ellipse | Disk | Rod,
+        mass: float,
+        inertia: float,
+        gravity: float = 9.81,
+        tilt: float = 0.0,
+    ) -> None:
+        require_positive("free body", mass=mass, inertia=inertia)
+        if not (0.0 <= gravity < math.inf and math.isfinite(tilt)):
+            raise UserError(f"A free body needs gravity >= 0 and a finite tilt; got {gravity} and {tilt}.")
+        self.shape, self.mass, self.inertia = shape, float(mass), float(inertia)
+        self.g, self.tilt = float(gravity), float(tilt)
+        self._M = np.diag([mass, mass, inertia]).astype(float)
+        self._gravity = mass * gravity * np.array([math.sin(tilt), -math.cos(tilt), 0.0])
+        if isinstance(shape, Polygon | Rod):
+            self.corners = np.array(shape.vertices) if isinstance(shape, Polygon) else shape.outline()
+            prefix = "vertex" if isinstance(shape, Polygon) else "end"
+            self.pairs = tuple(f"{prefix}_{i}" for i in range(len(self.corners)))
+        else:
+            self.corners, self.pairs = None, ("ground",)
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        return self._M
+
+    def bias(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.zeros(3)
+
+    def gravity(self, q: np.ndarray) -> np.ndarray:
+        return self._gravity
+
+    def contacts(self, q: np.ndarray) -> Contacts:
+        # the stepping calls this at every step: plain floats are several times faster than arrays of length one
+        y, theta = float(q[1]), float(q[2])
+        sin, cos = math.sin(theta), math.cos(theta)
+        if self.corners is not None:
+            r_x = cos * self.corners[:, 0] - sin * self.corners[:, 1]
+            r_y = sin * self.corners[:, 0] + cos * self.corners[:, 1]
+            J_n, J_t = np.zeros((2, len(r_x), 3))
+            J_n[:, 1], J_n[:, 2], J_t[:, 0], J_t[:, 2] = 1.0, r_x, 1.0, -r_y
+            return Contacts(y + r_y, J_n, J_t)
+        if isinstance(self.shape, Ellipse):
+            a2, b2 = self.shape.semi_axes[0] ** 2, self.shape.semi_axes[1] ** 2
+            depth = math.sqrt(a2 * sin * sin + b2 * cos * cos)
+            r_x, r_y = -(a2 - b2) * sin * cos / depth, -depth
+        else:
+            r_x, r_y = 0.0, -self.shape.radius  # pyright: ignore[reportAttributeAccessIssue]
+        return Contacts(np.array([y + r_y]), np.array([[0.0, 1.0, r_x]]), np.array([[1.0, 0.0, -r_y]]))
+
+    def contact_points(self, theta: np.ndarray) -> np.ndarray:
+        """Touching points (n, p, 2) in m from the centre of mass at angles `theta` (n,), in the surface's axes."""
+        theta = np.asarray(theta, dtype=float)
+        if self.corners is None:
+            return self.shape.contact_point(theta)[:, None, :]  # pyright: ignore[reportAttributeAccessIssue]
+        sin, cos = np.sin(theta)[:, None], np.cos(theta)[:, None]
+        x, y = self.corners.T
+        return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+    def contacts_of(self, q: np.ndarray) -> Contacts:
+        q = np.asarray(q, dtype=float)
+        r = self.contact_points(q[:, 2])
+        J_n, J_t = np.zeros((2, *r.shape[:2], 3))
+        J_n[..., 1], J_n[..., 2] = 1.0, r[..., 0]
+        J_t[..., 0], J_t[..., 2] = 1.0, -r[..., 1]
+        return Contacts(q[:, 1, None] + r[..., 1], J_n, J_t)
+
+
+def require_positive(what: str, **values: float) -> None:
+    """Raise a UserError unless all values of `what` are positive and finite; their names show in its text."""
+    for name, value in values.items():
+        if not 0.0 < value < math.inf:
+            raise UserError(f"A {what} needs a positive, finite {name.replace('_', ' ')}; got {value}.")

@@ -1,0 +1,96 @@
+"""Rimless wheel on a slope: a hub with n spokes, each of whose tips can touch (thesis 2.4, figure 2-8).
+
+The state q = (x, y, θ) is that of the hub in the axes of the slope, gravity is g (sin γ, -cos γ), downhill is +x and a
+wheel that rolls downhill turns with ω < 0.  Spoke i points along θ + 2π i / n.
+
+On spokes that neither slip nor rebound, a step from one to the next conserves the angular momentum about the new tip
+and falls by 2 l sin(π/n) sin γ, which gives the limit cycle
+
+    ω⁺ = r ω⁻,   r = (I + m l² cos(2π/n)) / (I + m l²),      ω⁻² (1 - r²) = 4 m g l sin(π/n) sin γ / (I + m l²)
+
+| on paper | in code           | unit      | meaning                          |
+|----------|-------------------|-----------|----------------------------------|
+| n        | `spokes`          |           | number of spokes                 |
+| l        | `length`          | m         | hub to tip                       |
+| m, I     | `mass`, `inertia` | kg, kg m² | of the wheel, I about the hub    |
+| γ        | `slope`           | rad       | of the ground, downhill along +x |
+
+Source: T. McGeer, Passive dynamic walking, Int. J. Robotics Research 9 (1990), doi 10.1177/027836499000900206.
+"""
+
+import math
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+
+MIN_SPOKES, MAX_SPOKES = 3, 100
+
+
+class RimlessWheel(PlanarFreeBody):
+    """Rimless wheel with a contact pair per spoke.
+
+    Args:
+        spokes: their number, 3 to 100.
+        length: m, hub to tip.
+        mass: kg.
+        inertia: kg m², about the hub, which is the centre of mass.
+        slope: rad, at least 0 and below π/2.
+        gravity: m/s².
+
+    Raises:
+        UserError: a number is out of its range.
+    """
+
+    def __init__(
+        self,
+        spokes: int,
+        length: float,
+        mass: float,
+        inertia: float,
+        slope: float,
+        gravity: float = 9.81,
+    ) -> None:
+        if not (MIN_SPOKES <= spokes <= MAX_SPOKES and 0.0 < length < math.inf):
+            raise UserError(
+                f"A rimless wheel needs {MIN_SPOKES} to {MAX_SPOKES} spokes of positive length; "
+                f"got {spokes} of {length} m."
+            )
+        if not 0.0 <= slope < 0.5 * math.pi:
+            raise UserError(f"The slope under a rimless wheel lies between 0 and π/2; got {slope} rad.")
+        angles = 2.0 * np.pi * np.arange(spokes) / spokes
+        tips = length * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        super().__init__(Polygon(vertices=tuple(map(tuple, tips.tolist()))), mass, inertia, gravity, slope)
+        self.spokes, self.length, self.slope = int(spokes), float(length), float(slope)
+        self.pairs = tuple(f"spoke_{i}" for i in range(spokes))
+
+    def standing(self, lean: float, omega: float, spoke: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """State (q, v), each (3,), in which one spoke stands on the slope without slip and turns with omega.
+
+        Args:
+            lean: rad, angle of the hub downhill of the tip's normal; within half the angle between spokes.
+            omega: rad/s, negative downhill.
+            spoke: number of the spoke that stands.
+
+        Raises:
+            UserError: another spoke would be below the slope.
+        """
+        if abs(lean) > np.pi / self.spokes + 1e-12:
+            raise UserError(
+                f"A wheel with {self.spokes} spokes stands on one only up to a lean of "
+                f"{np.pi / self.spokes:.4f} rad; got {lean}."
+            )
+        # the tip, at the origin, is seen from the hub along -π/2 - lean
+        theta = -0.5 * np.pi - lean - 2.0 * np.pi * spoke / self.spokes
+        x, y = self.length * np.sin(lean), self.length * np.cos(lean)
+        return np.array([x, y, theta]), np.array([-omega * y, omega * x, omega])
+
+    def limit_cycle(self) -> tuple[float, float]:
+        """Angular velocities (ω⁻, ω⁺) in rad/s before and after each step of steady rolling; see above."""
+        ml2, half = self.mass * self.length**2, np.pi / self.spokes
+        ratio = (self.inertia + ml2 * np.cos(2.0 * half)) / (self.inertia + ml2)
+        energy = 4.0 * self.mass * self.g * self.length * np.sin(half) * np.sin(self.slope)
+        before = -np.sqrt(energy / (self.inertia + ml2) / (1.0 - ratio**2))
+        return float(before), float(ratio * before)

@@ -1,0 +1,1 @@
+"""Shares, intervals and robust spreads, and numbers as they stand in sentences."""
