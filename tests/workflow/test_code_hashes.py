@@ -83,7 +83,7 @@ EDITS = [
 
 
 def hashes(root: Path) -> dict[str, str]:
-    return {path.stem: lib_hash(path, root) for path in sorted((root / "workflow/scripts").glob("*.py"))}
+    return {path.stem: lib_hash(path, root) for path in sorted((root / "workflow/scripts").glob("*/*.py"))}
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from pipeline_copy import ROOT
 from thesis_lib.resources import MEASURED, read_measured
 
 RULE_FILES = sorted((ROOT / "workflow/rules").glob("*.smk"))
-SCRIPTS = sorted((ROOT / "workflow/scripts").glob("*.py"))
+SCRIPTS = sorted((ROOT / "workflow/scripts").glob("*/*.py"))
 MODULES = sorted((ROOT / "thesis_lib").rglob("*.py"))
 LONGEST = 60  # lines of a script: more than that is work that belongs into the library
 LOG = "sys.stdout = sys.stderr = open(snakemake.log[0]"
@@ -58,8 +58,9 @@ class TestRules:
         assert directive(rule, name), f"rule {rule} has no `{name}:`"
 
     def test_runs_a_script_and_carries_the_hash_of_that_very_script(self, rule):
-        script = re.search(r'"\.\./scripts/(\w+)\.py"', directive(rule, "script"))[1]
-        assert (ROOT / f"workflow/scripts/{script}.py").is_file()
+        path = re.search(r'"\.\./(scripts/\w+/\w+\.py)"', directive(rule, "script"))[1]
+        assert (ROOT / "workflow" / path).is_file()
+        script = Path(path).stem
         hashed = re.findall(r'lib=code_of\("(\w+)"\)', directive(rule, "params") or "")
         assert hashed == [script], f"rule {rule} must have lib=code_of({script!r}) among its params"
 
@@ -104,7 +105,7 @@ def test_captions_quote_no_finding_that_a_run_could_change():
 
 
 def test_every_script_is_used():
-    used = {re.search(r"scripts/(\w+)\.py", directive(rule, "script"))[1] for rule in RULES}
+    used = {re.search(r"scripts/\w+/(\w+)\.py", directive(rule, "script"))[1] for rule in RULES}
     assert {path.stem for path in SCRIPTS} == used
 
 

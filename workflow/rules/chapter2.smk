@@ -40,7 +40,7 @@ rule ch2_schematics:
     message:
         "Chapter 2: drawing the mechanisms"
     script:
-        "../scripts/ch2_schematics.py"
+        "../scripts/chapter2/ch2_schematics.py"
 
 
 rule ch2_motions:
@@ -69,7 +69,7 @@ rule ch2_motions:
     message:
         "Chapter 2: drawing simulated motions"
     script:
-        "../scripts/ch2_motions.py"
+        "../scripts/chapter2/ch2_motions.py"
 
 
 rule ch2_identifiability:
@@ -89,7 +89,7 @@ rule ch2_identifiability:
     message:
         "Chapter 2: what contact identifies"
     script:
-        "../scripts/ch2_identifiability.py"
+        "../scripts/chapter2/ch2_identifiability.py"
 
 
 rule ch2_programs:
@@ -111,7 +111,7 @@ rule ch2_programs:
     message:
         "Chapter 2: equations 2.12 to 2.14 from random starts, {wildcards.mechanism}"
     script:
-        "../scripts/ch2_programs.py"
+        "../scripts/chapter2/ch2_programs.py"
 
 
 rule ch2_gather:
@@ -138,7 +138,7 @@ rule ch2_gather:
     message:
         "Chapter 2: gathering the programs' success"
     script:
-        "../scripts/ch2_gather.py"
+        "../scripts/chapter2/ch2_gather.py"
 
 
 rule ch2_noise:
@@ -162,7 +162,7 @@ rule ch2_noise:
     message:
         "Chapter 2: identifying m/I from noisy drops of the {wildcards.shape}"
     script:
-        "../scripts/ch2_noise.py"
+        "../scripts/chapter2/ch2_noise.py"
 
 
 rule ch2_table_2_1:
@@ -190,7 +190,7 @@ rule ch2_table_2_1:
     message:
         "Chapter 2: Table 2.1"
     script:
-        "../scripts/ch2_table_2_1.py"
+        "../scripts/chapter2/ch2_table_2_1.py"
 
 
 rule ch2_wheel:
@@ -221,7 +221,7 @@ rule ch2_wheel:
     message:
         "Chapter 2: forces of the rimless wheel's spokes"
     script:
-        "../scripts/ch2_wheel.py"
+        "../scripts/chapter2/ch2_wheel.py"
 
 
 rule ch2_arm:
@@ -252,7 +252,7 @@ rule ch2_arm:
     message:
         "Chapter 2: forces and base parameters of arm and disk"
     script:
-        "../scripts/ch2_arm.py"
+        "../scripts/chapter2/ch2_arm.py"
 
 
 rule ch2_impact_forces:
@@ -281,7 +281,7 @@ rule ch2_impact_forces:
     message:
         "Chapter 2: forces at impact against those of Drake's compliant contact"
     script:
-        "../scripts/ch2_impact_forces.py"
+        "../scripts/chapter2/ch2_impact_forces.py"
 
 
 rule ch2_measured_ratio:
@@ -305,7 +305,7 @@ rule ch2_measured_ratio:
     message:
         "Chapter 2: identifying m/I from {wildcards.dataset}"
     script:
-        "../scripts/ch2_measured_ratio.py"
+        "../scripts/chapter2/ch2_measured_ratio.py"
 
 
 rule ch2_measured_ratios:
@@ -341,7 +341,7 @@ rule ch2_measured_ratios:
     message:
         "Chapter 2: m/I from measured data against the authors' value"
     script:
-        "../scripts/ch2_measured_ratios.py"
+        "../scripts/chapter2/ch2_measured_ratios.py"
 
 
 rule ch2_hidden:
@@ -372,7 +372,7 @@ rule ch2_hidden:
     message:
         "Chapter 2: finding what the models of arm and wheel lack"
     script:
-        "../scripts/ch2_hidden.py"
+        "../scripts/chapter2/ch2_hidden.py"
 
 
 rule ch2_findings:
@@ -393,7 +393,7 @@ rule ch2_findings:
     message:
         "Chapter 2: what its figures and tables show"
     script:
-        "../scripts/findings.py"
+        "../scripts/run/findings.py"
 
 
 rule chapter2:

@@ -45,7 +45,7 @@ rule ch3_identify:
     message:
         "Chapter 3: identifying (μ, ε) of every law on {wildcards.dataset}"
     script:
-        "../scripts/ch3_identify.py"
+        "../scripts/chapter3/ch3_identify.py"
 
 
 rule ch3_evaluate:
@@ -94,7 +94,7 @@ rule ch3_evaluate:
     message:
         "Chapter 3: judging every law on held-out impacts of {wildcards.dataset}"
     script:
-        "../scripts/ch3_evaluate.py"
+        "../scripts/chapter3/ch3_evaluate.py"
 
 
 rule ch3_published:
@@ -123,7 +123,7 @@ rule ch3_published:
     message:
         "Chapter 3: comparing our laws with the predictions that the authors stored"
     script:
-        "../scripts/ch3_published.py"
+        "../scripts/chapter3/ch3_published.py"
 
 
 rule ch3_schematics:
@@ -147,7 +147,7 @@ rule ch3_schematics:
     message:
         "Chapter 3: drawing the contact space"
     script:
-        "../scripts/ch3_schematics.py"
+        "../scripts/chapter3/ch3_schematics.py"
 
 
 rule ch3_trajectories:
@@ -172,7 +172,7 @@ rule ch3_trajectories:
     message:
         "Chapter 3: drawing one trial of {wildcards.dataset}"
     script:
-        "../scripts/ch3_trajectories.py"
+        "../scripts/chapter3/ch3_trajectories.py"
 
 
 rule ch3_figures:
@@ -204,7 +204,7 @@ rule ch3_figures:
     message:
         "Chapter 3: drawing the figures of {wildcards.dataset}"
     script:
-        "../scripts/ch3_figures.py"
+        "../scripts/chapter3/ch3_figures.py"
 
 
 rule ch3_findings:
@@ -225,7 +225,7 @@ rule ch3_findings:
     message:
         "Chapter 3: what its figures and tables show"
     script:
-        "../scripts/findings.py"
+        "../scripts/run/findings.py"
 
 
 rule chapter3:

@@ -55,7 +55,7 @@ rule ch4_schematics:
     message:
         "Chapter 4: drawing the space of wrenches"
     script:
-        "../scripts/ch4_schematics.py"
+        "../scripts/chapter4/ch4_schematics.py"
 
 
 rule ch4_learn:
@@ -80,7 +80,7 @@ rule ch4_learn:
     message:
         "Chapter 4: learning contact models from {wildcards.dataset}"
     script:
-        "../scripts/ch4_learn.py"
+        "../scripts/chapter4/ch4_learn.py"
 
 
 rule ch4_named_physics:
@@ -109,7 +109,7 @@ rule ch4_named_physics:
     message:
         "Chapter 4: what is left to learn of {wildcards.dataset} once the missing effects are in"
     script:
-        "../scripts/ch4_named_physics.py"
+        "../scripts/chapter4/ch4_named_physics.py"
 
 
 rule ch4_figures:
@@ -133,7 +133,7 @@ rule ch4_figures:
     message:
         "Chapter 4: drawing errors of learned models on {wildcards.dataset}"
     script:
-        "../scripts/ch4_figures.py"
+        "../scripts/chapter4/ch4_figures.py"
 
 
 rule ch4_named_figure:
@@ -163,7 +163,7 @@ rule ch4_named_figure:
     message:
         "Chapter 4: drawing named physics, then residual, on {wildcards.dataset}"
     script:
-        "../scripts/ch4_named_figure.py"
+        "../scripts/chapter4/ch4_named_figure.py"
 
 
 rule ch4_dice:
@@ -215,7 +215,7 @@ rule ch4_dice:
     message:
         "Chapter 4: throwing {wildcards.dataset} to rest by each contact model"
     script:
-        "../scripts/ch4_dice.py"
+        "../scripts/chapter4/ch4_dice.py"
 
 
 rule ch4_findings:
@@ -236,7 +236,7 @@ rule ch4_findings:
     message:
         "Chapter 4: what its figures and tables show"
     script:
-        "../scripts/findings.py"
+        "../scripts/run/findings.py"
 
 
 rule chapter4:

@@ -23,7 +23,7 @@ rule ch5_diagrams:
     message:
         "Chapter 5: drawing the diagrams"
     script:
-        "../scripts/ch5_diagrams.py"
+        "../scripts/chapter5/ch5_diagrams.py"
 
 
 rule ch5_scan:
@@ -44,7 +44,7 @@ rule ch5_scan:
     message:
         "Chapter 5: pushing every block of tower {wildcards.tower} a little"
     script:
-        "../scripts/ch5_scan.py"
+        "../scripts/chapter5/ch5_scan.py"
 
 
 rule ch5_towers:
@@ -71,7 +71,7 @@ rule ch5_towers:
     message:
         "Chapter 5: how many blocks can be moved"
     script:
-        "../scripts/ch5_towers.py"
+        "../scripts/chapter5/ch5_towers.py"
 
 
 rule ch5_samples:
@@ -98,7 +98,7 @@ rule ch5_samples:
     message:
         "Chapter 5: exploring towers for samples ({wildcards.name})"
     script:
-        "../scripts/ch5_samples.py"
+        "../scripts/chapter5/ch5_samples.py"
 
 
 rule ch5_ppo:
@@ -121,7 +121,7 @@ rule ch5_ppo:
     message:
         "Chapter 5: training PPO"
     script:
-        "../scripts/ch5_ppo.py"
+        "../scripts/chapter5/ch5_ppo.py"
 
 
 rule ch5_game:
@@ -145,7 +145,7 @@ rule ch5_game:
     message:
         "Chapter 5: {wildcards.policy} ({wildcards.size} samples) plays tower {wildcards.tower}"
     script:
-        "../scripts/ch5_game.py"
+        "../scripts/chapter5/ch5_game.py"
 
 
 rule ch5_study:
@@ -170,7 +170,7 @@ rule ch5_study:
     message:
         "Chapter 5: what the games say"
     script:
-        "../scripts/ch5_study.py"
+        "../scripts/chapter5/ch5_study.py"
 
 
 rule ch5_model:
@@ -196,7 +196,7 @@ rule ch5_model:
     message:
         "Chapter 5: what the abstractions know"
     script:
-        "../scripts/ch5_model.py"
+        "../scripts/chapter5/ch5_model.py"
 
 
 rule ch5_showcase:
@@ -224,7 +224,7 @@ rule ch5_showcase:
     message:
         "Chapter 5: belief along pushes, by filter and by NUTS"
     script:
-        "../scripts/ch5_showcase.py"
+        "../scripts/chapter5/ch5_showcase.py"
 
 
 rule ch5_hidden:
@@ -249,7 +249,7 @@ rule ch5_hidden:
     message:
         "Chapter 5: effects that the learner has never seen"
     script:
-        "../scripts/ch5_hidden.py"
+        "../scripts/chapter5/ch5_hidden.py"
 
 
 rule ch5_findings:
@@ -270,7 +270,7 @@ rule ch5_findings:
     message:
         "Chapter 5: what its figures and tables show"
     script:
-        "../scripts/findings.py"
+        "../scripts/run/findings.py"
 
 
 rule chapter5:

@@ -40,7 +40,7 @@ rule claims:
     message:
         "Comparing the results with what the thesis states"
     script:
-        "../scripts/claims.py"
+        "../scripts/run/claims.py"
 
 
 rule findings:
@@ -61,7 +61,7 @@ rule findings:
     message:
         "What the proof of the critique and the claims ledger show"
     script:
-        "../scripts/findings.py"
+        "../scripts/run/findings.py"
 
 
 rule provenance:
@@ -96,7 +96,7 @@ rule provenance:
     message:
         "Recording versions, seed, commit and checksums of the data"
     script:
-        "../scripts/provenance.py"
+        "../scripts/run/provenance.py"
 
 
 rule run_report:
@@ -122,4 +122,4 @@ rule run_report:
     message:
         "Gathering figures, captions and findings on one page"
     script:
-        "../scripts/run_report.py"
+        "../scripts/run/run_report.py"

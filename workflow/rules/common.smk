@@ -26,9 +26,12 @@ wildcard_constraints:
     shape="block|ellipse",
 
 
+SCRIPTS = {path.stem: path for path in Path(workflow.basedir, "workflow/scripts").glob("*/*.py")}
+
+
 def code_of(script):
     """Hash of the code that a script uses: an edit in thesis_lib reruns exactly the rules that use it."""
-    return lib_hash(f"{workflow.basedir}/workflow/scripts/{script}.py")
+    return lib_hash(SCRIPTS[script])
 
 
 def settings(section, *keys):

@@ -36,7 +36,7 @@ rule critique_dataset:
     message:
         "Criticising contact models against {wildcards.dataset}"
     script:
-        "../scripts/critique.py"
+        "../scripts/critique/critique.py"
 
 
 rule critique_findings:
@@ -57,7 +57,7 @@ rule critique_findings:
     message:
         "Critique: what it found in each dataset"
     script:
-        "../scripts/findings.py"
+        "../scripts/run/findings.py"
 
 
 rule critique:
@@ -114,4 +114,4 @@ rule critique_proof:
     message:
         "Proof of the critique: {params.cases}"
     script:
-        "../scripts/critique_proof.py"
+        "../scripts/critique/critique_proof.py"

@@ -33,7 +33,7 @@ rule datasets_present:
     message:
         "Noting which datasets are present"
     script:
-        "../scripts/datasets_present.py"
+        "../scripts/datasets/datasets_present.py"
 
 
 rule convert_measured:
@@ -55,7 +55,7 @@ rule convert_measured:
     message:
         "Checking and converting the published files of {wildcards.dataset}"
     script:
-        "../scripts/convert_measured.py"
+        "../scripts/datasets/convert_measured.py"
 
 
 rule simulate_drops:
@@ -79,7 +79,7 @@ rule simulate_drops:
     message:
         "Simulating {params.drops[n]} drops"
     script:
-        "../scripts/simulate_drops.py"
+        "../scripts/datasets/simulate_drops.py"
 
 
 rule find_impacts:
@@ -106,4 +106,4 @@ rule find_impacts:
     message:
         "Finding impacts in {wildcards.dataset}"
     script:
-        "../scripts/find_impacts.py"
+        "../scripts/datasets/find_impacts.py"
