@@ -56,6 +56,8 @@ class FoundImpacts:
         arcs: a row per detected impact, used or not, with `ARC_COLUMNS` (s, m, rad; chi2_* per degree of freedom).
         noise: see `NoiseEstimate`.
         glitches: columns trial, t: samples masked as tracking glitches.
+        samples: the poses in which the impacts were found, sorted by trial and time, without those masked; None where
+            impacts.csv was given.
         masked: (N,) which of the samples, sorted by trial and time, detection took no notice of: the glitches, and
             ends of records that stand out; none where impacts.csv was given.
         warnings: sentences for the user.
@@ -66,8 +68,14 @@ class FoundImpacts:
     arcs: pd.DataFrame
     noise: NoiseEstimate
     glitches: pd.DataFrame
+    samples: Samples | None = None
     masked: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     warnings: tuple[str, ...] = ()
+
+    @property
+    def used_arcs(self) -> pd.DataFrame:
+        """The rows of `arcs` that gave the usable impacts: how well t is known, samples used on either side."""
+        return self.arcs[self.arcs["used"].astype(bool)].reset_index(drop=True)
 
     def summary(self) -> dict:
         """Counts, reasons, flags, noise and warnings, ready for JSON (NaN as null)."""
@@ -180,6 +188,7 @@ def find_in_arrays(
         arcs=_arc_table(fits, trial_of, ordinal, used),
         noise=noise,
         glitches=glitches,
+        samples=samples,
         masked=glitch,
         warnings=(
             *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
