@@ -11,7 +11,7 @@ from hidden_effects import ANISOTROPY, E_T, injected_impacts, simulated
 from report_pages import DIAGNOSIS, page_of
 
 from thesis_lib.critique.drops.criticise import Critique, criticise
-from thesis_lib.critique.drops.where import where as all_regions
+from thesis_lib.critique.drops.questions.where import where as all_regions
 from thesis_lib.critique.results.tables import tables as all_tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.figures.critique.pictures import pictures

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.detectable import detectable
 from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.held_out import cross_validate, is_material, judge, paired_gain
 from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.next_experiment import next_experiment
+from thesis_lib.critique.drops.questions.detectable import detectable
+from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.screen import scan
 from thesis_lib.critique.drops.synthetic import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
@@ -204,9 +204,11 @@ def test_half_of_what_evidence_alone_sets_needs_four_times_the_drops(hidden_impa
     sizes = {name: {p.name: 0.1 for p in effect.parameters} for name, effect in EFFECTS.items()}
     for factor, drops in ((0.4, 4 * n_trials), (0.6, None), (2.0, None)):
         material = {name: {p: factor * size for p, size in one.items()} for name, one in sizes.items()}
-        monkeypatch.setattr("thesis_lib.critique.drops.detectable.significant_sizes", lambda critique: sizes)
         monkeypatch.setattr(
-            "thesis_lib.critique.drops.detectable.material_sizes", lambda critique, m=material: m
+            "thesis_lib.critique.drops.questions.detectable.significant_sizes", lambda critique: sizes
+        )
+        monkeypatch.setattr(
+            "thesis_lib.critique.drops.questions.detectable.material_sizes", lambda critique, m=material: m
         )
         rows = {row["name"]: row for row in detectable(hidden_impacts)}
         assert rows["tangential_restitution"]["drops_for_half"] == drops

@@ -12,7 +12,7 @@ import pytest
 from report_pages import DIAGNOSIS, FAULT, Page, page_of, scripts
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.where import where as all_regions
+from thesis_lib.critique.drops.questions.where import where as all_regions
 from thesis_lib.critique.results.numbers import ladder_table, rung_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.pictures import NAMES, pictures

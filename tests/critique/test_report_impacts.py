@@ -8,7 +8,7 @@ import pytest
 from report_pages import scripts
 
 from thesis_lib.contact.space import contact_space
-from thesis_lib.critique.drops.class_tests import velocities
+from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.report.critique import impacts as report_impacts
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from thesis_lib.contact import SIX_LAWS
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.class_tests import velocities
+from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.results.tables import PARTS, left_out_impacts, tables
 from thesis_lib.foundation.columns import explain
 

@@ -8,12 +8,19 @@ import pytest
 from hidden_effects import injected_impacts
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.class_tests import class_tests
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.flights import flight_features
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.where import FEWEST_HELD_OUT, LEVEL, Condition, flight_regions, regions, where
+from thesis_lib.critique.drops.questions.class_tests import class_tests
+from thesis_lib.critique.drops.questions.flights import flight_features
+from thesis_lib.critique.drops.questions.where import (
+    FEWEST_HELD_OUT,
+    LEVEL,
+    Condition,
+    flight_regions,
+    regions,
+    where,
+)
 
 N = 300
 SEEDS = 20

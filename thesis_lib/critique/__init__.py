@@ -1,27 +1,17 @@
 """Compare contact models with measurements, see where they fail, name the missing effect, add it.
 
     from thesis_lib.critique import criticise
-    found = criticise(read_dataset("data/my_drops"), rng=np.random.default_rng(0))
+    critique = criticise(read_dataset("data/my_drops"), rng=np.random.default_rng(0))
 
-The function is imported on first use, so that importing this package stays cheap.
+`criticise` and `Critique` are imported on first use, so that importing this package stays cheap.
 """
 
-import sys
-from types import ModuleType
+from importlib import import_module
+
+__all__ = ["Critique", "criticise"]
 
 
-class _Face(ModuleType):
-    """This package; `criticise` is the function even after its module of the same name was imported."""
-
-    @property
-    def criticise(self):
-        from thesis_lib.critique.drops.criticise import criticise
-
-        return criticise
-
-    @criticise.setter
-    def criticise(self, module: ModuleType) -> None:
-        """The import system hangs every submodule on its package; this one's name is taken."""
-
-
-sys.modules[__name__].__class__ = _Face
+def __getattr__(name: str):
+    if name in __all__:
+        return getattr(import_module("thesis_lib.critique.drops.criticise"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -22,10 +22,10 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique, gain_of
-from thesis_lib.critique.drops.detectable import detectable
+from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.held_out import CHANNELS, is_material
-from thesis_lib.critique.drops.next_experiment import next_experiment
+from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder, left_out_impacts

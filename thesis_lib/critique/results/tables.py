@@ -22,11 +22,11 @@ import pandas as pd
 from thesis_lib.foundation.columns import explain
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import residual_couple, velocity_error
-from thesis_lib.critique.drops.class_tests import velocities
+from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.flights import flight_table
+from thesis_lib.critique.drops.questions.flights import flight_table
 from thesis_lib.critique.drops.held_out import Judgement, paired_gain
 from thesis_lib.critique.drops.model import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations

@@ -13,7 +13,12 @@ from matplotlib.figure import Figure
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.flights import FLIGHT_UNITS, flight_features, flight_table, relative_residuals
+from thesis_lib.critique.drops.questions.flights import (
+    FLIGHT_UNITS,
+    flight_features,
+    flight_table,
+    relative_residuals,
+)
 from thesis_lib.critique.results.numbers import (
     FEATURE_LABEL,
     Z95,

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.where import where
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.saved_model import save_model, saved
 from thesis_lib.critique.results.tables import tables

@@ -22,11 +22,11 @@ from matplotlib.colors import to_hex
 from matplotlib.ticker import MaxNLocator
 
 from thesis_lib.contact.space import contact_space, energy_ellipse, measured_impulse, velocity_error
-from thesis_lib.critique.drops.class_tests import velocities
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import impact_residuals
+from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.results.numbers import number
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
