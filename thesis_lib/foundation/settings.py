@@ -1,9 +1,16 @@
 """Base of every typed section of YAML: unknown keys are refused, values cannot change after the check."""
 
+from typing import dataclass_transform
+
 from pydantic import BaseModel, ConfigDict
 
 
-class Section(BaseModel):
+@dataclass_transform(kw_only_default=True, field_specifiers=())
+class SectionType(type(BaseModel)):
+    """For type checkers: what is assigned to a field is its default, `Field(0.3, ge=0.0)` included."""
+
+
+class Section(BaseModel, metaclass=SectionType):
     """A section of dataset.yaml or of the configuration."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
