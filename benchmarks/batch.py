@@ -123,15 +123,13 @@ def measure(folder: Path, count: int, drops: int, jobs: int, time_limit: float) 
 
 
 def _is_right(row: dict, cases: dict) -> bool:
-    from thesis_lib.critique.proof.cases import is_right
+    from thesis_lib.critique.proof.results import is_right
 
     case = cases.get(row["dataset"])
     if case is None or row["status"] == "failed":
         return False
     steps = [group.split("/") for group in row["effects"].split(" + ") if group]
-    if not case.hidden:
-        return row["verdict"] == "adequate"
-    return is_right(case, steps) if case.expected[0] else row["verdict"] == "unexplained"
+    return is_right(case, row["verdict"], steps)
 
 
 def _resident() -> float:

@@ -36,7 +36,8 @@ from thesis_lib.critique.drops.held_out import MAD
 from thesis_lib.critique.drops.model import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.proof.cases import NOTHING, Case, is_right, make
+from thesis_lib.critique.proof.cases import NOTHING, Case, make
+from thesis_lib.critique.proof.results import is_right
 from thesis_lib.foundation.randomness import generator
 
 CAUSES = ("com_offset_x", "hunt_crossley", "friction_anisotropy", "linear_drag")
@@ -139,7 +140,10 @@ def compare(case: Case) -> dict[str, Found]:
     steps = [[s.effect.name, *s.alternatives] for s in critique.discovery.steps]
     found = {
         "critique": Found(
-            critique.verdict != "adequate", is_right(case, steps), (base - end) / (base - floor), cpu
+            critique.verdict != "adequate",
+            is_right(case, critique.verdict, steps),
+            (base - end) / (base - floor),
+            cpu,
         )
     }
     methods: dict[str, Train] = {"GP": gaussian_process}

@@ -1,55 +1,38 @@
-"""The proof: where results lie, that stored ones are kept, and how they are counted."""
+"""The proof: its cases, what counts as right, and the sizes of what is hidden."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from stored_proof import OUTSIDE
 
-from thesis_lib.critique.proof import cases as proof
 from thesis_lib.critique.proof.cases import (
     DEVELOPMENT,
     NOTHING,
+    RATIO,
     SEEDS,
     SOURCES,
     Case,
-    is_right,
     make,
     pairs,
     truths,
 )
+from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.results import is_right
 from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor
+from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.critique.proof.table import confusion
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 STORED_SIZES = json.loads(SIZES.read_text(encoding="utf-8"))["law"]
-
-
-def test_every_case_has_a_path_of_its_own():
-    cases = [
-        Case(source, truth, seed, drops, noise, ratio)
-        for source in SOURCES
-        for truth in [*truths(source), *pairs(source)]
-        for seed in (SEEDS, SEEDS + 1)
-        for drops in (50, 150)
-        for noise in (1.0, 5.0)
-        for ratio in (1.5, 3.0)
-    ]
-    assert len({case.path for case in cases}) == len(cases)
-    assert not any(case.path.is_absolute() for case in cases)
-    assert Case("law", "wear", 1003).path == Path("law/wear/ratio3_drops150_noise1/1003.json")
-    assert Case("mechanism", NOTHING, 1000, 50, 5.0).path == Path(
-        "mechanism/nothing/ratio3_drops50_noise5/1000.json"
-    )
 
 
 def test_the_table_uses_no_seed_of_the_tuning():
     assert SEEDS not in DEVELOPMENT and max(DEVELOPMENT) < SEEDS
 
 
-def test_truths_and_what_counts_as_right():
+def test_truths_and_the_effects_that_describe_them():
     assert truths("law")[0] == truths("mechanism")[0] == NOTHING
     assert set(truths("law")[1:]) == set(EFFECTS)
     assert Case("law", NOTHING, 0).expected == ()
@@ -66,14 +49,20 @@ def test_pairs_are_ten_of_known_causes_that_ask_for_different_effects():
             assert one and two and not set(one) & set(two)
 
 
-def test_a_pair_needs_both_in_groups_of_their_own():
+def test_what_is_right():
     pair = Case("law", "wear+moving_surface", 0)
-    assert is_right(pair, [["moving_surface", "sensor_drift"], ["wear"]])
-    assert not is_right(pair, [["wear", "moving_surface"]])
-    assert not is_right(pair, [["wear"], ["magnus"]]) and not is_right(pair, [])
+    assert is_right(pair, "effects", [["moving_surface", "sensor_drift"], ["wear"]])
+    assert not is_right(pair, "effects", [["wear", "moving_surface"]])
+    assert not is_right(pair, "effects", [["wear"], ["magnus"]]) and not is_right(pair, "adequate", [])
     single = Case("law", "wear", 0)
-    assert is_right(single, [["magnus", "wear"]]) and not is_right(single, [["magnus"], ["wear"]])
-    assert not is_right(Case("law", NOTHING, 0), [["wear"]])
+    assert is_right(single, "effects", [["magnus", "wear"]])
+    assert not is_right(single, "effects", [["magnus"], ["wear"]])
+    assert not is_right(single, "effects", [["wear", *list(EFFECTS)[:3]]])  # a group of four
+    assert is_right(Case("law", NOTHING, 0), "adequate", [])
+    assert not is_right(Case("law", NOTHING, 0), "effects", [["wear"]])
+    outside = Case("mechanism", OUTSIDE, 0)
+    assert is_right(outside, "unexplained", [["wear"]]) and not is_right(outside, "effects", [["wear"]])
+    assert [case.kind for case in (pair, single, outside)] == ["pair", "single", "outside"]
 
 
 def test_the_detection_curve_scales_what_is_hidden():
@@ -104,39 +93,15 @@ def test_a_case_is_made_the_same_each_time():
     assert make(Case("law", "sensor_drift", 4, drops=12))[0].digest() != one.digest()
 
 
-def test_a_stored_result_is_not_computed_again(tmp_path, monkeypatch):
-    calls = []
-
-    def refuse(dataset, **kwargs):
-        calls.append(dataset)
-        raise UserError("too few impacts\nmeasure more")
-
-    monkeypatch.setattr(proof, "criticise", refuse)
-    case = Case("law", NOTHING, 5, drops=12)
-    first = proof.run(case, tmp_path)
-    assert first["verdict"] == "refused" and first["why"] == "too few impacts"
-    assert json.loads((tmp_path / case.path).read_text()) == first
-    written = (tmp_path / case.path).read_bytes()
-    assert proof.run(case, tmp_path) == first
-    assert len(calls) == 1 and (tmp_path / case.path).read_bytes() == written
-    proof.run(Case("law", NOTHING, 6, drops=12), tmp_path)
-    assert len(calls) == 2
-
-
 @pytest.mark.slow
-def test_a_hidden_effect_is_found_and_its_result_holds_what_the_table_needs(tmp_path):
-    case = Case("law", "wrong_gravity", 2, drops=50)  # a development seed
-    result = proof.run(case, tmp_path)
-    assert result["verdict"] == "effects" and result["right"]
-    assert result["steps"][0][0] == "wrong_gravity"
-    p = (
-        result["parameters"]["dg"]
-        if "dg" in result["parameters"]
-        else next(iter(result["parameters"].values()))
-    )
-    assert abs(p["found"] - p["true"]) < 4.0 * p["std"]
-    assert 0.8 < p["std"] / p["fisher"] < 1.5
-    assert str(tmp_path) not in (tmp_path / case.path).read_text()
+def test_a_hidden_effect_is_found_and_its_row_holds_what_the_table_needs(tmp_path):
+    row = compute(Case("law", "wrong_gravity", 2, drops=50))  # a development seed
+    assert is_right(row.case, row.verdict, row.groups) and row.groups[0][0] == "wrong_gravity"
+    (p,) = row.parameters.values()
+    assert abs(p.found - p.true) < 4.0 * p.std
+    assert 0.8 < p.std / p.fisher < 1.5
+    put_row(row, tmp_path)
+    assert read_rows("law", tmp_path) == {row.case: row}
     table = confusion(tmp_path)
     assert len(table) == 1 and table["right"].iloc[0] == 1.0
 
@@ -144,6 +109,6 @@ def test_a_hidden_effect_is_found_and_its_result_holds_what_the_table_needs(tmp_
 @pytest.mark.slow
 def test_sizes_are_found_again():
     """Of one effect, to a factor of two: the fit has improved since, and finds more of the error without the effect."""
-    found = find_size("com_offset", proof.RATIO, 7)
+    found = find_size("com_offset", RATIO, 7)
     assert 0.5 < stored_factor("com_offset") / found < 2.0
     assert find_size("com_offset", 1.5, 7) < 0.7 * found

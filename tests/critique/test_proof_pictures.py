@@ -20,13 +20,17 @@ def drawn(tmp_path_factory):
     store = tmp_path_factory.mktemp("drawn")
     for i in range(4):
         values = {"w": parameter(1.0 if i else 3.0)}
-        named = [["wear", "wrong_size"]] if i else [["magnus"]]
-        put(store, Case("law", "wear", 1000 + i), right=i > 0, steps=named, parameters=values)
-        put(store, Case("law", "wear", 1000 + i, ratio=1.5), right=i > 2, steps=[["wear"]])
-        put(store, Case("law", "wear", 1000 + i, drops=50, noise=5.0), right=i > 1)
-        put(store, Case("mechanism", "com_offset_x", 1000 + i), right=True, steps=[["com_offset"]])
-        put(store, Case("mechanism", "com_offset_y", 1000 + i), steps=[])
-    put(store, Case("law", NOTHING, 1000), steps=[])
+        put(
+            store,
+            Case("law", "wear", 1000 + i),
+            [["wear", "wrong_size"]] if i else [["magnus"]],
+            parameters=values,
+        )
+        put(store, Case("law", "wear", 1000 + i, ratio=1.5), [["wear"]] if i > 2 else [["magnus"]])
+        put(store, Case("law", "wear", 1000 + i, drops=50, noise=5.0), None if i > 1 else [["magnus"]])
+        put(store, Case("mechanism", "com_offset_x", 1000 + i), [["com_offset"]])
+        put(store, Case("mechanism", "com_offset_y", 1000 + i), [])
+    put(store, Case("law", NOTHING, 1000))
     refuse(store, Case("law", NOTHING, 1001))
     return pictures(outcomes(store), recovered(store))
 

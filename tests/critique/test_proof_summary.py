@@ -9,7 +9,7 @@ import pytest
 from stored_proof import OUTSIDE, error, figure_of, many, parameter, put, refuse
 
 from thesis_lib.critique.proof.cases import NOTHING, Case, truths
-from thesis_lib.critique.proof.results import kind_of, wilson
+from thesis_lib.critique.proof.results import wilson
 from thesis_lib.critique.proof.summary import TARGETS, median_interval, report, summary, tables
 from thesis_lib.critique.proof.table import confusion, misses
 
@@ -68,9 +68,9 @@ class TestSummary:
         assert len(confusion(tmp_path)) == 5
 
     def test_each_kind_has_its_own_figure(self, tmp_path):
-        put(tmp_path, Case("law", NOTHING, 1000), steps=[])
-        put(tmp_path, Case("mechanism", OUTSIDE, 1000), steps=[], verdict="unexplained")
-        put(tmp_path, Case("law", "wear+magnus", 1000), right=True, steps=[["wear"], ["magnus", "tilt"]])
+        put(tmp_path, Case("law", NOTHING, 1000), groups=[])
+        put(tmp_path, Case("mechanism", OUTSIDE, 1000), groups=[], verdict="unexplained")
+        put(tmp_path, Case("law", "wear+magnus", 1000), groups=[["wear"], ["magnus", "tilt"]])
         table = summary(tmp_path)
         run = table[table["n"] > 0]
         assert run[["figure", "source"]].to_numpy().tolist() == [
@@ -85,7 +85,7 @@ class TestSummary:
 
     def test_says_how_many_datasets_were_planned(self, tmp_path):
         table = summary(tmp_path).set_index(["figure", "source"])["n_asked"]
-        singles = [name for name in truths("mechanism") if kind_of("mechanism", name) == "single"]
+        singles = [name for name in truths("mechanism") if Case("mechanism", name, 0).kind == "single"]
         assert table[MECHANISMS_RIGHT, "mechanism"] == 10 * len(singles)
         assert table[ADEQUATE, "law"] == 200 and table[SMALL, "mechanism"] == 24
         assert table[PAIRS, "all"] == 100 and table[UNEXPLAINED, "mechanism + drake"] == 30
@@ -103,7 +103,7 @@ class TestSummary:
     def test_coverage_counts_only_with_narrow_intervals(self, tmp_path, covered, width, met):
         for i in range(100):
             values = {"w": parameter(1.0 if i < covered else 3.0, width)}
-            put(tmp_path, Case("law", "wear", 1000 + i), right=True, parameters=values)
+            put(tmp_path, Case("law", "wear", 1000 + i), parameters=values)
         row = figure_of(tmp_path, COVERAGE, "law")
         assert (row["measured"], row["n"], row["met"]) == (covered / 100, 100, met)
         assert f"{width:.2f}" in row["note"]
@@ -111,10 +111,10 @@ class TestSummary:
     @pytest.mark.parametrize(("after", "met"), [(1.04, "aim"), (1.1, "at least"), (1.3, "missed")])
     def test_the_misfit_is_the_median_over_single_effects(self, tmp_path, after, met):
         for i in range(9):
-            put(tmp_path, Case("law", "wear", 1000 + i), right=True, error=error(after=after if i else 0.9))
+            put(tmp_path, Case("law", "wear", 1000 + i), errors=error(after=after if i else 0.9))
         for i in range(3):
-            put(tmp_path, Case("law", "wrong_inertia", 1000 + i), error=error(after=4.0))
-        put(tmp_path, Case("law", NOTHING, 1000), steps=[], error=error(after=0.1))
+            put(tmp_path, Case("law", "wrong_inertia", 1000 + i), errors=error(after=4.0))
+        put(tmp_path, Case("law", NOTHING, 1000), groups=[], errors=error(after=0.1))
         row = figure_of(tmp_path, MISFIT, "law")
         assert row["measured"] == pytest.approx(after) and row["met"] == met and row["n"] == 12
         assert "worst wrong_inertia 4.00" in row["note"]
@@ -143,14 +143,13 @@ def mixed(tmp_path) -> Path:
         put(
             store,
             Case("law", "wear", 1000 + i),
-            right=True,
-            steps=[["wear", "wrong_size"]],
+            groups=[["wear", "wrong_size"]],
             parameters=values,
         )
-    put(store, Case("law", "wear", 1003), steps=[["wrong_size"], ["magnus", "wear"]])
-    put(store, Case("law", NOTHING, 1000), steps=[])
-    put(store, Case("law", "wear+magnus", 1007), steps=[["wear"]])
-    put(store, Case("mechanism", OUTSIDE, 1001), steps=[["adhesion"]])
+    put(store, Case("law", "wear", 1003), groups=[["wrong_size"], ["magnus", "wear"]])
+    put(store, Case("law", NOTHING, 1000), groups=[])
+    put(store, Case("law", "wear+magnus", 1007), groups=[["wear"]])
+    put(store, Case("mechanism", OUTSIDE, 1001), groups=[["adhesion"]])
     refuse(store, Case("drake", "tilt", 1002), "no impact was found")
     return store
 
@@ -189,7 +188,7 @@ class TestReport:
         from thesis_lib.effects import EFFECTS
 
         for i, name in enumerate(EFFECTS):
-            put(tmp_path, Case("law", "wear", 1000 + i), steps=[[name]], right=name == "wear")
+            put(tmp_path, Case("law", "wear", 1000 + i), groups=[[name]])
         text = report(tmp_path)
         assert max(map(len, text.splitlines())) <= 120 and re.search(r", and \d+ more", text)
 

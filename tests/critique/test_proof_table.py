@@ -1,6 +1,5 @@
-"""How stored results of the proof are counted, checked and run again."""
+"""How stored results of the proof are counted, and what is refused of a store."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +7,11 @@ import pytest
 from scipy.stats import binomtest
 from stored_proof import FLOOR, OUTSIDE, cell, error, figure_of, parameter, put, refuse
 
-from thesis_lib.critique.proof import table as proof_table
-from thesis_lib.critique.proof.cases import NOTHING, SEEDS, Case
+from thesis_lib.critique.proof.cases import NOTHING, Case
 from thesis_lib.critique.proof.results import outcomes, recovered, wilson
 from thesis_lib.critique.proof.summary import TARGETS
-from thesis_lib.critique.proof.table import confusion, rerun
-from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.critique.proof.table import confusion
+from thesis_lib.foundation.errors import CorruptFileError
 
 COVERAGE = next(target.figure for target in TARGETS if target.measure == "coverage")
 
@@ -33,10 +31,10 @@ class TestWilson:
 
 class TestWhatIsRight:
     def test_an_effect_in_the_group_named_first(self, tmp_path):
-        put(tmp_path, Case("law", "wear", 1000), right=True)
-        put(tmp_path, Case("law", "wear", 1001), right=True, steps=[["wrong_size", "wear"]])
-        put(tmp_path, Case("law", "wear", 1002), steps=[["magnus"], ["wear"]])
-        put(tmp_path, Case("law", "wear", 1003), steps=[])
+        put(tmp_path, Case("law", "wear", 1000))
+        put(tmp_path, Case("law", "wear", 1001), groups=[["wrong_size", "wear"]])
+        put(tmp_path, Case("law", "wear", 1002), groups=[["magnus"], ["wear"]])
+        put(tmp_path, Case("law", "wear", 1003), groups=[])
         row = cell(tmp_path, "law", "wear")
         assert (row["n"], row["right"]) == (4, 0.5)
         assert (row["right_low"], row["right_high"]) == pytest.approx(wilson(2, 4))
@@ -48,14 +46,13 @@ class TestWhatIsRight:
         put(
             tmp_path,
             Case("law", "wear", 1000),
-            right=True,
-            steps=[["magnus", "adhesion", "wrong_size", "wear"]],
+            groups=[["magnus", "adhesion", "wrong_size", "wear"]],
         )
         assert not outcomes(tmp_path)["right"].any()
 
     def test_only_the_first_group_of_a_single_effect_counts(self, tmp_path):
         four = ["magnus", "adhesion", "wrong_size", "com_offset"]
-        put(tmp_path, Case("law", "wear", 1000), right=True, steps=[["wear"], four])
+        put(tmp_path, Case("law", "wear", 1000), groups=[["wear"], four])
         (row,) = outcomes(tmp_path).itertuples()
         assert row.right and row.group_size == 1.0
 
@@ -71,18 +68,18 @@ class TestWhatIsRight:
         ],
     )
     def test_both_of_a_pair_in_groups_of_their_own(self, tmp_path, steps, right):
-        put(tmp_path, Case("mechanism", "com_offset_x+linear_drag", 1000), right=True, steps=steps)
+        put(tmp_path, Case("mechanism", "com_offset_x+linear_drag", 1000), groups=steps)
         assert outcomes(tmp_path)["right"].tolist() == [right]
 
     def test_a_pair_of_which_one_is_named_is_wrong(self, tmp_path):
-        put(tmp_path, Case("law", "com_offset+linear_drag", 1000), right=False, steps=[["com_offset"]])
+        put(tmp_path, Case("law", "com_offset+linear_drag", 1000), groups=[["com_offset"]])
         assert not outcomes(tmp_path)["right"].any()
 
     def test_adequate_where_nothing_is_hidden_and_unexplained_outside_the_library(self, tmp_path):
         for seed, steps in enumerate(([], [], [["wear"]])):
-            put(tmp_path, Case("law", NOTHING, 1000 + seed), steps=steps)
+            put(tmp_path, Case("law", NOTHING, 1000 + seed), groups=steps)
         for seed, verdict in enumerate(("unexplained", "effects", "adequate", "adequate")):
-            put(tmp_path, Case("drake", OUTSIDE, 1000 + seed), verdict=verdict, steps=[])
+            put(tmp_path, Case("drake", OUTSIDE, 1000 + seed), verdict=verdict, groups=[])
         assert cell(tmp_path, "law", NOTHING)["right"] == pytest.approx(2.0 / 3.0)
         assert cell(tmp_path, "drake", OUTSIDE)["right"] == 0.25
         assert cell(tmp_path, "drake", OUTSIDE)["kind"] == "outside"
@@ -104,25 +101,25 @@ class TestMisfits:
             ("surface_height", error(after=9.0, flight_augmented=9.0, touch_augmented=0.8), 0.8),
             ("com_offset", error(after=1.1, flight_augmented=1.3), 1.3),  # both: the worse
             ("com_offset", error(after=1.4, flight_augmented=1.3), 1.4),
-            ("com_offset", error(after=1.4, flight_augmented=None), 1.4),  # no flights to judge by
+            ("com_offset", error(after=1.4, flight_augmented=np.nan), 1.4),  # no flights to judge by
         ],
     )
     def test_count_where_the_effect_acts(self, tmp_path, truth, errors, after):
-        put(tmp_path, Case("law", truth, 1000), right=True, error=errors)
+        put(tmp_path, Case("law", truth, 1000), errors=errors)
         assert cell(tmp_path, "law", truth)["after_over_floor"] == pytest.approx(after)
 
     def test_of_a_cause_are_those_of_the_effect_that_describes_it(self, tmp_path):
         put(
             tmp_path,
             Case("mechanism", "gravity_error", 1000),
-            error=error(flight_base=4.0, flight_augmented=1.5),
+            errors=error(flight_base=4.0, flight_augmented=1.5),
         )
         row = cell(tmp_path, "mechanism", "gravity_error")
         assert (row["before_over_floor"], row["after_over_floor"]) == (4.0, 1.5)
 
     def test_medians_over_datasets(self, tmp_path):
         for i, after in enumerate((1.0, 1.1, 5.0)):
-            put(tmp_path, Case("law", "wear", 1000 + i), error=error(after=after))
+            put(tmp_path, Case("law", "wear", 1000 + i), errors=error(after=after))
         row = cell(tmp_path, "law", "wear")
         assert row["after_over_floor"] == pytest.approx(1.1) and row["before_over_floor"] == pytest.approx(
             3.0
@@ -136,7 +133,6 @@ class TestParameters:
             put(
                 tmp_path,
                 Case("law", "wear", 1000 + i),
-                right=True,
                 parameters={"w": parameter(z, 1.0 + 0.1 * i)},
             )
         row = cell(tmp_path, "law", "wear")
@@ -145,61 +141,46 @@ class TestParameters:
         assert row["z"] == pytest.approx(1.45) and row["width"] == pytest.approx(1.15)
 
     def test_an_unknown_bound_leaves_the_width_open(self, tmp_path):
-        put(tmp_path, Case("law", "wear", 1000), right=True, parameters={"w": parameter(0.1, None)})
+        put(tmp_path, Case("law", "wear", 1000), parameters={"w": parameter(0.1, np.nan)})
         row = cell(tmp_path, "law", "wear")
         assert row["coverage"] == 1.0 and np.isnan(row["width"])
         # and what is not known to be narrow does not meet a target that asks for it
         assert figure_of(tmp_path, COVERAGE, "law")["met"] == "missed"
 
     def test_none_where_the_effect_was_not_named(self, tmp_path):
-        put(tmp_path, Case("law", "wear", 1000), steps=[])
+        put(tmp_path, Case("law", "wear", 1000), groups=[])
         row = cell(tmp_path, "law", "wear")
         assert row["n_parameters"] == 0 and np.isnan(row["coverage"]) and np.isnan(row["coverage_low"])
         assert recovered(tmp_path).empty
 
 
 class TestBadStores:
-    @pytest.mark.parametrize("missing", ["ratio", "steps_of_right", "error", "verdict"])
-    def test_a_result_that_lacks_something_is_named(self, tmp_path, missing):
-        case = Case("law", "wear", 1000)
-        result = put(tmp_path, case, right=True)
-        del result["right" if missing == "steps_of_right" else missing]
-        (tmp_path / case.path).write_text(json.dumps(result))
-        with pytest.raises(CorruptFileError, match=r"1000\.json is no result of the proof"):
-            confusion(tmp_path)
-
-    def test_an_unknown_truth_is_named(self, tmp_path):
-        put(tmp_path, Case("law", "wear", 1000), truth="phlogiston")
-        with pytest.raises(CorruptFileError, match="phlogiston"):
-            outcomes(tmp_path)
-
-    def test_what_is_no_json_is_named(self, tmp_path):
-        (tmp_path / "1000.json").write_text("{")
-        with pytest.raises(CorruptFileError, match=r"1000\.json is not valid JSON"):
-            outcomes(tmp_path)
-
-
-class TestRerun:
     @pytest.fixture
-    def store(self, tmp_path, monkeypatch) -> Path:
-        put(tmp_path, Case("law", "wear", SEEDS), right=True)
-        refuse(tmp_path, Case("law", NOTHING, SEEDS))
-        monkeypatch.setattr(
-            proof_table, "run", lambda case, folder: json.loads((tmp_path / case.path).read_text())
-        )
-        return tmp_path
+    def table(self, tmp_path) -> Path:
+        put(tmp_path, Case("law", "wear", 1000), parameters={"w": parameter(1.0)})
+        return tmp_path / "law.csv"
 
-    def test_agrees_with_what_is_stored(self, store):
-        table = rerun(["law/wear", f"law/{NOTHING}"], store)
-        assert table["agrees"].tolist() == [1, 1] and table["verdict"].tolist() == ["effects", "refused"]
+    @pytest.mark.parametrize(
+        ("old", "new"),
+        [
+            (",effects,", ","),  # a cell is missing
+            (",effects,", ",perhaps,"),
+            ("wear,3,", "phlogiston,3,"),
+            (",300,", ",many,"),
+            ("w=2:", "w=2:x:"),
+            ("\nwear", "\n\0wear"),
+        ],
+    )
+    def test_a_row_that_cannot_be_read_is_named(self, table, old, new):
+        table.write_text(table.read_text().replace(old, new, 1))
+        with pytest.raises(CorruptFileError, match=r"law\.csv, line [12], is no result of the proof"):
+            outcomes(table.parent)
 
-    @pytest.mark.parametrize("change", [{"verdict": "unexplained"}, {"steps": [["magnus"]]}])
-    def test_another_answer_is_refused(self, store, monkeypatch, change):
-        run = proof_table.run
-        monkeypatch.setattr(proof_table, "run", lambda case, folder: run(case, folder) | change)
-        with pytest.raises(UserError, match="law/wear"):
-            rerun(["law/wear"], store)
-
-    def test_of_what_is_not_stored_says_how_to_make_it(self, store):
-        with pytest.raises(UserError, match="--source law --truths magnus"):
-            rerun(["law/magnus"], store)
+    def test_so_is_one_that_stands_twice_and_a_table_of_other_columns(self, table):
+        header, row = table.read_text().splitlines()
+        table.write_text("\n".join([header, row, row]))
+        with pytest.raises(CorruptFileError, match=r"line 3, .* stands twice"):
+            outcomes(table.parent)
+        table.write_text(header.replace("verdict", "opinion"))
+        with pytest.raises(CorruptFileError, match="the columns are not truth, ratio"):
+            confusion(table.parent)

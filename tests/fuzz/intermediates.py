@@ -29,7 +29,7 @@ def results_samples() -> list[Sample]:
     table = pd.DataFrame(
         {"law": ["mirtich", "newton"], "mu": [0.1, np.nan], "error": [1.0, 2.0], "n": [3, 4]}
     )
-    stored = sorted((ROOT / "config/proof").rglob("*.json"))[0]
+    lines = (ROOT / "config/proof/law.csv").read_bytes().splitlines(keepends=True)
     error = {"base": 0.3, "augmented": 0.1, "noise_floor": 0.05, "irb_bound": None}
     law = {"name": "mirtich", "parameters": {"mu": {"value": 0.1, "std": 0.01, "unit": "1"}}}
     effect = {"name": "com_offset", "parameters": {"c_x": {"value": 1e-3, "std": 1e-4, "unit": "m"}}}
@@ -38,7 +38,7 @@ def results_samples() -> list[Sample]:
     return [
         {"table.csv": csv_of(table), "table.parquet": parquet_of(table)},
         {"diagnosis.json": json.dumps(run, indent=1).encode()},
-        {"outcome.json": stored.read_bytes()},
+        {"law.csv": b"".join(lines[:3])},
     ]
 
 
@@ -52,7 +52,7 @@ def read_results(folder: Path, out: Path) -> None:
         if (folder / "diagnosis.json").exists():
             run = read_run(folder)
             compare(run, run)
-        elif (folder / "outcome.json").exists():
+        elif (folder / "law.csv").exists():
             outcomes(folder)
             recovered(folder)
         else:

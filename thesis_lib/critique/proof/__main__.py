@@ -1,35 +1,112 @@
-"""Command line of the proof: run cases, print the table, find the size of an effect."""
+"""Command line of the proof: run cases, check stored rows, print the table, find the size of an effect.
+
+python -m thesis_lib.critique.proof run --seeds 10 --source law --truths com_offset
+python -m thesis_lib.critique.proof check --sample 10 --stamp
+python -m thesis_lib.critique.proof table
+python -m thesis_lib.critique.proof size com_offset
+"""
 
 import argparse
 import sys
-import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from thesis_lib.critique.proof.cases import RATIO, SEEDS, SOURCES, STORE, Case, pairs, run, truths
-from thesis_lib.critique.proof.sizes import find_size, stored_factor
+from thesis_lib.critique.proof.cases import RATIO, SEEDS, SOURCES, Case, pairs, truths
+from thesis_lib.critique.proof.check import ages, check, rows_to_check
+from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.sizes import find_size, require_checkout, stored_factor
+from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.critique.proof.summary import report
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 
+SAMPLE = 2  # rows; about 20 s of CPU time each
+
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line: run cases, or print the table."""
+    """Command line; returns the exit code: 1 for a row that differs, or for what the user can mend."""
+    options = _parser().parse_args(arguments)
+    try:
+        require_checkout()
+        if options.command == "run":
+            _run(options)
+        elif options.command == "check":
+            print(ages())
+            cases = rows_to_check(None if options.all else options.sample, options.source)
+            return 0 if check(cases, stamp=options.stamp, tell=lambda line: print(line, flush=True)) else 1
+        elif options.command == "table":
+            print(report(folder=options.csv), end="")
+        else:
+            factor = find_size(options.effect, RATIO, options.seed)
+            print(
+                f"{options.effect}: {factor:g}, stored {stored_factor(options.effect):g} (factor on its scales)"
+            )
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def _run(options: argparse.Namespace) -> None:
+    cases = [
+        Case(source, truth, seed, options.drops, options.noise, options.ratio)
+        for seed in range(options.first, options.first + options.seeds)
+        for source in options.source
+        for truth in _chosen(source, options.truths)
+    ]
+    if not cases:
+        raise UserError(f"No truth of {', '.join(options.source)} is called {' or '.join(options.truths)}.")
+    for case in cases:
+        case = case if options.development else replace(case, seed=SEEDS + case.seed)
+        if not options.development and case in read_rows(case.source):
+            continue
+        row = compute(case)
+        if not options.development:
+            put_row(row)
+        print(f"{case}: {row.verdict}, {row.named or row.why or 'nothing named'}", flush=True)
+
+
+def _chosen(source: str, names: Sequence[str]) -> list[str]:
+    """Truths of a source by their names, with "all" for the single ones and "pairs" for the pairs."""
+    single, double = truths(source), pairs(source)
+    chosen = {*names, *(single if "all" in names else ()), *(double if "pairs" in names else ())}
+    return [truth for truth in [*single, *double] if truth in chosen]
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m thesis_lib.critique.proof", description="Run the proof, or print its table."
+        prog="python -m thesis_lib.critique.proof",
+        description="The proof of the critique: effects and causes hidden on purpose and looked for.",
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    go = commands.add_parser("run", help="criticise datasets with hidden effects; stored results are kept")
-    go.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
-    go.add_argument(
+    run = commands.add_parser("run", help="criticise datasets with hidden effects; stored results are kept")
+    run.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
+    run.add_argument(
         "--truths", nargs="+", default=["all"], metavar="NAME", help="effects, causes, nothing, all, or pairs"
     )
-    go.add_argument("--seeds", type=int, default=1, help="datasets of each (1)")
-    go.add_argument("--first", type=int, default=0, help="offset of the first seed (0)")
-    go.add_argument("--drops", type=int, default=150)
-    go.add_argument("--noise", type=float, default=1.0, help="times the rig's (1)")
-    go.add_argument("--ratio", type=float, default=RATIO, help="misfit over the noise floor (3)")
-    go.add_argument(
+    run.add_argument("--seeds", type=int, default=1, help="datasets of each (1)")
+    run.add_argument("--first", type=int, default=0, help="offset of the first seed (0)")
+    run.add_argument("--drops", type=int, default=150)
+    run.add_argument("--noise", type=float, default=1.0, help="times the rig's (1)")
+    run.add_argument("--ratio", type=float, default=RATIO, help="misfit over the noise floor (3)")
+    run.add_argument(
         "--development", action="store_true", help="tuning seeds; results are printed, not stored"
+    )
+    again = commands.add_parser(
+        "check", help="say which stored rows are older than the code, and compute some of them again"
+    )
+    again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
+    again.add_argument(
+        "--sample", type=int, default=SAMPLE, help=f"rows to compute again, 20 s each ({SAMPLE})"
+    )
+    again.add_argument(
+        "--all",
+        action="store_true",
+        help="all that are older than the code: over night; goes on with --stamp",
+    )
+    again.add_argument(
+        "--stamp", action="store_true", help="store what was computed where the verdict agrees"
     )
     table = commands.add_parser(
         "table", help="the stored results against the targets, the misses, the confusion table"
@@ -43,31 +120,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     size.add_argument("effect", choices=tuple(EFFECTS))
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")
-    options = parser.parse_args(arguments)
-    if options.command == "size":
-        found = find_size(options.effect, RATIO, options.seed)
-        print(f"{options.effect}: {found:g}, stored {stored_factor(options.effect):g} (factor on its scales)")
-        return 0
-    if options.command == "table":
-        try:
-            print(report(STORE, options.csv), end="")
-        except UserError as error:
-            print(error, file=sys.stderr)
-            return 1
-        return 0
-    store = Path(tempfile.mkdtemp()) if options.development else STORE
-    for i in range(options.first, options.first + options.seeds):
-        seed = i if options.development else SEEDS + i
-        for source in options.source:
-            wanted = [*truths(source), *pairs(source)] if "all" not in options.truths else truths(source)
-            if "pairs" in options.truths:
-                wanted = pairs(source)
-            for truth in wanted:
-                if {"all", "pairs", truth} & set(options.truths):
-                    case = Case(source, truth, seed, options.drops, options.noise, options.ratio)
-                    result = run(case, store)
-                    print(source, truth, seed, result["verdict"], result.get("steps"), flush=True)
-    return 0
+    return parser
 
 
 if __name__ == "__main__":

@@ -1,14 +1,14 @@
 """The stored results of the proof as two tables: a row a dataset, and a row a recovered parameter.
 
-What counts as right, for a dataset in which
+A verdict is right (`is_right`) on a dataset in which
 
-- nothing was hidden: the verdict `adequate`;
-- one effect was hidden: it stands in the group that was named first;
-- two effects were hidden (truth "a+b"): both stand in the groups that were named, each in a group of its own (one
-  group that holds both says "one or the other");
-- the cause lies outside the library: the verdict `unexplained`.
+- nothing was hidden: if it is `adequate`;
+- the cause lies outside the library: if it is `unexplained`;
+- one effect was hidden: if the group named first holds it;
+- two effects were hidden (truth "a+b"): if each stands in a group of its own (one group that holds both says "one or
+  the other").
 
-A group of more than `LARGEST_GROUP` effects counts as wrong, and so does a refusal.
+A group that counts and holds more than `LARGEST_GROUP` effects makes it wrong; so does a refusal.
 
 The misfit over its floor is, of one dataset, the worst of those channels in which the hidden effect acts: the impacts'
 error over the noise floor, and the misfits of flight and gap, which are in units of noise, so that their floor is 1.
@@ -24,63 +24,44 @@ is known to act, it is that of the impacts.  The poses' misfit ("meet") is not s
 Source of the interval of a share: E. B. Wilson 1927, doi 10.1080/01621459.1927.10502953.
 """
 
+from collections.abc import Sequence
 from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof.cases import NOTHING, SOURCES, STORE
+from thesis_lib.critique.proof.cases import NOTHING, SOURCES, Case
+from thesis_lib.critique.proof.compute import Row
+from thesis_lib.critique.proof.store import STORE, read_rows
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.foundation.files import read_json
-from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 KINDS = ("single", NOTHING, "pair", "outside")
-VERDICTS = ("adequate", "effects", "unexplained", "refused")
 Z95 = 1.959963984540054  # half-width of a normal distribution's 95 % interval, in standard deviations
 LARGEST_GROUP = 3  # effects that may be named together
 CELL = ("source", "truth", "ratio", "drops", "noise")  # datasets that differ in nothing but the seed
 OUTCOMES = (
-    *CELL,
-    "seed",
-    "kind",
-    "effect",
-    "verdict",
-    "named_first",
-    "named",
-    "group_size",
-    "right",
-    "error_before",
-    "error_after",
-    "floor",
-    "before_over_floor",
-    "after_over_floor",
-    "why",
+    *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right"),
+    *("error_before", "error_after", "floor", "before_over_floor", "after_over_floor", "why"),
 )
 RECOVERED = (*CELL, "seed", "effect", "parameter", "z", "inside", "width")
 
 
-def kind_of(source: str, truth: str) -> str:
-    """One of `KINDS`.
+def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
+    """Whether a verdict with the groups of effects that it names is right: the one definition, see above."""
+    if case.kind in (NOTHING, "outside"):
+        return verdict == ("adequate" if case.kind == NOTHING else "unexplained")
+    counted = _counted(case, groups)
+    if verdict == "refused" or any(len(group) > LARGEST_GROUP for group in counted):
+        return False
+    return any(
+        all(set(names) & set(group) for names, group in zip(case.expected, chosen))
+        for chosen in permutations(counted, len(case.expected))
+    )
 
-    Raises:
-        KeyError: no such effect or cause.
-    """
-    if truth == NOTHING:
-        return NOTHING
-    if "+" in truth:
-        return "pair"
-    return "single" if expected_effects(source, truth) else "outside"
 
-
-def expected_effects(source: str, truth: str) -> tuple[str, ...]:
-    """Effects that describe a single truth, the best first; none if it is outside the library.
-
-    Raises:
-        KeyError: no such effect or cause.
-    """
-    return (EFFECTS[truth].name,) if source == "law" else CAUSES[truth].effects
+def _counted(case: Case, groups: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
+    return groups[:1] if case.kind == "single" else groups
 
 
 def outcomes(store: Path = STORE) -> pd.DataFrame:
@@ -90,9 +71,9 @@ def outcomes(store: Path = STORE) -> pd.DataFrame:
     by "/", groups by " + "; `group_size` is that of the first group, for a pair the mean over groups.
 
     Raises:
-        CorruptFileError: a stored result cannot be read, lacks something, or is about an unknown truth.
+        CorruptFileError: a stored result cannot be read.
     """
-    rows = [_outcome(result, path) for path, result in _results(store)]
+    rows = [_outcome(row) for source in SOURCES for row in read_rows(source, store).values()]
     return _sorted(pd.DataFrame(rows, columns=list(OUTCOMES)), ["source", "kind", *CELL[1:], "seed"])
 
 
@@ -100,19 +81,22 @@ def recovered(store: Path = STORE) -> pd.DataFrame:
     """A row per parameter with a true value, in datasets whose model holds the hidden effect; columns `RECOVERED`.
 
     Raises:
-        CorruptFileError: as in `outcomes`.
+        CorruptFileError: a stored result cannot be read.
     """
-    rows = []
-    for path, r in _results(store):
-        try:
-            for name, p in sorted(r.get("parameters", {}).items()):
-                if not p["std"]:
-                    continue
-                z = (p["found"] - p["true"]) / p["std"]
-                width = p["std"] / p["fisher"] if p["fisher"] else np.nan
-                rows.append((*(r[key] for key in (*CELL, "seed")), r["truth"], name, z, abs(z) <= Z95, width))
-        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-            raise _corrupt(path, error) from error
+    rows = [
+        {
+            **_cell(row.case),
+            "effect": row.case.truth,
+            "parameter": name,
+            "z": (p.found - p.true) / p.std,
+            "inside": abs(p.found - p.true) <= Z95 * p.std,
+            "width": p.std / p.fisher if p.fisher else np.nan,
+        }
+        for source in SOURCES
+        for row in read_rows(source, store).values()
+        for name, p in row.parameters.items()
+        if p.std > 0.0
+    ]
     return _sorted(pd.DataFrame(rows, columns=list(RECOVERED)), [*CELL, "seed", "parameter"])
 
 
@@ -135,71 +119,40 @@ def _sorted(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     )
 
 
-def _results(store: Path) -> list[tuple[Path, dict]]:
-    found = [(path, read_json(path)) for path in sorted(Path(store).rglob("*.json"))]
-    for path, r in found:
-        for key in (*CELL, "seed", "verdict"):
-            kind = str if key in ("source", "truth", "verdict") else int | float
-            if not isinstance(r.get(key), kind):
-                raise _corrupt(path, TypeError(f"{key} is missing or of another kind"))
-    return found
+def _cell(case: Case) -> dict:
+    return {key: getattr(case, key) for key in (*CELL, "seed")}
 
 
-def _outcome(r: dict, path: Path) -> dict:
-    try:
-        kind = kind_of(r["source"], r["truth"])
-        effects = expected_effects(r["source"], r["truth"]) if kind == "single" else ()
-        steps = r.get("steps") or []
-        counted = steps[:1] if kind == "single" else steps
-        row = {key: r[key] for key in (*CELL, "seed", "verdict")} | {
-            "kind": kind,
-            "effect": effects[0] if effects else "",
-            "named_first": steps[0][0] if steps else "",
-            "named": " + ".join("/".join(group) for group in steps),
-            "group_size": float(np.mean([len(group) for group in counted])) if counted else np.nan,
-            "right": _right(r, kind, counted),
-            "why": r.get("why", ""),
-        }
-        return row | (_misfits(r["error"], effects) if r["verdict"] != "refused" else {})
-    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise _corrupt(path, error) from error
-
-
-def _right(r: dict, kind: str, counted: list[list[str]]) -> bool:
-    if kind == NOTHING:
-        return r["verdict"] == "adequate"
-    if kind == "outside":
-        return r["verdict"] == "unexplained"
-    if r["verdict"] == "refused":
-        return False
-    apart = True
-    if kind == "pair":
-        one, other = (set(expected_effects(r["source"], name)) for name in r["truth"].split("+"))
-        apart = any(one & set(a) and other & set(b) for a, b in permutations(counted, 2))
-    return bool(r["right"]) and apart and all(len(group) <= LARGEST_GROUP for group in counted)
-
-
-def _misfits(error: dict, effects: tuple[str, ...]) -> dict[str, float]:
-    channels = {channel for name in effects for channel in EFFECTS[name].channels} or {"impact"}
-
-    def worst(when: str) -> float:
-        ratios = []
-        if "impact" in channels:
-            ratios.append(error[when] / error["floor"] if error["floor"] else np.nan)
-        ratios += [error[f"{name}_{when}"] for name in ("flight", "touch") if name in channels]
-        return max((float(x) for x in ratios if x is not None and np.isfinite(x)), default=np.nan)
-
+def _outcome(row: Row) -> dict:
+    case = row.case
+    effects = case.expected[0] if case.kind == "single" else ()
+    sizes = [len(group) for group in _counted(case, row.groups)]
     return {
-        "error_before": error["base"],
-        "error_after": error["augmented"],
-        "floor": error["floor"],
-        "before_over_floor": worst("base"),
-        "after_over_floor": worst("augmented"),
+        **_cell(case),
+        "kind": case.kind,
+        "effect": effects[0] if effects else "",
+        "verdict": row.verdict,
+        "named_first": row.groups[0][0] if row.groups else "",
+        "named": row.named,
+        "group_size": float(np.mean(sizes)) if sizes else np.nan,
+        "right": is_right(case, row.verdict, row.groups),
+        "error_before": row.errors["base"],
+        "error_after": row.errors["augmented"],
+        "floor": row.errors["floor"],
+        "before_over_floor": _misfit(row, effects, "base"),
+        "after_over_floor": _misfit(row, effects, "augmented"),
+        "why": row.why,
     }
 
 
-def _corrupt(path: Path, error: Exception) -> CorruptFileError:
-    return CorruptFileError(
-        f"{path} is no result of the proof as this version stores it ({type(error).__name__}: {error}); delete it and "
-        "run it again with python -m thesis_lib.critique.proof run."
-    )
+def _misfit(row: Row, effects: Sequence[str], when: str) -> float:
+    """The largest misfit over its floor of the channels in which the hidden effect acts; NaN if none is known."""
+    channels = {channel for name in effects for channel in EFFECTS[name].channels} or {"impact"}
+    floor = row.errors["floor"]
+    over_floor = {
+        "impact": row.errors[when] / floor if floor else np.nan,
+        "flight": row.errors[f"flight_{when}"],
+        "touch": row.errors[f"touch_{when}"],
+    }
+    values = [value for name, value in over_floor.items() if name in channels and np.isfinite(value)]
+    return max(values, default=np.nan)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+import thesis_lib
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.held_out import judge
@@ -16,18 +17,40 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE
 from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
 
-SIZES = Path(__file__).resolve().parents[3] / "config" / "proof_sizes.json"
+CONFIG = (
+    Path(thesis_lib.__file__).resolve().parent.parent / "config"
+)  # in a checkout; an installed package has none
+SIZES = CONFIG / "proof_sizes.json"
 # with less friction hardly any contact sticks, and some effects do not show
 MU, EPSILON = 0.3, 0.55
 LAW = "wang_mason"  # an exact path-wise law
 
 
+def require_checkout() -> None:
+    """Refuse to work without config/.
+
+    Raises:
+        UserError: the package was installed without the checkout that it comes from.
+    """
+    if not SIZES.is_file():
+        raise UserError(
+            "The proof needs a checkout of the project, whose config/ holds the sizes of what is hidden and the stored "
+            f"results; {CONFIG} does not exist, so run it in a clone."
+        )
+
+
 def stored_factor(name: str) -> float:
-    """Factor on the scales of an effect in config/proof_sizes.json."""
+    """Factor on the scales of an effect in config/proof_sizes.json.
+
+    Raises:
+        UserError: there is no checkout.
+    """
+    require_checkout()
     return json.loads(SIZES.read_text(encoding="utf-8"))["law"][name]
 
 

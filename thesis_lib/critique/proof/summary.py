@@ -23,8 +23,9 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof.cases import NOTHING, SOURCES, STORE, truths
-from thesis_lib.critique.proof.results import kind_of, outcomes, recovered, wilson
+from thesis_lib.critique.proof.cases import NOTHING, SOURCES, Case, truths
+from thesis_lib.critique.proof.results import outcomes, recovered, wilson
+from thesis_lib.critique.proof.store import STORE
 from thesis_lib.critique.proof.table import confusion, misses, of_table
 from thesis_lib.foundation.files import write_result
 
@@ -56,7 +57,7 @@ class Target:
     Attributes:
         figure: what is measured.
         measure: share of right verdicts, coverage of parameters, or misfit over its floor.
-        kind: of the datasets that count, one of `proof_results.KINDS`.
+        kind: of the datasets that count, one of `proof.results.KINDS`.
         at_least, aim: intervals (low, high) within which the value must lie.
         groups: sources that are judged together.
         drops: releases in a dataset.
@@ -216,7 +217,9 @@ def _asked(target: Target, group: Sequence[str]) -> float:
     if target.drops != 150:
         return float(ASKED["small"] * len(group))
     if target.kind in SEEDS_ASKED:
-        count = sum(kind_of(source, truth) == target.kind for source in group for truth in truths(source))
+        count = sum(
+            Case(source, truth, 0).kind == target.kind for source in group for truth in truths(source)
+        )
         return float(SEEDS_ASKED[target.kind] * count)
     return float(ASKED[target.kind]) if group == target.groups[0] else np.nan
 

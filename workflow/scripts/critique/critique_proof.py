@@ -1,4 +1,4 @@
-"""Tables and pictures of the stored proof, and a rerun of a few of its datasets: their verdicts must agree."""
+"""Tables and pictures of the stored proof, and a rerun of a few of its datasets: the answers must agree."""
 
 import sys
 
@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
+from thesis_lib.critique.proof.check import rerun
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.summary import report
-from thesis_lib.critique.proof.table import rerun
 from thesis_lib.figures.proof.pictures import pictures
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result

@@ -1,0 +1,217 @@
+"""The proof's tables: what is written is read back, runs at once lose nothing, and a check says what moved."""
+
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stored_proof import error, parameter, put, refuse, row_of
+
+from thesis_lib.critique.proof import __main__ as command
+from thesis_lib.critique.proof import check as proof_check
+from thesis_lib.critique.proof import compute as proof_compute
+from thesis_lib.critique.proof.cases import NOTHING, SEEDS, SOURCES, Case
+from thesis_lib.critique.proof.check import AGREES, DIFFERS, MOVES, check, compare, rerun, rows_to_check
+from thesis_lib.critique.proof.compute import code_hash, compute
+from thesis_lib.critique.proof.sizes import CONFIG
+from thesis_lib.critique.proof.store import STORE, put_row, read_rows, write_rows
+from thesis_lib.foundation.errors import UserError
+
+WEAR = Case("law", "wear", SEEDS)
+
+
+class TestStore:
+    def test_what_is_stored_in_the_checkout_is_written_as_it_stands(self, tmp_path):
+        for source in SOURCES:
+            write_rows(source, read_rows(source), tmp_path)
+            assert (tmp_path / f"{source}.csv").read_bytes() == (STORE / f"{source}.csv").read_bytes()
+
+    def test_a_row_reads_back_the_same_to_the_last_bit(self, tmp_path):
+        rng = np.random.default_rng(0)
+        errors = dict(zip(error(), rng.lognormal(0.0, 9.0, 7).tolist()))
+        for seed in range(3):
+            case = replace(WEAR, seed=SEEDS + seed, noise=0.1 + 0.2)
+            row = put(
+                tmp_path,
+                case,
+                [["wear", "magnus"], ["tilt"]],
+                errors=errors,
+                parameters={"w": parameter(rng.normal())},
+            )
+            assert read_rows("law", tmp_path)[case] == row
+
+    def test_rows_are_sorted_whatever_the_order_in_which_they_came(self, tmp_path):
+        cases = [WEAR, replace(WEAR, seed=999), replace(WEAR, drops=50), Case("law", "adhesion", 5)]
+        for folder, order in (("one", cases), ("two", cases[::-1])):
+            for case in order:
+                put(tmp_path / folder, case)
+        one, two = ((tmp_path / folder / "law.csv").read_bytes() for folder in ("one", "two"))
+        assert one == two and b"\nadhesion,3,150,1,5," in one
+
+    def test_a_stored_row_is_kept_unless_it_is_to_be_replaced(self, tmp_path):
+        put(tmp_path, WEAR)
+        put(tmp_path, WEAR, [])
+        assert read_rows("law", tmp_path)[WEAR].named == "wear"
+        put_row(row_of(WEAR, []), tmp_path, replace=True)
+        assert read_rows("law", tmp_path)[WEAR].named == ""
+
+    def test_two_runs_at_once_lose_no_row(self, tmp_path):
+        code = (
+            "import sys; from pathlib import Path; from thesis_lib.critique.proof.store import put_row\n"
+            "from thesis_lib.critique.proof.compute import Row; from thesis_lib.critique.proof.cases import Case\n"
+            "for i in range(15): put_row(Row(Case('law', 'wear', int(sys.argv[1]) + i), 'adequate'), Path(sys.argv[2]))"
+        )
+        runs = [
+            subprocess.Popen([sys.executable, "-c", code, str(first), tmp_path]) for first in (1000, 2000)
+        ]
+        assert [run.wait() for run in runs] == [0, 0]
+        assert len(read_rows("law", tmp_path)) == 30
+        assert [path.name for path in tmp_path.iterdir()] == ["law.csv"]
+
+
+class TestCode:
+    def test_the_hash_is_that_of_the_code_and_of_the_sizes(self, tmp_path, monkeypatch):
+        first = code_hash()
+        sizes = tmp_path / "proof_sizes.json"
+        sizes.write_text("{}")
+        monkeypatch.setattr(proof_compute, "SIZES", sizes)
+        code_hash.cache_clear()
+        other = code_hash()
+        code_hash.cache_clear()
+        assert other != first and len(first) == len(other) == 16
+
+    def test_a_row_knows_the_code_that_made_it(self, monkeypatch):
+        def refuse_all(dataset, **kwargs):
+            raise UserError("too few impacts\nmeasure more")
+
+        monkeypatch.setattr(proof_compute, "criticise", refuse_all)
+        row = compute(Case("law", NOTHING, 5, drops=12))
+        assert (row.verdict, row.why, row.code) == ("refused", "too few impacts", code_hash())
+
+
+class TestCheck:
+    @pytest.fixture
+    def store(self, tmp_path, monkeypatch) -> Path:
+        """Rows of two sources, some of today's code; computed again they are what they were."""
+        for seed in range(4):
+            put(tmp_path, replace(WEAR, seed=SEEDS + seed), code=code_hash() if seed else "")
+        refuse(tmp_path, Case("mechanism", NOTHING, SEEDS))
+        self.stored = {case: row for source in SOURCES for case, row in read_rows(source, tmp_path).items()}
+        self.changes: dict = {}
+        monkeypatch.setattr(
+            proof_check,
+            "compute",
+            lambda case: replace(self.stored[case], code=code_hash(), **self.changes),
+        )
+        return tmp_path
+
+    def test_rows_of_today_s_code_need_no_check(self, store):
+        assert rows_to_check(None, store=store) == [WEAR, Case("mechanism", NOTHING, SEEDS)]
+        assert rows_to_check(None, ["mechanism"], store) == [Case("mechanism", NOTHING, SEEDS)]
+        assert len(rows_to_check(1, store=store)) == 1 and rows_to_check(0, store=store) == []
+
+    def test_a_sample_is_the_same_each_time_and_another_for_other_code(self, monkeypatch):
+        first = rows_to_check(5)
+        assert len(first) == 5 and rows_to_check(5) == first
+        monkeypatch.setattr(proof_check, "code_hash", lambda: "0" * 16)
+        assert rows_to_check(5) != first
+
+    def test_says_how_many_rows_are_older(self, store):
+        text = proof_check.ages(store)
+        assert code_hash() in text
+        assert (
+            "3 today's,     1 older (1 not known)" in text
+            and "drake         0 today's,     0 older\n" in text
+        )
+
+    def test_a_stamp_is_today_s_hash_on_rows_that_agree(self, store):
+        cases = rows_to_check(None, store=store)
+        assert check(cases, store, tell=list) and rows_to_check(None, store=store) == cases
+        assert check(cases, store, stamp=True, tell=list) and rows_to_check(None, store=store) == []
+
+    @pytest.mark.parametrize(
+        "change", [{"verdict": "unexplained"}, {"groups": (("magnus",),)}, {"groups": ()}]
+    )
+    def test_another_answer_fails_and_is_never_stored(self, store, change):
+        self.changes = change
+        said = []
+        assert not check([WEAR], store, stamp=True, tell=said.append)
+        assert "differs" in said[0] and "wear" in said[0]
+        assert read_rows("law", store)[WEAR] == self.stored[WEAR]
+
+    def test_numbers_that_moved_fail_where_the_code_is_known(self, store):
+        self.changes = {"errors": error(after=1.01)}
+        said = []
+        assert check([WEAR], store, tell=said.append) and "augmented 0.01 → 0.0101" in said[0]
+        assert not check([replace(WEAR, seed=SEEDS + 1)], store, tell=said.append)
+        # the next time they are those of today's code
+        check([WEAR], store, stamp=True, tell=list)
+        assert read_rows("law", store)[WEAR].errors == error(after=1.01)
+
+    @pytest.mark.parametrize(
+        ("change", "status"),
+        [
+            ({}, AGREES),
+            ({"errors": error(after=1.0 + 1e-5)}, AGREES),
+            ({"errors": error() | {"floor": 0.0102}, "remaining_p": 0.9}, AGREES),  # both are drawn
+            ({"errors": error() | {"floor": 0.011}}, MOVES),
+            ({"errors": error() | {"flight_base": np.nan}}, MOVES),
+            ({"n_impacts": 299}, MOVES),
+            ({"parameters": {}}, MOVES),
+            ({"parameters": {"w": parameter(1.0, 1.2)}}, MOVES),
+            ({"verdict": "unexplained"}, DIFFERS),
+        ],
+    )
+    def test_what_counts_as_another_row(self, change, status):
+        row = row_of(WEAR, parameters={"w": parameter(1.0)})
+        assert compare(row, replace(row, **change))[0] == status
+
+    def test_a_rerun_agrees_or_names_what_differs(self, store):
+        table = rerun(["law/wear", f"mechanism/{NOTHING}"], store)
+        assert table["agrees"].tolist() == [1, 1] and table["verdict"].tolist() == ["effects", "refused"]
+        self.changes = {"verdict": "unexplained"}
+        with pytest.raises(UserError, match=r"law/wear 1000 .*now unexplained"):
+            rerun(["law/wear"], store)
+        with pytest.raises(UserError, match="--source law --truths magnus"):
+            rerun(["law/magnus"], store)
+
+
+class TestCommand:
+    @pytest.fixture
+    def store(self, tmp_path, monkeypatch) -> Path:
+        monkeypatch.setattr(command, "compute", lambda case: row_of(case))
+        for name in ("put_row", "read_rows"):
+            function = getattr(command, name)
+            monkeypatch.setattr(command, name, lambda x, function=function: function(x, tmp_path))
+        return tmp_path
+
+    def test_a_run_goes_on_where_it_stopped(self, store, capsys):
+        put(store, WEAR, [])
+        assert command.main(["run", "--source", "law", "--truths", "wear", NOTHING, "--seeds", "2"]) == 0
+        assert capsys.readouterr().out.count("\n") == 3
+        rows = read_rows("law", store)
+        assert (
+            len(rows) == 4 and rows[WEAR].named == "" and rows[replace(WEAR, seed=SEEDS + 1)].named == "wear"
+        )
+
+    def test_tuning_seeds_are_not_stored(self, store, capsys):
+        assert command.main(["run", "--truths", "pairs", "--source", "law", "--development"]) == 0
+        assert capsys.readouterr().out.count("law/") == 10 and not list(store.iterdir())
+
+    def test_an_unknown_truth_is_named(self, store, capsys):
+        assert command.main(["run", "--truths", "phlogiston"]) == 1
+        assert "is called phlogiston" in capsys.readouterr().err
+
+    def test_without_a_checkout_one_sentence_says_so(self, tmp_path):
+        shutil.copytree(CONFIG.parent / "thesis_lib", tmp_path / "thesis_lib")
+        told = subprocess.run(
+            [sys.executable, "-m", "thesis_lib.critique.proof", "table"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
+        assert told.returncode == 1 and told.stdout == ""
+        assert told.stderr.count("\n") == 1 and "needs a checkout of the project" in told.stderr

@@ -1,0 +1,133 @@
+"""Whether today's code still says what is stored: a sample of rows is computed again, or all of them over night.
+
+A row agrees if the verdict and the groups of effects that it names are the same, and its numbers are within `MOVED` of
+the stored ones.  A row whose verdict or groups differ fails the check.  So do numbers that moved, if it is known which
+code made the row; rows from before hashes were kept answer for their verdicts alone.  The p-value of what remains is
+drawn, and not compared.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.critique.proof.cases import SEEDS, SOURCES, Case
+from thesis_lib.critique.proof.compute import Row, code_hash, compute
+from thesis_lib.critique.proof.store import STORE, put_row, read_rows
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.randomness import generator
+
+MOVED = 1e-3  # relative; searches that end elsewhere in the last digits differ by less than 1e-5
+FLOOR_MOVED = 0.05  # of the floor, which was drawn once: by up to 2 % from one stream to another
+
+AGREES, MOVES, DIFFERS = "agrees", "moved", "differs"
+
+
+def compare(stored: Row, again: Row) -> tuple[str, str]:
+    """`AGREES`, `MOVES` (the numbers) or `DIFFERS`, and what does."""
+    said = [f"{row.verdict}, {row.named or row.why or 'nothing named'}" for row in (stored, again)]
+    if said[0] != said[1]:
+        return DIFFERS, f"stored {said[0]}; now {said[1]}"
+    before, after = _numbers(stored), _numbers(again)
+    moved = [
+        f"{name} {before.get(name, math.nan):.4g} → {after.get(name, math.nan):.4g}"
+        for name in sorted(before.keys() | after.keys())
+        if not _close(name, before.get(name, math.nan), after.get(name, math.nan))
+    ]
+    return (MOVES if moved else AGREES), ", ".join(moved)
+
+
+def check(
+    cases: Iterable[Case], store: Path = STORE, *, stamp: bool = False, tell: Callable[[str], object] = print
+) -> bool:
+    """Compute stored rows again, tell of each how it compares, and return whether none fails.
+
+    Args:
+        stamp: put what was computed, with today's hash, in the place of each row whose verdict and groups agree.
+    """
+    rows = {source: read_rows(source, store) for source in SOURCES}
+    passed = True
+    for case in cases:
+        stored, again = rows[case.source][case], compute(case)
+        status, what = compare(stored, again)
+        passed &= status == AGREES or (status == MOVES and not stored.code)
+        tell(f"{case}: {status}{f' ({what})' if what else ''}")
+        if stamp and status != DIFFERS:
+            put_row(again, store, replace=True)
+    return passed
+
+
+def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: Path = STORE) -> list[Case]:
+    """Rows that other code than today's made: a random sample, or with None all of them.
+
+    The sample is drawn anew for each code, and the same each time for one.
+    """
+    older = [
+        case
+        for source in sources
+        for case, row in sorted(read_rows(source, store).items(), key=lambda item: str(item[0]))
+        if row.code != code_hash()
+    ]
+    if sample is None or sample >= len(older):
+        return older
+    chosen = generator(0, "proof check", code_hash()).choice(len(older), sample, replace=False)
+    return [older[i] for i in sorted(chosen)]
+
+
+def ages(store: Path = STORE) -> str:
+    """How many rows of each source were made by which code."""
+    lines = [f"Today's code is {code_hash()}. Rows by the code that made them:"]
+    for source in SOURCES:
+        counts = Counter(row.code for row in read_rows(source, store).values())
+        today = counts.pop(code_hash(), 0)
+        older = [f"{count} {code or 'not known'}" for code, count in counts.most_common()]
+        lines.append(f"    {source:<10}{today:>5} today's, {sum(counts.values()):>5} older" + _listed(older))
+    return "\n".join(lines) + "\n"
+
+
+def rerun(cases: Sequence[str], store: Path = STORE) -> pd.DataFrame:
+    """Compute the first dataset of each "source/truth" again: columns source, truth, verdict, agrees (0 or 1).
+
+    Raises:
+        UserError: a result is not stored; or a verdict, or what is named, is not the stored one.
+    """
+    table = []
+    for name in cases:
+        source, truth = name.split("/")
+        case = Case(source, truth, SEEDS)
+        stored = read_rows(source, store).get(case)
+        if stored is None:
+            raise UserError(
+                f"The proof holds no result of {name} to compare with. Make it with python -m "
+                f"thesis_lib.critique.proof run --source {source} --truths {truth}, or leave it out of "
+                "critique.proof in the configuration."
+            )
+        again = compute(case)
+        status, what = compare(stored, again)
+        if status == DIFFERS:
+            raise UserError(
+                f"The critique says something else than the stored proof on {case}: {what}. If the change is meant, "
+                f"delete the line in {Path(store) / source}.csv and run python -m thesis_lib.critique.proof run."
+            )
+        table.append({"source": source, "truth": truth, "verdict": again.verdict, "agrees": 1})
+    return pd.DataFrame(table, columns=["source", "truth", "verdict", "agrees"])
+
+
+def _numbers(row: Row) -> dict[str, float]:
+    parameters = {
+        f"{name} {kind}": value
+        for name, values in row.parameters.items()
+        for kind, value in values._asdict().items()
+    }
+    return {"n_impacts": row.n_impacts, **row.errors, **parameters}
+
+
+def _close(name: str, before: float, after: float) -> bool:
+    unknown = math.isnan(before) and math.isnan(after)
+    return unknown or math.isclose(before, after, rel_tol=FLOOR_MOVED if name == "floor" else MOVED)
+
+
+def _listed(parts: list[str]) -> str:
+    return f" ({', '.join(parts)})" if parts else ""

@@ -1,0 +1,119 @@
+"""One row of the proof: what the critique says of one dataset, and the code that said it."""
+
+import functools
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.fit import cramer_rao
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.proof.cases import Case, make
+from thesis_lib.critique.proof.sizes import LAW, SIZES
+from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.provenance import file_sha256, lib_hash
+from thesis_lib.foundation.randomness import generator
+
+
+class Recovered(NamedTuple):
+    """A parameter of the hidden effect; `std` is that of the fit, `fisher` that of the Cramér-Rao bound."""
+
+    true: float
+    found: float
+    std: float
+    fisher: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """What the critique says of one dataset.
+
+    Attributes:
+        verdict: adequate, effects, unexplained, or refused.
+        law: base law.
+        groups: effects in the order of selection, each followed by those that it cannot be told from.
+        n_impacts: impacts used.
+        errors: held-out `base`, `augmented` and noise `floor` of the impacts, m/s; `flight_base`, `flight_augmented`,
+            `touch_base` and `touch_augmented`, in units of noise; NaN where the dataset shows none.
+        remaining_p: p-value of the structure that remains.
+        parameters: of the one hidden effect that is in the model, with a true value in the effect's own meaning.
+        why: reason of a refusal.
+        code: `code_hash` of the code that made the row; "" if that is not known.
+    """
+
+    case: Case
+    verdict: str
+    law: str = ""
+    groups: tuple[tuple[str, ...], ...] = ()
+    n_impacts: int = 0
+    errors: Mapping[str, float] = field(default_factory=dict)
+    remaining_p: float = np.nan
+    parameters: Mapping[str, Recovered] = field(default_factory=dict)
+    why: str = ""
+    code: str = ""
+
+    @property
+    def named(self) -> str:
+        """The groups as text: "a/b + c"."""
+        return " + ".join("/".join(group) for group in self.groups)
+
+
+@functools.cache
+def code_hash() -> str:
+    """Hash (16 hex digits) of the code that makes a row, and of the sizes of what is hidden."""
+    return hashlib.sha256(f"{lib_hash(__file__)}{file_sha256(SIZES)}".encode()).hexdigest()[:16]
+
+
+def compute(case: Case) -> Row:
+    """Make the dataset of a case and criticise it."""
+    dataset, true = make(case)
+    try:
+        critique = criticise(dataset, rng=generator(case.seed, "critique", dataset.digest()))
+    except UserError as error:
+        return Row(case, "refused", why=str(error).splitlines()[0][:200], code=code_hash())
+    first, last = critique.ladder[0][2], critique.ladder[-1][2]
+    return Row(
+        case,
+        critique.verdict,
+        law=critique.discovery.fitted.model.law.name,
+        groups=tuple((step.effect.name, *step.alternatives) for step in critique.discovery.steps),
+        n_impacts=len(critique.observations),
+        errors={
+            "base": float(first.error.mean()),
+            "augmented": float(last.error.mean()),
+            "floor": last.floor,
+            **{
+                f"{channel}_{when}": float(np.sqrt(judged.sigmas[channel]))
+                for channel in ("flight", "touch")
+                for when, judged in (("base", first), ("augmented", last))
+            },
+        },
+        remaining_p=critique.remaining.p_value,
+        parameters=_parameters(critique, true) if len(case.hidden) == 1 else {},
+        code=code_hash(),
+    )
+
+
+def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recovered]:
+    """Continuous parameters of the hidden effect, by their names within it."""
+    fitted = critique.discovery.fitted
+    names = [
+        key
+        for key in true
+        if key in fitted.values
+        and key not in ("mu", "epsilon")
+        and fitted.model.parameters[key].discrete is None
+    ]
+    if not names:
+        return {}
+    effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in names))
+    bound = cramer_rao(Model(LAWS[LAW], effects), true, critique.training)
+    return {
+        key.split(".")[1]: Recovered(true[key], fitted.values[key], fitted.std[key], bound[key])
+        for key in names
+    }

@@ -1,0 +1,149 @@
+"""The stored results of the proof: a table a source, config/proof/<source>.csv, with a row a dataset.
+
+Rows are sorted, and numbers are written as short as they read back the same, so that git shows what changed.
+
+| column                            | unit | meaning                                                                   |
+|-----------------------------------|------|---------------------------------------------------------------------------|
+| truth, ratio, drops, noise, seed  |      | the dataset (`Case`)                                                      |
+| verdict, law, n_impacts, why      |      | as in `Row`                                                               |
+| named                             |      | groups of effects in the order of selection: "a/b + c"                    |
+| base, augmented, floor            | m/s  | held-out error of the impacts before and after, and its noise floor       |
+| flight_..., touch_...             | 1    | held-out misfit of flights and gaps, in units of noise; empty: none       |
+| remaining_p                       | 1    | p-value of the structure that remains                                     |
+| parameters                        |      | "name=true:found:std:fisher" of each, joined by ";"                       |
+| code                              |      | hash of the code that made the row (`code_hash`); empty: not known        |
+"""
+
+import csv
+import fcntl
+import io
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from thesis_lib.critique.proof.cases import Case
+from thesis_lib.critique.proof.compute import Recovered, Row
+from thesis_lib.critique.proof.sizes import CONFIG
+from thesis_lib.foundation.errors import CorruptFileError
+from thesis_lib.foundation.files import MAX_TABLE, write_text
+from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
+
+STORE = CONFIG / "proof"
+VERDICTS = ("adequate", "effects", "unexplained", "refused")
+ERRORS = ("base", "augmented", "floor", "flight_base", "flight_augmented", "touch_base", "touch_augmented")
+COLUMNS = (
+    *("truth", "ratio", "drops", "noise", "seed", "verdict", "law", "named", "n_impacts"),
+    *ERRORS,
+    *("remaining_p", "parameters", "why", "code"),
+)
+
+
+def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
+    """The stored rows of a source; none where there is no table.
+
+    Raises:
+        CorruptFileError: a row cannot be read, stands twice, or is about an unknown truth.
+    """
+    path = Path(store) / f"{source}.csv"
+    rows: dict[Case, Row] = {}
+    line = 1
+    try:
+        text = read_bytes(path, MAX_TABLE).decode("utf-8")
+        header, *lines = csv.reader(io.StringIO(text, newline=""), strict=True)
+        if tuple(header) != COLUMNS:
+            raise ValueError(f"the columns are not {', '.join(COLUMNS)}")
+        for cells in lines:
+            line += 1
+            row = _row(source, dict(zip(COLUMNS, cells, strict=True)))
+            if row.case in rows:
+                raise ValueError("the dataset stands twice")
+            rows[row.case] = row
+    except MissingFile:
+        return {}
+    except (ValueError, KeyError, TypeError, FileProblem, csv.Error) as error:
+        raise CorruptFileError(
+            f"{path}, line {line}, is no result of the proof ({type(error).__name__}: {str(error)[:200]}); delete the "
+            "line and run it again with python -m thesis_lib.critique.proof run."
+        ) from error
+    return rows
+
+
+def put_row(row: Row, store: Path = STORE, *, replace: bool = False) -> None:
+    """Add a row to the table of its source; one that stands there already is kept unless `replace`.
+
+    Several runs may do so at once: each waits until the others have written.
+    """
+    with _alone(store):
+        rows = read_rows(row.case.source, store)
+        if replace or row.case not in rows:
+            rows[row.case] = row
+            write_rows(row.case.source, rows, store)
+
+
+def write_rows(source: str, rows: dict[Case, Row], store: Path) -> None:
+    """Write the table of a source, sorted and atomically."""
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    order = sorted(rows, key=lambda case: (case.truth, case.ratio, case.drops, case.noise, case.seed))
+    writer.writerows([_text(value) for value in _cells(rows[case])] for case in order)
+    write_text(out.getvalue(), Path(store) / f"{source}.csv")
+
+
+@contextmanager
+def _alone(store: Path) -> Iterator[None]:
+    """Hold the folder of the tables; the kernel lets go of it when the holder is gone."""
+    Path(store).mkdir(parents=True, exist_ok=True)
+    folder = os.open(store, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
+
+
+def _cells(row: Row) -> list[object]:
+    case = row.case
+    parameters = (f"{name}={':'.join(map(_text, values))}" for name, values in sorted(row.parameters.items()))
+    return [
+        *(case.truth, case.ratio, case.drops, case.noise, case.seed),
+        *(row.verdict, row.law, row.named, row.n_impacts),
+        *(row.errors.get(name, math.nan) for name in ERRORS),
+        *(row.remaining_p, ";".join(parameters), row.why, row.code),
+    ]
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return "" if math.isnan(value) else repr(int(value) if value.is_integer() else value)
+
+
+def _number(text: str) -> float:
+    return float(text) if text else math.nan
+
+
+def _row(source: str, cells: dict[str, str]) -> Row:
+    drops, seed = int(cells["drops"]), int(cells["seed"])
+    case = Case(source, cells["truth"], seed, drops, float(cells["noise"]), float(cells["ratio"]))
+    _ = case.kind  # an unknown truth is a KeyError
+    if cells["verdict"] not in VERDICTS:
+        raise ValueError(f"no verdict is called {cells['verdict']!r}")
+    parameters = {}
+    for text in cells["parameters"].split(";") if cells["parameters"] else ():
+        name, values = text.split("=")
+        parameters[name] = Recovered(*map(_number, values.split(":")))
+    return Row(
+        case,
+        cells["verdict"],
+        law=cells["law"],
+        groups=tuple(tuple(group.split("/")) for group in cells["named"].split(" + ") if group),
+        n_impacts=int(cells["n_impacts"]),
+        errors={name: _number(cells[name]) for name in ERRORS},
+        remaining_p=_number(cells["remaining_p"]),
+        parameters=parameters,
+        why=cells["why"],
+        code=cells["code"],
+    )
