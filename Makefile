@@ -27,7 +27,10 @@ CONFIG_full := --configfile config/full.yaml
 help:  ## show this text
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 13
 
-setup: $(STAMP)  ## create .venv and install environment.txt
+# the command thesis-lib, which uses the code as it stands here; a .venv that is a link belongs to another checkout
+setup: $(STAMP)  ## create .venv with environment.txt and the command thesis-lib
+	@test -L .venv || $(BIN)/thesis-lib --help >/dev/null 2>&1 || $(BIN)/pip install --quiet \
+	    --disable-pip-version-check --no-index --no-deps --no-build-isolation --editable .
 
 $(STAMP): environment.txt
 	@sh .ci/system-packages check "$(PYTHON)"

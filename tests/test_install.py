@@ -6,7 +6,9 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tomllib
+import venv
 import zipfile
 from pathlib import Path
 
@@ -67,13 +69,19 @@ def run(*command: str | Path, folder: Path, path: Path | None = None) -> str:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
-    """Built from a copy, because setuptools leaves its traces where it builds; without network."""
-    folder = tmp_path_factory.mktemp("wheel")
-    source = folder / "source"
-    shutil.copytree(ROOT / "thesis_lib", source / "thesis_lib", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, source / name)
+def source(tmp_path_factory) -> Path:
+    """A copy to build from, because setuptools leaves its traces where it builds."""
+    folder = tmp_path_factory.mktemp("build") / "source"
+    shutil.copytree(ROOT / "thesis_lib", folder / "thesis_lib", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE", "Makefile", "environment.txt"):
+        shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(source) -> Path:
+    """Built without network."""
+    folder = source.parent
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index")
     run(*pip, "--wheel-dir", folder, source, folder=folder)
     (built,) = folder.glob("*.whl")
@@ -122,3 +130,32 @@ def test_the_installed_library_criticises_a_dataset_elsewhere(installed, tmp_pat
     assert Path(answer["from"]).is_relative_to(installed)
     assert answer["verdict"] == "adequate" and len(answer["laws"]) >= 6
     assert not EXTRA & set(answer["loaded"])
+
+
+@pytest.mark.slow
+def test_after_make_setup_a_short_command_runs_the_code_of_the_checkout_from_any_folder(source, tmp_path):
+    """A second environment that sees the packages of this one; `make setup` has only its command to add."""
+    environment = source / ".venv"
+    venv.create(environment, symlinks=True)
+    (packages,) = environment.glob("lib/python*/site-packages")
+    (packages / "those_of_the_tests.pth").write_text(sysconfig.get_path("purelib"))
+    pip = environment / "bin" / "pip"
+    pip.write_text(f'#!/bin/sh\nexec {environment}/bin/python -m pip "$@"\n')
+    pip.chmod(0o755)
+    (environment / ".installed").touch()
+    run("make", "setup", folder=source)
+
+    command = environment / "bin" / "thesis-lib"
+    assert "com_offset" in run(command, "effects", folder=tmp_path)
+    with (source / "thesis_lib" / "__main__.py").open("a", encoding="utf-8") as stream:
+        stream.write('\nHELP = "edited"\n')
+    assert run(command, "--help", folder=tmp_path) == "edited"
+
+
+@pytest.mark.parametrize("words", [["thesis_lib", "critique", "x"], ["thesis_lib.pipeline"]], ids=" ".join)
+def test_outside_the_environment_one_sentence_says_how_to_come_in(words):
+    bare = [sys.executable, "-S", "-m", *words]  # without packages
+    done = subprocess.run(bare, cwd=ROOT, env={}, capture_output=True, text=True)
+    (sentence,) = done.stderr.strip().splitlines()
+    assert done.returncode == 2 and f". {ROOT}/.venv/bin/activate" in sentence, done.stderr
+    assert "is not installed in this Python" in sentence

@@ -10,6 +10,7 @@ far as can be told, and what to do.  The exit code is Snakemake's, 128 + n where
 
 import argparse
 import fcntl
+import importlib.util
 import os
 import re
 import shlex
@@ -21,6 +22,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from thesis_lib.foundation.command_line import WRONG, not_installed
 from thesis_lib.foundation.errors import UserError
 
 STATE = Path(".snakemake")
@@ -294,6 +296,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--cores", type=int, metavar="N", help="jobs at once (profiles/default: 2)")
     options = parser.parse_args(arguments)
+    for package in ("snakemake", "psutil"):
+        if importlib.util.find_spec(package) is None:
+            print(f"error: {not_installed(package)}", file=sys.stderr)
+            return WRONG
     try:
         return run(options.targets, options.scale, options.configfile, options.cores)
     except UserError as error:

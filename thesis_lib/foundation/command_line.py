@@ -16,6 +16,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import NoReturn, TextIO
 
 from thesis_lib.foundation.errors import UserError
@@ -92,6 +93,11 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Callable[..., int]:
             except UserError as error:
                 print(f"error: {error}", file=sys.stderr)
                 return WRONG
+            except ModuleNotFoundError as error:
+                if error.name is None or error.name.startswith("thesis_lib"):
+                    raise
+                print(f"error: {not_installed(error.name)}", file=sys.stderr)
+                return WRONG
             except KeyboardInterrupt:
                 print("interrupted", file=sys.stderr)
                 return INTERRUPTED
@@ -117,6 +123,16 @@ class Parser(argparse.ArgumentParser):
         if found := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message):
             message += near(found[1], re.findall(r"'([^']*)'", found[2]))
         self.exit(WRONG, f"error: {message}\n{self.format_usage()}{self.prog} --help explains it\n")
+
+
+def not_installed(package: str) -> str:
+    """That a package is missing in this Python, and how to come to the environment that has it."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / "environment.txt").is_file():  # installed as a library
+        return f"{package} is not installed in this Python ({sys.executable}); install it with pip."
+    activate = f"run '. {root}/.venv/bin/activate'"
+    remedy = activate if (root / ".venv").is_dir() else f"run 'make setup' in {root}, then {activate[4:]}"
+    return f"{package} is not installed in this Python ({sys.executable}); {remedy}, and try again."
 
 
 def near(word: str, known: Iterable[str]) -> str:
