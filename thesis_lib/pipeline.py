@@ -9,6 +9,7 @@ far as can be told, and what to do.  The exit code is Snakemake's, 128 + n where
 """
 
 import argparse
+import contextlib
 import fcntl
 import importlib.util
 import os
@@ -24,6 +25,7 @@ from pathlib import Path
 
 from thesis_lib.foundation.command_line import WRONG, not_installed
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.job_lines import printed_jobs
 
 STATE = Path(".snakemake")
 WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into
@@ -69,7 +71,7 @@ def run(
         command += ["--cores", str(cores)] if cores else []
         command += ["--configfile", *overlays] if overlays else []
         recover([*command, "--unlock", "--", *targets])
-        return _snakemake([*command, "--", *targets], lock)
+        return _snakemake([*command, "--", *targets], lock, scale)
     finally:
         os.close(lock)
 
@@ -205,8 +207,8 @@ def _end(processes: list) -> None:
         )
 
 
-def _snakemake(command: Sequence[str], lock: int) -> int:
-    """Run Snakemake, explain its failure, and return its exit code."""
+def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int:
+    """Run Snakemake, explain its failure, and return its exit code; in a log, say which jobs end."""
     received: list[int] = []
     children: list[subprocess.Popen] = []
 
@@ -220,14 +222,27 @@ def _snakemake(command: Sequence[str], lock: int) -> int:
     started = time.time()
     try:
         # Snakemake shares the lock: killing this runner alone does not make room for a second run
-        children.append(subprocess.Popen(command, pass_fds=(lock,)))
-        code = children[0].wait()
+        with contextlib.nullcontext() if sys.stdout.isatty() else printed_jobs(_cpu_of_jobs(scale)):
+            children.append(subprocess.Popen(command, pass_fds=(lock,)))
+            code = children[0].wait()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
     if code:
         _say(explain(code, latest_log(started), bool(received)))
     return code if code >= 0 else 128 - code
+
+
+def _cpu_of_jobs(scale: str) -> dict[str, float]:
+    """CPU time of the largest job of each rule as measured, s; at the default scale where that is all there is."""
+    from thesis_lib.resources import (
+        MEASURED,
+        read_measured,
+    )  # late: outside the environment there is no PyYAML
+
+    measured = read_measured() if MEASURED.is_file() else {}
+    uses = {rule: scales.get(scale) or scales.get("default", {}) for rule, scales in measured.items()}
+    return {rule: use["cpu_s"] for rule, use in uses.items() if "cpu_s" in use}
 
 
 def latest_log(since: float) -> str:

@@ -70,8 +70,8 @@ class Progress:
         """What is shown now."""
         spent = self._clock() - self._start
         left = self._end - spent
-        return f"{self._label}: {self._text}, {_time(spent)}" + (
-            f"; about {_time(left)} left" if left > 0.5 else ""
+        return f"{self._label}: {self._text}, {duration(spent)}" + (
+            f"; about {duration(left)} left" if left > 0.5 else ""
         )
 
     def _share(self, text: str) -> float:
@@ -91,5 +91,6 @@ class Progress:
             print(self.line(), file=self._stream, flush=True)
 
 
-def _time(seconds: float) -> str:
+def duration(seconds: float) -> str:
+    """For people: seconds, minutes from 90 s on."""
     return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
