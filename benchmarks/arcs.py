@@ -26,6 +26,7 @@ from thesis_lib.identify.mass_ratio.table_2_1 import make_drops
 from thesis_lib.simulate.chapter2.motions import DEFAULT
 from thesis_lib.simulate.chapter2.noise_snr import NoisyStates, add_noise
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
+from thesis_lib.statistics.spread import MAD_TO_STD
 
 SHAPES = ("block", "ellipse")
 SIDE = 5  # samples whose velocities, without gravity, are averaged on either side of an impact
@@ -121,7 +122,7 @@ def measure(shape: str, n: int, snr: float, results: Results) -> None:
     for name, own, seconds in zip(METHODS, errors, cpu):
         good = believed & np.isfinite(own)
         rms = float(np.sqrt(np.mean(own[good] ** 2))) if good.any() else np.nan
-        middle = float(np.median(own[good])) / 0.6745 if good.any() else np.nan
+        middle = MAD_TO_STD * float(np.median(own[good])) if good.any() else np.nan
         note = f"{good.sum()} of {n} drops at {snr:g} dB"
         if name == "ours":
             spread = f"1 ± {1.0 / np.sqrt(2.0 * max(good.sum(), 1)):.2f} for an efficient estimator"

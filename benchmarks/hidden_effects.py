@@ -32,13 +32,13 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops import criticise
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.held_out import MAD
 from thesis_lib.critique.drops.model import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.proof.cases import NOTHING, Case, make
 from thesis_lib.critique.proof.results import is_right
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.statistics.spread import robust_std
 
 CAUSES = ("com_offset_x", "hunt_crossley", "friction_anisotropy", "linear_drag")
 FLIGHT = ("linear_drag",)  # judged in flight
@@ -95,7 +95,7 @@ def flight_problem(base: Fit, o: Observations) -> Problem:
 def error_of(misses: np.ndarray, std: np.ndarray, flight: bool) -> float:
     """Held-out error of (n, 3) misses as the critique tells it."""
     if flight:
-        return float(np.max(np.median(np.abs(misses / std), axis=0)) / MAD)
+        return float(np.max(robust_std(misses / std)))
     return float(velocity_error(misses, 1.0).mean())
 
 

@@ -7,10 +7,11 @@ import pytest
 from stored_proof import parameter, put, refuse
 
 from thesis_lib.critique.proof.cases import NOTHING, Case
-from thesis_lib.critique.proof.results import outcomes, recovered, wilson
+from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.figures.proof.pictures import NAMES, pictures
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.columns import explain
+from thesis_lib.statistics.intervals import wilson
 
 ROOT = Path(__file__).parents[2]
 

@@ -3,15 +3,14 @@
 import re
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from stored_proof import OUTSIDE, error, figure_of, many, parameter, put, refuse
 
 from thesis_lib.critique.proof.cases import NOTHING, Case, truths
-from thesis_lib.critique.proof.results import wilson
-from thesis_lib.critique.proof.summary import TARGETS, median_interval, report, summary, tables
+from thesis_lib.critique.proof.summary import TARGETS, report, summary, tables
 from thesis_lib.critique.proof.table import confusion, misses
+from thesis_lib.statistics.intervals import wilson
 
 LAWS_RIGHT, MECHANISMS_RIGHT, SMALL, ADEQUATE, PAIRS, UNEXPLAINED, COVERAGE, MISFIT = (
     target.figure for target in TARGETS
@@ -119,16 +118,6 @@ class TestSummary:
         assert row["measured"] == pytest.approx(after) and row["met"] == met and row["n"] == 12
         assert "worst wrong_inertia 4.00" in row["note"]
         assert row["note"].startswith("75 % of" if after <= 1.2 else "8 % of")
-
-    def test_the_median_s_interval_covers_as_often_as_it_says(self):
-        rng = np.random.default_rng(4)
-        covered = 0
-        for _ in range(400):
-            low, high = median_interval(rng.exponential(size=41))
-            covered += low <= np.log(2.0) <= high
-        # exact coverage of these order statistics is 0.965; 400 draws know it to 0.01
-        assert 0.93 < covered / 400 < 0.99
-        assert median_interval(np.array([3.0, 1.0, 2.0])) == (1.0, 3.0)
 
 
 @pytest.fixture

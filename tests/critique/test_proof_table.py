@@ -4,29 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
 from stored_proof import FLOOR, OUTSIDE, cell, error, figure_of, parameter, put, refuse
 
 from thesis_lib.critique.proof.cases import NOTHING, Case
-from thesis_lib.critique.proof.results import outcomes, recovered, wilson
+from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.summary import TARGETS
 from thesis_lib.critique.proof.table import confusion
 from thesis_lib.foundation.errors import CorruptFileError
+from thesis_lib.statistics.intervals import wilson
 
 COVERAGE = next(target.figure for target in TARGETS if target.measure == "coverage")
-
-
-class TestWilson:
-    def test_is_scipy_s(self):
-        for k, n in ((0, 10), (3, 10), (7, 10), (10, 10), (190, 200)):
-            assert wilson(k, n) == pytest.approx(binomtest(k, n).proportion_ci(method="wilson"), abs=1e-12)
-
-    def test_a_number_worked_out_by_hand(self):
-        # z² = 3.8415: (7 + 1.9207 ± 1.95996 √(7·3/10 + 0.9604)) / 13.8415
-        assert wilson(7, 10) == pytest.approx((0.39678, 0.89221), abs=5e-6)
-
-    def test_of_nothing_is_unknown(self):
-        assert np.isnan(wilson(0, 0)).all()
 
 
 class TestWhatIsRight:

@@ -12,12 +12,12 @@ from thesis_lib.jenga.play.players import learner_of, policy_of
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.study.study import (
     games_table,
-    interval,
     needed_samples,
     paired,
     study_tables,
     success_table,
 )
+from thesis_lib.statistics.intervals import student_mean
 
 SETTINGS = Chapter5()
 
@@ -48,7 +48,7 @@ def games(better: int = 2) -> list[tuple[int, Game]]:
 def test_pairs_see_a_difference_that_means_do_not():
     table = games_table(games())
     means = {name: part["extractions"] for name, part in table[table["size"] != 1000].groupby("policy")}
-    low_of_hma, high_of_rule = interval(means["hma"])[1], interval(means["rule"])[2]
+    low_of_hma, high_of_rule = student_mean(means["hma"])[1], student_mean(means["rule"])[2]
     assert low_of_hma < high_of_rule  # unpaired intervals overlap
     row = paired(table).set_index("rival").loc["rule"]
     assert (row["difference"], row["low"], row["high"], row["n"]) == (2.0, 2.0, 2.0, 6)
@@ -74,13 +74,6 @@ def test_a_refused_game_is_counted_and_no_score():
     curve = study_tables([*games()[1:], (100, refused)], 100)["curve"].set_index(["policy", "size"])
     assert curve.loc[("hma", 100), "n"] == 5 and curve.loc[("hma", 100), "refused"] == 1
     assert paired(table).set_index("rival").loc["rule", "n"] == 5
-
-
-def test_intervals_cover_the_truth_as_often_as_they_say():
-    rng = np.random.default_rng(0)
-    ends = np.array([interval(rng.normal(3.0, 2.0, 6))[1:] for _ in range(2000)])
-    assert ((ends[:, 0] < 3.0) & (ends[:, 1] > 3.0)).mean() == pytest.approx(0.95, abs=0.015)
-    assert np.isnan(interval(np.array([1.0]))[1:]).all()
 
 
 def test_successes_count_attempts_of_each_action_and_hold_the_published_ones():

@@ -11,7 +11,6 @@ from thesis_lib.residual.belief.calibration import (
     pit_of_gaussian,
     pit_of_samples,
     pit_of_student,
-    wilson,
 )
 
 N = 2000
@@ -84,13 +83,6 @@ def test_crps_prefers_the_right_width():
     rng = np.random.default_rng(4)
     score = {f: crps(*predictions(f, rng)).mean() for f in (0.3, 1.0, 3.0)}
     assert score[1.0] < min(score[0.3], score[3.0])
-
-
-def test_wilson_holds_the_truth_as_often_as_it_says():
-    rng = np.random.default_rng(5)
-    held = [low <= 0.8 <= high for low, high in (wilson(k, 60) for k in rng.binomial(60, 0.8, 2000))]
-    assert np.mean(held) == pytest.approx(0.95, abs=0.02)
-    assert wilson(0, 0) == (0.0, 1.0)
 
 
 def test_pit_is_uniform_where_samples_equal_the_outcome():

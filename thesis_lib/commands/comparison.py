@@ -15,8 +15,8 @@ import pandas as pd
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json
 from thesis_lib.report.critique.folder import VERDICT_FILE, is_unfinished
+from thesis_lib.statistics.intervals import Z95
 
-Z95 = 1.959964  # standard deviations of a normal distribution's 95 % interval
 FAR = 3.0  # standard errors beyond which a difference is pointed out
 ALONE = " alone"  # marks rows of one law without effects, in both runs
 OLD_RUN = (

@@ -24,10 +24,10 @@ Association 69 (1974) 383, doi 10.1080/01621459.1974.10482962 (median deviation)
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.spread import robust_std
 
 MIN_SAMPLES = 8  # of a drop: fewer leave no second differences to judge the noise by
 SIGMA_FLOOR = 1e-6  # of a channel's spread: exact data count as noisy by that much, so that χ² stays finite
-MAD = 0.6744897501960817  # median of |N(0, 1)|
 _PENALTY = 60.0  # χ² a flight more has to save: 6 numbers and a place at log(1500) each, with a margin
 
 
@@ -65,8 +65,8 @@ def noise_from_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     second = q[2:] - 2.0 * q[1:-1] + q[:-2]
     sigma = np.stack(
         [
-            np.median(np.abs(second), axis=0) / (MAD * np.sqrt(6.0)),
-            np.median(np.abs(np.diff(v, axis=0)), axis=0) / (MAD * np.sqrt(2.0)),
+            robust_std(second) / np.sqrt(6.0),
+            robust_std(np.diff(v, axis=0)) / np.sqrt(2.0),
         ]
     )
     return floored(sigma, q, v)

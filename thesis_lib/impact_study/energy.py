@@ -20,7 +20,7 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.statistics.shares import mean_of, share_of
+from thesis_lib.statistics.intervals import mean_of, share_of
 
 WINDOWS = 2 * ArcSettings().max_window  # samples of the two arcs of a flight: a longer one shares none
 FEWEST = 5  # flights: a standard error of fewer means nothing

@@ -12,6 +12,7 @@ import numpy as np
 
 from thesis_lib.contact.law import Law
 from thesis_lib.impact_study.cost import Metric, Target, misfit_table
+from thesis_lib.statistics.bootstrap import draw_counts
 
 # own choice: three times the friction of an inclined-plane test; a fit that ends here is reported
 MU_MAX = 1.0
@@ -88,9 +89,7 @@ def cost_grid(law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon:
 def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Generator) -> np.ndarray:
     """How often each impact counts in each replicate, (n, B): trials are drawn with replacement."""
     _, unit = np.unique(trials, return_inverse=True)
-    count = unit.max() + 1
-    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=replicates)
-    return drawn.T[unit].astype(float)
+    return draw_counts(unit.max() + 1, replicates, rng).T[unit].astype(float)
 
 
 def _zoom(

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.statistics.shares import mean_of, ratio_of_means, share_of
+from thesis_lib.statistics.intervals import mean_of, ratio_of_means, share_of
 
 MU_ZERO = 1e-3  # far below the thesis's smallest ensemble value, 0.062
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11

@@ -34,7 +34,7 @@ from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual_statements import individual_rows
 from thesis_lib.impact_study.study import convexity_violations, pick
 from thesis_lib.impact_study.tables import VARIANTS
-from thesis_lib.statistics.shares import mean_of, ratio_of_means, share_of
+from thesis_lib.statistics.intervals import mean_of, ratio_of_means, share_of
 
 MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
 MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9

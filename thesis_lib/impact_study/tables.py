@@ -13,7 +13,7 @@ import pandas as pd
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.bounds import best_post_hoc
-from thesis_lib.statistics.shares import wilson_std
+from thesis_lib.statistics.intervals import wilson_std
 
 # the authors' code where it differs from the law that it is named after, the law itself elsewhere
 SIX_AS_PUBLISHED = tuple(

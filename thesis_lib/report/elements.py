@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from thesis_lib import pages
 from thesis_lib.critique.results.numbers import handy_unit, number
 from thesis_lib.figures.style import house_style
+from thesis_lib.statistics.intervals import Z95
 
 _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigma)(?![\w]))")
 
@@ -98,7 +99,7 @@ def estimate(value: float, std: float, unit: str = "") -> str:
     """A value with its 95 % interval and unit; a value without uncertainty stands alone."""
     if not np.isfinite(std) or std == 0.0:
         return amount(value, unit)
-    low, high = value - 1.96 * std, value + 1.96 * std
+    low, high = value - Z95 * std, value + Z95 * std
     scale, unit = handy_unit(max(abs(low), abs(high)), unit)
     value, low, high = scale * value, scale * low, scale * high
     digits = _digits(low, high)
@@ -108,7 +109,7 @@ def estimate(value: float, std: float, unit: str = "") -> str:
 
 def plus_minus(value: float, std: float) -> str:
     """A value and half its 95 % interval, to two digits of that half."""
-    half = 1.96 * std
+    half = Z95 * std
     if not np.isfinite(half) or half <= 0.0:
         return number(value)
     places = int(np.clip(1 - np.floor(np.log10(half)), 0, 9))

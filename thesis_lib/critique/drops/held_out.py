@@ -16,9 +16,10 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.fit import Fit, fit, log_scores
 from thesis_lib.critique.drops.model import flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.statistics.bootstrap import bootstrap_gain
+from thesis_lib.statistics.spread import robust_std
 
 CHANNELS = ("impact", "flight", "meet", "touch")
-MAD = 0.6744897501960817  # median of |z| for unit normal z
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # an impact; the mean over 100 impacts is then known to 1 %
 
@@ -126,11 +127,7 @@ def paired_gain(
     """Gain of log score an impact, with a 95 % interval from the bootstrap over trials; nats."""
     trials = np.unique(np.concatenate([better.trial, better.flight_trial]))
     difference = better.by_trial(trials) - worse.by_trial(trials)
-    n = len(better.score)
-    counts = rng.multinomial(len(trials), np.full(len(trials), 1.0 / len(trials)), size=draws)
-    resampled = counts @ difference / n
-    low, high = np.quantile(resampled, [0.025, 0.975])
-    return float(difference.sum() / n), float(low), float(high)
+    return bootstrap_gain(difference, len(better.score), draws, rng)
 
 
 def is_material(
@@ -155,4 +152,4 @@ def _robust_mean_square(z: np.ndarray) -> float:
 
     A few flights that hold an unseen hit must not fill it, and a wrong gravity must not hide behind x and θ.
     """
-    return float(np.max(np.median(np.abs(z), axis=0) / MAD) ** 2)
+    return float(np.max(robust_std(z)) ** 2)

@@ -26,6 +26,7 @@ import numpy as np
 
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.spread import robust_std
 
 SHRINK = 3.0  # scatter with one body over that with two; an evenly spread quantity, split in two, gives 2
 CLEAR = 9.0  # difference of χ² between the bodies by which a trial clearly belongs to one
@@ -203,7 +204,7 @@ def _alternate(
 
 
 def _scale(left: np.ndarray) -> float:
-    return float(1.4826 * np.median(np.abs(left)))
+    return float(robust_std(left, axis=None))
 
 
 def _fit(y: np.ndarray, X: np.ndarray, rows: np.ndarray) -> np.ndarray:

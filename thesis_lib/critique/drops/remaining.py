@@ -15,6 +15,7 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import impact_residuals
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.statistics.spread import robust_std
 
 MOST = 160  # impacts in each half: the fit costs n³, and a structure that matters shows in 160
 PERMUTATIONS = 199
@@ -54,8 +55,9 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     )
     Y = impact_residuals(fitted.model, fitted.values, observations)[:, :3] * [1.0, 1.0, k]
     # single wild impacts would be all that a Gaussian process sees
-    limit = 5.0 * 1.4826 * np.median(np.abs(Y - np.median(Y, axis=0)), axis=0) + 1e-12
-    Y = np.clip(Y - np.median(Y, axis=0), -limit, limit)
+    Y = Y - np.median(Y, axis=0)
+    limit = 5.0 * robust_std(Y) + 1e-12
+    Y = np.clip(Y, -limit, limit)
     trials = rng.permutation(np.unique(observations.trial))
     first = np.flatnonzero(np.isin(observations.trial, trials[: len(trials) // 2]))[:MOST]
     second = np.flatnonzero(np.isin(observations.trial, trials[len(trials) // 2 :]))[:MOST]

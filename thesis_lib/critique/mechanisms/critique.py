@@ -44,6 +44,7 @@ from thesis_lib.critique.mechanisms.settings import MechanismSettings
 from thesis_lib.critique.mechanisms.windows import Trial, WeakForm
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.statistics.bootstrap import bootstrap_gain, central_95, draw_counts
 
 GROUP = 3  # most members of a group that counts as an answer
 MIN_TRIALS = 4
@@ -303,9 +304,7 @@ def _paired(
     trials = np.unique(weak.trial)
     gain = np.bincount(weak.trial, 0.5 * (before**2 - after**2), minlength=trials[-1] + 1)[trials]
     n = len(np.unique(weak.window))
-    counts = rng.multinomial(len(trials), np.full(len(trials), 1.0 / len(trials)), size=draws)
-    low, high = np.quantile(counts @ gain / n, [0.025, 0.975])
-    return float(gain.sum() / n), float(low), float(high)
+    return bootstrap_gain(gain, n, draws, rng)
 
 
 def _misfit(
@@ -315,9 +314,8 @@ def _misfit(
     trials = np.unique(weak.trial)
     squares = np.bincount(weak.trial, z**2, minlength=trials[-1] + 1)[trials]
     rows = np.bincount(weak.trial, minlength=trials[-1] + 1)[trials]
-    counts = rng.multinomial(len(trials), np.full(len(trials), 1.0 / len(trials)), size=draws)
-    low, high = np.quantile(np.sqrt((counts @ squares) / (counts @ rows)), [0.025, 0.975])
-    return rms(z), float(low), float(high)
+    counts = draw_counts(len(trials), draws, rng)
+    return rms(z), *central_95(np.sqrt((counts @ squares) / (counts @ rows)))
 
 
 def rms(z: np.ndarray) -> float:

@@ -30,12 +30,12 @@ from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, Bel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import HiddenStudy
 from thesis_lib.critique.mechanisms.windows import WeakForm, measured
-from thesis_lib.critique.proof.results import wilson
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.statistics.intervals import wilson
 
 if TYPE_CHECKING:
     import pandas as pd

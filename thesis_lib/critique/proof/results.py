@@ -35,9 +35,9 @@ from thesis_lib.critique.proof.cases import NOTHING, SOURCES, Case
 from thesis_lib.critique.proof.compute import Row
 from thesis_lib.critique.proof.store import STORE, read_rows
 from thesis_lib.effects import EFFECTS
+from thesis_lib.statistics.intervals import Z95
 
 KINDS = ("single", NOTHING, "pair", "outside")
-Z95 = 1.959963984540054  # half-width of a normal distribution's 95 % interval, in standard deviations
 LARGEST_GROUP = 3  # effects that may be named together
 CELL = ("source", "truth", "ratio", "drops", "noise")  # datasets that differ in nothing but the seed
 OUTCOMES = (
@@ -98,16 +98,6 @@ def recovered(store: Path = STORE) -> pd.DataFrame:
         if p.std > 0.0
     ]
     return _sorted(pd.DataFrame(rows, columns=list(RECOVERED)), [*CELL, "seed", "parameter"])
-
-
-def wilson(k: int, n: int) -> tuple[float, float]:
-    """95 % Wilson interval of a share of `k` in `n`; (NaN, NaN) for n = 0."""
-    if n == 0:
-        return np.nan, np.nan
-    # (k + z²/2 ± z √(k (n − k)/n + z²/4)) / (n + z²)
-    centre = k + 0.5 * Z95**2
-    half = Z95 * np.sqrt(k * (n - k) / n + 0.25 * Z95**2)
-    return max(0.0, float((centre - half) / (n + Z95**2))), min(1.0, float((centre + half) / (n + Z95**2)))
 
 
 def _sorted(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:

@@ -24,10 +24,11 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import NOTHING, SOURCES, Case, truths
-from thesis_lib.critique.proof.results import outcomes, recovered, wilson
+from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.store import STORE
 from thesis_lib.critique.proof.table import confusion, misses, of_table
 from thesis_lib.foundation.files import write_result
+from thesis_lib.statistics.intervals import median_interval, wilson
 
 MECHANISMS = ("mechanism", "drake")
 WIDEST = 1.3  # interval width over the Cramér-Rao bound
@@ -197,17 +198,6 @@ def _misfit(target: Target, own: pd.DataFrame) -> dict:
         "note": f"{100 * enough:.0f} % of datasets ≤ {target.at_least[1]:g}; worst {by_truth.idxmax()} "
         f"{by_truth.max():.2f}; impacts alone {impacts:.2f}",
     }
-
-
-def median_interval(values: np.ndarray) -> tuple[float, float]:
-    """95 % interval of the median from order statistics; all values where there are too few of them (below 6)."""
-    from scipy.stats import binom
-
-    ordered = np.sort(values)
-    # the number of values below the median is binomial (n, 1/2)
-    k = int(binom.ppf(0.025, len(ordered), 0.5))
-    k = max(k - 1, 0)
-    return float(ordered[k]), float(ordered[len(ordered) - 1 - k])
 
 
 def _asked(target: Target, group: Sequence[str]) -> float:

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import RATIO
-from thesis_lib.critique.proof.results import CELL, outcomes, recovered, wilson
+from thesis_lib.critique.proof.results import CELL, outcomes, recovered
 from thesis_lib.critique.proof.store import STORE, VERDICTS
+from thesis_lib.statistics.intervals import wilson
 
 TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary's table; the other sizes show the curve
 MISFITS = ("error_before", "error_after", "floor", "before_over_floor", "after_over_floor")

@@ -21,6 +21,7 @@
 import numpy as np
 import pandas as pd
 
+from thesis_lib.statistics.intervals import clustered_mean
 from thesis_lib.critique.drops.criticise import Critique, gain_of
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.fit import Fit
@@ -29,7 +30,6 @@ from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder, left_out_impacts
-from thesis_lib.critique.results.numbers import mean_interval
 
 WORST = 5  # impacts that are listed where single ones spoil the mean
 
@@ -89,7 +89,7 @@ def _parameters(fitted: Fit, names: tuple[str, ...]) -> dict:
 def _law(critique: Critique, name: str) -> dict:
     """One law without effects: what two runs that chose different laws can be compared by."""
     fitted, _ = critique.discovery.laws[name]
-    error, low, high = mean_interval(critique.laws[name].error, critique.laws[name].trial)
+    error, low, high = clustered_mean(critique.laws[name].error, critique.laws[name].trial)
     return {
         "parameters": _parameters(fitted, ("mu", "epsilon")),
         "error": error,

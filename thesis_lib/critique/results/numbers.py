@@ -17,6 +17,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.intervals import Z95, clustered_mean
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple, velocity_error
 from thesis_lib.critique.drops.criticise import Critique
@@ -26,7 +28,6 @@ from thesis_lib.critique.drops.model import BASE_PARAMETERS, impact_residuals, s
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects import EFFECTS
 
-Z95 = 1.959964  # standard deviations of a normal distribution's 95 % interval
 MOVED, MATERIAL = 3.0, 0.02  # standard errors and share by which a parameter must move to have compensated
 FEATURE_LABEL = {
     "v_t": "tangential velocity $v_t$",
@@ -114,24 +115,6 @@ def unit_of(feature: str) -> str:
     return "" if unit == "1" else unit
 
 
-def mean_interval(values: np.ndarray, trial: np.ndarray) -> tuple[float, float, float]:
-    """Mean over impacts with its 95 % interval, trials being what is independent.
-
-    The linearised variance of Σ_t s_t / Σ_t n_t, with s_t the sum and n_t the number of impacts of trial t.
-    """
-    values, trial = np.asarray(values, float), np.asarray(trial)
-    if not len(values):
-        return np.nan, np.nan, np.nan
-    mean = float(values.mean())
-    _, label = np.unique(trial, return_inverse=True)
-    off = np.bincount(label, values - mean)
-    m = len(off)
-    if m < 2:
-        return mean, np.nan, np.nan
-    half = Z95 * np.sqrt(m / (m - 1) * np.sum(off**2)) / len(values)
-    return mean, float(mean - half), float(mean + half)
-
-
 def ladder_table(critique: Critique, tables: Mapping[str, pd.DataFrame] | None = None) -> pd.DataFrame:
     """Held-out error after each added effect: columns label, error, error_low, error_high (m/s), flight, meet, touch.
 
@@ -145,7 +128,7 @@ def ladder_table(critique: Critique, tables: Mapping[str, pd.DataFrame] | None =
     rows = []
     for label, _, judged in critique.ladder:
         sigma = [float(np.sqrt(judged.sigmas[name])) for name in CHANNELS]
-        rows.append((label, *mean_interval(judged.error, judged.trial), *sigma))
+        rows.append((label, *clustered_mean(judged.error, judged.trial), *sigma))
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -159,7 +142,7 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
     n = len(base.score)
     rows = []
     for name, judged in critique.laws.items():
-        mean, low, high = mean_interval(judged.error, judged.trial)
+        mean, low, high = clustered_mean(judged.error, judged.trial)
         difference = judged.by_trial(trials) - base.by_trial(trials)
         gain = float(difference.sum() / n)
         m = len(trials)
@@ -230,7 +213,7 @@ def dependence(values: np.ndarray, feature: np.ndarray, bins: int = 8) -> float:
     Less what bins explain by chance, (bins − 1)/(n − 1); values are clipped at five robust standard deviations.
     """
     centre = np.median(values)
-    spread = 1.4826 * np.median(np.abs(values - centre))
+    spread = robust_std(values - centre)
     values = np.clip(values - centre, -5.0 * spread, 5.0 * spread)
     total = values.var()
     label = bin_of(feature, bins)

@@ -19,6 +19,7 @@ largest 2 % of the errors are left aside, because a single missed hit would else
 import numpy as np
 import pandas as pd
 
+from thesis_lib.statistics.bootstrap import bootstrap_mean
 from thesis_lib.foundation.columns import explain
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import residual_couple, velocity_error
@@ -132,7 +133,7 @@ def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
     """A row per rung: without effects, and after each one."""
     rows, previous = [], None
     for step, (label, _, judged) in enumerate(critique.ladder):
-        low, high = mean_interval(judged, rng)
+        low, high = bootstrap_mean(judged.error, judged.trial, DRAWS, rng)
         gain = (np.nan,) * 3 if previous is None else paired_gain(judged, previous, rng)
         rows.append(
             {
@@ -149,16 +150,6 @@ def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
         )
         previous = judged
     return pd.DataFrame(rows)
-
-
-def mean_interval(judged: Judgement, rng: np.random.Generator) -> tuple[float, float]:
-    """95 % interval of the mean error in m/s, by the bootstrap over trials."""
-    trials, index = np.unique(judged.trial, return_inverse=True)
-    total = np.bincount(index, judged.error)
-    count = np.bincount(index).astype(float)
-    weights = rng.multinomial(len(trials), np.full(len(trials), 1.0 / len(trials)), size=DRAWS)
-    low, high = np.quantile((weights @ total) / (weights @ count), [0.025, 0.975])
-    return float(low), float(high)
 
 
 def impacts(critique: Critique) -> pd.DataFrame:

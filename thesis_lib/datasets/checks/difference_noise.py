@@ -3,8 +3,7 @@
 import numpy as np
 
 from thesis_lib.datasets.format.samples import Samples
-
-MAD_TO_STD = 1.482602218505602
+from thesis_lib.statistics.spread import MAD_TO_STD
 
 
 def noise_from_differences(samples: Samples) -> np.ndarray:

@@ -19,10 +19,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.checks.difference_noise import MAD_TO_STD
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.arcs import ArcFits
+from thesis_lib.statistics.spread import robust_std
 
 SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero
 _MIN_ARCS = 6  # fewer arcs than this say too little about the noise; third differences are used instead
@@ -121,7 +121,7 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) ->
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
         return np.zeros(3)
-    found = (MAD_TO_STD * np.median(np.abs(fits.curvature[long]), axis=0)) ** 2
+    found = robust_std(fits.curvature[long]) ** 2
     noise = np.median(1.0 / fits.bow2[long], axis=0)[..., None] * sigma**2 * colour
     # the variance from a median has the relative error 2.3/√n; below a clear excess there is nothing to add
     clear = found > noise * (1.3 + 3.0 * 2.3 / np.sqrt(long.sum()))

@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 
 from thesis_lib.figures.proof.matrix import SHADES
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.statistics.intervals import Z95
 
 WITHOUT, WITH = "#D55E00", "#0072B2"
 DARK = 0.55  # share above which a number is written in white
@@ -116,7 +117,7 @@ def figure_residuals(residuals: pd.DataFrame, gains: pd.DataFrame, limit: float)
     ):
         size = np.maximum(residuals[name].abs(), SMALLEST)
         left.semilogy(residuals["window"], size, marker, color=color, markersize=2.5, label=label)
-    left.axhline(1.96, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)), label="95 % of noise below")
+    left.axhline(Z95, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)), label="95 % of noise below")
     left.set_xlabel("held-out window")
     left.set_ylabel("|residual force| (σ)")
     left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, handlelength=1.6, columnspacing=1.0)

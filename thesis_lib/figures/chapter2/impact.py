@@ -18,6 +18,7 @@ from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
+from thesis_lib.statistics.intervals import Z95
 
 BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 APPROACH = 7  # samples drawn before the hit
@@ -87,7 +88,7 @@ def _forces(ax: Axes, row: pd.Series, history: ForceHistory, settings: ImpactFor
     T = settings.declared_duration
     start = 0.5 * (history.t[-1] - T)  # the instant is not part of the estimate: centred on the contact
     tau = np.linspace(0.0, T, 101)
-    peaks = [peak_force(row["c_n"] + s * row["c_n_std"], T) for s in (-1.96, 0.0, 1.96)]
+    peaks = [peak_force(row["c_n"] + s * row["c_n_std"], T) for s in (-Z95, 0.0, Z95)]
     low, half_sine, high = (peak * np.sin(np.pi * tau / T) for peak in peaks)
     ax.plot(1e3 * t, force, color=INK, label="contact force (Drake)")
     response_t, response = history.response_t[::THIN], history.response[::THIN]

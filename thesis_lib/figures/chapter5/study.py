@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 
 from thesis_lib.figures.chapter5.render import PLACED, PUSHED, colours_of, strip_figure, tower_figure
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.statistics.intervals import student_mean
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
 PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; own choice of what counts as reproduced
@@ -239,9 +240,9 @@ def figure_movable(fractions: pd.DataFrame, threshold: float) -> Drawn:
         own = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
         across = np.linspace(-0.16, 0.16, len(own)) if len(own) > 1 else np.zeros(1)
         right.plot(i + across, np.sort(own), marker, color=color, markersize=3, alpha=0.5)
-        half = _half_interval(own)
-        right.errorbar(i + 0.32, own.mean(), half, fmt="D", color=color, markersize=4, capsize=2)
-        right.text(i + 0.38, own.mean() + 0.004, f" {100 * own.mean():.0f} %", fontsize=7, color=color)
+        mean, low, _ = student_mean(own)
+        right.errorbar(i + 0.32, mean, mean - low, fmt="D", color=color, markersize=4, capsize=2)
+        right.text(i + 0.38, mean + 0.004, f" {100 * mean:.0f} %", fontsize=7, color=color)
     left.axvline(threshold, color=INK, linewidth=0.8, linestyle=(0, (2, 2)), label="fixed")
     left.set_xlabel("other blocks move at most (mm)")
     left.set_ylabel("share of 45 blocks movable")
@@ -307,11 +308,3 @@ def _aside(ax: Axes, edge: float, points: float, y: float, text: str, **look: ob
     """Text at height y that ends `points` away from an edge (0 left, 1 right) of the panel."""
     offset = {"xytext": (points, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
     ax.annotate(text, (edge, y), xycoords=ax.get_yaxis_transform(), **(offset | look))
-
-
-def _half_interval(values: np.ndarray) -> float:
-    """Half width of the 95 % interval of the mean (Student's t); 0 of a single value."""
-    from scipy.stats import t
-
-    n = len(values)
-    return float(t.ppf(0.975, n - 1) * values.std(ddof=1) / np.sqrt(n)) if n > 1 else 0.0

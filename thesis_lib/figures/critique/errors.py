@@ -17,20 +17,19 @@ from thesis_lib.critique.drops.words import listed
 from thesis_lib.critique.results.numbers import (
     BASE_NAMES,
     GREEK,
-    Z95,
     compensated,
     effect_title,
     handy_unit,
     ladder_table,
     law_errors,
     law_title,
-    mean_interval,
     number,
     parameter_table,
     rung_title,
 )
 from thesis_lib.figures.law_style import LAW_STYLE
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.statistics.intervals import Z95, clustered_mean
 
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito; the second is darker in grey
 TITLE_WIDTH = 76  # characters a line of a figure's title
@@ -167,7 +166,7 @@ def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     set_title(figure, laws_sentence(table))
     bounds = pd.DataFrame({"model": list(lines), "error": list(lines.values())})
-    low_high = mean_interval(best, critique.ladder[0][2].trial)[1:]
+    low_high = clustered_mean(best, critique.ladder[0][2].trial)[1:]
     bounds.loc[bounds["model"] == "best_post_hoc", ["error_low", "error_high"]] = low_high
     return figure, pd.concat([table, bounds], ignore_index=True)
 

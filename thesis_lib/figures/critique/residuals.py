@@ -21,7 +21,6 @@ from thesis_lib.critique.drops.questions.flights import (
 )
 from thesis_lib.critique.results.numbers import (
     FEATURE_LABEL,
-    Z95,
     bin_of,
     contact_residuals,
     dependence,
@@ -30,6 +29,8 @@ from thesis_lib.critique.results.numbers import (
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique.where import axis_label
 from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure
+from thesis_lib.statistics.intervals import Z95
+from thesis_lib.statistics.spread import MAD_TO_STD
 
 SHOWN_FEATURES = 3
 BINS = 8
@@ -217,7 +218,7 @@ def _binned(x: np.ndarray, y: np.ndarray) -> pd.DataFrame:
     label = bin_of(x, BINS)
     table = pd.DataFrame({"x": x, "y": y})
     centre = table.groupby(label)["y"].transform("median")
-    limit = WILD * 1.4826 * (table["y"] - centre).abs().groupby(label).transform("median")
+    limit = WILD * MAD_TO_STD * (table["y"] - centre).abs().groupby(label).transform("median")
     table["y"] = table["y"].clip(centre - limit, centre + limit)
     found = table.groupby(label).agg(x=("x", "mean"), mean=("y", "mean"), std=("y", "sem"), n=("y", "size"))
     return found.reset_index(drop=True)

@@ -9,11 +9,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from thesis_lib.critique.proof.results import wilson
 from thesis_lib.critique.proof.table import TABLE
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.proof.style import SOURCE_LOOK, SOURCE_TITLE, in_order, say_not_run, sources_in, words
 from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure
+from thesis_lib.statistics.intervals import wilson
 
 COLUMNS = 4
 PANEL = 1.0  # inches, height

@@ -8,12 +8,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from thesis_lib.critique.proof.results import wilson
 from thesis_lib.critique.proof.summary import TARGETS, WIDEST
 from thesis_lib.critique.results.numbers import symbol
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.proof.style import SOURCE_TITLE, in_order, say_not_run, sources_in, words
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.statistics.intervals import wilson
 
 ROW = 0.165  # inches, height of a row
 MIDDLE = (0.1, 0.9)

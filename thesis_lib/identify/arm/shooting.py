@@ -33,8 +33,8 @@ import numpy as np
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.arm.parameters import from_free
 from thesis_lib.identify.arm.stepping import Copies, simulate_copies
-from thesis_lib.identify.segmentation import MAD
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+from thesis_lib.statistics.spread import robust_std
 
 STEP = 1e-6  # of a parameter's or a state's scale: forward differences, whose rounding is then 1e-8
 DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that an iteration tries side by side
@@ -113,8 +113,8 @@ def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
     median does not see the few steps with events.
     """
     slack = np.diff(q, axis=0) - h * v[1:]
-    second = np.abs(np.diff(v, n=2, axis=0))
-    return np.stack([slack.std(axis=0) / np.sqrt(2.0), np.median(second, axis=0) / (MAD * np.sqrt(6.0))])
+    second = np.diff(v, n=2, axis=0)
+    return np.stack([slack.std(axis=0) / np.sqrt(2.0), robust_std(second) / np.sqrt(6.0)])
 
 
 def noise_of_residuals(r: np.ndarray) -> np.ndarray:
@@ -126,7 +126,7 @@ def noise_of_residuals(r: np.ndarray) -> np.ndarray:
     pass as noise.
     """
     d = np.diff(r, axis=0) / np.sqrt(2.0)
-    scale = np.median(np.abs(d), axis=0) / MAD
+    scale = robust_std(d)
     within = np.abs(d) <= CLIP * scale
     return np.sqrt(
         np.sum(np.where(within, d, 0.0) ** 2, axis=0) / np.maximum(within.sum(axis=0), 1) / CLIPPED

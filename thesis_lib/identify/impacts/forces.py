@@ -51,10 +51,11 @@ from thesis_lib.identify.impacts.measured_ratio import ImpactLink
 from thesis_lib.identify.impacts.settings import ImpactForces
 from thesis_lib.simulate.compliant.drops import CompliantDrops
 from thesis_lib.simulate.rig.hidden_causes import Mechanisms
+from thesis_lib.statistics.intervals import Z95
 
 METHODS = ("arcs", "arcs_link")
 THESIS = {"mean": -12.12, "std": 31.59, "average": 135.0}  # N: error of the peak, and the peak; section 2.5
-LEVELS = {68: 0.994457883209753, 95: 1.959963984540054}  # %: two-sided normal quantiles
+LEVELS = {68: 0.994457883209753, 95: Z95}  # %: two-sided normal quantiles
 NOT_DETECTED = "not_detected"
 _LONGEST = 4.0  # contact times after which a contact that has not ended is no impact
 _FINE = 200  # steps of force and response between the sensor's samples; 50 would miss 0.3 mN s of changing friction

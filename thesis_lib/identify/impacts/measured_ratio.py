@@ -49,6 +49,7 @@ from thesis_lib.effects.effect import Rig, State
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.identify.impacts.settings import MeasuredRatio
+from thesis_lib.statistics.spread import robust_std
 
 EARLIER = "earlier_vy_post"  # planar_impact only, see `thesis_lib.datasets.sources.published`
 EARLIER_VY_POST = -3.0 * 9.81 / 250.0  # m/s, its first publication less its second
@@ -67,7 +68,6 @@ THESIS = {"truth": 535.03, "estimate": 587.50, "std": 27.6}
 TUKEY = 4.685  # of the biweight: 95 % efficient on normal noise; beyond it a weight is 0
 MIN_IMPACTS = 8
 BENT = "arc_deviation"  # flag of impacts whose arcs are no free flight; others depend on k or μ and are not asked
-MAD_TO_STD = 1.482602218505602
 _ITERATIONS = 30
 _CONVERGED = 1e-3  # standard errors
 _CONVERGED_RESAMPLED = 0.05  # the same in the bootstrap: adds 0.1 % to a spread
@@ -240,7 +240,7 @@ def _bounded_step(
 
 
 def _weights(u: np.ndarray) -> tuple[float, np.ndarray]:
-    scale = MAD_TO_STD * float(np.median(np.abs(u)))
+    scale = float(robust_std(u))
     return scale, np.clip(1.0 - (u / (TUKEY * max(scale, 1e-300))) ** 2, 0.0, None) ** 2
 
 

@@ -31,12 +31,12 @@ import pandas as pd
 from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound, true_impacts
 from thesis_lib.identify.mass_ratio.estimate import EstimateStatus, estimate_ratio
 from thesis_lib.identify.mass_ratio.plain_program import impact_least_squares, plain_ratio
-from thesis_lib.identify.segmentation import MAD
 from thesis_lib.identify.settings import Table21
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, releases
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.statistics.spread import MAD_TO_STD
 
 Method = Literal["plain", "least_squares", "arcs", "arcs_gap", "arcs_law"]
 METHODS: tuple[Method, ...] = ("plain", "least_squares", "arcs", "arcs_gap", "arcs_law")
@@ -207,7 +207,7 @@ def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
                 "error_over_bound": _rms(error / used["bound"]),
                 "error_over_law_bound": _rms(error / used["law_bound"]),
                 # 1 for an efficient estimator, whatever the tails
-                "median_over_bound": scaled.median() / MAD,
+                "median_over_bound": MAD_TO_STD * scaled.median(),
                 "std_stated": _rms(used["std"]),
                 "mean_ratio_error": unit * error.mean(),
                 "std_ratio_error": unit * error.std(),

@@ -45,9 +45,10 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.window import States, free_body_window
 from thesis_lib.identify.programs.mode_qp import Program, solve_mode_qp
 from thesis_lib.identify.programs.result import ProgramResult
-from thesis_lib.identify.segmentation import MAD, check_states, floored
+from thesis_lib.identify.segmentation import check_states, floored
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.statistics.spread import robust_std
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
 # I / (m l²) of the starts: all that a wheel with its mass inside the tips can have
@@ -118,7 +119,7 @@ def _std(deviations: np.ndarray) -> np.ndarray:
 
 def noise_of_third_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Standard deviations (2, 3) of the noise on q and v, each (m+1, 3), of a smooth motion with a few impacts."""
-    third = [np.median(np.abs(np.diff(a, n=3, axis=0)), axis=0) / (MAD * _ROOT_20) for a in (q, v)]
+    third = [robust_std(np.diff(a, n=3, axis=0)) / _ROOT_20 for a in (q, v)]
     return floored(np.stack(third), q, v)
 
 

@@ -28,10 +28,10 @@ from thesis_lib.jenga.play.settings import Chapter5, HiddenChoice
 from thesis_lib.jenga.robot.samples import Samples, join
 from thesis_lib.jenga.study.collect import APART, explore_tower
 from thesis_lib.jenga.study.model_study import filtered
-from thesis_lib.jenga.study.study import interval
 from thesis_lib.jenga.tower.settings import HiddenEffects, Setup
 from thesis_lib.jenga.tower.tower import REACHABLE
 from thesis_lib.jenga.tower.tower_model import PER_LAYER
+from thesis_lib.statistics.intervals import student_mean
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def error_rows(learner: Hma, samples: Samples, own: tuple[int, ...]) -> pd.DataF
     rows = []
     for name, part in (("affected", per_push[affected]), ("others", per_push[~affected])):
         if len(part):
-            rows.append((name, *interval(part), len(part)))
+            rows.append((name, *student_mean(part), len(part)))
     return pd.DataFrame(rows, columns=["group", "error", "low", "high", "n"])
 
 

@@ -24,6 +24,7 @@ from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import F_N, F_T, Learner, push_groups
 from thesis_lib.jenga.robot.samples import STUCK, Samples
 from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.statistics.bootstrap import resampled
 
 SLACK = 2.0
 BOOTSTRAP = 500
@@ -132,7 +133,7 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
     }
     found = []
     for name, (values, statistic) in quantities.items():
-        drawn = [statistic(values[rng.integers(len(values), size=len(values))]) for _ in range(BOOTSTRAP)]
+        drawn = resampled(values, statistic, BOOTSTRAP, rng)
         low, high = np.nanpercentile(drawn, [2.5, 97.5])
         found.append((name, statistic(values), float(np.nanstd(drawn)), low, high, len(values)))
     return pd.DataFrame(found, columns=["quantity", "value", "std", "low", "high", "n"])

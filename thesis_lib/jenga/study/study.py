@@ -19,8 +19,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.jenga.play.game import Game
+from thesis_lib.statistics.intervals import standard_error, student_mean, wilson
 
-LEVEL = 0.95
 # counts of figure 5-6: attempts and successes of push, extract and place
 PUBLISHED = {
     "exploration": {
@@ -78,30 +78,13 @@ def attempts_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
     return table.sort_values(["policy", "size", "tower"], kind="stable").reset_index(drop=True)
 
 
-def interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean and the ends of its 95 % interval by Student's t; NaN ends for a single value."""
-    from scipy.special import stdtrit  # scipy.stats takes a second to import
-
-    values = np.asarray(values, float)
-    mean, n = float(values.mean()), len(values)
-    if n < 2:
-        return mean, np.nan, np.nan
-    half = float(stdtrit(n - 1, 0.5 + LEVEL / 2)) * float(values.std(ddof=1)) / np.sqrt(n)
-    return mean, mean - half, mean + half
-
-
-def standard_error(values: np.ndarray) -> float:
-    """Of the mean; NaN for a single value."""
-    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else np.nan
-
-
 def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
     """Columns policy, size, mean, std (its standard error), low, high, n, refused (figure 5-5B)."""
     rows = []
     for (policy, size), part in games.groupby(["policy", "size"], sort=True):
         counts = part["extractions"].dropna().to_numpy()
         if len(counts):
-            mean, low, high = interval(counts)
+            mean, low, high = student_mean(counts)
             refused = int(part["refused"].sum())
             rows.append((policy, size, mean, standard_error(counts), low, high, len(counts), refused))
     return pd.DataFrame(rows, columns=["policy", "size", "mean", "std", "low", "high", "n", "refused"])
@@ -125,7 +108,7 @@ def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
                 continue
             both = counts[[(policy, size), (rival, rival_size)]].dropna().to_numpy()
             if len(both):
-                mean, low, high = interval(both[:, 0] - both[:, 1])
+                mean, low, high = student_mean(both[:, 0] - both[:, 1])
                 std = standard_error(both[:, 0] - both[:, 1])
                 rows.append((policy, size, rival, rival_size, mean, std, low, high, len(both)))
     names = ["policy", "size", "rival", "rival_size", "difference", "std", "low", "high", "n"]
@@ -137,8 +120,6 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
 
     Columns phase, position, action, attempts, successes, share, std, low, high (Wilson, 95 %), published (share).
     """
-    from scipy.stats import binomtest
-
     rows = []
     for phase, policy, own_size in (("exploration", "exploration", 0), ("learned", "hma", size)):
         own = attempts[(attempts["policy"] == policy) & (attempts["size"] == own_size)]
@@ -147,9 +128,7 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
             for i, (action, column) in enumerate(zip(ACTIONS, ("pushed", "extracted", "placed"))):
                 tried = part[part[column] >= 0]
                 n, k = len(tried), int((tried[column] == 1).sum())
-                low, high = np.nan, np.nan
-                if n:
-                    low, high = binomtest(k, n).proportion_ci(LEVEL, method="wilson")
+                low, high = wilson(k, n)
                 told, right = PUBLISHED[phase][position][i]
                 share = k / n if n else np.nan
                 # that of one success and one failure more: none of it is certain
@@ -180,7 +159,7 @@ def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor", of: str
     ends = []
     for size in sorted(size for name, size in counts.columns if name == policy):
         both = counts[[(of, first), (policy, size)]].dropna().to_numpy()
-        ends.append((size, *interval(both[:, 0] - both[:, 1])))
+        ends.append((size, *student_mean(both[:, 0] - both[:, 1])))
 
     def smallest(column: int) -> float:
         reached = [row[0] for row in ends if row[column] <= 0.0]

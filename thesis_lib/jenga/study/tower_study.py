@@ -17,10 +17,10 @@ import pandas as pd
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.movable import agreement, fractions, scan
 from thesis_lib.jenga.robot.reduced import compare, faithfulness
-from thesis_lib.jenga.study.study import interval
 from thesis_lib.jenga.tower.health import settled_tower
 from thesis_lib.jenga.tower.settings import MovableSettings, Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError
+from thesis_lib.statistics.intervals import student_mean
 
 SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
 THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
@@ -64,7 +64,7 @@ def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFr
     """Rows of set, threshold_mm, mean, low, high, n over towers, and refused: towers that did not stand."""
     refused = {name: sum(table.empty for table in tables) for name, tables in scans.items()}
     rows = [
-        (name, threshold, *interval(part["share"].to_numpy()), len(part), refused[name])
+        (name, threshold, *student_mean(part["share"].to_numpy()), len(part), refused[name])
         for (name, threshold), part in shares.groupby(["set", "threshold_mm"])
     ]
     return pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n", "refused"])

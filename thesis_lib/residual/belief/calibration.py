@@ -26,6 +26,9 @@ Grimit, Gneiting, Berrocal and Johnson 2006, doi:10.1256/qj.05.235 (CRPS of mixt
 import numpy as np
 import pandas as pd
 
+from thesis_lib.statistics.bootstrap import central_95, resampled
+from thesis_lib.statistics.intervals import wilson
+
 LEVELS = (0.5, 0.8, 0.95)
 MARGIN = 0.03
 
@@ -86,16 +89,6 @@ def crps_of_mixture(outcome: np.ndarray, mean: np.ndarray, std: np.ndarray, weig
     return away - 0.5 * np.einsum("nij,i,j->n", pairs, weight, weight)
 
 
-def wilson(hits: float, n: int) -> tuple[float, float]:
-    """95 % interval of a probability after `hits` of n."""
-    z = 1.959964
-    if n == 0:
-        return 0.0, 1.0
-    p = hits / n
-    centre, half = (p + z * z / (2 * n)), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return float((centre - half) / (1 + z * z / n)), float((centre + half) / (1 + z * z / n))
-
-
 def coverage_table(
     pit: np.ndarray,
     *,
@@ -130,9 +123,10 @@ def coverage_table(
         low, high = wilson(hit.sum(), n)
         if groups is not None and n:
             _, index = np.unique(groups[kept], return_inverse=True)
-            total, hits = np.bincount(index), np.bincount(index, weights=hit)
-            drawn = rng.integers(len(total), size=(bootstrap, len(total)))
-            low, high = np.percentile(hits[drawn].sum(1) / total[drawn].sum(1), [2.5, 97.5])
+            by_group = np.stack([np.bincount(index, weights=hit), np.bincount(index)], axis=1)
+            low, high = central_95(
+                resampled(by_group, lambda drawn: np.divide(*drawn.sum(axis=0)), bootstrap, rng)
+            )
         passes = abs(share - level) <= MARGIN or low <= level <= high
         rows.append((level, share, low, high, int(passes), n, int((~kept).sum())))
     return pd.DataFrame(rows, columns=["level", "coverage", "low", "high", "passes", "n", "left_out"])

@@ -46,6 +46,7 @@ from thesis_lib.residual.dice.fit import DiceModel, contact_path
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import fit_gaussian_process
 from thesis_lib.residual.learners.learners import ImpulseLearner
+from thesis_lib.statistics.spread import robust_std
 
 FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
 KNOWN_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inertia")
@@ -158,9 +159,8 @@ def scattered(name: str, model: DiceModel, contacts: Contacts, settings: DiceStu
     """A law with the scatter of its training residuals: (Δv_x, Δv_y, k Δω)/c_n, robust against lost contacts."""
     _, _, v_0, residual, c_n = contact_residuals(model, contacts, settings)
     relative = residual[:, 3:] * (velocity_error(v_0, model.k_g) / np.maximum(c_n, settings.slowest))[:, None]
-    # 1.48 median |z| is the standard deviation of a normal; means are not taken off: what is always missed is
-    # scatter, too
-    size = 1.4826 * np.median(np.abs(relative), axis=0)
+    # means are not taken off: what is always missed is scatter, too
+    size = robust_std(relative)
     # as a wrench about the centre: the couple per normal impulse is k times the spin's share
     wrench = np.diag(size * [1.0, 1.0, model.k_g]) ** 2
     return Thrower(

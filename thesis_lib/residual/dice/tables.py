@@ -23,6 +23,7 @@ from thesis_lib.residual.belief.settings import DiceStudySettings
 from thesis_lib.residual.belief.throw import Throws
 from thesis_lib.residual.dice.data import Contacts, Releases
 from thesis_lib.residual.dice.models import Thrower, contact_residuals
+from thesis_lib.statistics.bootstrap import central_95, resampled
 
 FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
 
@@ -182,7 +183,5 @@ def spread(
     """Standard error of a statistic of rows, and the ends of its 95 % interval, by the bootstrap; NaN without one."""
     if bootstrap < 2:
         return np.nan, np.nan, np.nan
-    drawn = rng.integers(len(values), size=(bootstrap, len(values)))
-    found = np.array([statistic(values[rows]) for rows in drawn])
-    low, high = np.percentile(found, [2.5, 97.5])
-    return float(found.std(ddof=1)), float(low), float(high)
+    drawn = resampled(values, statistic, bootstrap, rng)
+    return float(drawn.std(ddof=1)), *central_95(drawn)

@@ -33,6 +33,8 @@ from thesis_lib.impact_study.study import split_trials
 from thesis_lib.residual.learners.bases import AugmentedBase, LawBase
 from thesis_lib.residual.learners.learners import ImpulseLearner, LawLearner, Learner, Prediction, learners
 from thesis_lib.residual.learners.settings import LearningStudySettings
+from thesis_lib.statistics.bootstrap import CENTRAL_95, bootstrap_mean
+from thesis_lib.statistics.intervals import student_mean
 
 BOOTSTRAP = 1000
 BOUNDS = ("best_post_hoc", "irb_bound")
@@ -165,15 +167,11 @@ def held_out_by(critique: pd.DataFrame, impacts: Impacts) -> np.ndarray:
 
 def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
     """Mean over splits with a 95 % interval of that mean (Student's t), and mean rates: a row per model and n."""
-    from scipy.stats import t
-
     rows = []
     for (model, n), group in curves.groupby(["model", "n"], sort=False):
-        count = len(group)
-        half = t.ppf(0.975, count - 1) * group["mean"].std(ddof=1) / np.sqrt(count) if count > 1 else np.nan
-        mean = group["mean"].mean()
+        mean, low, high = student_mean(group["mean"].to_numpy())
         rates = group[["mean_projected", "infeasible", "out_of_range"]].mean()
-        rows.append({"model": model, "n": n, "mean": mean, "low": mean - half, "high": mean + half, **rates})
+        rows.append({"model": model, "n": n, "mean": mean, "low": low, "high": high, **rates})
     return pd.DataFrame(rows)
 
 
@@ -192,7 +190,7 @@ def convergence(curves: pd.DataFrame, within: float, rng: np.random.Generator) -
         row = {"model": model}
         for name, by_fall in (("n_converged", False), ("n_learned", True)):
             at = [_settled(sizes, one, within, by_fall) for one in (values.mean(axis=0), *drawn)]
-            low, high = np.quantile(at[1:], [0.025, 0.975], method="nearest")
+            low, high = np.quantile(at[1:], CENTRAL_95, method="nearest")
             row |= {name: int(at[0]), f"{name}_low": int(low), f"{name}_high": int(high)}
         rows.append(row)
     return pd.DataFrame(rows)
@@ -317,13 +315,10 @@ def _errors(name: str, error: np.ndarray, p: Prediction | None, held_out: Impact
 def _interval(error: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
     """Mean error and its 95 % interval by the bootstrap over trials; failed solves (NaN) are left out and counted."""
     known = np.isfinite(error)
-    trials, unit = np.unique(trial[known], return_inverse=True)
-    total, count = np.bincount(unit, error[known]), np.bincount(unit).astype(float)
-    weights = rng.multinomial(len(trials), np.full(len(trials), 1.0 / len(trials)), size=BOOTSTRAP)
-    low, high = np.quantile((weights @ total) / (weights @ count), [0.025, 0.975])
+    low, high = bootstrap_mean(error[known], trial[known], BOOTSTRAP, rng)
     return {
         "mean": float(error[known].mean()),
-        "low": float(low),
-        "high": float(high),
+        "low": low,
+        "high": high,
         "n_failed": int((~known).sum()),
     }

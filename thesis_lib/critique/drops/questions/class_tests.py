@@ -27,6 +27,7 @@ from thesis_lib.critique.drops.model import (
     states_at_impact,
 )
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.statistics.spread import robust_std
 
 SIGMAS = 3.0  # beyond which an impact counts as outside a class
 NOISE_TRUST = 1.2  # factor by which the noise may be understated before a share beyond SIGMAS means anything
@@ -86,7 +87,7 @@ def rigid_point(fitted: Fit, observations: Observations) -> dict:
         "share_couple": count / n,
         "share_energy_gain": gained / n,
         "expected_share": float(2.0 * norm.sf(SIGMAS)),
-        "couple_mean_square_sigma": float((np.median(np.abs(z)) / norm.ppf(0.75)) ** 2),
+        "couple_mean_square_sigma": float(robust_std(z) ** 2),
     }
 
 
@@ -169,7 +170,7 @@ def _residual(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.n
     S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
     std = np.sqrt(np.einsum("nii->ni", S)[:, :3] * weights**2 + fitted.sigma_m**2)
     z = impact_residuals(fitted.model, fitted.values, o)[:, :3] * weights / std
-    limit = CLIP * 1.4826 * np.median(np.abs(z - np.median(z, axis=0)), axis=0) + 1e-12
+    limit = CLIP * robust_std(z - np.median(z, axis=0)) + 1e-12
     return np.clip(z, -limit, limit) * std, std
 
 

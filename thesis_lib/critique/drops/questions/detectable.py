@@ -22,12 +22,12 @@ import numpy as np
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.discover import testable_effects
 from thesis_lib.critique.drops.fit import Whitening
-from thesis_lib.critique.drops.held_out import MAD
 from thesis_lib.critique.drops.model import Model, flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.effects.effect import Parameter
+from thesis_lib.statistics.intervals import Z95
+from thesis_lib.statistics.spread import robust_std
 
 POWER = 0.8416  # standard deviations: the normal quantile of 80 %
-ABOVE_ZERO = 1.96  # standard deviations: a gain whose 95 % interval lies above zero
 MEDIAN_STD = 1.17 / np.sqrt(2.0)  # times √n: relative standard error of a root mean square from a median
 BISECTIONS = 30
 SMALLEST_SHARE = 1e-6  # of a parameter's range: sizes below it are as good as nothing
@@ -75,7 +75,7 @@ def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
     testable, _ = testable_effects(critique.training)
     scan = found.last_scan
     null = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
-    limit = max(float(null), 2.0 * (ABOVE_ZERO + POWER))
+    limit = max(float(null), 2.0 * (Z95 + POWER))  # the latter: 95 % intervals of gains above zero
     sizes: dict[str, dict[str, float | None]] = {}
     for step in found.steps:  # the fit itself says how well what is in the model is known
         name = step.effect.name
@@ -197,7 +197,7 @@ def _error(residual: np.ndarray, channel: str) -> float:
     """As `judge` has it: mean kinetic norm, or root of the robust mean square in standard deviations."""
     if channel == "impact":
         return float(np.linalg.norm(residual, axis=1).mean())
-    return float(np.median(np.abs(residual)) / MAD)
+    return float(robust_std(residual, axis=None))
 
 
 def _rise_std(before: np.ndarray, after: np.ndarray, channel: str) -> float:

@@ -1,0 +1,9 @@
+"""One random stream for the tests of statistics."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20180612)

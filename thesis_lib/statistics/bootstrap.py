@@ -1,0 +1,51 @@
+"""Bootstrap intervals: what is independent (trials, throws, pushes) is drawn again with replacement.
+
+An interval is the central 95 % of the resampled values (the percentile bootstrap).  Drawing n of n with replacement and
+counting how often each was drawn is the same; counts serve where a statistic is made of sums over trials.
+
+Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13,
+doi:10.1007/978-1-4899-4541-9.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+CENTRAL_95 = (0.025, 0.975)
+
+
+def central_95(values: np.ndarray) -> tuple[float, float]:
+    """Ends of the central 95 % of resampled values (B,)."""
+    low, high = np.quantile(values, CENTRAL_95)
+    return float(low), float(high)
+
+
+def draw_counts(n: int, draws: int, rng: np.random.Generator) -> np.ndarray:
+    """How often each of n trials is drawn in each resampling, (draws, n); rows sum to n."""
+    return rng.multinomial(n, np.full(n, 1.0 / n), size=draws)
+
+
+def bootstrap_mean(
+    values: np.ndarray, trial: np.ndarray, draws: int, rng: np.random.Generator
+) -> tuple[float, float]:
+    """95 % interval of the mean of `values` (n,), whose trials (n,) are independent; in the unit of the values."""
+    trials, index = np.unique(trial, return_inverse=True)
+    total, count = np.bincount(index, values), np.bincount(index).astype(float)
+    counts = draw_counts(len(trials), draws, rng)
+    return central_95((counts @ total) / (counts @ count))
+
+
+def bootstrap_gain(
+    gain: np.ndarray, n: int, draws: int, rng: np.random.Generator
+) -> tuple[float, float, float]:
+    """Sum of the gains of trials (T,) divided by n, the number of cases in them all, and its 95 % interval."""
+    low, high = central_95(draw_counts(len(gain), draws, rng) @ gain / n)
+    return float(gain.sum() / n), low, high
+
+
+def resampled(
+    values: np.ndarray, statistic: Callable[[np.ndarray], float], draws: int, rng: np.random.Generator
+) -> np.ndarray:
+    """A statistic of the rows of `values` (n, ...), each row independent, in each resampling: (draws,)."""
+    rows = rng.integers(len(values), size=(draws, len(values)))
+    return np.array([statistic(values[drawn]) for drawn in rows])
