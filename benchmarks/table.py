@@ -1,8 +1,8 @@
-"""The README's table of all benchmarks, from the rows that they wrote.
+"""The tables of docs/benchmarks.md and of the README, from the rows that the benchmarks wrote.
 
     python -m benchmarks.table [FOLDER]                      # prints all rows
     python -m benchmarks.table --write docs/benchmarks.md    # puts them there
-    python -m benchmarks.table --short --write README.md     # the rows that say most (SHORT)
+    python -m benchmarks.table --short --write README.md     # six of them (SHORT)
 
 Reads FOLDER/*.csv (results/benchmarks by default) and prints Markdown, or replaces what stands between
 `<!-- benchmarks -->` and `<!-- /benchmarks -->` in a file.  The caption tells processor, cores and the day on which the
@@ -29,21 +29,12 @@ BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"
 # in this order; others follow by name
 ORDER = ("laws", "engines", "bandwidth", "identification", "ensemble", "arcs", "critique", "hidden_effects")
 
-# what the README shows, whole matches of "benchmark: measure": our fastest and slowest law, and of each other benchmark
-# what answers its question
+# what the README shows: whole matches of "benchmark: measure"
 SHORT = re.compile(
-    r"laws: (anitescu_potra_newton|mirtich), batched.*"
-    r"|engines: (MuJoCo, rollout in C|Drake, discrete update from Python|anitescu.*one call an impact) / .*"
-    r"|bandwidth: mirtich over the floor.*"
-    r"|identification: .*"
-    r"|ensemble: mirtich, (scipy.*: CPU time over ours|.*: misfit above the lowest)"
-    r"|arcs: .*(ours|scikit-learn): error over.*"
-    r"|critique: .*"
-    r"|hidden_effects: (critique|SINDy \+ law|GP \+ law): (?!CPU).*"
-    r"|batch: (datasets|right|mean memory, dataset's process, last).*"
-    r"|gaussian_processes: (.*CPU time|GPyTorch.*)"
-    r"|growth: .*exponent, large n"
-    r"|pipeline: (chapter3|all).*(overhead|least)"
+    r"laws: mirtich, batched"
+    r"|identification: six laws: CPU time"
+    r"|critique: com_offset_x: CPU time"
+    r"|hidden_effects: .*: names it"
 )
 
 
@@ -110,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m benchmarks.table", description="Markdown table of all benchmarks."
     )
     parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
-    parser.add_argument("--short", action="store_true", help="only the rows that say most")
+    parser.add_argument("--short", action="store_true", help="only the rows that the README shows")
     parser.add_argument("--write", type=Path, metavar="FILE.md", help="replace the table in this file")
     options = parser.parse_args(arguments)
     try:

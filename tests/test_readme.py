@@ -1,4 +1,4 @@
-"""The README says what is: its numbers, commands, paths and code."""
+"""The README and the pages behind it say what is: numbers, commands, paths and code."""
 
 import json
 import os
@@ -19,7 +19,22 @@ from thesis_lib.critique.results.saved_model import load_model, predict
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-FINDINGS = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+FINDINGS, BENCHMARKS, HARNESSES = (
+    (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    for name in ("findings", "benchmarks", "harnesses")
+)
+LINES = 150  # of a front page
+
+
+def test_it_is_a_front_page():
+    assert len(README.splitlines()) <= LINES
+
+
+def test_benchmarks_are_six_rows_of_all():
+    begin, end = "<!-- benchmarks -->", "<!-- /benchmarks -->"
+    shown, every = (text.split(begin)[1].split(end)[0].splitlines() for text in (README, BENCHMARKS))
+    assert sum(line.startswith("| ") for line in shown) == 1 + 6  # a heading
+    assert set(shown) <= set(every)
 
 
 @pytest.fixture(scope="module")
@@ -156,14 +171,17 @@ def test_table_of_the_games_is_that_of_the_stored_study():
             assert more == f"{row['difference']:.1f} ({row['low']:.1f} to {row['high']:.1f})", key
 
 
-@pytest.mark.parametrize("target", sorted(set(re.findall(r"(?:`|^    )make ([a-z-]+)", README, re.M))))
+@pytest.mark.parametrize(
+    "target", sorted(set(re.findall(r"(?:`|^    )make ([a-z-]+)", README + HARNESSES + BENCHMARKS, re.M)))
+)
 def test_make_targets_exist(target):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert re.search(rf"^{target}:", makefile, re.M), f"make {target}"
 
 
 @pytest.mark.parametrize(
-    "path", sorted(set(re.findall(r"`((?:thesis_lib|config|tests|\.ci)/[\w./*-]+)`", README + FINDINGS)))
+    "path",
+    sorted(set(re.findall(r"`((?:thesis_lib|config|tests|\.ci)/[\w./*-]+)`", README + FINDINGS + HARNESSES))),
 )
 def test_paths_exist(path):
     assert list(ROOT.glob(path.rstrip("/"))) or "<" in path, path
@@ -172,16 +190,16 @@ def test_paths_exist(path):
 def test_the_library_example_runs():
     code = re.search(r"```python\n(.*?)```", README, re.S).group(1)
     space: dict = {}
-    exec(code.split("dataset = ")[0], space)
+    exec(code.split("diagnosis = ")[0], space)
     assert space["out"].v_post.shape == (1, 3) and space["out"].status.tolist() == [0]
-    assert callable(space["find_impacts"]) and callable(space["read_dataset"])
+    assert callable(space["criticise"]) and callable(space["read_dataset"])
 
 
 @pytest.mark.parametrize("command", ["fetch", "init", "check", "example"])
 def test_dataset_commands_exist(command, capsys):
     from thesis_lib.commands.datasets import main
 
-    assert f"thesis_lib datasets {command}" in README
+    assert f"thesis-lib datasets {command}" in README
     with pytest.raises(SystemExit) as stopped:
         main([command, "--help"])
     assert stopped.value.code == 0 and command in capsys.readouterr().out
@@ -190,7 +208,7 @@ def test_dataset_commands_exist(command, capsys):
 # --- from a misfit to its cause ---
 
 WALK = README.split("## From a misfit to its cause")[1].split("\n## ")[0]
-COMMANDS = [line.strip() for line in re.findall(r"^    (python .*)$", WALK, re.M)]
+COMMANDS = [line.strip() for line in re.findall(r"^    (thesis-lib .*)$", WALK, re.M)]
 PRINTED = re.findall(r"```text\n(.*?)```", WALK, re.S)
 HIDDEN = 0.0005  # m, com_offset_x of the example
 
@@ -201,7 +219,7 @@ def test_five_commands_lead_from_a_misfit_to_its_cause_and_a_fallen_error(tmp_pa
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     outputs = []
     for command in COMMANDS:
-        line = command.replace("python", shlex.quote(sys.executable), 1)
+        line = command.replace("thesis-lib", f"{shlex.quote(sys.executable)} -m thesis_lib", 1)
         done = subprocess.run(
             line, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
         )
@@ -229,5 +247,6 @@ def test_five_commands_lead_from_a_misfit_to_its_cause_and_a_fallen_error(tmp_pa
     unseen = np.sqrt(d[0] ** 2 + d[1] ** 2 + (k_g * d[2]) ** 2)
     assert len(unseen) == 40 and unseen.mean() < 0.1 * error["base"]
 
-    for said, printed in zip(PRINTED, (outputs[2], outputs[4]), strict=True):
-        compare(said, printed)
+    (said,) = PRINTED
+    compare(said, outputs[2])
+    assert outputs[4].startswith("vx_seen,vy_seen,omega_seen,vx_post,vy_post,omega_post\n")

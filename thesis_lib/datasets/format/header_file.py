@@ -76,7 +76,7 @@ def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]
     try:
         document = read_yaml(folder / FILE, folder, aliases=False)
     except MissingFile:
-        remedy = "write it (README, 'Your own data'), or use the init command"
+        remedy = "write it (README, 'Your own drops'), or use the init command"
         report.error(FILE, "", "the file is missing", remedy)
         return None, {}
     except (FileProblem, YamlProblem) as error:

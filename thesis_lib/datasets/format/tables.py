@@ -231,7 +231,7 @@ def _check_columns(
             f"column{'s' if len(spatial) > 1 else ''} {', '.join(spatial)}",
             "the motion is one in space; this program takes planar only: x, y and one angle theta",
             "if the body moves in a plane, project it (x along the surface, y up, theta about the normal of the "
-            "plane: README, 'Your own data'); a body that leaves its plane cannot be analysed",
+            "plane: README, 'Your own drops'); a body that leaves its plane cannot be analysed",
         )
     for name in (name for name in unknown if name not in spatial):
         candidates = missing + [other for other in optional if other not in names]
