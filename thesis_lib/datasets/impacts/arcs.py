@@ -1,37 +1,51 @@
-"""Maximum-likelihood fit of two ballistic arcs that meet at an impact, with covariance.
+"""Two ballistic arcs that meet at an impact: maximum-likelihood fit to the samples, with covariance.
 
-An impact is short (about 1 ms), so that just outside it the body flies freely: x and θ are linear and y is
-parabolic in time with gravity known.  Samples have independent Gaussian noise.  All impacts are fitted at
-once by Gauss-Newton; since every column of the Jacobian is a polynomial in τ on each side, the information
-matrix follows from the moments Στ⁰ … Στ⁴ of the samples, and no Jacobian over samples is ever formed.
+An impact is short (about 1 ms).  Just outside it the body flies freely: x and θ are linear in time, y is a parabola
+with known gravity.  Sample i of an impact, taken at τ_i = t_i − t_c, is modelled as
 
-    q(t) = q_c ∓ d/2 + v∓ τ + (a∓ − (0, g, 0)) τ²/2,    τ = t − t_c        (− before, + after)
-    0    = φ_n(q_c) + touch noise,      d = s |Δv| (1, 1, 1/k) u,   u ~ N(0, 1),    a∓ = stray w∓,  w∓ ~ N(0, 1)
+    q̂_i = q_c ∓ d/2 + v∓ τ_i + (a∓ − g e_y) τ_i²/2        (− before the impact, + after it)                   (1)
 
-| on paper   | in code           | unit          | shape     |                                                  |
-|------------|-------------------|---------------|-----------|--------------------------------------------------|
-| t_c        | `t`               | s             | (n,)      | instant of impact; may lie between samples       |
-| q_c        | `q`               | m, m, rad     | (n, 3)    | pose at t_c                                      |
-| v−, v+     | `v_pre`, `v_post` | m/s, rad/s    | (n, 3)    | velocities just before and after                 |
-| d          |                   | m, m, rad     |           | offset between the arcs at t_c, see below        |
-| s          | `spread`          | s             |           | one sigma of that offset, divided by |Δv|        |
-| a−, a+     | `stray`           | m/s², rad/s²  | (3,)      | one sigma of accelerations beyond gravity        |
-| σ          | `sigma`           | m, m, rad     | (3,)      | noise of each sample of x, y, θ                  |
-| φ_n        | `gap`             | m             | (n,)      | distance of the body from the surface            |
+Both arcs hold the same pose q_c, so that they meet at t_c but for a small offset d.  Offset and stray accelerations
+are random, of known size; with u and w standard normal they are
 
-Why d: impulses along different axes do not act at quite the same instant during a contact of 1 ms, so that
-the arcs miss each other by a fraction of |Δv| × 1 ms.  That is nothing beside noise of 0.3 mm, but much beside
-the 0.03 mm of a good tracker; with d = 0 the covariance would then be far too small.  `find_impacts` estimates
-s from the data (0 where noise explains all).
+    d = s |Δv| (1, 1, 1/k) u,        a∓ = s_a w∓,        Δv = v+ − v−  (norm √(Δv_x² + Δv_y² + (k Δω)²))       (2)
 
-Why a: air, guides and cables slow a measured body in flight.  A spin that changes by 1 rad/s between two hits
-is not known to 0.1 rad/s at either of them, however good the fit of a line.  `find_impacts` estimates its size
-from the arcs, too (0 where they are straight within noise).
+Unknown are p = (q_c, v−, v+, u, t_c, w−, w+), 19 numbers an impact.  They minimise
 
-The touch is a soft measurement with one sigma `touch_sigma`: it keeps t_c determined when |Δv| is small, and
-is too weak beside 20 samples of decent noise to let a wrong surface height move the result.
+    χ² = Σ_i ‖(q_i − q̂_i)/σ‖² + (φ_n(q_c)/s_φ)² + ‖u‖² + ‖w−‖² + ‖w+‖².                                       (3)
 
-Source: the idea (parabolas on either side, thesis section 3.4); the joint fit and its covariance are our own.
+The second term says that the body touches the surface at t_c.  It keeps t_c determined where |Δv| is small, and is too
+weak beside 20 samples of decent noise to let a wrong height of the surface move the result.
+
+Gauss-Newton steps δ solve H δ = b, where H is the information matrix; its inverse is the covariance of p:
+
+    H = Σ_i A_iᵀ W A_i + J_nᵀ J_n / s_φ² + diag(prior),    b = Σ_i A_iᵀ W (q_i − q̂_i) − J_nᵀ φ_n / s_φ² − prior p,   (4)
+
+with W = diag(1/σ²), J_n = ∂φ_n/∂q = (0, 1, r_x) and A_i = ∂q̂_i/∂p.  By (1), the columns of A_i are
+
+    ∂/∂q_c = 1,  ∂/∂v∓ = τ,  ∂/∂u = ∓ s |Δv| (1, 1, 1/k)/2,  ∂/∂t_c = −(v∓ + (a∓ − g e_y) τ),  ∂/∂w∓ = s_a τ²/2.   (5)
+
+Each is a polynomial c_0 + c_1 τ + c_2 τ² on its side.  The sums in (4) therefore need only the moments Σ_i τ_i^k of
+the samples on each side, k = 0 … 4, and n impacts are fitted at once without a Jacobian over samples.
+
+| on paper | in code           | unit         | shape  | meaning                                            |
+|----------|-------------------|--------------|--------|----------------------------------------------------|
+| t_c      | `t`               | s            | (n,)   | instant of impact; may lie between samples         |
+| q_c      | `q`               | m, m, rad    | (n, 3) | pose at t_c                                        |
+| v−, v+   | `v_pre`, `v_post` | m/s, rad/s   | (n, 3) | velocities just before and after                   |
+| s        | `spread`          | s            |        | one sigma of the offset d over |Δv|                |
+| s_a      | `stray`           | m/s², rad/s² | (3,)   | one sigma of accelerations beyond gravity          |
+| σ        | `sigma`           | m, m, rad    | (3,)   | noise of each sample of x, y, θ                    |
+| s_φ      | `touch_sigma`     | m            |        | one sigma of the touch                             |
+| φ_n      | `gap`             | m            | (n,)   | distance of the body from the surface              |
+
+Why d: impulses along different axes do not act at quite the same instant of a contact of 1 ms, so that the arcs miss
+each other by a fraction of |Δv| × 1 ms.  That is nothing beside noise of 0.3 mm, but much beside the 0.03 mm of a good
+tracker; with d = 0 the covariance would be far too small.  Why a: air, guides and cables slow a body in flight.  A spin
+that changes by 1 rad/s between two hits is not known to 0.1 rad/s at either of them, however well a line fits.
+`find_impacts` estimates s and s_a from the data; each is 0 where noise explains everything.
+
+Sources: parabolas on either side, thesis section 3.4.  Joint fit and covariance are our own.
 """
 
 from dataclasses import dataclass, fields
@@ -40,18 +54,19 @@ import numpy as np
 
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.misfits import lines_through, misfits, norm, rank
+from thesis_lib.datasets.impacts.misfits import lines_through, misfits, norm
+from thesis_lib.datasets.impacts.windows import Windows, sides_of, windows_around
 
+# where the unknowns stand in p; w is left out where there is no stray acceleration
 _Q, _PRE, _POST, _U, _T = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), 12
 _W_PRE, _W_POST = slice(13, 16), slice(16, 19)
 _PARAMETERS = 19
-# Steps are damped as by a prior of this sigma about the current value: it moves no converged result, but keeps
-# the matrix regular where a side has no samples (such impacts are left out later).  m, m/s, -, s.
+# Steps are damped as by a prior of this sigma about the current value.  That moves no converged result, but keeps H
+# regular where a side has no samples (such impacts are left out later).  m, m/s, 1, s.
 _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
 _SETTLE = 4  # iterations after which samples no longer change sides, so that the fit converges
 _ITERATIONS = 12
 _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
-_WALK = 3  # samples by which t_c may leave where it was detected: the detector is that coarse for weak hits
 
 
 @dataclass(frozen=True)
@@ -129,101 +144,75 @@ def fit_arcs(
     sigma: np.ndarray,
     header: Header,
     settings: ArcSettings,
+    *,
     spread: float = 0.0,
     size: np.ndarray | None = None,
     colour: np.ndarray | float = 1.0,
     stray: np.ndarray | float = 0.0,
 ) -> ArcFits:
-    """Fit two arcs around each detected instant.
+    """Fit two arcs around each of n detected instants; see the module's docstring.
 
     Args:
-        samples: N poses, glitches already removed.
+        samples: N poses without glitches.
         at: (n,) ascending; impact i happens between samples at[i] and at[i] + 1, both of one trial.
         sigma: (3,) noise of x, y, θ in m, m, rad, all above 0.
         header: gives gravity, shape, surface height and radius of gyration.
         settings: see `ArcSettings`.
-        spread: s, see the module's docstring.
+        spread: s, one sigma of the arcs' offset over |Δv|.
         size: (n, 2) samples used at most before and after; settings.max_window if None.
-        colour: (3,) factor on the variance of fitted values where the noise of neighbouring samples is
-            correlated, 1 for white noise.  It enters all that is fitted, not the chi² of residuals.
-        stray: (3,) one sigma of accelerations beyond gravity, m/s² and rad/s², see the module's docstring.
+        colour: (3,) factor on the variance of fitted values where the noise of neighbouring samples is correlated; 1
+            for white noise.  It enters all that is fitted, but not the chi² of residuals.
+        stray: (3,) one sigma of accelerations beyond gravity, m/s² and rad/s².
     """
     at = np.asarray(at, dtype=int)
-    n, k_g, g = len(at), header.body.radius_of_gyration, header.gravity
-    metric = np.array([1.0, 1.0, k_g])
+    n, g = len(at), header.gravity
+    metric = np.array([1.0, 1.0, header.body.radius_of_gyration])
     white = 1.0 / np.asarray(sigma, float) ** 2
     weight = white / colour
-    index, inside = _windows(samples, at, settings.max_window)
-    t_ref = 0.5 * (samples.t[at] + samples.t[at + 1])
-    q_ref = 0.5 * (samples.q[at] + samples.q[at + 1])
-    time = samples.t[index] - t_ref[:, None]  # relative values keep all digits in long records
-    z = samples.q[index] - q_ref[:, None, :]
-    low, high = _reach(samples, at, t_ref)
-    same = samples.trial[at[1:]] == samples.trial[at[:-1]] if n else np.zeros(0, bool)
-
     stray = np.broadcast_to(np.asarray(stray, float), 3)
-    size_p = _PARAMETERS if stray.any() else _T + 1  # without stray acceleration, w has nothing to do
-    p = np.zeros((n, size_p))
-    step = np.zeros((n, size_p))
-    hessian = np.tile(np.eye(size_p), (n, 1, 1))
-    side = np.zeros((n, 2, index.shape[1]))
+    windows = windows_around(samples, at, settings.max_window)
+
+    p = np.zeros((n, _PARAMETERS if stray.any() else _T + 1))
+    side = np.zeros((n, 2, windows.t.shape[1]))
+    step, hessian, touch = np.zeros_like(p), np.tile(np.eye(p.shape[1]), (n, 1, 1)), np.zeros_like(p)
     for iteration in range(_ITERATIONS):
-        tau = time - p[:, _T, None]
+        tau = windows.t - p[:, _T, None]
         if iteration <= _SETTLE:
-            # the neighbours' instants bound the window, too: their contact is no free flight either
-            before, after = np.full(n, -np.inf), np.full(n, np.inf)
-            instant = p[:, _T] + t_ref
-            before[1:][same] = (instant[:-1] + settings.guard - t_ref[1:])[same]
-            after[:-1][same] = (instant[1:] - settings.guard - t_ref[:-1])[same]
-            usable = inside & (time > before[:, None]) & (time < after[:, None])
-            side = np.stack([usable & (tau < -settings.guard), usable & (tau > settings.guard)], 1) * 1.0
-            side *= rank(side) <= (settings.max_window if size is None else size[..., None])
+            side = sides_of(windows, p[:, _T], settings, size)
         if iteration == 0:
-            flight = z.copy()
-            flight[..., 1] += 0.5 * g * tau**2
-            lines = lines_through(side, tau, flight)
-            p[:, _Q] = lines.value.mean(1)
-            p[:, _PRE], p[:, _POST] = lines.slope[:, 0], lines.slope[:, 1]
+            _start_from_lines(p, side, tau, windows.q, g)
+        # d of (2), per unit of u
         offset = spread * norm((p[:, _POST] - p[:, _PRE]) * metric)[:, None] / metric
-        hessian, gradient = _normal_equations(p, side, tau, z, weight, g, offset, stray)
-        pose = p[:, _Q] + q_ref
-        r_x = header.body.shape.contact_point(pose[:, 2])[:, 0]
-        gap = header.body.shape.gap(pose[:, 1], pose[:, 2], header.surface.height)
-        # φ_n(q_c) = 0 ± touch_sigma, with ∂φ_n/∂q = J_n = (0, 1, r_x)
-        jacobian = np.zeros((n, size_p))
-        jacobian[:, 1], jacobian[:, 2] = 1.0, r_x
-        hessian += jacobian[:, :, None] * jacobian[:, None, :] / settings.touch_sigma**2
-        gradient -= jacobian * (gap / settings.touch_sigma**2)[:, None]
+        hessian, gradient = _normal_equations(p, side, tau, windows.q, weight, g, offset, stray)
+        gap, touch = _touch(p, windows, header)
+        hessian += touch[:, :, None] * touch[:, None, :] / settings.touch_sigma**2
+        gradient -= touch * (gap / settings.touch_sigma**2)[:, None]
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         p = p + step
-        p[:, _T] = np.clip(p[:, _T], low, high)
+        p[:, _T] = np.clip(p[:, _T], windows.low, windows.high)
         # a step of 1e-5 sigma after the samples are settled: the next would be below rounding
         if iteration > _SETTLE and (step**2 * np.einsum("nii->ni", hessian) < 1e-10).all():
             break
 
     covariance = np.linalg.inv(hessian)
-    passed = inside & (p[:, _T, None] >= time)
-    left = np.arange(index.shape[1]) <= settings.max_window
-    moved = (passed & ~left).sum(1) - (inside & left & ~passed).sum(1)
-    pose = p[:, _Q] + q_ref
-    gap = header.body.shape.gap(pose[:, 1], pose[:, 2], header.surface.height)
-    gap_variance = np.einsum("np,npq,nq->n", jacobian, covariance, jacobian)
-    # 1/var = 1/var_free + 1/touch²: undo the shrinking of the gap by the touch measurement
+    gap = _touch(p, windows, header)[0]
+    gap_variance = np.einsum("np,npq,nq->n", touch, covariance, touch)
+    # 1/var = 1/var_free + 1/s_φ²: undo the shrinking of the gap by the touch
     share = np.clip(1.0 - gap_variance / settings.touch_sigma**2, 1e-6, 1.0)
     scale = 1.0 / np.sqrt(np.einsum("nii->ni", covariance))
-    at_rest = (np.abs(step * scale) < 1e-2).all(1) & (p[:, _T] > low) & (p[:, _T] < high)
+    t = p[:, _T]
     return ArcFits(
-        at=at + moved,
-        t=p[:, _T] + t_ref,
+        at=at + windows.moved(t),
+        t=t + windows.t_0,
         t_std=np.sqrt(covariance[:, _T, _T]),
-        q=pose,
+        q=p[:, _Q] + windows.q_0,
         v_pre=p[:, _PRE],
         v_post=p[:, _POST],
         cov=covariance[:, :9, :9],
         gap=gap / share,
         gap_std=np.sqrt(gap_variance / share),
-        converged=at_rest,
-        **misfits(side, time - p[:, _T, None], z, white, weight, metric, g, stray),
+        converged=(np.abs(step * scale) < 1e-2).all(1) & (t > windows.low) & (t < windows.high),
+        **misfits(side, windows.t - t[:, None], windows.q, white, weight, metric, g, stray),
     )
 
 
@@ -234,85 +223,97 @@ def is_bent(fits: ArcFits, sigma: np.ndarray, limit: float) -> np.ndarray:
     return (fits.n_side > 2) & (reduced > np.maximum(limit, 1.0 + _SIGNIFICANT * np.sqrt(2.0 / dof)))
 
 
-def _windows(samples: Samples, at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (n, 2 size + 2) of the samples around each impact, and which are in its gap-free run."""
-    last = len(samples) - 1
-    index = at[:, None] + np.arange(-size, size + 2)
-    inside = (index >= 0) & (index <= last)
-    index = np.clip(index, 0, last)
-    # each side is bounded by gaps; where a gap holds the impact itself, the two sides are different runs
-    left = index <= at[:, None]
-    inside &= samples.run[index] == np.where(left, samples.run[at][:, None], samples.run[at + 1][:, None])
-    # a neighbouring candidate ends the window; its own two samples are sorted out by their times later
-    before = np.r_[-1, at[:-1]] if len(at) else at
-    after = np.r_[at[1:], last] + 1 if len(at) else at
-    return index, inside & (index >= before[:, None]) & (index <= after[:, None])
+def _start_from_lines(
+    p: np.ndarray, side: np.ndarray, tau: np.ndarray, q: np.ndarray, gravity: float
+) -> None:
+    """Set q_c, v−, v+ in p to those of lines through the samples of each side, fall taken off."""
+    flight = q.copy()
+    flight[..., 1] += 0.5 * gravity * tau**2
+    lines = lines_through(side, tau, flight)
+    p[:, _Q] = lines.value.mean(1)
+    p[:, _PRE], p[:, _POST] = lines.slope[:, 0], lines.slope[:, 1]
 
 
-def _reach(samples: Samples, at: np.ndarray, t_ref: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds (n,) of t_c − t_ref: some samples either way, but within the trial and half-way to the next hit."""
-    first = np.searchsorted(samples.trial, samples.trial[at], side="left")
-    last = np.searchsorted(samples.trial, samples.trial[at], side="right") - 1
-    half_way = at[:-1] + (np.diff(at) + 1) // 2
-    low = np.maximum(np.maximum(at - _WALK, first), np.r_[0, half_way][: len(at)])
-    high = np.minimum(np.minimum(at + 1 + _WALK, last), np.r_[half_way, len(samples)][: len(at)])
-    # never less than the detected interval itself
-    low, high = np.minimum(low, at), np.maximum(high, at + 1)
-    return samples.t[low] - t_ref, samples.t[high] - t_ref
+def _touch(p: np.ndarray, windows: Windows, header: Header) -> tuple[np.ndarray, np.ndarray]:
+    """Gap φ_n(q_c) (n,) in m and its derivative (n, P) by p: J_n = (0, 1, r_x) at q_c, else 0."""
+    pose, shape = p[:, _Q] + windows.q_0, header.body.shape
+    row = np.zeros_like(p)
+    row[:, 1], row[:, 2] = 1.0, shape.contact_point(pose[:, 2])[:, 0]
+    return shape.gap(pose[:, 1], pose[:, 2], header.surface.height), row
 
 
 def _normal_equations(
     p: np.ndarray,
     side: np.ndarray,
     tau: np.ndarray,
-    z: np.ndarray,
+    q: np.ndarray,
     weight: np.ndarray,
     gravity: float,
     offset: np.ndarray,
     stray: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Information matrix (n, P, P) and gradient (n, P) of the samples and of the priors on u and w."""
+    """H (n, P, P) and b (n, P) of equation 4 from samples and priors; the touch is not in them.
+
+    Args:
+        p: (n, P) unknowns, P = 19, or 13 without stray acceleration.
+        side: (n, 2, W) 1 for the samples used before and after, else 0.
+        tau, q: (n, W) s and (n, W, 3), samples relative to t_c and q_0.
+        weight: (3,) 1/σ².
+        gravity: m/s².
+        offset: (n, 3) s |Δv| (1, 1, 1/k), one sigma of d.
+        stray: (3,) s_a.
+    """
     n, size = p.shape
+    with_stray = size > _T + 1
+    # arcs of equation 1: start q_c ∓ d/2, velocity v∓ and acceleration a∓ − g e_y, each (n, 2, 3)
     sign = np.array([-0.5, 0.5])[None, :, None]
     start = p[:, None, _Q] + sign * (offset * p[:, _U])[:, None, :]
     velocity = np.stack([p[:, _PRE], p[:, _POST]], 1)
     acceleration = np.zeros((n, 2, 3))
-    if size > _T + 1:
+    if with_stray:
         acceleration = np.stack([p[:, _W_PRE], p[:, _W_POST]], 1) * stray
     acceleration[..., 1] -= gravity
+
+    # residuals q_i − q̂_i, (n, W, 3)
     before, after = side[:, 0, :, None], side[:, 1, :, None]
 
     def on_side(value: np.ndarray) -> np.ndarray:
         return before * value[:, 0, None] + after * value[:, 1, None]
 
-    residual = z - on_side(start) - on_side(velocity) * tau[..., None]
+    residual = q - on_side(start) - on_side(velocity) * tau[..., None]
     residual -= on_side(acceleration) * (0.5 * tau * tau)[..., None]
-    # column of parameter p on side s, component i is a + b τ + c τ²: coefficients (n, s, i, p, [a, b, c])
-    order = 3 if size > _T + 1 else 2
-    c = np.zeros((n, 2, 3, size, order))
+
+    # equation 5: coefficients of 1, τ, τ² in ∂(x, y, θ)/∂p, (n, side, channel, P, degree)
+    degrees = 3 if with_stray else 2
+    c = np.zeros((n, 2, 3, size, degrees))
     for i in range(3):
-        c[:, :, i, i, 0] = 1.0
-        c[:, 0, i, 3 + i, 1] = 1.0
-        c[:, 1, i, 6 + i, 1] = 1.0
-        c[:, :, i, 9 + i, 0] = sign[..., 0] * offset[:, None, i]
-        c[:, :, i, _T, 0] = -velocity[:, :, i]  # ∂q/∂t_c = −(v + a τ)
+        c[:, :, i, i, 0] = 1.0  # ∂/∂q_c
+        c[:, 0, i, 3 + i, 1] = 1.0  # ∂/∂v−
+        c[:, 1, i, 6 + i, 1] = 1.0  # ∂/∂v+
+        c[:, :, i, 9 + i, 0] = sign[..., 0] * offset[:, None, i]  # ∂/∂u
+        c[:, :, i, _T, 0] = -velocity[:, :, i]  # ∂/∂t_c
         c[:, :, i, _T, 1] = -acceleration[:, :, i]
-        if size > _T + 1:
-            c[:, 0, i, 13 + i, 2] = 0.5 * stray[i]
-            c[:, 1, i, 16 + i, 2] = 0.5 * stray[i]
+        if with_stray:
+            c[:, 0, i, 13 + i, 2] = 0.5 * stray[i]  # ∂/∂w−
+            c[:, 1, i, 16 + i, 2] = 0.5 * stray[i]  # ∂/∂w+
+
+    # Σ_i A_iᵀ W A_i = c M cᵀ/σ² with the moments M_kl = Σ_i τ_i^(k+l) of each side
     powers = [np.ones_like(tau)]
-    for _ in range(2 * order - 2):
+    for _ in range(2 * degrees - 2):
         powers.append(powers[-1] * tau)
     sums = side @ np.stack(powers, -1)
-    moments = np.stack([sums[..., k : k + order] for k in range(order)], -1)
+    moments = np.stack([sums[..., k : k + degrees] for k in range(degrees)], -1)
     weighted = (c @ moments[:, :, None]) * weight[None, None, :, None, None]
-    rows = c.transpose(0, 3, 1, 2, 4).reshape(n, size, 6 * order)
-    hessian = rows @ weighted.transpose(0, 1, 2, 4, 3).reshape(n, 6 * order, size)
-    r = np.stack([side @ (residual * powers[k][..., None]) for k in range(order)], -1) * weight[:, None]
-    gradient = (rows @ r.reshape(n, 6 * order, 1))[..., 0]
+    rows = c.transpose(0, 3, 1, 2, 4).reshape(n, size, 6 * degrees)
+    hessian = rows @ weighted.transpose(0, 1, 2, 4, 3).reshape(n, 6 * degrees, size)
+    # Σ_i A_iᵀ W (q_i − q̂_i) = c Σ_i τ_i^k (q_i − q̂_i)/σ²
+    r = np.stack([side @ (residual * powers[k][..., None]) for k in range(degrees)], -1) * weight[:, None]
+    gradient = (rows @ r.reshape(n, 6 * degrees, 1))[..., 0]
+
+    # damping, and the priors u, w ~ N(0, 1)
     hessian += np.diag(1.0 / _DAMPING[:size] ** 2)
-    for unit in (_U, _W_PRE, _W_POST):  # u, w ~ N(0, 1)
-        inner = np.arange(size)[unit]
-        hessian[:, inner, inner] += 1.0
-        gradient[:, inner] -= p[:, inner]
+    for unit in (_U, _W_PRE, _W_POST):
+        columns = np.arange(size)[unit]
+        hessian[:, columns, columns] += 1.0
+        gradient[:, columns] -= p[:, columns]
     return hessian, gradient

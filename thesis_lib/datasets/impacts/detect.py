@@ -246,8 +246,8 @@ def _fit_straightest(
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
 
     def fit(hits: np.ndarray, size: np.ndarray | None = None) -> ArcFits:
-        spread, colour, stray = noise.contact_spread, noise.colour, noise.stray
-        return fit_arcs(samples, hits, noise.used, header, settings, spread, size, colour, stray)
+        known = {"spread": noise.contact_spread, "colour": noise.colour, "stray": noise.stray}
+        return fit_arcs(samples, hits, noise.used, header, settings, size=size, **known)
 
     fits = fit(at)
     bent = is_bent(fits, sigma, settings.arc_deviation)
