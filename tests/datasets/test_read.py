@@ -159,7 +159,7 @@ def test_yaml_that_is_not_text(tmp_path):
 
 def test_yaml_key_twice(tmp_path):
     text = yaml.safe_dump(header()) + "gravity: 9.8\n"
-    assert "gravity: the key stands twice (first in line" in only(
+    assert "gravity: the key occurs twice (first in line" in only(
         write(tmp_path, text, trajectories=trajectories())
     )
 
@@ -209,7 +209,7 @@ del_ = object()
         ("noise.angle", -1, "noise.angle: is -1, but must be above 0"),
         ("body.shape.vertices", [[30, 30], [-30, 30], [-30, -30], [30, -30]], "millimetres?"),
         ("body.radius_of_gyration", 24.5, "is larger than the body, which reaches 0.04"),
-        ("gravity", 9810.0, "9810 m/s² is no planet's"),
+        ("gravity", 9810.0, "9810 m/s² is more than on any planet"),
         ("noise.position", 0.3, "is larger than the body: millimetres?"),
     ],
 )
@@ -247,7 +247,7 @@ LINES = CSV.splitlines(keepends=True)
         (LINES[0], "has a header but no rows"),
         (CSV.replace(",", ";"), "columns are separated by ';', expected commas"),
         ("".join(LINES[1:]), "holds numbers, expected the column names"),
-        (CSV.replace("theta", "y", 1), "column y: the name stands more than once"),
+        (CSV.replace("theta", "y", 1), "column y: the name occurs more than once"),
         (CSV.replace("theta", "angle", 1), "column theta: missing"),
         (CSV[:-30].rsplit(",", 2)[0] + "\n", "the file may have been cut off"),
         (CSV.replace(LINES[6], LINES[6].strip() + ",7\n"), "row 7: 6 cells instead of 5"),

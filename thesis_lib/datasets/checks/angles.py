@@ -6,23 +6,25 @@
 | φ_n      | `gap`    | m     | gap between body and surface                        |
 | σ        | `noise`  | m, rad| noise of a sample, from third differences           |
 
-Angles are judged by physics, not by their size: θ is continuous, so 20 rad is as good a value as 0.2.
-Degrees look like radians that are 57 times too large, so one of these gives them away: steps of more than 1.5 turns
-between samples (a camera cannot see them, and a wrapped radian angle jumps by one turn at most); a median k|ω| above
-10 times the median speed (a rotational energy 100 times the translational one); or k|ω| above the speed and a body
-that sinks into the surface at the angles as given but not at the angles read as degrees.
-Where the angle moves no contact point (a disk), that last test is blind; k|ω| above the speed, or angle noise that
-at the rim is far above position noise, is then a warning.  A single sample that jumps out and back is a glitch of the
-tracker, and says nothing of units.
+Angles are judged by physics, not by their size: θ is continuous, so 20 rad is as good a value as 0.2.  Degrees look
+like radians that are 57 times too large.  One of these gives them away:
+
+- steps of more than 1.5 turns between samples: a camera cannot see them, and a wrapped radian angle jumps by one turn
+  at most.  A single sample that jumps out and back is a glitch of the tracker, and says nothing of units;
+- a median k|ω| above 10 times the median speed, so that the rotational energy is 100 times the translational one;
+- k|ω| above the speed, and a body that is inside the surface at the angles as given but not at the angles in degrees.
+
+The last test is blind where the angle moves no contact point (a disk).  There, k|ω| above the speed, or angle noise
+that is far above position noise at the rim, is a warning.
 """
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.checks.known_body import RADIANS, TO_RAD, Body
+from thesis_lib.datasets.checks.known_body import RADIANS, TO_RAD, KnownBody
 from thesis_lib.datasets.checks.shape import BLIND_SHAPE
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.datasets.format.validate import Report, Table
+from thesis_lib.datasets.format.validate import Table
 
 BLIND_STEP = 3.0 * np.pi  # rad between samples: a true step below π plus a wrap of one turn
 BLIND_MEDIAN = 5  # samples on either side of a step, of which two may be glitches
@@ -36,86 +38,70 @@ DEEP = 0.1  # penetration in extents that no tracker error explains ...
 DEEP_SHARE = 0.05  # ... if it happens this often
 
 
-def check_degrees(
-    table: Table,
-    samples: Samples,
-    speeds: dict,
-    noise: np.ndarray,
-    body: Body,
-    report: Report,
-) -> None:
-    """Angles in degrees, and bodies deep inside the surface: errors, or warnings where that cannot be told.
+def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
+    """Angles in degrees, and bodies deep inside the surface: errors, or warnings where that cannot be decided.
 
-    `speeds` holds |Δx|/Δt, |Δy|/Δt, |Δθ|/Δt of all steps; `noise` (3,) that of a sample.
+    Args:
+        table: receives the problems.
+        samples: its poses, N of them.
+        speeds: |Δx|/Δt, |Δy|/Δt (m/s) and |Δθ|/Δt (rad/s) of all steps, by name.
+        noise: (3,) of a sample of x, y, θ in m, m, rad.
+        body: what is known of it.
     """
     shape, k_g, y, theta = body.shape, body.k_g, samples.q[:, 1], samples.q[:, 2]
     why = None
-    # sunk at any angle: the shape or the height of the surface is wrong, which is told below
+    # inside at any angle: the shape or the height of the surface is wrong, which is reported below
     buried = shape is not None and np.quantile(y - body.height, 0.9) < BURIED * _reach(shape)[0]
+    speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
     blind = _blind_steps(samples.run, theta)
     if blind >= MIN_BLIND_STEPS:
         why = f"{blind} steps between samples are larger than 1.5 turns"
     elif shape is not None and k_g is not None and not buried:
-        speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
         spin = k_g * float(np.median(speeds["theta"]))
-        sunk, in_degrees = (_sunk_share(shape, body.height, y, angle) for angle in (theta, theta * TO_RAD))
+        inside, in_degrees = (
+            _share_inside(shape, body.height, y, angle) for angle in (theta, theta * TO_RAD)
+        )
         if spin > max(SPIN_FAST, SPIN_SURE * speed) and speed > 0.0:
             why = f"as radians, the rim would move {spin / speed:.0f} times faster than the centre"
-        elif spin > SPIN_LIKELY * speed > 0.0 and sunk > DEEP_SHARE > in_degrees:
-            why = f"as radians, the body would be sunk into the surface in {sunk:.0%} of the rows, as degrees in none"
+        elif spin > SPIN_LIKELY * speed > 0.0 and inside > DEEP_SHARE > in_degrees:
+            why = f"as radians, the body would be inside the surface in {inside:.0%} of the rows, as degrees in none"
     if why:
-        report.error(
-            table.file,
-            "column theta",
-            f"looks like degrees ({theta.min():.4g} to {theta.max():.4g}; {why})",
-            RADIANS,
+        table.error(
+            "column theta", f"looks like degrees ({theta.min():.4g} to {theta.max():.4g}; {why})", RADIANS
         )
         return
     if shape is None or k_g is None:
         return
-    if not buried:
-        _doubt_degrees_of_a_disk(table, theta, speeds, noise, shape, k_g, report)
-    sunk = _sunk_share(shape, body.height, y, theta, 2.5 * DEEP)
-    if sunk > DEEP_SHARE:
-        report.warn(
-            table.file,
+    low, high = _reach(shape)
+    if not buried and high - low <= BLIND_SHAPE * shape.extent:
+        _doubt_degrees_of_a_disk(table, theta, speed, k_g * float(np.median(speeds["theta"])), noise, k_g)
+    inside = _share_inside(shape, body.height, y, theta, 2.5 * DEEP)
+    if inside > DEEP_SHARE:
+        table.warn(
             "columns y and theta",
-            f"the body is deep inside the surface in {sunk:.0%} of the rows",
+            f"the body is deep inside the surface in {inside:.0%} of the rows",
             "check surface.height, the shape (in m), and that theta is counter-clockwise and 0 where the shape is "
             "as drawn",
         )
 
 
 def _doubt_degrees_of_a_disk(
-    table: Table,
-    theta: np.ndarray,
-    speeds: dict,
-    noise: np.ndarray,
-    shape: Shape,
-    k_g: float,
-    report: Report,
+    table: Table, theta: np.ndarray, speed: float, spin: float, noise: np.ndarray, k_g: float
 ) -> None:
-    low, high = _reach(shape)
-    if high - low > BLIND_SHAPE * shape.extent:
-        return
-    speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
-    spin = k_g * float(np.median(speeds["theta"]))
+    """Warn of degrees where no contact can decide; `speed` and `spin` k|ω| are medians in m/s."""
     position, rim = float(np.max(noise[:2])), k_g * noise[2]
     why = []
     if spin > max(SPIN_FAST, SPIN_LIKELY * speed) and speed > 0.0:
         why.append(f"as radians, the rim moves {spin / speed:.1f} times faster than the centre")
     if rim > RIM_NOISE * position:
-        why.append(
-            f"theta scatters by {noise[2]:.2g} rad, at the rim {rim / position:.0f} times as much as the position"
-        )
+        times = f"{rim / position:.0f} times as much as the position"
+        why.append(f"theta scatters by {noise[2]:.2g} rad, at the rim {times}")
     if why:
-        report.warn(
-            table.file,
+        table.warn(
             "column theta",
             f"may be in degrees ({theta.min():.4g} to {theta.max():.4g}; {'; '.join(why)}); the contact of a round "
             "body cannot tell",
-            RADIANS
-            + "; nothing, if it is in radians and the body spins fast or its angle is hard to measure",
+            f"{RADIANS}; nothing, if it is in radians and the body spins fast or its angle is hard to measure",
         )
 
 
@@ -138,5 +124,8 @@ def _reach(shape: Shape) -> tuple[float, float]:
     return float(depth.min()), float(depth.max())
 
 
-def _sunk_share(shape: Shape, height: float, y: np.ndarray, theta: np.ndarray, depth: float = DEEP) -> float:
+def _share_inside(
+    shape: Shape, height: float, y: np.ndarray, theta: np.ndarray, depth: float = DEEP
+) -> float:
+    """Share of the poses in which the body reaches more than `depth` extents into the surface."""
     return float(np.mean(shape.gap(y, theta, height) < -depth * shape.extent))

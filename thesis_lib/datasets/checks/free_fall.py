@@ -1,8 +1,8 @@
 """Which way do bodies fall?  Accelerations of y in short windows, without knowing where the impacts are.
 
-A window that lies in one flight is a parabola with ÿ = −g.  Windows that span an impact are no parabola and do not
-count, and a body that rests or is held has no ÿ.  So windows with ÿ near +g, and hardly any near −g, say that y
-points down.  The window is as short as the noise allows: a long one would fit into no flight of a low bounce.
+A window that lies in one flight is a parabola with ÿ = −g.  Windows that span an impact are no parabola and are not
+counted; a body that rests or is held has ÿ = 0.  Where windows have ÿ near +g, and hardly any near −g, y points down.
+The window is as short as the noise allows, so that it fits into the flight of a low bounce.
 
     ÿ = 2 c₂/Δt²,   var ÿ = 4 σ²/Δt⁴ · 180/(n (n² − 1)(n² − 4))        (parabola c₀ + c₁ i + c₂ i² through n samples)
 
@@ -21,10 +21,8 @@ import numpy as np
 from thesis_lib.datasets.format.samples import Samples
 
 PRECISION = 0.1  # one sigma of ÿ/g: rest (0) and flight (1) are then ten sigmas apart
-ABOUT_G = (
-    0.5,
-    2.0,
-)  # |ÿ|/g that passes for a flight: y may be scaled a little wrong, lengths are judged elsewhere
+# |ÿ|/g that passes for a flight: y may be scaled a little wrong, lengths are judged elsewhere
+ABOUT_G = (0.5, 2.0)
 SMALLEST_WINDOW = 5  # samples; two degrees of freedom are needed to see that it is a parabola
 LARGEST_WINDOW = 1000
 PARABOLA = 3.0  # reduced chi² of a window that may pass for a parabola
@@ -34,7 +32,7 @@ CLEARLY = 5.0  # windows that fall up for each that falls down; a true flight ha
 
 @dataclass(frozen=True)
 class FlightWindows:
-    """Windows that look like free flight: how many fall towards larger y, how many towards smaller, and n."""
+    """Windows of n samples that look like free flight: how many fall towards larger y, how many towards smaller."""
 
     up: int
     down: int
@@ -86,8 +84,8 @@ def free_accelerations(samples: Samples, sigma_y: float, precision: float) -> Ac
 
 def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> FlightWindows:
     """Count the windows of `samples` that accelerate by about `gravity` (m/s²), given the noise of y (m)."""
-    found = free_accelerations(samples, sigma_y, PRECISION * gravity)
-    ratio = found.values / gravity
+    windows = free_accelerations(samples, sigma_y, PRECISION * gravity)
+    ratio = windows.values / gravity
     low, high = ABOUT_G
     up, down = (int(np.sum((low < sign * ratio) & (sign * ratio < high))) for sign in (1.0, -1.0))
-    return FlightWindows(up, down, found.n)
+    return FlightWindows(up, down, windows.n)

@@ -1,4 +1,4 @@
-"""Do units and signs of impacts fit together?  The counterpart of plausible.py for impacts.csv.
+"""Do units and signs of impacts fit together?  The counterpart of `trajectories` for impacts.csv.
 
 | on paper | in code  | unit  | shape |                                                                     |
 |----------|----------|-------|-------|---------------------------------------------------------------------|
@@ -7,9 +7,9 @@
 | r        | `r`      | m     | (n,2) | contact point from the body origin, as given or from shape and θ    |
 | E        |          | m²/s² | (n,)  | ½(v_x² + v_y² + k²ω²), kinetic energy per unit mass                 |
 
-An impact takes energy out, so most impacts gain none; ω in degrees per second makes them gain.  Contact points
-(or, if there are none, gaps at the surface) that fit the shape at θ read as degrees and not at θ as given give
-away θ in degrees.  Source: energy balance of the planar body (thesis section 3.3.1); the limits are own choices.
+An impact takes energy out, so that most impacts gain none; ω in degrees per second makes them gain.  θ in degrees
+shows in contact points that fit the shape at θ read as degrees and not at θ as given; without contact points, in gaps
+at the surface.  Source: energy balance of the planar body (thesis section 3.3.1); the limits are own choices.
 """
 
 import numpy as np
@@ -21,97 +21,84 @@ from thesis_lib.datasets.checks.known_body import (
     METRES,
     RADIANS,
     TO_RAD,
-    Body,
-    report_sunk,
-    sunk,
+    UPWARDS,
+    KnownBody,
 )
 from thesis_lib.datasets.checks.shape import contradictions
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
-from thesis_lib.datasets.format.validate import Report, Table
+from thesis_lib.datasets.format.validate import Table
 
 FITS_BETTER = 5.0  # degrees explain contact points this many times better than radians
 EXCHANGED = 0.9  # share of impacts that go backwards in time; the rest is noise of weak ones
 MISFIT = 0.05  # extents; misfits of contact points below it are tracker errors
 
 
-def check_impacts(table: Table, body: Body, report: Report) -> None:
+def check_impacts(table: Table, body: KnownBody) -> None:
     """Directions and units of impacts."""
     data = table.data
     q, v_pre, v_post = (data[list(names)].to_numpy(float) for names in (POSE, V_PRE, V_POST))
-    below = q[:, 1] < body.height
-    if wrong := sunk(below, body):
-        report_sunk(table, below, wrong, report)
-    fast = {name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])}
-    if fast := {name: value for name, value in fast.items() if value > LARGEST_SPEED}:
+    if what := body.sunk(q[:, 1]):
+        remedy = UPWARDS + ", or correct surface.height in dataset.yaml"
+        table.error("column y", what, remedy, q[:, 1] < body.height)
+    speeds = {
+        name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])
+    }
+    if fast := {name: value for name, value in speeds.items() if value > LARGEST_SPEED}:
         name, value = next(iter(fast.items()))
-        report.error(
-            table.file,
+        table.error(
             f"column{'s' if len(fast) > 1 else ''} {', '.join(fast)}",
             f"looks like mm/s or cm/s (median of {name}: {value:.4g})",
             "give velocities in m/s: divide by 1000 if they are in mm/s",
         )
-    shape, k_g = body.shape, body.k_g
-    if shape is None or k_g is None:
-        return
-    if body.oversized:  # contact points and inertia of such a shape say nothing
+    shape = body.shape
+    if shape is None or body.oversized:  # contact points and inertia of an oversized shape say nothing
         return
     high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / shape.extent
     if high > LARGEST_HEIGHT:
-        report.error(
-            table.file,
-            "columns x, y",
-            f"looks like millimetres (y {q[:, 1].min():.4g} to {q[:, 1].max():.4g}: {high:.0f} times the body's size)",
-            METRES,
-        )
-    if _check_size(table, q, shape, body.height, report):
+        what = f"y {q[:, 1].min():.4g} to {q[:, 1].max():.4g}: {high:.0f} times the body's size"
+        table.error("columns x, y", f"looks like millimetres ({what})", METRES)
+    if _contradicts_shape(table, q, shape, body.height):
         return  # angles and inertia are judged by the shape
     if not fast and high <= LARGEST_HEIGHT:
-        _check_impact_angles(table, q, v_pre, v_post, shape, k_g, body.height, report)
+        _check_angles_and_energy(table, q, v_pre, v_post, body)
 
 
-def _check_size(table: Table, q: np.ndarray, shape: Shape, height: float, report: Report) -> bool:
-    """Whether shape or height of the surface is contradicted by the contact points, or by the poses without them."""
+def _contradicts_shape(table: Table, q: np.ndarray, shape: Shape, height: float) -> bool:
+    """Whether contact points, or poses without them, contradict the shape or the height of the surface."""
     if "r_x" in table.data and "r_y" in table.data:
         r_y = table.data["r_y"].to_numpy(float)
         if np.median(np.abs(r_y)) > LARGEST_HEIGHT * shape.extent:
-            return False  # millimetres, which is told below
+            return False  # millimetres, which is reported below
         q = np.column_stack([q[:, 0], height - r_y, q[:, 2]])
     elif np.quantile(np.abs(q[:, 1] - height), 0.1) > LARGEST_HEIGHT * shape.extent:
         return False
     wrong = contradictions(shape, height, q)
     # poses that fit as degrees tell of the angle, not of the shape
     if wrong and contradictions(shape, height, q * [1.0, 1.0, TO_RAD]):
-        report.errors.extend(wrong)
+        table.report.errors.extend(wrong)
         return True
     return False
 
 
-def _check_impact_angles(
-    table: Table,
-    q: np.ndarray,
-    v_pre: np.ndarray,
-    v_post: np.ndarray,
-    shape: Shape,
-    k_g: float,
-    height: float,
-    report: Report,
+def _check_angles_and_energy(
+    table: Table, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: KnownBody
 ) -> None:
-    data = table.data
+    """Angles by the contact points, spin and direction of time by the energy; states (n, 3)."""
+    data, shape, k_g = table.data, body.shape, body.k_g
+    assert shape is not None and k_g is not None
     stated = data[["r_x", "r_y"]].to_numpy(float) if {"r_x", "r_y"} <= set(data.columns) else None
     if stated is not None and np.median(np.linalg.norm(stated, axis=1)) > LARGEST_HEIGHT * shape.extent:
-        report.error(table.file, "columns r_x, r_y", "look like millimetres (far outside the body)", METRES)
+        table.error("columns r_x, r_y", "look like millimetres (far outside the body)", METRES)
         return
 
     def misfit(theta: np.ndarray) -> float:
         r = shape.contact_point(theta)
-        error = q[:, 1] + r[:, 1] - height if stated is None else np.linalg.norm(stated - r, axis=1)
+        error = q[:, 1] + r[:, 1] - body.height if stated is None else np.linalg.norm(stated - r, axis=1)
         return float(np.median(np.abs(error))) / shape.extent
 
     as_given, as_degrees = misfit(q[:, 2]), misfit(q[:, 2] * TO_RAD)
-    spread = float(np.ptp(q[:, 2]))
-    if as_given > max(MISFIT, FITS_BETTER * as_degrees) and spread > 2.0 * np.pi:
-        report.error(
-            table.file,
+    if as_given > max(MISFIT, FITS_BETTER * as_degrees) and float(np.ptp(q[:, 2])) > 2.0 * np.pi:
+        table.error(
             "column theta",
             f"looks like degrees ({q[:, 2].min():.4g} to {q[:, 2].max():.4g}; read as degrees, the contact points "
             f"fit the shape {as_given / max(as_degrees, 1e-9):.0f} times better)",
@@ -128,40 +115,29 @@ def _check_impact_angles(
         scale = np.array([1.0, 1.0, factor * k_g])
         return float(np.mean(np.sum((v_post * scale) ** 2, axis=1) > np.sum((v_pre * scale) ** 2, axis=1)))
 
-    if gains(1.0) > 0.5 > 2.0 * gains(TO_RAD):
-        report.error(
-            table.file,
-            "columns omega_pre, omega_post",
-            f"look like degrees per second ({gains(1.0):.0%} of the impacts would gain energy, "
-            f"read as degrees {gains(TO_RAD):.0%})",
-            "give omega in rad/s: multiply by pi/180",
-        )
-    elif (
-        gains(1.0) > EXCHANGED
-        and (leaving := v_n(v_pre) > 0.0).mean() > EXCHANGED
-        and ((v_n(v_post) < 0.0).mean() > EXCHANGED)
-    ):
-        report.error(
-            table.file,
-            f"columns *_pre and *_post, {table.rows(leaving)}",
-            f"_pre and _post are exchanged: {gains(1.0):.0%} of the impacts gain energy, and the contact point moves "
+    gain, leaving = gains(1.0), v_n(v_pre) > 0.0
+    if gain > 0.5 > 2.0 * gains(TO_RAD):
+        what = f"{gain:.0%} of the impacts would gain energy, read as degrees {gains(TO_RAD):.0%}"
+        remedy = "give omega in rad/s: multiply by pi/180"
+        table.error("columns omega_pre, omega_post", f"look like degrees per second ({what})", remedy)
+    elif gain > EXCHANGED and leaving.mean() > EXCHANGED and (v_n(v_post) < 0.0).mean() > EXCHANGED:
+        table.error(
+            "columns *_pre and *_post",
+            f"_pre and _post are exchanged: {gain:.0%} of the impacts gain energy, and the contact point moves "
             "away from the surface before them and towards it after",
             "exchange the columns vx, vy, omega of _pre and _post",
+            leaving,
         )
         return
-    elif gains(1.0) > 0.5:
-        report.warn(
-            table.file,
-            "columns v*_pre, v*_post, omega_*",
-            f"{gains(1.0):.0%} of the impacts gain energy",
-            "check units, and that _pre and _post are not exchanged",
-        )
+    elif gain > 0.5:
+        remedy = "check units, and that _pre and _post are not exchanged"
+        table.warn("columns v*_pre, v*_post, omega_*", f"{gain:.0%} of the impacts gain energy", remedy)
 
-    leaving = v_n(v_pre) >= 0.0
-    if np.mean(leaving) > 0.5:
-        report.warn(
-            table.file,
-            f"columns vy_pre and omega_pre, {table.rows(leaving)}",
+    away = v_n(v_pre) >= 0.0
+    if np.mean(away) > 0.5:
+        table.warn(
+            "columns vy_pre and omega_pre",
             "the contact point does not approach the surface before the impact in most rows (v_n >= 0)",
             "check the signs: y up, theta and omega counter-clockwise, _pre before _post",
+            away,
         )

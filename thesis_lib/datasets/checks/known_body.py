@@ -1,4 +1,4 @@
-"""What is known of a body where units and signs are judged, and the limits and words that these checks share.
+"""What is known of a body where units and signs are judged, and the limits and remedies that these checks share.
 
 | on paper | in code  | unit  |                                                     |
 |----------|----------|-------|-----------------------------------------------------|
@@ -12,7 +12,6 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.validate import Report, Table
 
 FILE = "dataset.yaml"
 LARGEST_BODY = 10.0  # m; what is dropped on a rig fits on a table
@@ -29,8 +28,14 @@ UPWARDS = (
 
 
 @dataclass(frozen=True)
-class Body:
-    """What is known of the body even where dataset.yaml is wrong elsewhere; without a shape there is no k_g either."""
+class KnownBody:
+    """What is known of the body even where dataset.yaml is wrong elsewhere.
+
+    Attributes:
+        shape, k_g: its outline and radius of gyration in m; both None where there is no valid shape.
+        height: m, of the surface.
+        gravity: m/s².
+    """
 
     shape: Shape | None = None
     k_g: float | None = None
@@ -38,12 +43,12 @@ class Body:
     gravity: float = 9.81
 
     @classmethod
-    def of(cls, header: Header | None, shape: Shape | None) -> "Body":
+    def of(cls, header: Header | None, shape: Shape | None) -> "KnownBody":
         """From a valid header, else from the shape alone."""
         if header is None:
             return cls(shape, None if shape is None else shape.extent / 2)
         shape = header.body.shape
-        k_g = min(header.body.radius_of_gyration, shape.extent)  # a larger one is told by `check_header`
+        k_g = min(header.body.radius_of_gyration, shape.extent)  # a larger one is reported by `check_header`
         return cls(shape, k_g, header.surface.height, header.gravity)
 
     @property
@@ -51,17 +56,8 @@ class Body:
         """Whether the shape is far too large to be meant in m: no ratio to it says anything then."""
         return self.shape is not None and self.shape.extent > LARGEST_BODY
 
-
-def sunk(below: np.ndarray, body: Body) -> str:
-    """What is wrong if centres are `below` the surface (n,) in most rows; '' otherwise."""
-    return (
-        f"the body's centre is below the surface ({body.height:g} m) in most rows"
-        if np.mean(below) > 0.5
-        else ""
-    )
-
-
-def report_sunk(table: Table, below: np.ndarray, what: str, report: Report) -> None:
-    """The error of bodies that are `sunk`, without other signs that y points down."""
-    remedy = UPWARDS + ", or correct surface.height in dataset.yaml"
-    report.error(table.file, f"column y, {table.rows(below)}", what, remedy)
+    def sunk(self, y: np.ndarray) -> str:
+        """What is wrong if most of the centres at heights `y` (n,) in m lie below the surface; '' otherwise."""
+        if np.mean(y < self.height) <= 0.5:
+            return ""
+        return f"the body's centre is below the surface ({self.height:g} m) in most rows"

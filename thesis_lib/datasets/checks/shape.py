@@ -21,10 +21,11 @@ NEAR = 0.15  # relative distance to such a factor
 
 
 def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
-    """What poses q (n, 3) at impact say against the shape and the height (m) of the surface in dataset.yaml.
+    """How poses q (n, 3) at impact, in m and rad, contradict the shape and the height (m) of the surface.
 
-    At impact the lowest point touches, y − height = reach(θ): a ratio of the two that is far from 1 in most impacts
-    is the factor by which the shape is wrong, if that makes them agree, and an offset of the surface otherwise.
+    At impact the lowest point touches: y − height = reach(θ).  If the ratio of the two is far from 1 in most impacts,
+    either the shape is wrong by that factor, or the surface lies elsewhere; the reading that leaves less scatter is
+    reported.
     """
     if len(q) < FEW_HITS:
         return []
@@ -39,23 +40,12 @@ def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
 
     what = f"at {len(q)} impacts the centre is {ratio:.3g} times as high above the surface as the shape says"
     closes = f"surface.height {height + offset:.4g} m instead of {height:g} m would close the gap of {offset:+.3g} m"
-    as_size, as_offset = scatter(centre - ratio * reach), scatter(centre - reach)
     round_body = np.ptp(reach) < BLIND_SHAPE * shape.extent
-    if ratio > 0.0 and (round_body or as_size < as_offset):
+    if ratio > 0.0 and (round_body or scatter(centre - ratio * reach) < scatter(centre - reach)):
         times = 1.0 / ratio
         why = next((f" ({text})" for factor, text in FACTORS.items() if abs(times / factor - 1.0) < NEAR), "")
-        size = f"the shape is {max(times, ratio):.3g} times too {'large' if times > 1 else 'small'}{why}"
-        other = f"; or {closes}" if round_body else ""
-        return [
-            Problem(
-                FILE, "body.shape", f"{what}: {size}{other}", SHAPE_METRES + ", semi-axes and not diameters"
-            )
-        ]
-    return [
-        Problem(
-            FILE,
-            "surface.height",
-            f"{what}: {closes}",
-            "correct surface.height, or the shape, or y, which must be that of the body's centre of mass",
-        )
-    ]
+        what += f": the shape is {max(times, ratio):.3g} times too {'large' if times > 1 else 'small'}{why}"
+        what += f"; or {closes}" if round_body else ""
+        return [Problem(FILE, "body.shape", what, SHAPE_METRES + ", semi-axes and not diameters")]
+    remedy = "correct surface.height, or the shape, or y, which must be that of the body's centre of mass"
+    return [Problem(FILE, "surface.height", f"{what}: {closes}", remedy)]

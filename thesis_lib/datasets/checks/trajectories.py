@@ -1,12 +1,12 @@
 """Do units and signs of header and trajectories fit together?  Heuristics that must not misfire on real drops.
 
-y points down if bodies clearly fall towards larger y (free_fall.py), wherever the surface is said to be.
-Lengths are judged by ratios to the body (positions that never come within 300 body extents of the surface) and by
-speeds (above 100 m/s).
-Gravity is measured where bodies fall freely (windows of samples that are a parabola): a factor that no effect of a rig
-has is an error, with the likely cause.
-Angles are judged by lengths (plausible_angles.py), so they are not judged at all where lengths, or the shape, are in
-doubt; the shape and the surface themselves only where impacts were found (plausible_shape.py).
+- y points down if bodies clearly fall towards larger y (`free_fall`), wherever the surface is said to be.
+- Lengths are judged by ratios to the body (positions that never come within 300 extents of the surface) and by speeds
+  (above 100 m/s).
+- Gravity is measured in free flight (windows of samples that are a parabola).  A factor that no effect of a rig has is
+  an error, with the likely cause.
+- Angles are judged by lengths (`angles`), so not at all where lengths or the shape are in doubt.  Shape and surface are
+  judged only where impacts were found (`shape`).
 """
 
 import numpy as np
@@ -22,9 +22,7 @@ from thesis_lib.datasets.checks.known_body import (
     METRES,
     SHAPE_METRES,
     UPWARDS,
-    Body,
-    report_sunk,
-    sunk,
+    KnownBody,
 )
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
@@ -39,47 +37,40 @@ FEW_FALLS = 0.05  # share of the flights that may fall as stated where all other
 NEAR = 0.15  # relative distance to gravity on Earth at which gravity was stated wrongly
 
 
-def check_header(header: Header, file: str, report: Report) -> None:
+def check_header(header: Header, report: Report) -> None:
     """Size, inertia, mass, gravity and noise against each other."""
     extent, body, noise = header.body.shape.extent, header.body, header.noise
+
+    def error(key: str, what: str, remedy: str) -> None:
+        report.error(FILE, key, what, remedy)
+
     if extent > LARGEST_BODY:
-        report.error(
-            file,
-            "body.shape",
-            f"the body reaches {extent:g} m from its centre, more than {LARGEST_BODY:g} m: millimetres?",
-            SHAPE_METRES,
-        )
+        what = f"the body reaches {extent:g} m from its centre, more than {LARGEST_BODY:g} m: millimetres?"
+        error("body.shape", what, SHAPE_METRES)
     elif body.radius_of_gyration > extent:
-        report.error(
-            file,
+        error(
             "body.radius_of_gyration",
             f"{body.radius_of_gyration:g} m is larger than the body, which reaches {extent:g} m from its centre",
             "give sqrt(I/m) in m (not the moment of inertia, not millimetres); "
             f"a uniform lamina of this shape has {body.shape.radius_of_gyration:.6g}",
         )
     elif body.mass is not None and body.mass > DENSEST * (2.0 * extent) ** 3:
-        report.warn(
-            file,
-            "body.mass",
-            f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?",
-            "give the mass in kg",
-        )
+        what = f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?"
+        report.warn(FILE, "body.mass", what, "give the mass in kg")
     if header.gravity > LARGEST_GRAVITY:
-        report.error(
-            file, "gravity", f"{header.gravity:g} m/s² is no planet's", "give it in m/s² (9.81 on Earth)"
+        error(
+            "gravity",
+            f"{header.gravity:g} m/s² is more than on any planet",
+            "give it in m/s² (9.81 on Earth)",
         )
     if noise is not None and noise.position is not None and noise.position > extent:
-        report.error(
-            file,
-            "noise.position",
-            f"{noise.position:g} m is larger than the body: millimetres?",
-            "give it in m",
-        )
+        what = f"{noise.position:g} m is larger than the body: millimetres?"
+        error("noise.position", what, "give it in m")
     if noise is not None and noise.angle is not None and noise.angle > 1.0:
-        report.warn(file, "noise.angle", f"{noise.angle:g} rad is most of a turn: degrees?", "give it in rad")
+        report.warn(FILE, "noise.angle", f"{noise.angle:g} rad is most of a turn: degrees?", "give it in rad")
 
 
-def check_trajectories(table: Table, body: Body, report: Report) -> None:
+def check_trajectories(table: Table, body: KnownBody) -> None:
     """Directions and units of poses."""
     data = table.data
     trial = data["trial"].to_numpy()
@@ -88,18 +79,17 @@ def check_trajectories(table: Table, body: Body, report: Report) -> None:
     usable = (trial[1:] == trial[:-1]) & (dt > 0.0)
     if not usable.any():
         return
-    speeds = {
-        name: np.abs(np.diff(v))[usable] / dt[usable] for name, v in (("x", x), ("y", y), ("theta", theta))
-    }
+    poses = {"x": x, "y": y, "theta": theta}
+    speeds = {name: np.abs(np.diff(values))[usable] / dt[usable] for name, values in poses.items()}
     samples = Samples(trial, t, np.column_stack([x, y, theta]), runs_of(trial, t))
     noise = noise_from_differences(samples)
     fall = _first_acceleration(trial, y, float(np.median(dt[usable]))) / -body.gravity
-    doubtful = _check_direction(table, samples, noise, body, report)
-    doubtful |= _check_lengths(table, x, y, speeds, body, fall, report)
+    doubtful = _check_direction(table, samples, noise, body)
+    doubtful |= _check_lengths(table, x, y, speeds, body, fall)
     if not doubtful and body.gravity <= LARGEST_GRAVITY:
-        doubtful = _check_gravity(table, samples, noise, body, report)
+        doubtful = _check_gravity(table, samples, noise, body)
     if not doubtful and not body.oversized:  # angles are judged by positions and by the shape
-        check_degrees(table, samples, speeds, noise, body, report)
+        check_degrees(table, samples, speeds, noise, body)
 
 
 def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
@@ -113,73 +103,67 @@ def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
     return float(np.median(2.0 * (y[starts[:, None] + i] @ curvature)) / dt**2)
 
 
-def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: Body, report: Report) -> bool:
-    below = samples.q[:, 1] < body.height
-    wrong = sunk(below, body)
+def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
+    """Whether y points down, or the body lies below the surface; reported."""
+    y = samples.q[:, 1]
+    sunk = body.sunk(y)
     flights = flight_windows(samples, noise[1], body.gravity)
+    remedy = UPWARDS + ", or correct surface.height in dataset.yaml"
+    what = sunk
     if flights.fall_up:
-        where = f", {table.rows(below)}" if wrong else ""
-        what = f"bodies fall towards larger y, by about gravity ({flights.up} windows of {flights.n} samples do so, "
-        what += f"{flights.down} fall towards smaller y)"
-        what = f"{wrong}, and {what}" if wrong else what
         remedy = UPWARDS + ", and set surface.height in dataset.yaml accordingly"
-        report.error(table.file, f"column y{where}", what, remedy)
-    elif wrong:
-        report_sunk(table, below, wrong, report)
-    return bool(wrong) or flights.fall_up
+        falls = f"bodies fall towards larger y, by about gravity ({flights.up} windows of {flights.n} samples do so, "
+        falls += f"{flights.down} fall towards smaller y)"
+        what = f"{sunk}, and {falls}" if sunk else falls
+    if what:
+        table.error("column y", what, remedy, y < body.height if sunk else None)
+    return bool(what)
 
 
 def _check_lengths(
-    table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: Body, fall: float, report: Report
+    table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: KnownBody, fall: float
 ) -> bool:
-    suspicious = []
+    """Whether x or y look like millimetres or centimetres; reported.  `fall` is ÿ at release over −gravity."""
+    doubts = {}
     high = 0.0
     if body.shape is not None and not body.oversized:
         high = float(np.quantile(np.abs(y - body.height), 0.1)) / body.shape.extent
     for name in ("x", "y"):
         fast = float(np.quantile(speeds[name], 0.9))
         if fast > LARGEST_SPEED:
-            suspicious.append((name, f"speeds reach {fast:.0f} m/s"))
+            doubts[name] = f"speeds reach {fast:.0f} m/s"
         elif name == "y" and high > LARGEST_HEIGHT:
-            suspicious.append((name, f"the body is {high:.0f} times its own size above the surface"))
+            doubts[name] = f"the body is {high:.0f} times its own size above the surface"
         elif name == "y" and high > 3.0 and (50.0 < abs(fall) < 200.0 or 500.0 < abs(fall) < 2000.0):
-            suspicious.append((name, f"bodies fall at {abs(fall):.0f} times gravity"))
-    for name, why in suspicious:
+            doubts[name] = f"bodies fall at {abs(fall):.0f} times gravity"
+    for name, why in doubts.items():
         values = x if name == "x" else y
-        report.error(
-            table.file,
-            f"column {name}",
-            f"looks like millimetres or centimetres ({values.min():.4g} to {values.max():.4g}; {why})",
-            METRES,
-        )
-    return bool(suspicious)
+        what = f"looks like millimetres or centimetres ({values.min():.4g} to {values.max():.4g}; {why})"
+        table.error(f"column {name}", what, METRES)
+    return bool(doubts)
 
 
-def _check_gravity(table: Table, samples: Samples, noise: np.ndarray, body: Body, report: Report) -> bool:
-    found = free_accelerations(samples, noise[1], FALL_PRECISION)
-    falls = -found.values[found.values < -FALL_CLEAR * FALL_PRECISION] / body.gravity
-    if len(falls) < 5 * found.n:
+def _check_gravity(table: Table, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
+    """Whether bodies fall by a factor faster or slower than stated that no effect of a rig has; reported."""
+    windows = free_accelerations(samples, noise[1], FALL_PRECISION)
+    falls = -windows.values[windows.values < -FALL_CLEAR * FALL_PRECISION] / body.gravity
+    if len(falls) < 5 * windows.n:
         return False
     ratio = float(np.median(falls))
     as_stated = np.mean((falls > 1.0 / GROSS_FALL) & (falls < GROSS_FALL))
     if 1.0 / GROSS_FALL < ratio < GROSS_FALL or as_stated > FEW_FALLS:
         return False
-    found_g = ratio * body.gravity
-    if abs(found_g / 9.81 - 1.0) < NEAR:
-        report.error(
-            FILE,
-            "gravity",
-            f"bodies fall with {found_g:.3g} m/s², {ratio:.3g} times the {body.gravity:g} m/s² stated",
-            "give 9.81 (or leave gravity out)",
-        )
+    measured = ratio * body.gravity
+    what = f"bodies fall with {measured:.3g} m/s², {ratio:.3g} times the {body.gravity:g} m/s² "
+    if abs(measured / 9.81 - 1.0) < NEAR:
+        table.report.error(FILE, "gravity", f"{what}stated", "give 9.81 (or leave gravity out)")
         return True
     clock, size = np.sqrt(ratio), ratio
-    report.error(
-        table.file,
+    table.error(
         "columns t and y",
-        f"bodies fall with {found_g:.3g} m/s², {ratio:.3g} times the {body.gravity:g} m/s² of {FILE}: times are "
-        f"{max(clock, 1 / clock):.3g} times too {'long' if clock < 1 else 'short'} (another frame rate than that "
-        f"of the camera?), or lengths are {max(size, 1 / size):.3g} times too {'small' if size < 1 else 'large'}",
+        f"{what}of {FILE}: times are {max(clock, 1 / clock):.3g} times too {'long' if clock < 1 else 'short'} (another "
+        f"frame rate than that of the camera?), or lengths are {max(size, 1 / size):.3g} times too "
+        f"{'small' if size < 1 else 'large'}",
         "correct t (and rate), or the scale of x and y, or gravity if the rig is tilted or not on Earth",
     )
     return True

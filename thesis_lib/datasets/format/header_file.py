@@ -1,4 +1,4 @@
-"""Read dataset.yaml, with one problem for each thing that is wrong (see yaml_file for what keeps it safe)."""
+"""Read dataset.yaml and report each thing that is wrong in it.  `yaml_file` refuses what is unsafe to read."""
 
 import difflib
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from thesis_lib.foundation.regular_file import FileProblem, MissingFile
 from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
 
 FILE = "dataset.yaml"
-MAX_TOLD = 1000  # mistakes, each with a look for what was meant
+MAX_REPORTED = 1000  # mistakes; for each, the key that was meant is looked for
 
 SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
 _SECTIONS: dict[tuple, type[BaseModel]] = {
@@ -53,10 +53,10 @@ def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
     try:
         return Header.model_validate(raw), raw
     except ValidationError as error:
-        found = error.errors(include_url=False, include_context=True)
-        for entry in found[:MAX_TOLD]:
-            _tell(entry, lines, report)
-        if (more := len(found) - MAX_TOLD) > 0:
+        mistakes = error.errors(include_url=False, include_context=True)
+        for mistake in mistakes[:MAX_REPORTED]:
+            _report_mistake(mistake, lines, report)
+        if (more := len(mistakes) - MAX_REPORTED) > 0:
             report.error(FILE, "", f"{more:,} further keys or values are wrong", "correct the others first")
         return None, raw
 
@@ -84,7 +84,7 @@ def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]
         return None, {}
     lines, raw = document.lines, document.content
     for key, line in document.repeated:
-        where, what = f"line {line}, {_dotted(key)}", f"the key stands twice (first in line {lines[key]})"
+        where, what = f"line {line}, {_dotted(key)}", f"the key occurs twice (first in line {lines[key]})"
         report.error(FILE, where, what, "keep one of them")
     if not isinstance(raw, dict):
         kind = "empty" if raw is None else f"a {type(raw).__name__}"
@@ -94,20 +94,19 @@ def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]
     return raw, lines
 
 
-def _tell(entry: Mapping, lines: Mapping[tuple, int], report: Report) -> None:
-    """Turn one finding of pydantic into a problem."""
-    loc, kind = tuple(entry["loc"]), entry["type"]
+def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report) -> None:
+    """Turn one error of pydantic into a problem."""
+    loc, kind = tuple(mistake["loc"]), mistake["type"]
     key = tuple(part for i, part in enumerate(loc) if not (loc[:2] == ("body", "shape") and i == 2))
     line = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
     where = _dotted(key) if line is None else f"line {line}, {_dotted(key)}"
     if kind == "extra_forbidden":
         report.error(FILE, where, "unknown key", _unknown_key(loc))
         return
-    remedy = next(
-        (_REMEDIES[key[:n]] for n in range(len(key), 0, -1) if key[:n] in _REMEDIES), "see the format"
-    )
-    value = _short(entry.get("input"))
-    context = entry.get("ctx", {})
+    enclosing = (key[:n] for n in range(len(key), 0, -1))
+    remedy = next((_REMEDIES[part] for part in enclosing if part in _REMEDIES), "see the format")
+    value = _short(mistake.get("input"))
+    context = mistake.get("ctx", {})
     what = {
         "missing": "the key is missing",
         "greater_than": f"is {value}, but must be above {context.get('gt')}",
@@ -120,11 +119,11 @@ def _tell(entry: Mapping, lines: Mapping[tuple, int], report: Report) -> None:
     }.get(kind)
     if kind == "union_tag_invalid":
         tag = str(context.get("tag"))
-        what = f"kind is '{tag}', which is no shape"
+        what = f"kind is '{tag}', which is not a shape"
         remedy = _suggest(tag, list(SHAPES)) or remedy
     elif kind in ("model_type", "model_attributes_type"):
         what = f"is {value}, but must be a mapping of keys to values"
-    report.error(FILE, where, what or f"is {value}: {entry['msg']}", remedy)
+    report.error(FILE, where, what or f"is {value}: {mistake['msg']}", remedy)
 
 
 def _unknown_key(loc: tuple) -> str:

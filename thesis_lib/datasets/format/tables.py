@@ -1,7 +1,7 @@
-"""Read trajectories and impacts from CSV or Parquet, and say row by row what cannot be read.
+"""Read trajectories and impacts from CSV or Parquet, and report row by row what cannot be read.
 
-"row" is the line in the file.  A row that cannot be used is told and left out of the later checks, so that one
-reading finds all that is wrong.
+"row" is the line in the file.  A row that cannot be used is reported and left out of the later checks, so that one
+reading finds everything that is wrong.
 """
 
 import csv
@@ -27,22 +27,14 @@ LARGEST = {"t": 1e12, None: 1e9}  # epoch times in microseconds pass; no SI valu
 INTEGERS = ("trial", "impact")
 LARGEST_INTEGER = 2**53  # beyond it CSV readers that go through floats mix numbers up
 TEXT = ("flags",)
-SPATIAL = (
-    "z",
-    "vz",
-    "roll",
-    "pitch",
-    "yaw",
-    "qx",
-    "qy",
-    "qz",
-    "qw",
-    "omega_x",
-    "omega_y",
-    "wx",
-    "wy",
-)  # names of what a motion in space has and a planar one has not
+# names of what a motion in space has and a planar one has not
+SPATIAL = ("z", "vz", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw")
+SPATIAL += ("omega_x", "omega_y", "wx", "wy")
 MAY_BE_EMPTY = ("t",)  # impacts.csv: the instant may be unknown
+
+
+class _NoTable(Exception):
+    """A file that holds no table: where, what is wrong, and what to do about it."""
 
 
 def load_table(
@@ -53,76 +45,53 @@ def load_table(
     if not paths:
         return None
     if len(paths) == 2:
-        report.error(
-            f"{stem}.csv",
-            "",
-            f"{stem}.parquet is there too, so it is unclear which counts",
-            "delete one of the two",
-        )
+        what = f"{stem}.parquet is there too, so it is unclear which counts"
+        report.error(f"{stem}.csv", "", what, "delete one of the two")
     path = paths[0]
     try:
-        size = regular_size(path, MAX_BYTES, folder)
+        if regular_size(path, MAX_BYTES, folder) == 0:
+            raise _NoTable("", "is empty", "write the header line and the rows, or delete the file")
+        frame, ragged = (_read_csv if path.suffix == ".csv" else _read_parquet)(path, report)
     except FileProblem as problem:
         report.error(path.name, "", problem.what, "put a table there that is a file of its own, or delete it")
         return None
-    if size == 0:
-        report.error(path.name, "", "is empty", "write the header line and the rows, or delete the file")
+    except _NoTable as problem:
+        report.error(path.name, *problem.args)
         return None
-    read = _read_csv if path.suffix == ".csv" else _read_parquet
-    frame, ragged = read(path, report)
-    if frame is None or not _check_columns(path.name, list(frame.columns), required, optional, report):
+    if not _check_columns(path.name, list(frame.columns), required, optional, report):
         return None
     return _usable(path, frame, ragged, required, optional, report)
 
 
-def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame | None, np.ndarray]:
-    none = (None, np.zeros(0, dtype=bool))
+def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
+    """Cells of a CSV file, and which rows (n,) are empty or have too few or too many of them."""
+    again = "export it again as CSV in UTF-8"
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             head = file.readline(MAX_HEADER)
         names = [name.strip() for name in next(csv.reader([head], skipinitialspace=True, strict=True), [])]
     except (UnicodeDecodeError, csv.Error) as error:
         where = "row 1" if isinstance(error, csv.Error) else ""
-        report.error(path.name, where, f"is not CSV text ({error})", "export it again as CSV in UTF-8")
-        return none
+        raise _NoTable(where, f"is not CSV text ({error})", again) from error
     if "\x00" in head or not any(names):
-        report.error(
-            path.name, "row 1", "is not a header line of CSV text", "export it again as CSV in UTF-8"
-        )
-        return none
+        raise _NoTable("row 1", "is not a header line of CSV text", again)
     if len(names) == 1 and (other := next((mark for mark in ";\t|" if mark in head), None)):
         shown = "tabs" if other == "\t" else f"'{other}'"
-        report.error(
-            path.name,
-            "row 1",
-            f"columns are separated by {shown}, expected commas",
-            "export with commas and decimal points (or use the init command with --delimiter)",
-        )
-        return none
+        remedy = "export with commas and decimal points (or use the init command with --delimiter)"
+        raise _NoTable("row 1", f"columns are separated by {shown}, expected commas", remedy)
     if all(_is_number(name) for name in names):
-        report.error(
-            path.name,
-            "row 1",
-            "holds numbers, expected the column names",
-            "put the column names in the first line",
-        )
-        return none
+        what = "holds numbers, expected the column names"
+        raise _NoTable("row 1", what, "put the column names in the first line")
     if len(names) > MAX_COLUMNS:
         what = f"has {len(names):,} columns; the limit is {MAX_COLUMNS:,}"
-        report.error(path.name, "row 1", what, "keep the columns of the documented format")
-        return none
+        raise _NoTable("row 1", what, "keep the columns of the documented format")
     if repeated := sorted(name for name, count in Counter(names).items() if count > 1):
-        report.error(
-            path.name,
-            f"column {', '.join(repeated)}",
-            "the name stands more than once in row 1",
-            "keep one of them",
-        )
-        return none
+        what = "the name occurs more than once in row 1"
+        raise _NoTable(f"column {', '.join(repeated)}", what, "keep one of them")
     try:
         bad_rows, rows = _ragged(path, len(names), report)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # rows too long, told by _ragged
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # rows too long, reported by _ragged
             frame = pd.read_csv(
                 path,
                 header=None,
@@ -137,8 +106,7 @@ def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame | None, np.ndarr
             )
     except (ValueError, csv.Error, pd.errors.ParserError, pd.errors.EmptyDataError, OverflowError) as error:
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-        report.error(path.name, "", f"cannot be read as CSV ({reason})", "export it again as CSV in UTF-8")
-        return none
+        raise _NoTable("", f"cannot be read as CSV ({reason})", again) from error
     ragged = np.zeros(len(frame), dtype=bool)
     ragged[bad_rows[bad_rows < len(frame)]] = True
     return frame, ragged
@@ -168,32 +136,24 @@ def _ragged(path: Path, width: int, report: Report) -> tuple[np.ndarray, int]:
             complete = line.endswith((b"\n", b"\r"))
     rows = last + 1
     if rows and not complete and (last not in bad):
-        report.warn(
-            path.name,
-            row_text([last + 2]),
-            "the last row does not end with a line break: its last number may have been cut off",
-            "check that the file is whole, and end it with a line break",
-        )
+        what = "the last row does not end with a line break: its last number may have been cut off"
+        remedy = "check that the file is whole, and end it with a line break"
+        report.warn(path.name, row_text([last + 2]), what, remedy)
     if blank := [i for i in blank if i < rows]:
         report.error(path.name, row_text(np.array(blank) + 2), "the row is empty", "delete empty lines")
     if bad:
-        seen = ", ".join(str(count) for count in cells[:SHOWN])
-        end = (
-            " (the last row: the file may have been cut off)" if bad[-1] == last and cells[-1] < width else ""
-        )
-        report.error(
-            path.name,
-            row_text(np.array(bad) + 2),
-            f"{seen} cells instead of {width}{end}",
-            "give each row one cell for each column; write decimal points, not commas",
-        )
+        what = f"{', '.join(str(count) for count in cells[:SHOWN])} cells instead of {width}"
+        if bad[-1] == last and cells[-1] < width:
+            what += " (the last row: the file may have been cut off)"
+        remedy = "give each row one cell for each column; write decimal points, not commas"
+        report.error(path.name, row_text(np.array(bad) + 2), what, remedy)
     return np.array(bad + blank, dtype=int), rows
 
 
-def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame | None, np.ndarray]:
+def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
+    """Cells of a Parquet file; its rows are all of the same length."""
     import pyarrow.parquet
 
-    none = (None, np.zeros(0, dtype=bool))
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
             meta = file.metadata
@@ -201,53 +161,56 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame | None, np.n
                 raise ValueError(f"{meta.num_columns:,} columns; the limit is {MAX_COLUMNS:,}")
             if meta.num_rows * meta.num_columns > MAX_VALUES:
                 what = f"claims {meta.num_rows:,} rows of {meta.num_columns} columns; the limit is {MAX_VALUES:,} cells"
-                report.error(path.name, "", what, "split the dataset into several folders")
-                return none
+                raise _NoTable("", what, "split the dataset into several folders")
             size = sum(meta.row_group(i).total_byte_size for i in range(meta.num_row_groups))
             if size > MAX_BYTES:
                 raise ValueError(f"it claims {size:,} bytes; the limit is {MAX_BYTES:,}")
             if nested := [kind.name for kind in file.schema_arrow if pyarrow.types.is_nested(kind.type)]:
                 raise ValueError(f"column {nested[0]} holds lists, expected numbers")
             frame = file.read().to_pandas(ignore_metadata=True)
+    except _NoTable:
+        raise
     except Exception as error:  # whatever the library says of a broken file, it is the file's fault
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        report.error(path.name, "", f"cannot be read as Parquet ({reason})", "write it again, or use CSV")
-        return none
+        what = f"cannot be read as Parquet ({reason})"
+        raise _NoTable("", what, "write it again, or use CSV") from error
     frame.columns = [str(name) for name in frame.columns]
     if len(set(frame.columns)) < len(frame.columns):
-        report.error(path.name, "", "column names stand more than once", "keep one of each")
-        return none
+        raise _NoTable("", "column names occur more than once", "keep one of each")
     return frame, np.zeros(len(frame), dtype=bool)
 
 
 def _check_columns(
     file: str, names: Sequence[str], required: Sequence[str], optional: Sequence[str], report: Report
 ) -> bool:
+    """Report missing and unknown columns; whether all required ones are there."""
     missing = [name for name in required if name not in names]
     unknown = [name for name in names if name not in required and name not in optional]
     if spatial := [name for name in unknown if name.lower() in SPATIAL]:
         report.error(
             file,
-            f"column{'s' if len(spatial) > 1 else ''} {', '.join(spatial)}",
-            "the motion is one in space; this program takes planar only: x, y and one angle theta",
+            _columns(spatial),
+            "the motion is one in space; only planar motions (x, y and one angle theta) can be analysed",
             "if the body moves in a plane, project it (x along the surface, y up, theta about the normal of the "
             "plane: README, 'Your own drops'); a body that leaves its plane cannot be analysed",
         )
-    for name in (name for name in unknown if name not in spatial):
-        candidates = missing + [other for other in optional if other not in names]
+    candidates = missing + [name for name in optional if name not in names]
+    for name in unknown:
+        if name in spatial:
+            continue
         close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
         lower = next((other for other in candidates if other == name.lower()), None)
         hint = lower or (close[0] if close else None)
         remedy = f"did you mean '{hint}'?" if hint else f"remove it; columns are {', '.join(required)}"
         report.error(file, f"column {name[:60] or '(no name)'}", "unknown column", remedy)
     if missing:
-        report.error(
-            file,
-            f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)}",
-            "missing",
-            f"the first row must be {','.join(required)} (or use the init command to convert a log)",
-        )
+        remedy = f"the first row must be {','.join(required)} (or use the init command to convert a log)"
+        report.error(file, _columns(missing), "missing", remedy)
     return not missing
+
+
+def _columns(names: Sequence[str]) -> str:
+    return f"column{'s' if len(names) > 1 else ''} {', '.join(names)}"
 
 
 def _usable(
@@ -258,37 +221,35 @@ def _usable(
     optional: Sequence[str],
     report: Report,
 ) -> Table | None:
+    """The rows of `frame` in which every known column has a usable cell; None if there are none."""
     first_row = 2 if path.suffix == ".csv" else 1
     if len(frame) == 0:
         report.error(path.name, "", "has a header but no rows", "write the rows, or delete the file")
         return None
     usable, columns = ~ragged, {}
     for name in [name for name in frame.columns if name in required or name in optional]:
+        cells = frame[name]
         if name in TEXT:
-            columns[name] = (
-                frame[name].astype(object).where(frame[name].notna(), "").astype(str).astype(object)
-            )
+            columns[name] = cells.astype(object).where(cells.notna(), "").astype(str).astype(object)
             continue
-        values, bad = _numbers(frame[name], name, ragged, path.name, first_row, name not in required, report)
-        columns[name] = values
-        usable &= ~bad
+        may_be_empty = name in MAY_BE_EMPTY and name not in required
+        columns[name], faults = _numbers(cells, name, ragged, may_be_empty)
+        for bad, what, remedy in faults:
+            usable &= ~bad
+            if bad.any():
+                rows = row_text(np.flatnonzero(bad) + first_row)
+                report.error(path.name, f"column {name}, {rows}", what, remedy)
     data = pd.DataFrame(columns)[usable]
     if len(data) == 0:
         return None
     data = data.astype({name: np.int64 for name in INTEGERS if name in data})
-    return Table(path.name, data, first_row, complete=bool(usable.all()))
+    return Table(path.name, data, first_row, complete=bool(usable.all()), report=report)
 
 
 def _numbers(
-    column: pd.Series,
-    name: str,
-    ragged: np.ndarray,
-    file: str,
-    first_row: int,
-    optional: bool,
-    report: Report,
-) -> tuple[np.ndarray, np.ndarray]:
-    """A column as floats (n,), and the rows (n,) in which it is unusable."""
+    column: pd.Series, name: str, ragged: np.ndarray, may_be_empty: bool
+) -> tuple[np.ndarray, list[tuple[np.ndarray, str, str]]]:
+    """A column as floats (n,), and its faults: a mask of the rows (n,), what is wrong there, what to do about it."""
     if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         numbers, text = column, np.zeros(len(column), dtype=bool)
     else:
@@ -297,33 +258,25 @@ def _numbers(
         numbers = pd.to_numeric(as_text, errors="coerce")
         text = (numbers.isna() & as_text.notna()).to_numpy() & ~ragged
     values = _as_float(numbers)
-
-    def tell(bad: np.ndarray, what: str, remedy: str) -> None:
-        if np.any(bad):
-            rows = np.flatnonzero(bad)
-            report.error(file, f"column {name}, {row_text(rows + first_row)}", what, remedy)
-
-    first = repr(str(column[text].iloc[0])[:40]) if text.any() else ""
-    tell(
-        text, f"is not a number (first: {first})", "write numbers with a decimal point, no units in the cell"
-    )
-    empty = np.isnan(values) & ~text & ~ragged
-    if optional and name in MAY_BE_EMPTY:
-        empty[:] = False
-    tell(
-        empty, "is empty or NaN", "remove these rows (lost frames are simply left out), or measure them again"
-    )
-    infinite = np.isinf(values) & ~ragged
-    tell(infinite, "is infinite", "remove these rows, or measure them again")
+    finite = np.isfinite(values) & ~ragged
     limit = LARGEST_INTEGER if name in INTEGERS else LARGEST.get(name, LARGEST[None])
     with np.errstate(invalid="ignore"):
-        huge = np.isfinite(values) & (np.abs(values) > limit) & ~ragged
-        tell(huge, f"is beyond ±{limit:.0e}", "give SI units (m, rad, s, m/s, rad/s)")
-        fraction = np.isfinite(values) & ~huge & (values != np.rint(values)) & ~ragged
-    if name not in INTEGERS:
-        fraction[:] = False
-    tell(fraction, "is not a whole number", f"number the {name}s 0, 1, 2, …")
-    return values, text | empty | infinite | huge | fraction
+        huge = finite & (np.abs(values) > limit)
+        fraction = finite & ~huge & (values != np.rint(values)) & (name in INTEGERS)
+    empty = np.isnan(values) & ~text & ~ragged & (not may_be_empty)
+    first = repr(str(column[text].iloc[0])[:40]) if text.any() else ""
+    again = "or measure them again"
+    return values, [
+        (
+            text,
+            f"is not a number (first: {first})",
+            "write numbers with a decimal point, no units in the cell",
+        ),
+        (empty, "is empty or NaN", f"remove these rows (lost frames are simply left out), {again}"),
+        (np.isinf(values) & ~ragged, "is infinite", f"remove these rows, {again}"),
+        (huge, f"is beyond ±{limit:.0e}", "give SI units (m, rad, s, m/s, rad/s)"),
+        (fraction, "is not a whole number", f"number the {name}s 0, 1, 2, …"),
+    ]
 
 
 def _as_float(numbers: pd.Series) -> np.ndarray:

@@ -1,8 +1,8 @@
-"""What can be wrong with a dataset, and the checks of its tables.
+"""What can be wrong with a dataset, and the checks of the structure of its tables.
 
 One reading collects every problem in a `Report`; errors are raised together as one `DatasetError`, warnings stay on
-the dataset.  "row" is the line in the file: the header of a CSV is row 1, the first data row is row 2.
-`check_trajectories` and `check_impacts` test structure; units and signs are judged in plausible.py.
+the dataset.  "row" is the line in the file: the header of a CSV is row 1, the first data row is row 2.  Units and
+signs are judged in `datasets.checks`.
 """
 
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, STATE, V_POST
 from thesis_lib.foundation.errors import UserError
 
 MIN_SAMPLES = 10  # two arcs of the fewest samples that carry a parabola and its covariance (5 each)
-RATE_TOLERANCE = (
-    0.02  # clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit or a dropped frame in two
-)
+# clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit, or every second frame dropped
+RATE_TOLERANCE = 0.02
+SLOWEST = 0.1  # s between samples; a bounce of a hand-sized body lasts a few tenths of a second
 SHOWN = 4  # row numbers spelled out before "and n more"
-SHOWN_PROBLEMS = 100  # beyond that nobody reads on; the count is still told
+SHOWN_PROBLEMS = 100  # nobody reads on beyond that; the rest is counted
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,39 @@ class Report:
 
 @dataclass(frozen=True)
 class Table:
-    """The usable rows of a file; the index of `data` counts its data rows, unusable ones included."""
+    """The usable rows of a file, and the report that its problems go to.
+
+    Attributes:
+        file: its name.
+        data: the rows; their index counts the data rows of the file, unusable ones included.
+        first_row: row number of index 0.
+        complete: False where unusable rows were taken out: counts within a trial then mean nothing.
+        report: collects the problems.
+    """
 
     file: str
     data: pd.DataFrame
-    first_row: int  # row number of index 0
-    complete: bool  # False where unusable rows were taken out: counts within a trial then mean nothing
+    first_row: int
+    complete: bool
+    report: Report
 
     def rows(self, mask: np.ndarray) -> str:
         """'row 7' or 'rows 7, 8, 9, 10 and 12 more' for a mask over `data`."""
         return row_text(self.data.index.to_numpy()[np.asarray(mask)] + self.first_row)
+
+    def error(self, where: str, what: str, remedy: str, rows: np.ndarray | None = None) -> None:
+        """Report an error at `where`; with a mask of `rows` over `data`, of these rows, and none if it has none."""
+        if rows is None or np.any(rows):
+            self.report.error(
+                self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy
+            )
+
+    def warn(self, where: str, what: str, remedy: str, rows: np.ndarray | None = None) -> None:
+        """Like `error`, for what is suspicious without being wrong."""
+        if rows is None or np.any(rows):
+            self.report.warn(
+                self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy
+            )
 
 
 def row_text(rows: Sequence[int] | np.ndarray) -> str:
@@ -85,61 +108,43 @@ def row_text(rows: Sequence[int] | np.ndarray) -> str:
     return f"row{'s' if len(rows) != 1 else ''} {shown}{more}"
 
 
-def trial_text(trials: np.ndarray) -> str:
-    """Trial numbers in words."""
-    return row_text(trials).replace("row", "trial")
-
-
-def check_trajectories(table: Table, rate: float | None, report: Report) -> None:
-    """Order, continuity and length of trials, times and rate."""
-    data, file = table.data, table.file
-    trial, t = data["trial"].to_numpy(), data["t"].to_numpy(float)
-    _check_contiguous(table, trial, report)
+def check_trajectories(table: Table, rate: float | None) -> None:
+    """Order, continuity and length of trials, times and rate (Hz, as stated)."""
+    trial, t = table.data["trial"].to_numpy(), table.data["t"].to_numpy(float)
+    _check_contiguous(table, trial)
 
     same = np.zeros(len(t), dtype=bool)
     same[1:] = trial[1:] == trial[:-1]
     step = np.diff(t, prepend=t[0])
-    if np.any(bad := same & (step == 0.0)):
-        report.error(
-            file,
-            f"column t, {table.rows(bad)}",
-            "the time is the same as in the row before",
-            "delete the duplicated samples, or log t with more digits",
-        )
-    if np.any(bad := same & (step < 0.0)):
-        report.error(
-            file,
-            f"column t, {table.rows(bad)}",
-            "the time goes backwards within a trial",
-            "sort each trial by t, and give each release its own trial number",
-        )
+    remedy = "delete the duplicated samples, or log t with more digits"
+    table.error("column t", "the time is the same as in the row before", remedy, same & (step == 0.0))
+    remedy = "sort each trial by t, and give each release its own trial number"
+    table.error("column t", "the time goes backwards within a trial", remedy, same & (step < 0.0))
     if table.complete:
         trials, count = np.unique(trial, return_counts=True)
         if np.any(short := count < MIN_SAMPLES):
-            report.error(
-                file,
-                f"column trial, {trial_text(trials[short])}",
+            table.error(
+                f"column trial, {row_text(trials[short]).replace('row', 'trial')}",
                 f"fewer than {MIN_SAMPLES} samples in a trial (the shortest has {count.min()})",
                 "remove these trials, or log them at a higher rate: a fit on either side of an impact needs 5 samples",
             )
-    _check_copies(table, ["x", "y", "theta"], report)
+    _check_copies(table, ["x", "y", "theta"])
     if np.any(forward := same & (step > 0.0)):
-        _check_step(table, float(np.median(step[forward])), rate, report)
-        gaps = same & (step > 1.5 * np.median(step[forward]))
-        if np.any(gaps):
-            report.warn(
-                file,
-                f"column t, {table.rows(gaps)}",
-                "samples are missing before these rows (the time step is more than 1.5 times the usual one)",
-                "nothing, if frames were lost; impacts that fall into a gap are left out",
-            )
+        usual = float(np.median(step[forward]))
+        _check_step(table, usual, rate)
+        table.warn(
+            "column t",
+            "samples are missing before these rows (the time step is more than 1.5 times the usual one)",
+            "nothing, if frames were lost; impacts that fall into a gap are left out",
+            same & (step > 1.5 * usual),
+        )
 
 
-def _check_copies(table: Table, columns: list[str], report: Report) -> None:
+def _check_copies(table: Table, columns: list[str]) -> None:
     """Trials whose measured values are those of another, to the last digit: one release cannot be measured twice."""
     values = table.data[columns].to_numpy(float)
     if len(values) < 2 or (np.ptp(values, axis=0) == 0.0).any():
-        return  # a channel that never changes is no copy: it was not measured, which is told elsewhere
+        return  # a channel that never changes was not measured, which is reported elsewhere
     trial = table.data["trial"].to_numpy()
     first: dict[bytes, int] = {}
     pairs = []
@@ -152,47 +157,36 @@ def _check_copies(table: Table, columns: list[str], report: Report) -> None:
         return
     shown = ", ".join(f"{a} and {b}" for a, b in pairs[:SHOWN])
     more = f" and {len(pairs) - SHOWN} more pairs" if len(pairs) > SHOWN else ""
-    report.error(
-        table.file,
+    table.error(
         "column trial",
         f"trials {shown}{more} hold the same measurements to the last digit",
         "keep one of each: copies would be in the training and in the held-out part, and count twice",
     )
 
 
-def _check_step(table: Table, step: float, rate: float | None, report: Report) -> None:
-    slowest = 0.1  # s; a bounce of a hand-sized body lasts a few tenths of a second
-    if step > slowest:
+def _check_step(table: Table, step: float, rate: float | None) -> None:
+    if step > SLOWEST:
         hint = "milliseconds" if rate is None or abs(step * rate / 1000.0 - 1.0) < 0.1 else "frame numbers"
-        report.error(
-            table.file,
-            "column t",
-            f"the median time step is {step:.4g} s, too slow to see a bounce; t looks like {hint}",
-            "give t in seconds",
-        )
+        what = f"the median time step is {step:.4g} s, too slow to see a bounce; t looks like {hint}"
+        table.error("column t", what, "give t in seconds")
     elif rate is not None and abs(step * rate - 1.0) > RATE_TOLERANCE:
-        report.error(
-            table.file,
+        table.error(
             "column t",
             f"the median time step is {step:.6g} s ({1.0 / step:.6g} Hz), but dataset.yaml says rate: {rate:g} Hz",
             "correct rate in dataset.yaml (or leave it out), or t if it is not in seconds",
         )
 
 
-def check_impacts(table: Table, report: Report) -> None:
+def check_impacts(table: Table) -> None:
     """Numbering of impacts, order of trials, and the optional columns."""
-    data, file = table.data, table.file
+    data = table.data
     trial, impact = data["trial"].to_numpy(), data["impact"].to_numpy()
-    _check_contiguous(table, trial, report)
+    _check_contiguous(table, trial)
 
     duplicated = data.duplicated(["trial", "impact"]).to_numpy()
-    if np.any(duplicated):
-        report.error(
-            file,
-            f"columns trial and impact, {table.rows(duplicated)}",
-            "the same impact of the same trial stands in an earlier row",
-            "give each release its own trial number, or delete the copies",
-        )
+    what = "the same impact of the same trial stands in an earlier row"
+    remedy = "give each release its own trial number, or delete the copies"
+    table.error("columns trial and impact", what, remedy, duplicated)
     if table.complete:
         # gaps are legitimate: an impact that could not be measured is left out and keeps its number
         same = np.concatenate([[False], trial[1:] == trial[:-1]])
@@ -200,65 +194,42 @@ def check_impacts(table: Table, report: Report) -> None:
         bad = ((impact < 0) | falls) & ~np.isin(trial, trial[duplicated])
         if not np.any(impact == 0):
             bad |= True
-        if np.any(bad):
-            report.error(
-                file,
-                f"column impact, {table.rows(bad)}",
-                "within a trial, impact must count up from 0 (0, 1, 2, …) in order",
-                "renumber it; with one impact a trial, trial counts up and impact is 0 throughout",
-            )
-    _check_copies(table, [*V_PRE, *V_POST], report)
-    _check_optional(table, report)
+        what = "within a trial, impact must count up from 0 (0, 1, 2, …) in order"
+        remedy = "renumber it; with one impact a trial, trial counts up and impact is 0 throughout"
+        table.error("column impact", what, remedy, bad)
+    _check_copies(table, [*V_PRE, *V_POST])
+    _check_optional(table)
 
 
-def _check_optional(table: Table, report: Report) -> None:
-    data, file = table.data, table.file
+def _check_optional(table: Table) -> None:
+    data = table.data
     if ("r_x" in data) != ("r_y" in data):
         there, lacking = ("r_x", "r_y") if "r_x" in data else ("r_y", "r_x")
-        report.error(
-            file,
-            f"column {lacking}",
-            f"is missing although {there} is there",
-            "give both coordinates of the contact point, or neither (then the shape and theta give it)",
-        )
-    present = [name for name in COVARIANCE_COLUMNS if name in data]
-    if 0 < len(present) < len(COVARIANCE_COLUMNS):
-        lacking = [name for name in COVARIANCE_COLUMNS if name not in data]
-        report.error(
-            file,
-            f"column {lacking[0]}" + (f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""),
-            f"only {len(present)} of the {len(COVARIANCE_COLUMNS)} covariance columns are there",
-            "give the whole lower triangle cov_<a>_<b>, or none of it",
-        )
+        remedy = "give both coordinates of the contact point, or neither (then the shape and theta give it)"
+        table.error(f"column {lacking}", f"is missing although {there} is there", remedy)
+    lacking = [name for name in COVARIANCE_COLUMNS if name not in data]
+    if 0 < len(lacking) < len(COVARIANCE_COLUMNS):
+        more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
+        present = len(COVARIANCE_COLUMNS) - len(lacking)
+        what = f"only {present} of the {len(COVARIANCE_COLUMNS)} covariance columns are there"
+        remedy = "give the whole lower triangle cov_<a>_<b>, or none of it"
+        table.error(f"column {lacking[0]}{more}", what, remedy)
     for name in (f"cov_{state}_{state}" for state in STATE):
-        if name in data and np.any(bad := data[name].to_numpy(float) < 0.0):
-            report.error(
-                file,
-                f"column {name}, {table.rows(bad)}",
-                "a variance is negative",
-                "give variances of at least 0",
-            )
+        if name in data:
+            negative = data[name].to_numpy(float) < 0.0
+            table.error(f"column {name}", "a variance is negative", "give variances of at least 0", negative)
     if "t" in data and table.complete:
         known = data[np.isfinite(data["t"].to_numpy(float))]
         step = known.groupby("trial", sort=False)["t"].diff().to_numpy(float)
-        if np.any(bad := step <= 0.0):
-            report.error(
-                file,
-                f"column t, {row_text(known.index.to_numpy()[bad] + table.first_row)}",
-                "an impact is not later than the one before it in the same trial",
-                "order the impacts of a trial by time",
-            )
+        what = "an impact is not later than the one before it in the same trial"
+        late = data.index.isin(known.index[step <= 0.0])
+        table.error("column t", what, "order the impacts of a trial by time", late)
 
 
-def _check_contiguous(table: Table, trial: np.ndarray, report: Report) -> None:
+def _check_contiguous(table: Table, trial: np.ndarray) -> None:
     starts = np.flatnonzero(np.diff(trial, prepend=trial[0] - 1) != 0)
     _, first = np.unique(trial[starts], return_index=True)
     again = np.zeros(len(trial), dtype=bool)
     again[np.delete(starts, first)] = True
-    if np.any(again):
-        report.error(
-            table.file,
-            f"column trial, {table.rows(again)}",
-            "a trial begins again after rows of another trial",
-            "keep the rows of a trial together, and give each release its own trial number",
-        )
+    remedy = "keep the rows of a trial together, and give each release its own trial number"
+    table.error("column trial", "a trial begins again after rows of another trial", remedy, again)

@@ -104,7 +104,7 @@ def parse_shape(text: str) -> Shape:
             return Polygon(vertices=tuple(points))  # pyright: ignore[reportArgumentType]
     except (ValueError, ValidationError) as error:
         reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
-        raise UserError(f"--shape: '{text}' is no shape ({reason}).") from error
+        raise UserError(f"--shape: '{text}' is not a shape ({reason}).") from error
     raise UserError(
         f"--shape: '{kind}' is unknown; give ellipse:A,B (semi-axes), disk:R, square:SIDE or polygon:x1,y1;x2,y2;… "
         "in m."
