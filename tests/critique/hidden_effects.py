@@ -11,8 +11,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, Mechanisms
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, HiddenCauses
 
 DROPS = 60
 RIG_NOISE = Noise(position=3e-4, angle=3e-3)
@@ -26,7 +25,7 @@ def simulated(name: str, seed: int, **mechanisms: float) -> Dataset:
         ELLIPSE_BODY,
         PROOF_RELEASE,
         DROPS,
-        mechanisms=Mechanisms(**mechanisms),
+        hidden=HiddenCauses(**mechanisms),
         noise=RIG_NOISE,
         rng=np.random.default_rng(seed),
     )

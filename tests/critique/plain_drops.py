@@ -11,8 +11,9 @@ from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.synthetic import synthesise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS, Effect
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, Drops, simulate_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
+from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
 TRUTH = {"mu": 0.2, "epsilon": 0.6}
 LAW = LAWS["anitescu_potra_newton"]  # that of the simulator

@@ -15,8 +15,8 @@ from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
 RATE = 250.0
 

@@ -11,8 +11,7 @@ from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
 
 N, RATE = 6, 250
 NONE = Noise(position=None, angle=None)

@@ -16,8 +16,8 @@ from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
 DT = 1.0 / 250.0
 GRAVITY = 9.81

@@ -22,7 +22,7 @@ from thesis_lib.identify.impacts.measured_ratio import (
     regressions,
 )
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
 
 SIGMAS = 4.0  # standard errors; one test in 16 000 would fail by chance
 SHAPE = Ellipse(semi_axes=(0.035, 0.025))
@@ -116,7 +116,7 @@ def test_mirrored_rotation_is_recovered_and_told_by_the_misfit(rng):
 
 def dataset(body, mechanisms, rng, n):
     drops = simulate_compliant_drops(
-        body, PROOF_RELEASE, n, mechanisms=mechanisms, duration=0.5, noise=RIG_NOISE, rng=rng
+        body, PROOF_RELEASE, n, hidden=mechanisms, duration=0.5, noise=RIG_NOISE, rng=rng
     )
     return Dataset("simulated", drops.header.model_copy(update={"noise": None}), drops.trajectories)
 
@@ -124,7 +124,7 @@ def dataset(body, mechanisms, rng, n):
 def test_interval_covers_the_truth_of_simulated_drops(rng):
     # the header believes in a k² that is 25 % too small; nothing tells the estimator
     body = Body(shape=SHAPE, mass=0.0364, radius_of_gyration=0.0215)
-    table = measured_ratio(dataset(body, Mechanisms(inertia_error=0.25), rng, 50), rng, QUICK)
+    table = measured_ratio(dataset(body, HiddenCauses(inertia_error=0.25), rng, 50), rng, QUICK)
     row = table.set_index("variant").loc["as_published"]
     truth = 1.0 / (1.25 * 0.0215**2)
     assert abs(row["ratio"] - truth) < SIGMAS * row["std"] and row["std"] < 0.01 * truth
@@ -136,7 +136,7 @@ def test_interval_covers_the_truth_of_simulated_drops(rng):
 
 @pytest.mark.slow
 def test_angle_offset_and_round_corners_are_found_with_it(rng):
-    hidden = Mechanisms(angle_offset=-0.03, corner_radius=3e-3, inertia_error=-0.2)
+    hidden = HiddenCauses(angle_offset=-0.03, corner_radius=3e-3, inertia_error=-0.2)
     table = measured_ratio(dataset(SQUARE, hidden, rng, 100), rng, QUICK).set_index("variant")
     row, truth = table.loc["angle_offset+rounded_corners"], 1.0 / (0.8 * SQUARE.radius_of_gyration**2)
     assert abs(row["ratio"] - truth) < SIGMAS * row["std"]
@@ -149,7 +149,7 @@ def test_angle_offset_and_round_corners_are_found_with_it(rng):
 
 
 def test_sharp_corners_are_found_sharp(rng):
-    table = measured_ratio(dataset(SQUARE, Mechanisms(), rng, 40), rng, QUICK).set_index("variant")
+    table = measured_ratio(dataset(SQUARE, HiddenCauses(), rng, 40), rng, QUICK).set_index("variant")
     row, truth = table.loc["angle_offset+rounded_corners"], 1.0 / SQUARE.radius_of_gyration**2
     assert row["rho"] < SIGMAS * row["rho_std"] and abs(row["d_theta"]) < SIGMAS * row["d_theta_std"]
     assert abs(row["ratio"] - truth) < SIGMAS * row["std"] and row["status"] == "ok"

@@ -18,8 +18,7 @@ from thesis_lib.critique.simulation.simulate_model import measured_releases, pro
 from thesis_lib.datasets import read_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
 
 TRUTH = {"mu": 0.3, "epsilon": 0.55, "tangential_restitution.e_t": 0.4}
 SAME = 1e-7  # m and rad, between the engines

@@ -9,15 +9,16 @@ from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
-from thesis_lib.simulate.compliant.drops import CompliantDrops, simulate_compliant_drops
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE
+from thesis_lib.simulate.rig.record import Drops
 
 APART = 4e-3  # s, one frame: contacts nearer than this are one hit in the samples
 REASON = "next corner"
 
 
 @cache
-def drops() -> CompliantDrops:
+def drops() -> Drops:
     return simulate_compliant_drops(SQUARE, PROOF_RELEASE, 120, noise=RIG_NOISE, rng=np.random.default_rng(5))
 
 

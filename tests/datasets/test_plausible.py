@@ -153,7 +153,9 @@ def test_wild_samples_are_no_degrees(tmp_path):
 def test_columns_of_a_motion_in_space_are_refused_as_such(tmp_path):
     frame = trajectories().assign(z=0.0, roll=0.1, note=1.0)
     text = errors(write(tmp_path, trajectories=frame))
-    assert "columns z, roll" in text and "only planar motions" in text and "remove it" in text  # the last of `note`
+    assert (
+        "columns z, roll" in text and "only planar motions" in text and "remove it" in text
+    )  # the last of `note`
 
 
 def test_copies_of_trials_are_named(tmp_path):

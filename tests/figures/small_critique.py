@@ -6,8 +6,9 @@ from thesis_lib.bodies.body import Noise
 from thesis_lib.critique.drops.criticise import Critique, criticise
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
 from thesis_lib.simulate.rig.release import Release, Spread
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
 DROPS = 24
 RELEASE = Release(

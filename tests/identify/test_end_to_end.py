@@ -9,8 +9,9 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
 from thesis_lib.simulate.rig.release import Release
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
 MU, EPSILON = 0.12, 0.6
 SIGMAS = 4.0  # bootstrap standard errors: one failure in 16,000 if the errors are normal

@@ -8,8 +8,9 @@ import yaml
 from thesis_lib.bodies.body import Noise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
 from thesis_lib.simulate.rig.release import Release, Spread
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, simulate_drops
+from thesis_lib.simulate.stepping.drops import simulate_drops
 
 # HTML, a template, mathtext that does not parse, commands of a shell, a format, LaTeX, reStructuredText, quotes
 NAME = "<img src=x onerror=alert(1)>&$\\frac{1}{$`touch pwned`$(touch pwned);{{7*7}}%s%n'\"\\input{x}|.. raw:: html"

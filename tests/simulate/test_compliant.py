@@ -18,7 +18,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant import drops as compliant
 from thesis_lib.simulate.compliant.drops import TRUTH, simulate_compliant_drops
 from thesis_lib.simulate.compliant.forces import rounded_centres
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, HiddenCauses
 from thesis_lib.simulate.rig.release import Release, Spread
 
 # a contact of 20 µs in 200 steps: the first-order errors of switching are about 1/200 of the change they act on
@@ -45,7 +45,7 @@ def run(n=20, body=ELLIPSE, release=PROOF_RELEASE, seed=0, hidden=None, contact=
         release,
         n,
         contact=CompliantContact(**(contact or {})),
-        mechanisms=Mechanisms(**(hidden or {})),
+        hidden=HiddenCauses(**(hidden or {})),
         rng=np.random.default_rng(seed),
         **options,
     )
@@ -84,8 +84,8 @@ def test_knows_no_impact_law_and_no_effect(name):
 
 
 def test_every_mechanism_has_a_cause_and_is_off_by_default():
-    assert set(Mechanisms.model_fields) == set(CAUSES) | SHARED
-    assert not any(getattr(Mechanisms(), name) for name in CAUSES)
+    assert set(HiddenCauses.model_fields) == set(CAUSES) | SHARED
+    assert not any(getattr(HiddenCauses(), name) for name in CAUSES)
     assert {effect for cause in CAUSES.values() for effect in cause.effects} <= set(EFFECTS)
 
 

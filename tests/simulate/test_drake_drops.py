@@ -12,7 +12,7 @@ from thesis_lib.simulate.compliant.drops import TRUTH, simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import ACCURACY, SUPPORTED, WITHOUT_ELEMENT, simulate_drake_drops
 from thesis_lib.simulate.drake.plant import STICTION
 from thesis_lib.simulate.drake.viscoelastic_pad import design, rebound
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, HiddenCauses
 from thesis_lib.simulate.rig.release import Release, Spread
 
 EXACT = 1e-9  # free flight: a parabola for a Runge-Kutta step and for a Hermite path
@@ -47,7 +47,7 @@ def run(
         release,
         n,
         contact=CompliantContact(**(contact or {})),
-        mechanisms=Mechanisms(**(hidden or {})),
+        hidden=HiddenCauses(**(hidden or {})),
         rng=np.random.default_rng(seed),
         **({"duration": 0.25} | options),
     )

@@ -11,9 +11,10 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
 from thesis_lib.simulate.rig.release import Release, Spread
 from thesis_lib.simulate.stepping import drops as drops_module
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY, IMPACT_TRUTH, DropStatus, simulate_drops
+from thesis_lib.simulate.stepping.drops import TRUTH, DropStatus, simulate_drops
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.plant import planar_body
 
@@ -254,7 +255,7 @@ def test_flight_and_impacts_do_not_depend_on_the_time_step():
         )
         a, b = (table.query("impact < 2").reset_index(drop=True) for table in (a, b))
         assert len(a) == len(b) == 60
-        np.testing.assert_allclose(b[list(IMPACT_TRUTH[:12])], a[list(IMPACT_TRUTH[:12])], atol=CONTACT_TIME)
+        np.testing.assert_allclose(b[list(TRUTH[:12])], a[list(TRUTH[:12])], atol=CONTACT_TIME)
 
 
 def test_support_converges_at_first_order():
@@ -323,14 +324,14 @@ def test_output_is_a_valid_dataset(tmp_path):
     back = read_dataset(tmp_path / "drops")
     assert back.header == out.header
     np.testing.assert_allclose(back.trajectories[POSES], out.trajectories[POSES], atol=1e-6)
-    truth = dataclasses.replace(back, trajectories=None, impacts=out.impacts[list(IMPACT_TRUTH[:14])])
+    truth = dataclasses.replace(back, trajectories=None, impacts=out.impacts[list(TRUTH[:14])])
     write_dataset(truth, tmp_path / "truth")
     assert len(read_dataset(tmp_path / "truth").impacts) == len(out.impacts)
 
 
 def test_drops_that_never_land_have_an_empty_table_of_impacts():
     out = run(3, duration=0.1)
-    assert tuple(out.impacts.columns) == IMPACT_TRUTH and len(out.impacts) == 0
+    assert tuple(out.impacts.columns) == TRUTH and len(out.impacts) == 0
     assert (out.trials["impacts"] == 0).all()
 
 

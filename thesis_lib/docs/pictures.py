@@ -109,7 +109,7 @@ def _draw_curve(ax: Axes, rows: pd.DataFrame, label: str, factor: float) -> None
 def draw_reach(law: Law) -> Figure:
     """Impulses that a law can give to one impact of the ellipse, in the energy ellipse."""
     from thesis_lib.figures.chapter3.contact_space import EXAMPLE, draw_ellipse, region_outline
-    from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
+    from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
 
     space, unit = EXAMPLE.space(ELLIPSE_BODY), ImpulseAxis.of(ELLIPSE_BODY.mass is not None)
     figure = new_figure(4.6, 2.6)

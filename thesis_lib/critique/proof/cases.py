@@ -21,8 +21,14 @@ from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, RIG_NOISE, SQUARE, Mechanisms
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
+from thesis_lib.simulate.rig.hidden_causes import (
+    CAUSES,
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    HiddenCauses,
+)
 
 NOTHING = "nothing"
 SOURCES = ("law", "mechanism", "drake")
@@ -136,6 +142,6 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
     else:
         from thesis_lib.simulate.compliant.drops import simulate_compliant_drops as simulate
     drops = simulate(
-        case.body, PROOF_RELEASE, case.drops, mechanisms=Mechanisms(**hidden), noise=noise, rng=rng
+        case.body, PROOF_RELEASE, case.drops, hidden=HiddenCauses(**hidden), noise=noise, rng=rng
     )
     return Dataset("proof", drops.header, drops.trajectories), {}

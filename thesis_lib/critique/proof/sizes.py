@@ -19,8 +19,7 @@ from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE
-from thesis_lib.simulate.stepping.drops import ELLIPSE_BODY
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE
 
 CONFIG = (
     Path(thesis_lib.__file__).resolve().parent.parent / "config"

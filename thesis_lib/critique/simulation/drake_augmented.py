@@ -33,7 +33,7 @@ from thesis_lib.effects.effect import State
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.drake.clock import Clock, fly
 from thesis_lib.simulate.drake.plant import drop_plant
-from thesis_lib.simulate.rig.hidden_causes import CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
@@ -127,7 +127,7 @@ class _Drops:
         self.saved, self.rig = saved, saved.believed
         self._trial = [0]
         air = _Air(self.inner, saved, self._trial) if self.inner.effects else None
-        made = drop_plant(body, CompliantContact(), Mechanisms(), self.rig.gravity, air=air)
+        made = drop_plant(body, CompliantContact(), HiddenCauses(), self.rig.gravity, air=air)
         self.clock = Clock(made, FLIGHT_STEP, ACCURACY)
 
     def run(self, trial: int, q: np.ndarray, v: np.ndarray, samples: np.ndarray) -> pd.DataFrame:

@@ -49,8 +49,8 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.impacts.measured_ratio import ImpactLink
 from thesis_lib.identify.impacts.settings import ImpactForces
-from thesis_lib.simulate.compliant.drops import CompliantDrops
-from thesis_lib.simulate.rig.hidden_causes import Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
+from thesis_lib.simulate.rig.record import Drops
 from thesis_lib.statistics.intervals import Z95
 
 METHODS = ("arcs", "arcs_link")
@@ -95,9 +95,9 @@ class ForcePlate:
         from thesis_lib.simulate.drake.plant import drop_plant, pad_of
 
         self.settings, body, contact = settings, settings.body, settings.contact
-        pad = pad_of(body, contact, Mechanisms(), contact.epsilon)
+        pad = pad_of(body, contact, HiddenCauses(), contact.epsilon)
         self._clock = Clock(
-            drop_plant(body, contact, Mechanisms(), 9.81, pad), contact.contact_time, ACCURACY
+            drop_plant(body, contact, HiddenCauses(), 9.81, pad), contact.contact_time, ACCURACY
         )
         self._port = self._clock.made.plant.get_contact_results_output_port()
 
@@ -173,7 +173,7 @@ def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
     }
 
 
-def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> CompliantDrops:
+def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Drops:
     """Drops in Drake, poses with noise."""
     from thesis_lib.simulate.drake.drops import simulate_drake_drops
 
@@ -190,7 +190,7 @@ def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Compliant
 
 
 def study_impact_forces(
-    drops: CompliantDrops, settings: ImpactForces | None = None
+    drops: Drops, settings: ImpactForces | None = None
 ) -> tuple[pd.DataFrame, dict[str, int]]:
     """Estimates and truth, a row per impact and method, and how many impacts were left out for each reason.
 
@@ -281,9 +281,7 @@ def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def shown_impact(
-    rows: pd.DataFrame, drops: CompliantDrops, settings: ImpactForces
-) -> tuple[pd.Series, ForceHistory]:
+def shown_impact(rows: pd.DataFrame, drops: Drops, settings: ImpactForces) -> tuple[pd.Series, ForceHistory]:
     """The impact of figure 2-15: of the first hits, that of the median true peak; its row by `arcs`, its history."""
     first = rows[(rows["impact"] == 0) & (rows["method"] == METHODS[0])].sort_values(
         "peak_true", kind="stable"

@@ -2,7 +2,7 @@
 
 Each drop has its own clock.  Flight goes from tick to tick (samples, and at most `FLIGHT_STEP` between) with classical
 Runge-Kutta steps, exact for a parabola; a tick that ends below the plate is cut at the touch by bisection.  From there
-the contact forces of `compliant_forces` are integrated with the contact's own small step until nothing touches or
+the contact forces of `forces` are integrated with the contact's own small step until nothing touches or
 sticks any more.  All drops fly, then all that have landed are in contact together, and so on: both loops are over
 steps, never over drops.
 
@@ -18,21 +18,25 @@ a contact longer than `LONGEST` contact times.  Later samples do not exist.
 Randomness: `rng` spawns three streams (releases, noise, phase of the plate), each drawn in the order of the drops,
 so drop i is the same whatever the number of drops (wear excepted: it counts them).
 
-Sources: see `mechanisms`.
+Sources: see `hidden_causes`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.forces import Mechanics, Memory
-from thesis_lib.simulate.rig.camera import as_trajectories, reported, with_noise, wobble
-from thesis_lib.simulate.rig.hidden_causes import CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.camera import reported, wobble
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
+from thesis_lib.simulate.rig.record import (
+    CONTACT,
+    Drops,
+    as_dataset,
+    check_request,
+    contact_table,
+    contacts,
+    sample_times,
+    trial_table,
+)
 from thesis_lib.simulate.rig.release import Release
 
 FLIGHT_STEP = 1e-3  # s; a corner at 0.05 m turning with 60 rad/s dips by at most 0.02 mm unseen within it
@@ -43,28 +47,7 @@ MAX_CONTACTS = 25
 LONGEST = 30.0  # contact times
 _COMPACT = 8  # steps between removals of those that have separated
 
-TRUTH = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", "c_n")
-TRUTH += ("duration", "energy_change", "separated")
-
-
-@dataclass(frozen=True)
-class CompliantDrops:
-    """Simulated drops.
-
-    Attributes:
-        header: content of dataset.yaml as the user believes it: no mechanism shows in it.
-        trajectories: columns trial,t,x,y,theta as the camera reports them, with noise, sorted by trial and t.
-        impacts: the truth, a row per contact: the columns of impacts.csv for the body's origin, t (of the touch),
-            r_x, r_y (true deepest point from the origin), c_t, c_n (N s), duration (s), energy_change (J, kinetic),
-            separated (False where the recording ended during the contact).
-        trials: the truth, a row per drop: release x,y,theta,vx,vy,omega of the origin; contacts (count); t_end, the end
-            of the recording in s.
-    """
-
-    header: Header
-    trajectories: pd.DataFrame
-    impacts: pd.DataFrame
-    trials: pd.DataFrame
+TRUTH = (*CONTACT, "duration", "energy_change", "separated")
 
 
 def simulate_compliant_drops(
@@ -73,13 +56,13 @@ def simulate_compliant_drops(
     n: int,
     *,
     contact: CompliantContact | None = None,
-    mechanisms: Mechanisms | None = None,
+    hidden: HiddenCauses | None = None,
     gravity: float = 9.81,
     duration: float = 0.5,
     rate: float = 250.0,
     noise: Noise | None = None,
     rng: np.random.Generator,
-) -> CompliantDrops:
+) -> Drops:
     """Release n bodies over a plate and record their poses.
 
     Args:
@@ -87,38 +70,83 @@ def simulate_compliant_drops(
         release: distribution of the release states of the body's origin.
         n: number of drops.
         contact: the contact without anything hidden; its defaults if None.
-        mechanisms: what is hidden; nothing if None.
+        hidden: what is hidden; nothing if None.
         gravity: believed, m/s².
         duration: s; samples at 0, 1/rate, ... up to it.
         rate: sampling rate, Hz.
         noise: one-sigma noise of position (x, y each) and angle; what is None or absent is recorded without noise.
         rng: spawns the streams for releases, noise and phases.
 
+    Returns:
+        Drops whose `impacts` also have duration (s) and separated (False where the recording ended during the contact),
+        and whose `trials` have contacts (count) and t_end, the end of the recording in s.
+
     Raises:
         UserError: the body has no mass, an argument is out of range, or a release touches the plate.
     """
-    contact, m = contact or CompliantContact(), mechanisms or Mechanisms()
-    check_request(body, release, m, {"n": n, "gravity": gravity, "duration": duration, "rate": rate})
+    contact, hidden = contact or CompliantContact(), hidden or HiddenCauses()
+    check_hidden_request(body, release, hidden, n=n, gravity=gravity, duration=duration, rate=rate)
     release_rng, noise_rng, phase_rng = rng.spawn(3)
     pose, velocity = release.draw(n, release_rng)
-    mechanics = Mechanics(body, contact, m, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
+    mechanics = Mechanics(body, contact, hidden, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
 
-    samples = np.arange(int(duration * rate + 1e-9) + 1) / rate
-    lagged = samples - m.time_lag
+    samples = sample_times(duration, rate)
+    lagged = samples - hidden.time_lag
     drops = _Drops(mechanics, pose, velocity, _ticks(samples, lagged[lagged > 0.0], rate))
     drops.run()
-
-    impacts = drops.impacts()
     poses = drops.poses_at(samples)
-    if m.wobble:
-        poses = poses + wobble(impacts, samples, n, m, body.radius_of_gyration)
     late = poses[..., 2]
-    if m.time_lag:
+    if hidden.time_lag:
         late = drops.poses_at(np.maximum(lagged, 0.0))[..., 2] + np.minimum(lagged, 0.0) * velocity[:, 2:]
-    poses = reported(poses, late, samples, m)
-    poses = with_noise(poses, noise, noise_rng)
-    header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
-    return CompliantDrops(header, as_trajectories(poses, samples), impacts, drops.trials(pose, velocity))
+    impacts = contact_table(drops.records, TRUTH, {"separated": bool})
+    if hidden.wobble:
+        shown = wobble(impacts, samples, n, hidden, body.radius_of_gyration)
+        poses, late = poses + shown, late + shown[..., 2]
+    poses = reported(poses, late, samples, hidden)
+    dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng)
+    return Drops(*dataset, impacts, trial_table(pose, velocity, contacts=drops.contacts, t_end=drops.t))
+
+
+def check_hidden_request(body: Body, release: Release, hidden: HiddenCauses, **positive: float) -> None:
+    """`check_request` for a body and a surface that may lie where they are not believed to be.
+
+    Raises:
+        UserError: see `check_request`.
+    """
+    reach = (
+        body.shape.extent * max(1.0 + hidden.size_error, 1.0)
+        + np.hypot(hidden.com_offset_x, hidden.com_offset_y)
+        + max(hidden.surface_height, 0.0)
+        + hidden.plate_amplitude
+    )
+    check_request(body, release, reach, **positive)
+
+
+def contact_truth(
+    mechanics: Mechanics,
+    rows: np.ndarray,
+    before: tuple[np.ndarray, np.ndarray, np.ndarray],
+    after: tuple[np.ndarray, np.ndarray, np.ndarray],
+    impulse: np.ndarray,
+    energy_change: np.ndarray,
+    separated: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Columns `TRUTH` of the contacts of the drops `rows` (m,).
+
+    Args:
+        mechanics: gives the place of the origin and of the contact points.
+        rows: numbers of the drops.
+        before, after: q and v (m, 3 or more) of the true centre of mass and t (m,) in s, at touch and at the end.
+        impulse: (m, 2) c_t, c_n in N s.
+        energy_change: (m,) J.
+        separated: (m,) whether the body has left the plate.
+    """
+    q, v, t = before
+    pose, v_pre = mechanics.origin_state(q, v)
+    _, v_post = mechanics.origin_state(*after[:2])
+    r = mechanics.lowest_point(q[:, 2]) + mechanics.origin(q[:, 2])
+    more = {"duration": after[2] - t, "energy_change": energy_change, "separated": separated}
+    return contacts(rows, t, (pose, v_pre, v_post), r, impulse, **more)
 
 
 class _Drops:
@@ -130,7 +158,7 @@ class _Drops:
         n = len(pose)
         self.mechanics, self.ticks = mechanics, ticks
         # the loose mass starts at rest in the body
-        centre, rate = self._centre(pose, velocity)
+        centre, rate = mechanics.centre_state(pose, velocity)
         self.q = np.column_stack([centre, pose[:, 2], centre])
         self.v = np.column_stack([rate, velocity[:, 2], rate])
         self.t = np.zeros(n)
@@ -138,17 +166,7 @@ class _Drops:
         self.poses = np.full((n, len(ticks), 3), np.nan)
         self.poses[:, 0] = pose
         self.slow, self.contacts = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
-        self._rows: list[dict[str, np.ndarray]] = []
-
-    def _centre(self, pose: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        c, omega = self.mechanics.origin(pose[:, 2]), velocity[:, 2:]
-        return pose[:, :2] + c, velocity[:, :2] + omega * np.stack([-c[:, 1], c[:, 0]], axis=-1)
-
-    def _body(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pose and velocity (n, 3) of the body's origin."""
-        c, omega = self.mechanics.origin(q[:, 2]), v[:, 2:3]
-        rate = v[:, :2] - omega * np.stack([-c[:, 1], c[:, 0]], axis=-1)
-        return np.column_stack([q[:, :2] - c, q[:, 2]]), np.column_stack([rate, v[:, 2]])
+        self.records: list[dict[str, np.ndarray]] = []
 
     def run(self) -> None:
         """Advance all drops to the last tick, or to where they come to rest."""
@@ -184,7 +202,7 @@ class _Drops:
             go = ~touches
             rows, tick = rows[go], tick[go]
             self.q[rows], self.v[rows], self.t[rows] = q[go], v[go], self.ticks[tick]
-            self.poses[rows, tick] = self._body(q[go], v[go])[0]
+            self.poses[rows, tick] = self.mechanics.origin_state(q[go], v[go])[0]
             self.next[rows] = tick + 1
             rows = rows[self.next[rows] < len(self.ticks)]
         rows = np.concatenate(landed) if landed else rows
@@ -221,7 +239,7 @@ class _Drops:
                 i = np.flatnonzero(crosses)
                 share = ((coming[i] - t[i]) / h)[:, None]
                 between = q[i] + share * (new_q[i] - q[i])
-                self.poses[rows[here[i]], tick[i]] = self._body(between, new_v[i])[0]
+                self.poses[rows[here[i]], tick[i]] = self.mechanics.origin_state(between, new_v[i])[0]
                 tick[i] += 1
                 coming[i] = np.append(self.ticks, np.inf)[tick[i]]
             # those that have separated wait, unchanged, to be taken out
@@ -239,11 +257,14 @@ class _Drops:
                 break
         self._store(rows, here, q, v, t, tick, np.ones(len(here), dtype=bool))
         separated[here[~held]] = True
-        self._record(rows, start_q, start_v, start_t, impulse, separated)
-
-        r_x, r_y = mech.points(start_q[:, 2])
-        r_x = r_x[np.arange(len(rows)), r_y.argmin(axis=1)]
-        speed = mech.plate(start_t, rows)[1][:, 0] - start_v[:, 1] - r_x * start_v[:, 2]
+        shell, loose = mech.shell, mech.mass - mech.shell
+        weights = 0.5 * np.array([shell, shell, mech.inertia, loose, loose])
+        energy_change = (self.v[rows] ** 2 - start_v**2) @ weights
+        after = self.q[rows], self.v[rows], self.t[rows]
+        self.records.append(
+            contact_truth(mech, rows, (start_q, start_v, start_t), after, impulse, energy_change, separated)
+        )
+        speed = mech.approach(start_q, start_v, start_t, rows)
         self.slow[rows] = np.where(speed < V_SLOW, self.slow[rows] + 1, 0)
         self.contacts[rows] += 1
         on = separated & (self.slow[rows] < SLOW_TOUCHES) & (self.contacts[rows] < MAX_CONTACTS)
@@ -262,53 +283,9 @@ class _Drops:
         at = rows[here[which]]
         self.q[at], self.v[at], self.t[at], self.next[at] = q[which], v[which], t[which], tick[which]
 
-    def _record(
-        self,
-        rows: np.ndarray,
-        q: np.ndarray,
-        v: np.ndarray,
-        t: np.ndarray,
-        impulse: np.ndarray,
-        separated: np.ndarray,
-    ) -> None:
-        pose, before = self._body(q, v)
-        _, after = self._body(self.q[rows], self.v[rows])
-        r_x, r_y = self.mechanics.points(q[:, 2])
-        lowest, every = r_y.argmin(axis=1), np.arange(len(rows))
-        r = np.stack([r_x[every, lowest], r_y[every, lowest]], axis=-1) + self.mechanics.origin(q[:, 2])
-        shell, loose = self.mechanics.shell, self.mechanics.mass - self.mechanics.shell
-        weights = 0.5 * np.array([shell, shell, self.mechanics.inertia, loose, loose])
-        self._rows.append(
-            {"trial": rows, "t": t, "duration": self.t[rows] - t, "separated": separated}
-            | {"energy_change": (self.v[rows] ** 2 - v**2) @ weights}
-            | dict(zip(POSE, pose.T))
-            | dict(zip(V_PRE, before.T))
-            | dict(zip(V_POST, after.T))
-            | dict(zip(("r_x", "r_y"), r.T))
-            | dict(zip(("c_t", "c_n"), impulse.T))
-        )
-
-    # --- results ---
-
     def poses_at(self, times: np.ndarray) -> np.ndarray:
         """Recorded poses (n, len(times), 3) at `times`, which are ticks; NaN after the end of a recording."""
         return self.poses[:, np.abs(self.ticks[:, None] - times).argmin(axis=0)]
-
-    def impacts(self) -> pd.DataFrame:
-        """The recorded contacts, sorted by trial and time and counted from 0 in each trial."""
-        if self._rows:
-            table = pd.concat([pd.DataFrame(row) for row in self._rows])
-        else:
-            table = pd.DataFrame(columns=TRUTH, dtype=float).astype({"trial": int, "separated": bool})
-        table = table.sort_values(["trial", "t"], kind="stable", ignore_index=True)
-        table["impact"] = table.groupby("trial").cumcount()
-        return table[list(TRUTH)]
-
-    def trials(self, pose: np.ndarray, velocity: np.ndarray) -> pd.DataFrame:
-        """A row per drop, with its release state (n, 3), (n, 3)."""
-        states = dict(zip((*POSE, "vx", "vy", "omega"), [*pose.T, *velocity.T]))
-        table = {"trial": np.arange(len(pose))} | states | {"contacts": self.contacts, "t_end": self.t}
-        return pd.DataFrame(table)
 
 
 def _ticks(samples: np.ndarray, lagged: np.ndarray, rate: float) -> np.ndarray:
@@ -318,25 +295,3 @@ def _ticks(samples: np.ndarray, lagged: np.ndarray, rate: float) -> np.ndarray:
     ticks = np.unique(np.concatenate([between, samples[-1:], lagged]))
     # a lag that is nearly a whole part would leave pairs of ticks that differ by rounding
     return ticks[np.r_[True, np.diff(ticks) > 1e-9]]
-
-
-def check_request(body: Body, release: Release, m: Mechanisms, positive: dict[str, float]) -> None:
-    """Refuse what cannot be simulated; `positive` holds what must be above zero, by name.
-
-    Raises:
-        UserError: see `simulate_compliant_drops`.
-    """
-    for name, value in positive.items():
-        if not 0 < value < np.inf:
-            raise UserError(f"Simulated drops need a positive {name}; got {value}.")
-    reach = (
-        body.shape.extent * max(1.0 + m.size_error, 1.0)
-        + np.hypot(m.com_offset_x, m.com_offset_y)
-        + max(m.surface_height, 0.0)
-        + m.plate_amplitude
-    )
-    if release.height.low <= reach:
-        raise UserError(
-            f"A release at {release.height.low} m can touch the plate: the body reaches {reach:.4g} m from its "
-            "origin. Raise the lower end of the release height."
-        )

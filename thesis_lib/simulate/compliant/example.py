@@ -9,7 +9,7 @@ holds what a rig's owner has and nothing else: dataset.yaml as believed, traject
 | q, v     | x, y, theta; vx, vy, omega   | m, rad; m/s, rad/s | (n,)  | state just before a new impact, without noise |
 | v⁺       | vx_seen, vy_seen, omega_seen | m/s, rad/s         | (n,)  | velocity just after it, without noise         |
 
-Sources: see `mechanisms`.
+Sources: see `hidden_causes`.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.write import write_csv, write_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.compliant.drops import CompliantDrops, simulate_compliant_drops
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.camera import reported
 from thesis_lib.simulate.rig.hidden_causes import (
     CAUSES,
@@ -32,8 +32,9 @@ from thesis_lib.simulate.rig.hidden_causes import (
     PROOF_RELEASE,
     RIG_NOISE,
     SQUARE,
-    Mechanisms,
+    HiddenCauses,
 )
+from thesis_lib.simulate.rig.record import Drops
 
 NOTHING = "nothing"
 NEW_IMPACTS = "new_impacts.csv"
@@ -72,27 +73,25 @@ def simulate_example(
     Raises:
         UserError: the cause is unknown, its size is out of range, or there are no drops.
     """
-    mechanisms = _mechanisms(hidden, size)
+    causes = _hidden_causes(hidden, size)
     if drops < 1:
         raise UserError(f"An example needs at least one drop; got {drops}.")
     if seed < 0:
         raise UserError(f"The seed must be 0 or more; got {seed}.")
     body = SQUARE if hidden in CAUSES and CAUSES[hidden].polygon_only else ELLIPSE_BODY
 
-    def released(n: int, part: str) -> CompliantDrops:
+    def released(n: int, part: str) -> Drops:
         rng = generator(seed, "example", part)
-        return simulate_compliant_drops(
-            body, PROOF_RELEASE, n, mechanisms=mechanisms, noise=RIG_NOISE, rng=rng
-        )
+        return simulate_compliant_drops(body, PROOF_RELEASE, n, hidden=causes, noise=RIG_NOISE, rng=rng)
 
     made = released(drops, "drops")
     header = made.header.model_copy(update={"description": DESCRIPTION})
     truth = released(NEW_DROPS, "new").impacts
     first = truth[(truth["impact"] == 0) & truth["separated"]].reset_index(drop=True)
-    return Example(Dataset(name, header, made.trajectories), _new_impacts(first, mechanisms))
+    return Example(Dataset(name, header, made.trajectories), _new_impacts(first, causes))
 
 
-def _new_impacts(truth: pd.DataFrame, m: Mechanisms) -> pd.DataFrame:
+def _new_impacts(truth: pd.DataFrame, m: HiddenCauses) -> pd.DataFrame:
     """States before and after impact as the camera sees them, from the true ones of the body's origin."""
     q, t = truth[list(POSE)].to_numpy(), truth["t"].to_numpy()
     (pose, before), (_, after) = (
@@ -104,7 +103,7 @@ def _new_impacts(truth: pd.DataFrame, m: Mechanisms) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: Mechanisms) -> tuple[np.ndarray, np.ndarray]:
+def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: HiddenCauses) -> tuple[np.ndarray, np.ndarray]:
     """What the camera makes of pose and velocity (n, 3) at times `t` (n,)."""
     step = np.array([0.0, 1e-3])  # s; along a straight path any step gives the same velocity
     poses = q[:, None] + step[:, None] * v[:, None]
@@ -129,28 +128,28 @@ def causes_text() -> str:
     width = max(map(len, CAUSES))
     lines = []
     for name, cause in CAUSES.items():
-        meaning = Mechanisms.model_fields[name].description
+        meaning = HiddenCauses.model_fields[name].description
         size = "on" if name == "mirrored" else f"{cause.size:g}"
         lines.append(f"  {name:<{width}}  {size:<8} {meaning}{'' if cause.effects else ' (no effect fits)'}")
     return "\n".join([*lines, f"  {NOTHING:<{width}}  {'':<8} a rig that is what its dataset.yaml says"])
 
 
-def _mechanisms(hidden: str, size: float | None) -> Mechanisms:
+def _hidden_causes(hidden: str, size: float | None) -> HiddenCauses:
     if hidden == NOTHING:
         if size is not None:
             raise UserError("--size has no meaning with --hidden nothing; leave it out.")
-        return Mechanisms()
+        return HiddenCauses()
     if hidden not in CAUSES:
         raise UserError(f"There is no hidden cause {hidden!r}; known are {', '.join(CAUSES)} and {NOTHING}.")
     if hidden == "mirrored":
         if size not in (None, 1.0):
             raise UserError("A mirrored camera is on or off; leave --size out.")
-        return Mechanisms(mirrored=True)
+        return HiddenCauses(mirrored=True)
     value = CAUSES[hidden].size if size is None else size
     try:
-        return Mechanisms.model_validate({hidden: value})
+        return HiddenCauses.model_validate({hidden: value})
     except ValidationError as error:
         raise UserError(
             f"A size of {value:g} is not possible for {hidden} "
-            f"({Mechanisms.model_fields[hidden].description}): {error.errors()[0]['msg']}."
+            f"({HiddenCauses.model_fields[hidden].description}): {error.errors()[0]['msg']}."
         ) from error

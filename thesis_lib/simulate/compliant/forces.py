@@ -29,7 +29,7 @@ import numpy as np
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.rig.hidden_causes import CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 EPSILON_LOW, EPSILON_HIGH = 0.05, 1.0  # where slopes and sectors would leave them
 
@@ -52,28 +52,24 @@ class Mechanics:
     """Forces on the drops of one run.
 
     Args:
-        body: as believed; the mechanisms say how the true one differs.
-        contact, mechanisms: see `mechanisms`.
+        body: as believed; what is hidden says how the true one differs.
+        contact, hidden: see `hidden_causes`.
         gravity: believed, m/s².
         n: drops.
         phase: (n,) phase in rad of the vibrating plate in each drop.
-
-    Raises:
-        UserError: the body has no mass.
     """
 
     def __init__(
         self,
         body: Body,
         contact: CompliantContact,
-        mechanisms: Mechanisms,
+        hidden: HiddenCauses,
         gravity: float,
         n: int,
         phase: np.ndarray,
     ) -> None:
-        if body.mass is None:
-            raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
-        m = mechanisms
+        assert body.mass is not None  # `check_request` refuses bodies without one
+        m = hidden
         self.hidden, self.contact, self.phase = m, contact, phase
         self.mass = body.mass
         self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
@@ -105,6 +101,27 @@ class Mechanics:
         cos, sin = np.cos(theta), np.sin(theta)
         x, y = self.com
         return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+    def centre_state(self, pose: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Position and velocity (n, 2) of the true centre of mass from pose and velocity (n, 3) of the origin."""
+        c, omega = self.origin(pose[:, 2]), velocity[:, 2:3]
+        return pose[:, :2] + c, velocity[:, :2] + omega * np.stack([-c[:, 1], c[:, 0]], axis=-1)
+
+    def origin_state(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pose and velocity (n, 3) of the origin from those of the true centre of mass, q and v (n, 3 or more)."""
+        c, omega = self.origin(q[:, 2]), v[:, 2:3]
+        rate = v[:, :2] - omega * np.stack([-c[:, 1], c[:, 0]], axis=-1)
+        return np.column_stack([q[:, :2] - c, q[:, 2]]), np.column_stack([rate, v[:, 2]])
+
+    def lowest_point(self, theta: np.ndarray) -> np.ndarray:
+        """Lowest contact point (n, 2) from the true centre of mass at angles (n,)."""
+        r_x, r_y = self.points(theta)
+        rows, lowest = np.arange(len(theta)), r_y.argmin(axis=1)
+        return np.stack([r_x[rows, lowest], r_y[rows, lowest]], axis=-1)
+
+    def approach(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Speed (n,) in m/s with which plate and lowest point of the drops `rows` approach at times t (n,)."""
+        return self.plate(t, rows)[1][:, 0] - v[:, 1] - self.lowest_point(q[:, 2])[:, 0] * v[:, 2]
 
     def plate(self, t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Height (n, 1) and vertical velocity (n, 1) of the plate at times t (n,) of the drops `rows`."""
@@ -187,10 +204,8 @@ class Mechanics:
         v[:, 0] += h / self.shell * f_t.sum(axis=1)
         v[:, 2] -= h / self.inertia * (r_y * f_t).sum(axis=1)
         if m.rolling_lever:
-            stop = np.abs(v[:, 2])
-            v[:, 2] -= np.sign(v[:, 2]) * np.minimum(
-                h / self.inertia * m.rolling_lever * push.sum(axis=1), stop
-            )
+            kick = h / self.inertia * m.rolling_lever * push.sum(axis=1)
+            v[:, 2] -= np.sign(v[:, 2]) * np.minimum(kick, np.abs(v[:, 2]))
         return q + 0.5 * h * v, v, h * np.stack([f_t.sum(axis=1), total], axis=-1), free
 
     def _normal(
@@ -255,9 +270,8 @@ def rounded_centres(corners: np.ndarray, radius: float) -> np.ndarray:
     hull = corners[ConvexHull(corners).vertices]  # counter-clockwise
     edge = np.roll(hull, -1, axis=0) - hull
     normal = np.stack([edge[:, 1], -edge[:, 0]], axis=-1) / np.linalg.norm(edge, axis=1)[:, None]
-    sides = np.stack(
-        [np.roll(normal, 1, axis=0), normal], axis=1
-    )  # of the edges before and after each corner
+    # normals of the edges before and after each corner
+    sides = np.stack([np.roll(normal, 1, axis=0), normal], axis=1)
     level = np.einsum("pij,pj->pi", sides, hull) - radius
     centres = np.linalg.solve(sides, level[..., None])[..., 0]
     shrunk = np.roll(centres, -1, axis=0) - centres

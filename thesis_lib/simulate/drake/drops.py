@@ -1,10 +1,10 @@
 """Drops of a planar body in Drake, with compliant contact in continuous time: a second truth that no impact law made.
 
-Drake's MultibodyPlant has the body, the plate and what is hidden (`drake_plant`), and its error-controlled Runge-Kutta
+Drake's MultibodyPlant has the body, the plate and what is hidden (`plant`), and its error-controlled Runge-Kutta
 integrator goes through flights, in steps of at most `FLIGHT_STEP`, and through contacts, in some hundreds of steps of
 some ten nanoseconds.  Nothing in Python is called within them: Drake logs its steps, and poses at the samples are read
 from the log (cubic Hermite, exact on a parabola).  A contact lasts from the touch until body and plate, both taken
-undeformed, no longer overlap.  Its impulse is the change of momentum less gravity's.
+undeformed, no longer overlap.  Its impulse is the change of momentum less that by gravity.
 
 A recording ends where the body comes to rest, by the rules of `compliant`.  Later samples do not exist.
 
@@ -21,11 +21,8 @@ Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import (
     LONGEST,
@@ -33,12 +30,13 @@ from thesis_lib.simulate.compliant.drops import (
     SLOW_TOUCHES,
     TRUTH,
     V_SLOW,
-    CompliantDrops,
-    check_request,
+    check_hidden_request,
+    contact_truth,
 )
 from thesis_lib.simulate.compliant.forces import Mechanics
-from thesis_lib.simulate.rig.camera import as_trajectories, reported, with_noise, wobble
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.camera import reported, wobble
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
+from thesis_lib.simulate.rig.record import Drops, as_dataset, contact_table, sample_times, trial_table
 from thesis_lib.simulate.rig.release import Release
 
 if TYPE_CHECKING:
@@ -64,61 +62,50 @@ def simulate_drake_drops(
     n: int,
     *,
     contact: CompliantContact | None = None,
-    mechanisms: Mechanisms | None = None,
+    hidden: HiddenCauses | None = None,
     gravity: float = 9.81,
     duration: float = 0.5,
     rate: float = 250.0,
     noise: Noise | None = None,
     accuracy: float = ACCURACY,
     rng: np.random.Generator,
-) -> CompliantDrops:
+) -> Drops:
     """Release n bodies over a plate in Drake and record their poses.
 
+    Arguments and result are those of `simulate_compliant_drops`, but for
+
     Args:
-        body: shape, mass, radius of gyration, as believed.
-        release: distribution of the release states of the body's origin.
-        n: number of drops.
-        contact: the contact without anything hidden; its `exponent` is 1, and `steps` is not used.
-        mechanisms: what is hidden; nothing if None.
-        gravity: believed, m/s².
-        duration: s; samples at 0, 1/rate, ... up to it.
-        rate: sampling rate, Hz.
-        noise: one-sigma noise of position (x, y each) and angle; what is None or absent is recorded without noise.
+        contact: its `exponent` must be 1; its `steps` are not used.
         accuracy: relative, of Drake's error control.
-        rng: spawns the streams for releases, noise and phases.
 
     Raises:
-        UserError: a mechanism that Drake's elements cannot make, the body has no mass, an argument is out of range,
-            or a release touches the plate.
+        UserError: a hidden cause that Drake's elements cannot make, or one of the reasons given there.
     """
-    contact, m = contact or CompliantContact(), mechanisms or Mechanisms()
-    _refuse(contact, m)
-    check_request(body, release, m, {"n": n, "gravity": gravity, "duration": duration, "rate": rate})
+    contact, hidden = contact or CompliantContact(), hidden or HiddenCauses()
+    _refuse(contact, hidden)
+    check_hidden_request(body, release, hidden, n=n, gravity=gravity, duration=duration, rate=rate)
     release_rng, noise_rng, phase_rng = rng.spawn(3)
     pose, velocity = release.draw(n, release_rng)
-    mechanics = Mechanics(body, contact, m, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
+    mechanics = Mechanics(body, contact, hidden, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
     drops = _Drops(body, contact, mechanics, gravity, accuracy)
-    samples = np.arange(int(duration * rate + 1e-9) + 1) / rate
-    lagged = samples - m.time_lag
+    samples = sample_times(duration, rate)
+    lagged = samples - hidden.time_lag
     poses, late = np.full((n, len(samples), 3), np.nan), np.full((n, len(samples)), np.nan)
     for i in range(n):
         drops.run(i, pose[i], velocity[i], samples)
         poses[i] = drops.poses_at(samples)
         late[i] = drops.poses_at(np.maximum(lagged, 0.0))[:, 2] + np.minimum(lagged, 0.0) * velocity[i, 2]
-    impacts = drops.impacts()
-    if m.wobble:
-        shown = wobble(impacts, samples, n, m, body.radius_of_gyration)
+    impacts = contact_table(drops.records, TRUTH, {"separated": bool})
+    if hidden.wobble:
+        shown = wobble(impacts, samples, n, hidden, body.radius_of_gyration)
         poses, late = poses + shown, late + shown[..., 2]
-    poses = reported(poses, late, samples, m)
-    poses = with_noise(poses, noise, noise_rng)
-    header = Header(schema=1, description=f"{n} drops", body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
-    states = dict(zip((*POSE, "vx", "vy", "omega"), [*pose.T, *velocity.T]))
+    poses = reported(poses, late, samples, hidden)
+    dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng)
     count = np.bincount(impacts["trial"], minlength=n)
-    trials = pd.DataFrame({"trial": np.arange(n)} | states | {"contacts": count, "t_end": drops.ends})
-    return CompliantDrops(header, as_trajectories(poses, samples), impacts, trials)
+    return Drops(*dataset, impacts, trial_table(pose, velocity, contacts=count, t_end=drops.ends))
 
 
-def _refuse(contact: CompliantContact, m: Mechanisms) -> None:
+def _refuse(contact: CompliantContact, m: HiddenCauses) -> None:
     asked = [name for name in WITHOUT_ELEMENT if getattr(m, name)]
     if asked:
         raise UserError(
@@ -151,30 +138,30 @@ class _Drops:
         self._flight = Clock(drop_plant(body, contact, mechanics.hidden, gravity), FLIGHT_STEP, accuracy)
         self._plate: tuple[float, Clock] | None = None
         self.ends = np.zeros(len(every))
-        self._rows: list[dict[str, float]] = []
+        self.records: list[dict[str, np.ndarray]] = []
 
     def run(self, trial: int, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> None:
         """Simulate one drop from the pose and velocity (3,) of its origin to the last sample, or to rest."""
         from thesis_lib.simulate.drake.clock import fly
 
-        com, flight = self.mechanics.origin(pose[2:])[0], self._flight
+        flight = self._flight
+        (centre,), (rate,) = self.mechanics.centre_state(pose[None], velocity[None])
         q, v = np.zeros((2, flight.size))  # a loose mass starts at rest in the body
-        q[:3] = np.r_[pose[:2] + com, pose[2]]
-        v[:3] = np.r_[velocity[:2] + velocity[2] * np.array([-com[1], com[0]]), velocity[2]]
+        q[:3], v[:3] = np.r_[centre, pose[2]], np.r_[rate, velocity[2]]
         t, slow, path = 0.0, 0, []
 
         def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
             return self.mechanics.gap(q, t, np.full(len(t), trial))
 
-        for count in range(1, MAX_CONTACTS + 1):
+        for _ in range(MAX_CONTACTS):
             times, q_path, v_path, landed = fly(flight, gap, t, q, v, samples[samples > t + 1e-12])
             path.append((times, q_path[:, :3], v_path[:, :3]))
             t, q, v = times[-1], q_path[-1], v_path[-1]
             if not landed:
                 break
-            start = t, q, v
+            start = q, v, t
             t, q, v, separated = self._touch_down(trial, t, q, v)
-            speed = self._record(trial, count - 1, start, (t, q, v), separated)
+            speed = self._record(trial, start, (q, v, t), separated)
             slow = slow + 1 if speed < V_SLOW else 0
             path.append((np.array([t]), q[None, :3], v[None, :3]))
             if not separated or slow == SLOW_TOUCHES:
@@ -229,32 +216,15 @@ class _Drops:
         out[times > self._times[-1] + 1e-9] = np.nan
         return out
 
-    def _record(self, trial: int, impact: int, before: tuple, after: tuple, separated: bool) -> float:
-        """Keep the truth of a contact from and to (t, q, v); returns the speed of approach in m/s."""
-        mech = self.mechanics
-        (t0, q0, v0), (t1, q1, v1) = before, after
-        p0, e0 = self._flight.momentum_and_energy(q0, v0)
-        p1, e1 = self._flight.momentum_and_energy(q1, v1)
-        r_x, r_y = (r[0] for r in mech.points(q0[2:3]))
-        lowest, com = r_y.argmin(), mech.origin(q0[2:3])[0]
-
-        def body(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            c = mech.origin(q[2:3])[0]
-            return np.r_[q[:2] - c, q[2]], np.r_[v[:2] - v[2] * np.array([-c[1], c[0]]), v[2]]
-
-        pose, pre = body(q0, v0)
-        c = p1 - p0 - mech.mass * mech.gravity * (t1 - t0)
-        self._rows.append(
-            {"trial": trial, "impact": impact, "t": t0, "duration": t1 - t0, "separated": separated}
-            | dict(zip((*POSE, *V_PRE, *V_POST), np.r_[pose, pre, body(q1, v1)[1]]))
-            | {"r_x": r_x[lowest] + com[0], "r_y": r_y[lowest] + com[1]}
-            | {"c_t": c[0], "c_n": c[1], "energy_change": e1 - e0}
-        )
-        rise = mech.plate(np.array([t0]), np.array([trial]))[1][0, 0]
-        return rise - v0[1] - r_x[lowest] * v0[2]
-
-    def impacts(self) -> pd.DataFrame:
-        """The recorded contacts, sorted by trial and time and counted from 0 in each trial."""
-        if not self._rows:
-            return pd.DataFrame(columns=TRUTH, dtype=float).astype({"trial": int, "separated": bool})
-        return pd.DataFrame(self._rows)[list(TRUTH)]
+    def _record(self, trial: int, before: tuple, after: tuple, separated: bool) -> float:
+        """Keep the truth of a contact from and to (q, v, t); returns the speed of approach in m/s."""
+        mech, rows = self.mechanics, np.array([trial])
+        p0, e0 = self._flight.momentum_and_energy(*before[:2])
+        p1, e1 = self._flight.momentum_and_energy(*after[:2])
+        impulse = p1 - p0 - mech.mass * mech.gravity * (after[2] - before[2])
+        # one contact, as arrays of length one
+        q, v, t = (np.asarray(part)[None] for part in before)
+        end = tuple(np.asarray(part)[None] for part in after)
+        change, left = np.array([e1 - e0]), np.array([separated])
+        self.records.append(contact_truth(mech, rows, (q, v, t), end, impulse[None], change, left))
+        return float(mech.approach(q, v, t, rows)[0])

@@ -55,7 +55,7 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Ellipse
 from thesis_lib.simulate.compliant.forces import rounded_centres
 from thesis_lib.simulate.drake.viscoelastic_pad import Pad, design
-from thesis_lib.simulate.rig.hidden_causes import CompliantContact, Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 # m/s; slip below which friction is not full: a tenth of what the rig resolves of one velocity
 STICTION = 2e-3
@@ -86,7 +86,7 @@ class DropPlant:
     log: VectorLogSink | None
 
 
-def pad_of(body: Body, contact: CompliantContact, m: Mechanisms, epsilon: float) -> Pad:
+def pad_of(body: Body, contact: CompliantContact, m: HiddenCauses, epsilon: float) -> Pad:
     """Pad of restitution `epsilon` under the true body.
 
     Raises:
@@ -101,7 +101,7 @@ def pad_of(body: Body, contact: CompliantContact, m: Mechanisms, epsilon: float)
 def drop_plant(
     body: Body,
     contact: CompliantContact,
-    m: Mechanisms,
+    m: HiddenCauses,
     gravity: float,
     pad: Pad | None = None,
     air: LeafSystem | None = None,
@@ -109,11 +109,11 @@ def drop_plant(
     """Diagram of one body in flight, or over the plate.
 
     Args:
-        body: as believed; the mechanisms `m` say how the true one differs.
+        body: as believed; what is hidden, `m`, says how the true one differs.
         contact: its friction.
         gravity: believed, m/s².
         pad: what gives the restitution; None: no plate, and the log of the flight instead.
-        air: system from the plant's state to a generalised force on it; None: what the mechanisms say.
+        air: system from the plant's state to a generalised force on it; None: that of the hidden causes.
     """
     builder = DiagramBuilder()
     if pad is None:
@@ -156,7 +156,7 @@ def drop_plant(
     return DropPlant(builder.Build(), plant, joint, moving, carriage, log)
 
 
-def _properties(pad: Pad, contact: CompliantContact, m: Mechanisms) -> ProximityProperties:
+def _properties(pad: Pad, contact: CompliantContact, m: HiddenCauses) -> ProximityProperties:
     properties = ProximityProperties()
     # Drake's d acts on the rate of its spring alone, which takes only a share of what body and plate approach
     share = 1.0 / (pad.k_contact * pad.softness)
@@ -171,7 +171,7 @@ def _properties(pad: Pad, contact: CompliantContact, m: Mechanisms) -> Proximity
 
 
 def _add_shape(
-    plant: MultibodyPlant, frame: RigidBody, body: Body, m: Mechanisms, properties: ProximityProperties
+    plant: MultibodyPlant, frame: RigidBody, body: Body, m: HiddenCauses, properties: ProximityProperties
 ) -> None:
     grown, com = 1.0 + m.size_error, np.array([m.com_offset_x, m.com_offset_y])
     shape = body.shape
@@ -188,7 +188,7 @@ def _add_shape(
 
 
 def _add_loose_mass(
-    plant: MultibodyPlant, instance: ModelInstanceIndex, frame: RigidBody, mass: float, m: Mechanisms
+    plant: MultibodyPlant, instance: ModelInstanceIndex, frame: RigidBody, mass: float, m: HiddenCauses
 ) -> None:
     loose = mass * m.loose_mass
     w = 2.0 * np.pi * m.loose_frequency
@@ -202,7 +202,7 @@ def _add_loose_mass(
 
 
 def _add_carriage(
-    plant: MultibodyPlant, instance: ModelInstanceIndex, mass: float, m: Mechanisms
+    plant: MultibodyPlant, instance: ModelInstanceIndex, mass: float, m: HiddenCauses
 ) -> tuple[PrismaticJoint | None, RigidBody]:
     if not (m.plate_velocity or m.plate_amplitude):
         return None, plant.world_body()
@@ -221,7 +221,7 @@ def _add_pad(
     carrier: RigidBody,
     body: Body,
     pad: Pad,
-    m: Mechanisms,
+    m: HiddenCauses,
     properties: ProximityProperties,
 ) -> None:
     plate, skid = carrier, (SKID_SHARE * body.mass if m.tangential_compliance else 0.0)
@@ -247,7 +247,7 @@ def _ball(mass: float) -> SpatialInertia:
     return SpatialInertia(mass, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))  # none of these bodies turns
 
 
-def _air(plant: MultibodyPlant, joint: PlanarJoint, mass: float, m: Mechanisms) -> LeafSystem:
+def _air(plant: MultibodyPlant, joint: PlanarJoint, mass: float, m: HiddenCauses) -> LeafSystem:
     """Quadratic drag and Magnus force, from the plant's state."""
     state = [SymbolicVariable(f"s{i}") for i in range(plant.num_multibody_states())]
     start = joint.velocity_start()

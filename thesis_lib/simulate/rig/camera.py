@@ -15,10 +15,10 @@ import pandas as pd
 
 from thesis_lib.bodies.body import Noise
 from thesis_lib.datasets.format.impacts import POSE
-from thesis_lib.simulate.rig.hidden_causes import Mechanisms
+from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
 
-def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: Mechanisms, k_g: float) -> np.ndarray:
+def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: HiddenCauses, k_g: float) -> np.ndarray:
     """Displacement (n, samples, 3) of the reported poses at `times` (samples,) after the true `impacts`."""
     out = np.zeros((n, len(times), 3))
     if m.wobble == 0.0 or not len(impacts):
@@ -36,7 +36,7 @@ def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: Mechanisms, k_g:
     return out
 
 
-def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: Mechanisms) -> np.ndarray:
+def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: HiddenCauses) -> np.ndarray:
     """Poses (n, samples, 3) as the camera reports them, without noise.
 
     Args:

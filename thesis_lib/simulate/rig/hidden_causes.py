@@ -2,7 +2,7 @@
 
 A mechanism is a cause in a rig or a body (a corner that is round, a plate that moves, a camera channel that lags), not
 a change of an impact law: what it does to the impulse follows from integrating the motion (`compliant`).  Every field
-of `Mechanisms` is absent at its default, and any set of them can be on at once.  `CAUSES` says for each which effect
+of `HiddenCauses` is absent at its default, and any set of them can be on at once.  `CAUSES` says for each which effect
 names describe it (none: it is outside the library) and a size that matters.
 
 | on paper | in code                   | unit | meaning                                                          |
@@ -63,7 +63,7 @@ def _off(description: str, **limits: Any) -> Any:
     return Field(0.0, description=description, allow_inf_nan=False, **limits)
 
 
-class Mechanisms(Section):
+class HiddenCauses(Section):
     """Hidden causes; the defaults are their absence."""
 
     # contact

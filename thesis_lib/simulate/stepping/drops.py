@@ -28,19 +28,23 @@ doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I (time ste
 """
 
 import math
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.rig.camera import as_trajectories, with_noise
-from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY as ELLIPSE_BODY
+from thesis_lib.simulate.rig.record import (
+    CONTACT,
+    Drops,
+    as_dataset,
+    check_request,
+    contact_table,
+    contacts,
+    sample_times,
+    trial_table,
+)
 from thesis_lib.simulate.rig.release import Release
 from thesis_lib.simulate.stepping.lcp import ContactImpulse, LcpStatus, impact
 from thesis_lib.simulate.stepping.plant import PlanarPlant, planar_body
@@ -51,8 +55,7 @@ V_LEAVING = 1e-9  # m/s; a body on the surface that is faster than this upwards 
 MAX_IMPACTS = 20  # in one step, of one drop
 MAX_NEWTON = 80  # bisection alone needs 50
 
-IMPACT_TRUTH = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", "c_n")
-IMPACT_TRUTH += ("energy_change", "residual", "status")
+TRUTH = (*CONTACT, "energy_change", "residual", "status")
 
 
 class DropStatus(IntEnum):
@@ -61,25 +64,6 @@ class DropStatus(IntEnum):
     DONE = 0
     CLUSTERED = 1  # more than MAX_IMPACTS impacts in one step; the rest of that step was treated as support
     LCP_FAILED = 2  # no impulse found; the trajectory ends there
-
-
-@dataclass(frozen=True)
-class Drops:
-    """Simulated drops.
-
-    Attributes:
-        header: content of dataset.yaml.
-        trajectories: columns trial,t,x,y,theta, with noise, sorted by trial and t.
-        impacts: the truth, a row per impact faster than the plastic limit (and per failed solve): the columns of
-            impacts.csv, t, r_x, r_y, and c_t, c_n (N s), energy_change (J), residual (1), status (`LcpStatus`).
-        trials: the truth, a row per drop: release x,y,theta,vx,vy,omega; impacts (count); t_support, the time of the
-            first supported step in s (NaN: none); status (`DropStatus`).
-    """
-
-    header: Header
-    trajectories: pd.DataFrame
-    impacts: pd.DataFrame
-    trials: pd.DataFrame
 
 
 def simulate_drops(
@@ -110,29 +94,37 @@ def simulate_drops(
         noise: one-sigma noise of position (x, y each) and angle; what is None or absent is recorded without noise.
         rng: spawns the streams for releases and noise.
 
+    Returns:
+        Drops whose `impacts` (those faster than the plastic limit, and failed solves) also have residual (1) and status
+        (`LcpStatus`), and whose `trials` have impacts (count), t_support (s, of the first supported step; NaN: none)
+        and status (`DropStatus`).
+
     Raises:
         UserError: the body has no mass, an argument is out of range, or a release touches the surface.
     """
     mu, epsilon = np.asarray(mu, dtype=float), np.asarray(epsilon, dtype=float)
-    positive = {"n": n, "gravity": gravity, "dt": dt, "duration": duration, "rate": rate}
-    _check(body, release, mu, epsilon, positive)
+    reach = body.shape.extent
+    check_request(body, release, reach, n=n, gravity=gravity, dt=dt, duration=duration, rate=rate)
+    if not ((mu >= 0) & (mu < np.inf)).all() or not ((epsilon >= 0) & (epsilon <= 1)).all():
+        raise UserError("Simulated drops need mu >= 0 and epsilon between 0 and 1; another value was given.")
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
     simulation = _Simulation(body, q, v, np.broadcast_to(mu, n), np.broadcast_to(epsilon, n), gravity)
 
     substeps = math.ceil(1.0 / (rate * dt) - 1e-9)
-    times = np.arange(int(duration * rate + 1e-9) + 1) / rate
-    poses = np.empty((n, len(times), 3))
+    poses = np.empty((n, len(sample_times(duration, rate)), 3))
     poses[:, 0] = q
-    for k in range(1, len(times)):
+    for k in range(1, poses.shape[1]):
         for i in range(substeps):
             simulation.step(((k - 1) + i / substeps) / rate, 1.0 / (rate * substeps))
         poses[:, k] = np.where(simulation.alive[:, None], simulation.q, np.nan)
 
-    poses = with_noise(poses, noise, noise_rng)
     text = f"{n} simulated drops (Anitescu-Potra LCP with Newton restitution)"
-    header = Header(schema=1, description=text, body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
-    return Drops(header, as_trajectories(poses, times), simulation.impacts(), simulation.trials(q, v))
+    dataset = as_dataset(poses, text, body, gravity, rate, noise, noise_rng)
+    impacts = contact_table(simulation.contacts, TRUTH, {"status": int})
+    count = np.bincount(impacts["trial"], minlength=n)
+    trials = trial_table(q, v, impacts=count, t_support=simulation.t_support, status=simulation.status)
+    return Drops(*dataset, impacts, trials)
 
 
 class _Simulation:
@@ -150,7 +142,7 @@ class _Simulation:
         self.q, self.v, self.mu, self.epsilon = q.copy(), v.copy(), mu, epsilon
         self.status = np.full(n, DropStatus.DONE, dtype=int)
         self.t_support = np.full(n, np.nan)
-        self._rows: list[dict[str, np.ndarray]] = []
+        self.contacts: list[dict[str, np.ndarray]] = []
 
     @property
     def alive(self) -> np.ndarray:
@@ -234,15 +226,9 @@ class _Simulation:
         out, v_post = self._impulse(rows, q, v, self.epsilon[rows])
         M = self.plant.mass_matrix(q)
         before, after = (0.5 * np.einsum("ni,nij,nj->n", u, M, u) for u in (v, v_post))
-        self._rows.append(
-            {"trial": rows, "t": t, "energy_change": after - before, "residual": out.residual}
-            | dict(zip(POSE, q.T))
-            | dict(zip(V_PRE, v.T))
-            | dict(zip(V_POST, v_post.T))
-            | dict(zip(("r_x", "r_y"), self.shape.contact_point(q[:, 2]).T))
-            | dict(zip(("c_t", "c_n"), out.c.T))
-            | {"status": out.status}
-        )
+        r = self.shape.contact_point(q[:, 2])
+        more = {"energy_change": after - before, "residual": out.residual, "status": out.status}
+        self.contacts.append(contacts(rows, t, (q, v, v_post), r, out.c, **more))
         self.v[rows] = v_post
 
     def _support(self, rows: np.ndarray, rest: np.ndarray, t: np.ndarray) -> None:
@@ -255,34 +241,3 @@ class _Simulation:
         q[:, 1] -= np.minimum(self.shape.gap(q[:, 1], q[:, 2]), 0.0)
         self.q[rows], self.v[rows] = q, v
         self.t_support[rows] = np.fmin(self.t_support[rows], t)
-
-    def impacts(self) -> pd.DataFrame:
-        """The recorded impacts, sorted by trial and time and counted from 0 in each trial."""
-        if self._rows:
-            table = pd.concat([pd.DataFrame(row) for row in self._rows]).astype({"status": int})
-        else:
-            table = pd.DataFrame(columns=IMPACT_TRUTH, dtype=float).astype({"trial": int, "status": int})
-        table = table.sort_values(["trial", "t"], kind="stable", ignore_index=True)
-        table["impact"] = table.groupby("trial").cumcount()
-        return table[list(IMPACT_TRUTH)]
-
-    def trials(self, q: np.ndarray, v: np.ndarray) -> pd.DataFrame:
-        """A row per drop, with its release state q, v (n, 3)."""
-        count = np.bincount(self.impacts()["trial"], minlength=len(q))
-        table = {"trial": np.arange(len(q))} | dict(zip((*POSE, "vx", "vy", "omega"), [*q.T, *v.T]))
-        return pd.DataFrame(table | {"impacts": count, "t_support": self.t_support, "status": self.status})
-
-
-def _check(body: Body, release: Release, mu: np.ndarray, epsilon: np.ndarray, positive: dict) -> None:
-    if body.mass is None:
-        raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
-    for name, value in positive.items():
-        if not 0 < value < np.inf:
-            raise UserError(f"Simulated drops need a positive {name}; got {value}.")
-    if not ((mu >= 0) & (mu < np.inf)).all() or not ((epsilon >= 0) & (epsilon <= 1)).all():
-        raise UserError("Simulated drops need mu >= 0 and epsilon between 0 and 1; another value was given.")
-    if release.height.low <= body.shape.extent:
-        raise UserError(
-            f"A release at {release.height.low} m can touch the surface: the body reaches {body.shape.extent:.4g} m "
-            "from its origin. Raise the lower end of the release height."
-        )

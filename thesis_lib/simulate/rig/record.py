@@ -1,0 +1,116 @@
+"""What a simulation of drops leaves behind: a dataset as its owner would have it, and the truth.
+
+The three engines (time stepping, compliant contact, Drake) return the same `Drops`; each adds columns of its own to the
+truth.  Arrays hold n drops or contacts, in SI units; poses are x, y, θ of the body's origin.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.body import Body, Noise
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.camera import as_trajectories, with_noise
+from thesis_lib.simulate.rig.release import Release
+
+CONTACT = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", "c_n")
+
+
+@dataclass(frozen=True)
+class Drops:
+    """Simulated drops.
+
+    Attributes:
+        header: content of dataset.yaml as the user believes it: no hidden cause shows in it.
+        trajectories: columns trial,t,x,y,theta as the camera reports them, with noise, sorted by trial and t.
+        impacts: the truth, a row per contact: the columns of impacts.csv for the body's origin, t (of the touch),
+            r_x, r_y (contact point from the origin), c_t, c_n (N s), energy_change (J, kinetic), and those of the
+            engine.
+        trials: the truth, a row per drop: release x,y,theta,vx,vy,omega of the origin, and columns of the engine.
+    """
+
+    header: Header
+    trajectories: pd.DataFrame
+    impacts: pd.DataFrame
+    trials: pd.DataFrame
+
+
+def check_request(body: Body, release: Release, reach: float, **positive: float) -> None:
+    """Refuse drops that cannot be simulated.
+
+    Args:
+        body: as believed.
+        release: distribution of the release states.
+        reach: m, farthest that any part of the body, or the surface, can lie from where it is believed to be.
+        positive: what must be above zero and finite, by name.
+
+    Raises:
+        UserError: the body has no mass, a value is not positive, or a release can touch the surface.
+    """
+    if body.mass is None:
+        raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
+    for name, value in positive.items():
+        if not 0 < value < np.inf:
+            raise UserError(f"Simulated drops need a positive {name}; got {value}.")
+    if release.height.low <= reach:
+        raise UserError(
+            f"A release at {release.height.low} m can touch the surface: the body reaches {reach:.4g} m from its "
+            "origin. Raise the lower end of the release height."
+        )
+
+
+def sample_times(duration: float, rate: float) -> np.ndarray:
+    """Times 0, 1/rate, ... up to `duration` in s."""
+    return np.arange(int(duration * rate + 1e-9) + 1) / rate
+
+
+def as_dataset(
+    poses: np.ndarray,
+    description: str,
+    body: Body,
+    gravity: float,
+    rate: float,
+    noise: Noise | None,
+    rng: np.random.Generator,
+) -> tuple[Header, pd.DataFrame]:
+    """Header and trajectories of reported poses (n, samples, 3), to which `noise` is added."""
+    poses = with_noise(poses, noise, rng)
+    header = Header(schema=1, description=description, body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
+    return header, as_trajectories(poses, np.arange(poses.shape[1]) / rate)
+
+
+def contacts(
+    trial: np.ndarray,
+    t: np.ndarray,
+    states: tuple[np.ndarray, np.ndarray, np.ndarray],
+    r: np.ndarray,
+    c: np.ndarray,
+    **more: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Columns of m contacts: trial and t (m,), pose and velocities before and after (m, 3), r and impulse (m, 2)."""
+    named = zip((POSE, V_PRE, V_POST, ("r_x", "r_y"), ("c_t", "c_n")), (*states, r, c))
+    columns = {name: column for names, values in named for name, column in zip(names, values.T)}
+    return {"trial": trial, "t": t} | columns | more
+
+
+def contact_table(
+    parts: list[dict[str, np.ndarray]], columns: Sequence[str], kinds: dict[str, type]
+) -> pd.DataFrame:
+    """All contacts, sorted by trial and time and numbered from 0 in each trial; `kinds` types those not float."""
+    if parts:
+        table = pd.concat([pd.DataFrame(part) for part in parts]).astype(kinds)
+    else:
+        table = pd.DataFrame(columns=columns, dtype=float).astype({"trial": int, **kinds})
+    table = table.sort_values(["trial", "t"], kind="stable", ignore_index=True)
+    table["impact"] = table.groupby("trial").cumcount()
+    return table[list(columns)]
+
+
+def trial_table(pose: np.ndarray, velocity: np.ndarray, **more: np.ndarray) -> pd.DataFrame:
+    """A row per drop: its number, its release state from pose and velocity (n, 3), and further columns (n,)."""
+    states = dict(zip((*POSE, "vx", "vy", "omega"), [*pose.T, *velocity.T]))
+    return pd.DataFrame({"trial": np.arange(len(pose))} | states | more)
