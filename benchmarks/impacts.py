@@ -43,16 +43,16 @@ def simulated_impacts(rng: np.random.Generator, n: int) -> Impacts:
 def measured_impacts(folders: tuple[Path, ...]) -> Impacts | None:
     """The measured planar impacts, or None where they are not present."""
     from thesis_lib.datasets.read import read_dataset
-    from thesis_lib.datasets.sources.published import convert_published, find_measured
+    from thesis_lib.datasets.sources.published import convert_published, find_source
 
-    folder = find_measured("planar_impact", folders)
-    if folder is None:
-        return None
-    if (folder / "dataset.yaml").is_file():
-        return read_dataset(folder).stated_impacts()
-    with tempfile.TemporaryDirectory() as converted:
-        convert_published("planar_impact", folder, Path(converted) / "planar_impact")
-        return read_dataset(Path(converted) / "planar_impact").stated_impacts()
+    name = "planar_impact"
+    for base in folders:
+        if (base / name / "dataset.yaml").is_file():
+            return read_dataset(base / name).stated_impacts()
+        if (source := find_source(name, base)) is not None:
+            with tempfile.TemporaryDirectory() as converted:
+                return read_dataset(convert_published(name, source, Path(converted) / name)).stated_impacts()
+    return None
 
 
 def add_impact_options(parser: argparse.ArgumentParser, n: int) -> None:

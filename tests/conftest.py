@@ -3,46 +3,42 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SEARCH = (ROOT / "data" / "measured", ROOT.parent / "shared" / "data")
 
 
-def _measured_folder(name: str) -> Path:
-    """Folder of a measured set, as published or converted; skips the test where there is none."""
-    from thesis_lib.datasets.sources.published import find_measured
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A fixed stream for each test."""
+    return np.random.default_rng(20180612)
 
-    folder = find_measured(name, SEARCH)
-    if folder is None:
-        pytest.skip(
-            f"measured data {name} not present "
-            f"(python -m thesis_lib datasets fetch {name.replace('_', '-')} gets them)"
-        )
-    return folder
+
+def _measured(name: str, converted: bool = True) -> Path:
+    """Folder of a measured set, as published or, where allowed, converted; skips the test where there is none."""
+    from thesis_lib.datasets.sources.published import find_source
+
+    for base in SEARCH:
+        if converted and (base / name / "dataset.yaml").is_file():
+            return base / name
+        if (folder := find_source(name, base)) is not None:
+            return folder
+    fetch = f"python -m thesis_lib datasets fetch {name.replace('_', '-')}"
+    pytest.skip(f"measured data {name} not present ({fetch} gets them)")
 
 
 @pytest.fixture(scope="session")
 def raw_folder() -> Callable[[str], Path]:
     """name -> folder with the files as published; skips the test where there is none."""
-
-    def find(name: str) -> Path:
-        folder = _measured_folder(name)
-        if (folder / "dataset.yaml").is_file():
-            from thesis_lib.datasets.sources.published import find_source
-
-            folder = next(filter(None, (find_source(name, base) for base in SEARCH)), None)
-            if folder is None:
-                pytest.skip(f"only the converted set {name} is here, not the files as published")
-        return folder
-
-    return find
+    return lambda name: _measured(name, converted=False)
 
 
 def _converted(name: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from thesis_lib.datasets.sources.published import convert_published
 
-    folder = _measured_folder(name)
+    folder = _measured(name)
     if (folder / "dataset.yaml").is_file():
         return folder
     return convert_published(name, folder, tmp_path_factory.mktemp("measured") / name)

@@ -13,7 +13,7 @@ import pytest
 
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.sources import fetch, published
-from thesis_lib.datasets.sources.published import SOURCES, checksums, convert_published, find_measured
+from thesis_lib.datasets.sources.published import SOURCES, checksums, convert_published, find_source
 from thesis_lib.foundation.errors import UserError
 
 DICE = "x,z,th,vx,vz,vth\n" + "".join(f"0.{i},0.5,0.25,9,9,9\n" for i in range(10, 30))
@@ -146,19 +146,17 @@ def test_checksums_cover_every_file():
     assert all(len(digest) == 64 for name in SOURCES for digest in checksums(name).values())
 
 
-def test_find_measured_prefers_the_converted_set(two_throws, tmp_path):
-    assert find_measured("planar-dice", [tmp_path / "a", tmp_path / "b"]) is None
-    raw = tmp_path / "b" / "fazeli_planar_dice" / "dice-data-processed"
+def test_a_folder_with_the_files_as_published_is_found_and_converted(two_throws, tmp_path):
+    assert find_source("planar_dice", tmp_path) is None
+    raw = tmp_path / "fazeli_planar_dice" / "dice-data-processed"
     raw.mkdir(parents=True)
     for name, content in two_throws.items():
         (raw / name.split("/")[-1]).write_bytes(content)
-    assert find_measured("planar-dice", [tmp_path / "a", tmp_path / "b"]) == raw
-    assert find_measured("planar-dice", [raw]) == raw
-    out = convert_published("planar-dice", tmp_path / "b", tmp_path / "a" / "planar_dice")
-    assert find_measured("planar_dice", [tmp_path / "a", tmp_path / "b"]) == out
+    assert find_source("planar_dice", tmp_path) == find_source("planar_dice", raw) == raw
+    out = convert_published("planar-dice", tmp_path, tmp_path / "planar_dice")
     assert read_dataset(out).trials.tolist() == [2, 10]
     with pytest.raises(UserError, match="no published dataset 'planar-cat'"):
-        find_measured("planar-cat", [tmp_path])
+        convert_published("planar-cat", tmp_path, tmp_path / "cat")
 
 
 def test_a_changed_file_is_refused_and_nothing_is_written(two_throws, tmp_path):

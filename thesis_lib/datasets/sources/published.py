@@ -17,7 +17,6 @@ stored impulses (p_true, w_true) belong to impacts.csv.
 
 import hashlib
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,20 +102,6 @@ def checksums(name: str) -> dict[str, str]:
     """File name -> SHA-256 (hex) of every source file of a published set."""
     lines = (line.split() for line in CHECKSUMS.read_text(encoding="ascii").splitlines())
     return {path.split("/")[1]: digest for digest, path in lines if path.startswith(f"{name}/")}
-
-
-def find_measured(name: str, search: Sequence[str | Path]) -> Path | None:
-    """First folder in `search` with the set: converted (`<base>/<name>/dataset.yaml`) or as published.
-
-    Feed a folder without dataset.yaml to `convert_published`.
-    """
-    name = published_name(name)
-    for base in map(Path, search):
-        if is_file(base / name / "dataset.yaml"):
-            return base / name
-        if (raw := find_source(name, base)) is not None:
-            return raw
-    return None
 
 
 def find_source(name: str, base: str | Path) -> Path | None:

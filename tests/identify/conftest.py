@@ -1,9 +1,0 @@
-"""A fixed stream for each test of identification."""
-
-import numpy as np
-import pytest
-
-
-@pytest.fixture
-def rng() -> np.random.Generator:
-    return np.random.default_rng(20180612)
