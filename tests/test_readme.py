@@ -16,6 +16,7 @@ import yaml
 
 from tests.docs.tutorial_runner import compare
 from thesis_lib.critique.results.saved_model import load_model, predict
+from thesis_lib.ledger.format import read_ledger
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -45,7 +46,7 @@ def statuses() -> dict[str, str]:
 
 def test_claims_summary_is_that_of_the_stored_statuses(statuses):
     counts = Counter(statuses.values())
-    claims = yaml.safe_load((ROOT / "config" / "claims.yaml").read_text(encoding="utf-8"))["claims"]
+    claims = read_ledger(ROOT / "config/claims").claims
     said = re.search(r"(\d+) claims: (\d+) reproduced, (\d+) deviate, (\d+) without data", README)
     assert said, "the README has lost its summary of the claims"
     assert [int(number) for number in said.groups()] == [

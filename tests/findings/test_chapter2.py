@@ -13,7 +13,7 @@ def plain(text: str) -> str:
 
 
 def test_the_thesis_is_quoted_as_in_the_ledger():
-    published = {claim.id: claim.published for claim in read_ledger("config/claims.yaml").claims}
+    published = {claim.id: claim.published for claim in read_ledger("config/claims").claims}
     assert published["figure_2_12.arm.ours"] == chapter2.THESIS_FORCES
 
 

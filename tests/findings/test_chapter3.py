@@ -41,7 +41,7 @@ def test_every_finding_of_chapters_2_and_3_stands_in_a_caption():
 
 
 def test_the_thesis_is_quoted_as_in_the_ledger():
-    published = {claim.id: claim.published for claim in read_ledger("config/claims.yaml").claims}
+    published = {claim.id: claim.published for claim in read_ledger("config/claims").claims}
     assert published["figure_3_7.convergence.all_followed"] == chapter3.CONVERGED
     assert chapter3.INCLINED_PLANE == statements.MU_INCLINED_PLANE
     fractions = [

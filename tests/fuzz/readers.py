@@ -175,16 +175,21 @@ TABLE = (
 
 
 def _claims_samples() -> list[Sample]:
-    claims = yaml.CSafeLoader((ROOT / "config/claims.yaml").read_bytes()).get_single_data()["claims"]
-    kinds = {claim["check"]["kind"]: claim for claim in claims}
+    content = yaml.CSafeLoader((ROOT / "config/claims/chapter3.yaml").read_bytes()).get_single_data()
+    claims, checks = content["claims"], content["checks"]
+    kinds = {(checks[c["check"]] if isinstance(c["check"], str) else c["check"])["kind"]: c for c in claims}
     figures = yaml.CSafeLoader((ROOT / "config/figures.yaml").read_bytes()).get_single_data()
     figures["figures"] = dict(list(figures["figures"].items())[:4])
     sources = [{"file": "table.csv", "where": {"law": "mirtich"}, "column": "mu", "std_column": "mu_std"}]
-    ledger = [claim | {"source": sources[0], "needs": ["drops"]} for claim in kinds.values()]
+    ledger = {"schema": 1, "defaults": {"chapter": 3, "needs": ["drops"]}}
+    for key in ("check", "note"):
+        shared, used = content[f"{key}s"], {str(claim.get(key)) for claim in kinds.values()}
+        ledger[f"{key}s"] = {name: value for name, value in shared.items() if name in used}
+    ledger["claims"] = [claim | {"source": sources[0]} for claim in kinds.values()]
     first = str(claims[0]["id"])
     return [
         {
-            "claims.yaml": yaml.safe_dump({"schema": 1, "claims": ledger}, sort_keys=False).encode(),
+            "claims.yaml": yaml.safe_dump(ledger, sort_keys=False).encode(),
             "table.csv": TABLE,
             "present.json": b'{"drops": {"present": true}}',
         },

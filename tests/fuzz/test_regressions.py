@@ -144,7 +144,7 @@ def test_yaml_that_is_no_text_and_aliases_that_are_few(tmp_path):
     (tmp_path / "a.yaml").write_bytes("seed: 1".encode("utf-16"))
     assert "is not UTF-8 text" in refusal(read_config, tmp_path / "a.yaml")
     (tmp_path / "a.yaml").write_text("a: &x [1, 2]\nb: *x\n")
-    assert load_yaml(tmp_path / "a.yaml") == {"a": [1, 2], "b": [1, 2]}
+    assert load_yaml(tmp_path / "a.yaml").content == {"a": [1, 2], "b": [1, 2]}
 
 
 def test_a_configuration_with_very_many_mistakes_stays_readable():

@@ -27,7 +27,9 @@ def test_the_example_in_the_docstring_is_read(tmp_path):
 
     example = ledger.__doc__.split("```yaml\n")[1].split("```")[0]
     (tmp_path / "claims.yaml").write_text(example, encoding="utf-8")
-    assert read_ledger(tmp_path / "claims.yaml").claims[0].id == "table_3_1.mirtich.mu.as_published"
+    first, second = read_ledger(tmp_path / "claims.yaml").claims
+    assert first.id == "table_3_1.mirtich.mu.as_published" and first.chapter == second.chapter == 3
+    assert second.check.k == 2 and second.note.startswith("the cost is flat")
 
 
 @pytest.mark.parametrize(
@@ -126,7 +128,7 @@ def test_everything_wrong_is_listed_at_once(write_ledger, make_claim):
         "claim table_3_1.first: check.reason is missing",
         "claim table_3_1.second: colour is not a known key",
         "claim table_3_1.third: published must be a number",
-        "- extra is not a known key",
+        "extra is not a known key",
     ):
         assert words in text
 
@@ -168,3 +170,66 @@ def test_an_exponent_without_a_dot_is_a_number(tmp_path, write_ledger, make_clai
     claim = read_ledger(path).claims[0]
     assert claim.published == 0.062
     assert claim.check.tolerance == 0.01
+
+
+class TestSharedChecks:
+    def test_claims_name_them_and_defaults_hold_where_nothing_else_is_said(self, write_ledger, make_claim):
+        named = make_claim("named", "rounding", 0.062, note="flat_cost", needs=["drops"])
+        plain = make_claim("plain", {"kind": True}, note="a note of its own")
+        for entry in (named, plain):
+            del entry["chapter"]
+        del plain["needs"]
+        shared = {"checks": {"rounding": ABS}, "notes": {"flat_cost": "the cost is flat"}}
+        path = write_ledger([named, plain], defaults={"chapter": 4, "needs": ["planar_dice"]}, **shared)
+        first, second = read_ledger(path).claims
+        assert (first.check.tolerance, first.note, first.needs) == (0.01, "the cost is flat", ["drops"])
+        assert (second.note, second.needs, second.chapter) == ("a note of its own", ["planar_dice"], 4)
+
+    def test_an_unknown_name_is_an_error_with_its_line(self, tmp_path):
+        path = tmp_path / "claims.yaml"
+        path.write_text(
+            "schema: 1\nchecks:\n  rounding: {kind: abs, tolerance: 0.1, reason: rounding}\nclaims:\n"
+            "  - id: a.b\n    chapter: 3\n    location: x\n    statement: x\n    published: 1\n"
+            "    source: {file: a.csv, column: mu}\n    check: ronding\n    note: flat_cost\n"
+        )
+        assert refusal(path).split("\n")[1:] == [
+            "- line 11: none of the checks is called ronding",
+            "- line 12: none of the notes is called flat_cost",
+            "- line 3: no claim uses rounding of the checks",
+        ]
+
+    def test_a_bad_one_is_told_once_however_many_claims_name_it(self, write_ledger, make_claim):
+        claims = [make_claim(name, "rounding", 0.062) for name in ("x", "y", "z")]
+        path = write_ledger(claims, checks={"rounding": {"kind": "abs", "tolerance": 0, "reason": "none"}})
+        assert "1 mistake:\n- line 5: checks.rounding.tolerance: Input should be greater" in refusal(path)
+
+    def test_each_mistake_has_its_line(self, write_ledger, make_claim):
+        path = write_ledger([make_claim("x", {**ABS, "tolerance": 0}, 0.062), make_claim("y", ABS)])
+        lines = path.read_text().split("\n")
+        tolerance = lines.index("    tolerance: 0") + 1
+        assert f"- line {tolerance}: claim table_3_1.x: check.tolerance: Input should be greater" in refusal(
+            path
+        )
+        second = [i for i, line in enumerate(lines, 1) if line.startswith("- ")][1]
+        assert f"- line {second}: claim table_3_1.y: published must be a number" in refusal(path)
+
+
+class TestFolder:
+    def test_files_are_one_ledger_in_the_order_of_their_names(self, tmp_path, write_ledger, make_claim):
+        for name in ("b", "a"):
+            write_ledger([make_claim(name, ABS, 0.062)], name=f"{name}.yaml")
+        assert [claim.id for claim in read_ledger(tmp_path).claims] == ["table_3_1.a", "table_3_1.b"]
+
+    def test_mistakes_of_all_files_are_listed(self, tmp_path, write_ledger, make_claim):
+        for name in ("a", "b"):
+            write_ledger([make_claim(name, ABS)], name=f"{name}.yaml")
+        text = refusal(tmp_path)
+        assert text.count("1 mistake") == 2 and "a.yaml" in text and "b.yaml" in text
+
+    def test_an_id_stands_in_one_file(self, tmp_path, write_ledger, make_claim):
+        for name in ("a", "b"):
+            write_ledger([make_claim("x", ABS, 0.062)], name=f"{name}.yaml")
+        assert "claim table_3_1.x stands in two files" in refusal(tmp_path)
+
+    def test_an_empty_one_is_refused(self, tmp_path):
+        assert "holds no .yaml file of claims" in refusal(tmp_path)

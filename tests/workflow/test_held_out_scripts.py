@@ -104,7 +104,7 @@ def test_statements_hold_what_the_ledger_reads(results):
     assert not found[["statement", "law"]].duplicated().any()
     named = {(str(s), str(law)) for s, law in zip(found["statement"], found["law"])}
     wanted = set()
-    for claim in read_ledger(ROOT / "config/claims.yaml").claims:
+    for claim in read_ledger(ROOT / "config/claims").claims:
         where = claim.source.where
         if claim.source.file == "chapter3/planar_impact/statements.csv" and "law" in where:
             wanted.add((where["statement"], where["law"]))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 EPILOG = """\
 What each command does
-  check   compares the results with the thesis (config/claims.yaml), the statuses found with the committed ones
+  check   compares the results with the thesis (config/claims/), the statuses found with the committed ones
           (config/claims_expected.yaml), and each figure's numbers with its stored copy (config/figures/<scale>/).
           Exit status: 0 all as committed; 1 something changed or could not be compared; 2 a mistake in the input.
           A claim that deviates from the thesis, and is committed as deviating, is no failure.
@@ -62,7 +62,9 @@ def _parser() -> Parser:
             epilog=f"example:\n  python -m thesis_lib claims {name}{scale}",
         )
         one.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
-        one.add_argument("--ledger", type=Path, default=Path("config/claims.yaml"), help="the claims")
+        one.add_argument(
+            "--ledger", type=Path, default=Path("config/claims"), help="the claims: a folder, or a file"
+        )
         one.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
         one.add_argument(
             "--scale",

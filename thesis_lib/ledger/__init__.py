@@ -3,7 +3,8 @@
 | module          | concept                                                                                   |
 |-----------------|-------------------------------------------------------------------------------------------|
 | `reading`       | YAML and CSV read strictly: every mistake listed in one error, no guessing of types       |
-| `ledger`        | the format of config/claims.yaml: a published statement, where ours is found, the check   |
+| `checks`        | where ours is found, and when it counts as reproduced                                     |
+| `format`        | the format of config/claims/: published statements with source and check, a file a chapter |
 | `result`        | a claim's status (reproduced, deviates, data not present, error) and the table claims.csv |
 | `evaluate`      | our cell selected from the results and compared                                           |
 | `expected`      | the statuses committed per scale; a change in either direction fails the check            |

@@ -11,19 +11,8 @@ from pathlib import Path
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import FLOAT_FORMAT
-from thesis_lib.ledger.format import (
-    Abs,
-    ArgMax,
-    ArgMin,
-    Claim,
-    Greater,
-    Interval,
-    IsTrue,
-    Ledger,
-    Less,
-    Ordering,
-    Rel,
-)
+from thesis_lib.ledger.checks import Abs, ArgMax, ArgMin, Greater, Interval, IsTrue, Less, Ordering, Rel
+from thesis_lib.ledger.format import Claim, Ledger
 from thesis_lib.ledger.reading import Cells, number
 from thesis_lib.ledger.result import Result, Status
 

@@ -1,41 +1,28 @@
 """YAML and CSV read strictly, with every mistake in one error.
 
-YAML goes through a pydantic model; mistakes are listed all at once, each with its place, and entries of a list are
-named by their `id` where they have one.  CSV cells stay text until someone asks for a number: pandas would turn
-a law called "NA" into NaN and rename the second of two equal column names.
+YAML goes through a pydantic model; mistakes are listed all at once, each with its line and place, and entries of a list
+are named by their `id` where they have one.  CSV cells stay text until someone asks for a number: pandas would turn a
+law called "NA" into NaN and rename the second of two columns of one name.
 """
 
 import csv
 import io
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    ValidationError,
-)
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, StringConstraints, ValidationError
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
-from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.foundation.settings import Section as Section
+from thesis_lib.foundation.yaml_file import Document, Key, read_yaml
 
 SHOWN = 100  # mistakes spelled out
 MAX_CSV = 30_000_000  # bytes; as lists of cells a table takes some thirty times that
-
-
-class Section(BaseModel):
-    """Base of all sections: unknown keys are refused, values cannot change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def _not_a_flag(value: Any) -> Any:
@@ -61,54 +48,71 @@ CsvFile = Annotated[str, AfterValidator(_inside_results)]
 Model = TypeVar("Model", bound=BaseModel)
 
 
-def load_yaml(path: str | Path) -> Any:
-    """The content of a YAML file.
+def load_yaml(path: str | Path) -> Document:
+    """The content of a YAML file, and the lines of its keys.
 
     Raises:
         UserError: the file is missing, is no plain YAML, or repeats a key (YAML would keep only the last one).
     """
     document = read_yaml(path)
     document.refuse_repeated(path)
-    return document.content
+    return document
 
 
-def validate(model: type[Model], content: Any, path: str | Path, problems: Sequence[str] = ()) -> Model:
-    """`content` as a `model`.
+def validate(
+    model: type[Model],
+    document: Document,
+    path: str | Path,
+    problems: Sequence[str] = (),
+    elsewhere: Container[Key] = (),
+) -> Model:
+    """The content of a document as a `model`.
 
     Args:
-        problems: mistakes that the caller has found already; they go into the same error.
+        problems: mistakes that the caller knows already; they go into the same error.
+        elsewhere: places, e.g. ("claims", 3, "check"), whose mistakes are told at another place.
 
     Raises:
         UserError: one line for each mistake.
     """
-    found = list(problems)
+    mistakes = list(problems)
     try:
-        value = model.model_validate(content)
+        value = model.model_validate(document.content)
+        if not mistakes:
+            return value
     except ValidationError as error:
-        found += [_sentence(item, content) for item in error.errors(include_url=False)]
-    if found:
-        count = f"{len(found)} mistake{'s' if len(found) > 1 else ''}"
-        more = [f"... and {len(found) - SHOWN} more"] if len(found) > SHOWN else []
-        raise UserError(f"{path} has {count}:\n" + "\n".join(f"- {line}" for line in [*found[:SHOWN], *more]))
-    return value
+        errors = error.errors(include_url=False)
+        mistakes += [_sentence(item, document) for item in errors if item["loc"][:3] not in elsewhere]
+    count = f"{len(mistakes)} mistake{'s' if len(mistakes) > 1 else ''}"
+    more = [f"... and {len(mistakes) - SHOWN} more"] if len(mistakes) > SHOWN else []
+    raise UserError("\n- ".join([f"{path} has {count}:", *mistakes[:SHOWN], *more]))
 
 
-def _sentence(item: dict, content: Any) -> str:
-    """One pydantic error as "claim x: check.tolerance: what is wrong"."""
-    where, names = [], []
-    for depth, part in enumerate(item["loc"]):
-        if isinstance(content, dict) and part not in content and depth < len(item["loc"]) - 1:
+def _sentence(item: Any, document: Document) -> str:
+    """One pydantic error as "line 17: claim x: check.tolerance: what is wrong"."""
+    content, names, where = document.content, [], ""
+    at: Key = ()
+    for depth, part in enumerate(item["loc"], 1):
+        inside = (
+            part in content
+            if isinstance(content, dict)
+            else isinstance(content, list) and part < len(content)
+        )
+        if isinstance(content, dict) and not inside and depth < len(item["loc"]):
             continue  # pydantic inserts the tag of a union, which is no key of the file
-        if isinstance(part, int) and isinstance(content, list) and part < len(content):
-            content = content[part]
-            if isinstance(content, dict) and "id" in content:
-                where, names = [], [f"claim {content['id']}"]  # instead of claims[17]
-                continue
-            names, where = names, [*where, f"[{part + 1}]"]
-            continue
-        where.append(str(part))
-        content = content.get(part) if isinstance(content, dict) else None
-    place = ": ".join([*names, ".".join(where).replace(".[", "[")] if where else names) or "the whole file"
+        content = content[part] if inside else None
+        at += (part,)
+        if isinstance(part, int) and isinstance(content, dict) and "id" in content:
+            names, where = [f"claim {content['id']}"], ""  # instead of claims[17]
+        elif isinstance(part, int):
+            where += f"[{part + 1}]"
+        else:
+            where += f".{part}" if where else str(part)
+    line = line_of(at, document)
+    place = (
+        ": ".join([*([f"line {line}"] if line else []), *names, *([where] if where else [])])
+        or "the whole file"
+    )
     if item["type"] == "missing":
         hint = ": say why this tolerance is the right one" if item["loc"][-1] == "reason" else ""
         return f"{place} is missing{hint}"
@@ -117,6 +121,11 @@ def _sentence(item: dict, content: Any) -> str:
     message = item["msg"].removeprefix("Value error, ")
     shown = repr(item["input"])
     return f"{place}: {message}" + (f" (found {shown})" if len(shown) < 60 else "")
+
+
+def line_of(at: Key, document: Document) -> int | None:
+    """Line of a place, or of the nearest one around it; None for the whole file."""
+    return next((document.lines[at[:n]] for n in range(len(at), 0, -1) if at[:n] in document.lines), None)
 
 
 class Cells:

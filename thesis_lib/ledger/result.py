@@ -67,7 +67,7 @@ class Result:
 
 
 COLUMNS = {
-    "id": "name of the claim in config/claims.yaml",
+    "id": "name of the claim in config/claims/",
     "chapter": "chapter of the thesis",
     "location": "where the thesis states it",
     "statement": "what is claimed",

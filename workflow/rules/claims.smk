@@ -12,7 +12,7 @@ OTHER_FOUND = ["results/critique/proof/proof.txt", "results/claims.txt"]
 
 rule claims:
     input:
-        ledger="config/claims.yaml",
+        ledger=expand("config/claims/chapter{chapter}.yaml", chapter=(2, 3, 4, 5)),
         present=rules.datasets_present.output[0],
         tables=CLAIM_TABLES,
     output:

@@ -4,13 +4,17 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from pathlib import Path
+
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import read_ledger
 from thesis_lib.ledger.page import write_page
 from thesis_lib.ledger.reading import read_present
 from thesis_lib.ledger.result import refuse_errors, summary_line, write_results
 
-results = evaluate(read_ledger(snakemake.input.ledger), "results", read_present(snakemake.input.present))
+results = evaluate(
+    read_ledger(Path(snakemake.input.ledger[0]).parent), "results", read_present(snakemake.input.present)
+)
 refuse_errors(results)
 write_results(results, snakemake.output.table)
 write_page(results, snakemake.output.page, snakemake.params.scale)
