@@ -9,15 +9,17 @@ import pytest
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.held_out import cross_validate, is_material, judge, paired_gain
+from thesis_lib.critique.drops.held_out import cross_validate, is_material, judge
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
-from thesis_lib.critique.drops.screen import scan
 from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table
+from thesis_lib.critique.selection.scan import scan
+from thesis_lib.critique.selection.search import paired_gain
 from thesis_lib.effects import EFFECTS
 
 LEAST_RISE = 0.25  # of the noise floor: the setting material_floor
@@ -115,7 +117,8 @@ def test_the_smallest_detectable_size_is_found_in_most_repetitions(nothing_hidde
     for _ in range(DRAWS):
         data = synthesise(hidden, values, training, rng)
         fitted = fit(base.model, data, base.values, rounds=1)
-        found += scan(fitted, data, [EFFECTS[name]], rng).gain[name] > limit
+        slopes = Drops(data).slopes(fitted, [EFFECTS[name]])
+        found += scan(slopes, 1, rng).gain[name] > limit
     share = found / DRAWS
     assert share >= LEAST_POWER if passes else share <= MOST_BY_CHANCE
 
@@ -234,7 +237,7 @@ def test_the_smallest_size_passes_all_three_tests_with_the_chance_that_is_told(n
         found += (
             with_it.score - without.score > limit
             and paired_gain(*judged, rng)[1] > 0.0
-            and is_material(*judged, effect.channels, settings.material_share, settings.material_floor)
+            and is_material(*judged, effect.channels, settings)
         )
     assert found / DRAWS >= LEAST_POWER
 

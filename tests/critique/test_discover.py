@@ -11,15 +11,14 @@ from hidden_effects import injected_impacts
 from plain_drops import injected
 
 import thesis_lib
-from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.critique.drops import discover as discover_module
-from thesis_lib.critique.drops.discover import discover
-from thesis_lib.critique.drops.discover import testable_effects as usable_effects
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.contact import SIX_LAWS
 from thesis_lib.critique.drops.observations import Observations, observe
-from thesis_lib.critique.drops.screen import scan
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.world import Drops, DropsDiscovery
+from thesis_lib.critique.drops.world import testable_effects as usable_effects
+from thesis_lib.critique.selection import search as search_module
+from thesis_lib.critique.selection.scan import scan
+from thesis_lib.critique.selection.search import search
 from thesis_lib.effects import EFFECTS
 
 NEW_EFFECT = '''"""Restitution that depends on the sense of rotation: epsilon (1 + a sign(omega))."""
@@ -50,14 +49,15 @@ sys.path.insert(0, sys.argv[1])
 import numpy as np
 from hidden_effects import injected_impacts
 import thesis_lib
-from thesis_lib.critique.drops.discover import discover
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.selection.search import search
 from thesis_lib.effects import EFFECTS
 print(thesis_lib.__file__)
 print("known" if "handed_restitution" in EFFECTS else "unknown")
 hidden = injected_impacts("hidden", 70, 3, "handed_restitution", {"handed_restitution.a": 0.25})
-found = discover(observe(hidden), CritiqueSettings(max_effects=1), np.random.default_rng(0))
+found = search(Drops(observe(hidden), 3), CritiqueSettings(max_effects=1), np.random.default_rng(0))
 print(*(step.effect.name for step in found.steps))
 print(*(abs(step.fitted.values["handed_restitution.a"] - 0.25) < 0.02 for step in found.steps))
 """
@@ -69,11 +69,19 @@ def table_only(n: int = 40) -> Observations:
     )
 
 
+def discover(
+    training: Observations | None = None, settings: CritiqueSettings | None = None, seed: int = 0, fixed=None
+) -> DropsDiscovery:
+    settings = settings or CritiqueSettings()
+    world = Drops(training or table_only(), settings.rivals)
+    return search(world, settings, np.random.default_rng(seed), fixed)
+
+
 def test_nothing_hidden_nothing_found(nothing_hidden):
     found = nothing_hidden.discovery
     assert found.steps == () and nothing_hidden.verdict == "adequate"
-    assert found.fitted is found.laws[found.base][0] and found.judged is found.laws[found.base][1]
-    assert set(found.laws) == set(SIX_LAWS)
+    assert found.fitted is found.bases[found.base][0] and found.judged is found.bases[found.base][1]
+    assert set(found.bases) == set(SIX_LAWS)
 
 
 def test_an_injected_effect_is_named_with_its_size(hidden_impacts):
@@ -98,7 +106,7 @@ def test_what_cannot_be_tested_is_said_with_the_reason():
 
 def test_forced_effects_are_switched_on_in_the_order_given():
     wanted = ["wrong_inertia", "tangential_restitution"]
-    found = discover(table_only(), CritiqueSettings(), np.random.default_rng(0), fixed=wanted)
+    found = discover(fixed=wanted)
     assert [step.effect.name for step in found.steps] == wanted
     assert [effect.name for effect in found.fitted.model.effects] == wanted
     # only one of them is asked for by the data
@@ -110,37 +118,36 @@ def test_forced_effects_are_switched_on_in_the_order_given():
 
 
 def test_an_effect_that_a_later_one_makes_superfluous_leaves_again():
-    training, settings, rng = table_only(), CritiqueSettings(), np.random.default_rng(0)
-    wanted = ["wrong_inertia", "tangential_restitution"]
-    steps = discover(training, settings, rng, fixed=wanted).steps
-    folds = np.arange(len(np.unique(training.trial))) % settings.folds
-    gone = discover_module._not_needed_any_more(steps, training, folds, settings, 0)
-    assert gone == {"wrong_inertia"}
-    (left,) = discover_module._without(steps, gone, training, folds)
+    world, settings, rng = Drops(table_only()), CritiqueSettings(), np.random.default_rng(0)
+    steps = search(world, settings, rng, fixed=["wrong_inertia", "tangential_restitution"]).steps
+    checks = search_module._Search(world, settings, rng, lambda text: None)
+    assert checks.superfluous(steps) == "wrong_inertia"
+    (left,) = checks.without(steps, "wrong_inertia")
     assert [effect.name for effect in left.fitted.model.effects] == ["tangential_restitution"]
     assert set(left.fitted.values) == {"mu", "epsilon", "tangential_restitution.e_t"}
-    assert discover_module._not_needed_any_more([left], training, folds, settings, 0) == set()
+    assert checks.superfluous([left]) is None
 
 
 def test_refits_stretch_the_null_of_the_score_test_little(monkeypatch):
-    monkeypatch.setattr(discover_module, "REFITS", 40)
-    training, rng = table_only(), np.random.default_rng(0)
-    fitted = fit(Model(LAWS["anitescu_potra_newton"]), training)
+    monkeypatch.setattr(search_module, "REFITS", 40)
+    world, rng = Drops(table_only()), np.random.default_rng(0)
+    fitted = world.fit("anitescu_potra_newton", ())
     effect = EFFECTS["wrong_inertia"]
-    found = scan(fitted, training, [effect], rng)
-    stretch = discover_module._stretch_of_null(fitted, effect, training, found, rng)
+    tests = scan(world.slopes(fitted, [effect]), 999, rng)
+    checks = search_module._Search(world, CritiqueSettings(), rng, lambda text: None)
+    stretch = checks.stretch_of_null(fitted, effect, tests, rng)
     # the mean of 40 halves of chi² with one degree of freedom is known to 0.22 of itself
     assert 1.0 <= stretch < 1.0 + 4.0 * 0.22
 
 
 def test_no_effects_wanted_no_effects_tried():
     for settings, fixed in ((CritiqueSettings(), []), (CritiqueSettings(max_effects=0), None)):
-        assert discover(table_only(), settings, np.random.default_rng(0), fixed=fixed).steps == ()
+        assert discover(settings=settings, fixed=fixed).steps == ()
 
 
 @pytest.mark.slow
 def test_a_moving_surface_is_named_together_with_a_drifting_camera():
-    found = discover(injected("moving_surface")[0], CritiqueSettings(), np.random.default_rng(0))
+    found = discover(injected("moving_surface")[0])
     assert len(found.steps) == 1
     step = found.steps[0]
     assert {step.effect.name, *step.alternatives} == {"moving_surface", "sensor_drift"}
@@ -148,7 +155,7 @@ def test_a_moving_surface_is_named_together_with_a_drifting_camera():
 
 @pytest.mark.slow
 def test_the_same_generator_gives_the_same_discovery():
-    one, two = (discover(table_only(), CritiqueSettings(), np.random.default_rng(4)) for _ in range(2))
+    one, two = (discover(seed=4) for _ in range(2))
     assert [step.effect.name for step in one.steps] == [step.effect.name for step in two.steps]
     assert one.fitted.values == two.fitted.values and one.judged.total == two.judged.total
 

@@ -16,7 +16,7 @@ from hidden_effects import injected_impacts
 import thesis_lib.figures.critique.pictures
 import thesis_lib.report.critique.page
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
-from thesis_lib.critique.drops import discover as discover_module
+from thesis_lib.critique.drops import world as drops_world
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Parameter
@@ -108,7 +108,7 @@ def test_an_effect_changes_only_what_counts_effects(run, before, monkeypatch):
     # in the middle of the library, so that a draw by position would show
     names = list(EFFECTS)
     effects = {name: EFFECTS[name] for name in names[:3]} | {"third_harmonic": ThirdHarmonic()} | EFFECTS
-    monkeypatch.setattr(discover_module, "EFFECTS", effects)
+    monkeypatch.setattr(drops_world, "EFFECTS", effects)
     as_it_was = dict(EFFECTS)
     try:
         EFFECTS.clear()
@@ -134,7 +134,7 @@ def test_an_effect_changes_only_what_counts_effects(run, before, monkeypatch):
 @pytest.mark.slow
 def test_a_law_changes_only_what_counts_laws(run, before, another_law, monkeypatch):
     laws = (CANDIDATE_LAWS[0], another_law, *CANDIDATE_LAWS[1:])
-    monkeypatch.setattr(discover_module, "CANDIDATE_LAWS", laws)
+    monkeypatch.setattr(drops_world, "CANDIDATE_LAWS", laws)
     after = run("another law")
     for path in sorted(before.iterdir()):
         if path.name in COUNTS_LAWS:

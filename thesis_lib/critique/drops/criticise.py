@@ -11,14 +11,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
-from thesis_lib.critique.drops.discover import Discovery, discover, testable_effects
-from thesis_lib.critique.drops.fit import Fit, fit
-from thesis_lib.critique.drops.held_out import Judgement, judge, paired_gain
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.held_out import Judgement
 from thesis_lib.critique.drops.model import states_at_impact
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.remaining import Remaining, remaining
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
+from thesis_lib.critique.selection.search import judge_held_out, paired_gain, search, split
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
@@ -52,7 +53,7 @@ class Critique:
     observations: Observations
     training: Observations
     held_out: Observations
-    discovery: Discovery
+    discovery: DropsDiscovery
     ladder: tuple[tuple[str, Fit, Judgement], ...]
     laws: dict[str, Judgement]
     without: dict[str, Judgement]
@@ -65,9 +66,7 @@ class Critique:
     @property
     def verdict(self) -> str:
         """adequate, effects or unexplained, as in diagnosis.json."""
-        if self.is_structured:
-            return "unexplained"
-        return "effects" if any(step.clears for step in self.discovery.steps) else "adequate"
+        return self.discovery.verdict(self.is_structured)
 
     @property
     def is_structured(self) -> bool:
@@ -89,13 +88,8 @@ class Critique:
     @property
     def is_learnable(self) -> bool:
         """Whether structure that a Gaussian process can learn is significant and material."""
-        left, s = self.remaining, self.settings
         floor = self.ladder[-1][2].floor
-        fall = left.error_before - left.error_after
-        least = max(
-            s.material_share * left.error_before, s.material_floor * (floor if np.isfinite(floor) else 0.0)
-        )
-        return left.p_value <= s.alpha and fall >= least
+        return self.remaining.is_structured(self.settings, floor if np.isfinite(floor) else 0.0)
 
 
 def criticise(
@@ -140,21 +134,17 @@ def _criticise(
         if name in (effects or ()):
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
     training, held_out = _split(dataset, observations, settings, rng)
-    found = discover(training, settings, rng, effects, say)
+    world = Drops(training, settings.rivals)
+    say(f"fitting {len(world.bases)} laws")
+    discovery = search(world, settings, rng, effects, say)
     say("judging on held-out trials")
-    fits = [("no effect", found.laws[found.base][0]), *((s.effect.name, s.fitted) for s in found.steps)]
-    ladder = tuple((label, one, judge(one, held_out)) for label, one in fits)
-    laws = {name: judge(one, held_out) for name, (one, _) in found.laws.items()}
-    final = found.fitted
-    without = {}
-    for step in found.steps:
-        smaller = final.model.without(step.effect.name)
-        kept = {k: v for k, v in final.values.items() if k in smaller.parameters}
-        without[step.effect.name] = judge(fit(smaller, training, kept), held_out)
+    unseen = Drops(held_out)
+    ladder, without = judge_held_out(world, unseen, discovery)
+    laws = {name: unseen.judge(fitted) for name, (fitted, _) in discovery.bases.items()}
+    base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")
     left = remaining(final, training, rng)
     # as measured, and with geometry, inertia and camera as the final model has them
-    base = found.laws[found.base][0]
     before, after = states_at_impact(base.model, base.values, held_out)
     no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
     return Critique(
@@ -163,7 +153,7 @@ def _criticise(
         observations,
         training,
         held_out,
-        found,
+        discovery,
         ladder,
         laws,
         without,
@@ -224,9 +214,8 @@ def _split(
             f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {said}"
             "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
         )
-    chosen = rng.permutation(trials)
-    count = max(2, round(settings.held_out_share * len(trials)))
-    return observations.select(np.sort(chosen[count:])), observations.select(np.sort(chosen[:count]))
+    training, held_out = split(trials, settings.held_out_share, rng)
+    return observations.select(training), observations.select(held_out)
 
 
 def gain_of(critique: Critique, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:

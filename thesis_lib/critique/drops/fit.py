@@ -25,6 +25,7 @@ from thesis_lib.critique.drops.model import (
     states_at_impact,
 )
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.effects.effect import Effect
 
 NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; parameters move by less than a tenth of their error in the third
@@ -54,6 +55,16 @@ class Fit:
     sigma_m: float
     score: float
     n: int
+
+    @property
+    def base(self) -> str:
+        """Name of the law."""
+        return self.model.law.name
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Effects that are switched on."""
+        return self.model.effects
 
 
 class Whitening:

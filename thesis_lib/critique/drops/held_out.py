@@ -16,7 +16,7 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.fit import Fit, fit, log_scores
 from thesis_lib.critique.drops.model import flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.statistics.bootstrap import bootstrap_gain
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.statistics.spread import robust_std
 
 CHANNELS = ("impact", "flight", "meet", "touch")
@@ -47,17 +47,26 @@ class Judgement:
     excess: float
 
     @property
+    def trials(self) -> np.ndarray:
+        """Numbers of the trials with an impact or a flight, ascending."""
+        return np.unique(np.concatenate([self.trial, self.flight_trial]))
+
+    @property
+    def units(self) -> int:
+        """Number of impacts."""
+        return len(self.score)
+
+    @property
     def total(self) -> float:
         """Total log score, nats."""
         return float(self.score.sum() + self.flight_score.sum())
 
     def by_trial(self, trials: np.ndarray) -> np.ndarray:
         """Log score of each of `trials`, impacts and flights together."""
-        found = np.zeros(len(trials))
-        for own, score in ((self.trial, self.score), (self.flight_trial, self.flight_score)):
-            at = np.searchsorted(trials, own)
-            np.add.at(found, at, score)
-        return found
+        total = np.zeros(len(trials))
+        for trial, score in ((self.trial, self.score), (self.flight_trial, self.flight_score)):
+            np.add.at(total, np.searchsorted(trials, trial), score)
+        return total
 
 
 def judge(fitted: Fit, observations: Observations) -> Judgement:
@@ -100,10 +109,9 @@ def cross_validate(fitted: Fit, observations: Observations, folds: np.ndarray) -
     trials = np.unique(observations.trial)
     parts = []
     for k in np.unique(folds):
-        rest = observations.select(trials[folds != k])
-        own = observations.select(trials[folds == k])
-        refitted = fit(fitted.model, rest, fitted.values, rounds=1)
-        parts.append(judge(refitted, own))
+        others = observations.select(trials[folds != k])
+        refitted = fit(fitted.model, others, fitted.values, rounds=1)
+        parts.append(judge(refitted, observations.select(trials[folds == k])))
     weights = np.array([len(part.score) for part in parts], float)
     channels = parts[0].sigmas
 
@@ -121,19 +129,10 @@ def cross_validate(fitted: Fit, observations: Observations, folds: np.ndarray) -
     )
 
 
-def paired_gain(
-    better: Judgement, worse: Judgement, rng: np.random.Generator, draws: int = 999
-) -> tuple[float, float, float]:
-    """Gain of log score an impact, with a 95 % interval from the bootstrap over trials; nats."""
-    trials = np.unique(np.concatenate([better.trial, better.flight_trial]))
-    difference = better.by_trial(trials) - worse.by_trial(trials)
-    return bootstrap_gain(difference, len(better.score), draws, rng)
-
-
 def is_material(
-    with_effect: Judgement, without: Judgement, channels: tuple[str, ...], share: float, of_floor: float
+    with_effect: Judgement, without: Judgement, channels: tuple[str, ...], settings: SearchSettings
 ) -> bool:
-    """Whether an effect lowers a held-out error of its channels by `share` of it and `of_floor` of the noise floor."""
+    """Whether an effect lowers a held-out error of one of its channels by an amount that matters."""
     for channel in channels:
         if channel == "impact":
             before, after = float(without.error.mean()), float(with_effect.error.mean())
@@ -142,7 +141,7 @@ def is_material(
             # root mean squares in units of noise, whose floor is 1
             before, after = np.sqrt(without.sigmas[channel]), np.sqrt(with_effect.sigmas[channel])
             floor = 1.0
-        if np.isfinite(before) and before - after >= max(share * before, of_floor * floor):
+        if np.isfinite(before) and settings.matters(before, after, floor):
             return True
     return False
 

@@ -6,7 +6,6 @@ residuals of that second half over its impacts, so that the features stay as the
 """
 
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,27 +14,12 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import impact_residuals
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.selection.remaining import Remaining
 from thesis_lib.statistics.spread import robust_std
 
 MOST = 160  # impacts in each half: the fit costs n³, and a structure that matters shows in 160
 PERMUTATIONS = 199
 RELEVANT = 3.0  # standard deviations: a longer length scale says that a feature does not matter
-
-
-@dataclass(frozen=True)
-class Remaining:
-    """Structure left in the residuals.
-
-    Attributes:
-        p_value: of the learnable share, by permutation.
-        error_before, error_after: mean kinetic norm in m/s of the residual, and after what is learnable is taken off.
-        depends_on: features by relevance.
-    """
-
-    p_value: float
-    error_before: float
-    error_after: float
-    depends_on: tuple[str, ...]
 
 
 def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Remaining:

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thesis_lib.critique.drops.words import listed
-from thesis_lib.critique.mechanisms.critique import MechanismCritique, applied, rms, smallest_sizes
+from thesis_lib.critique.mechanisms.critique import MechanismCritique, smallest_sizes
 from thesis_lib.critique.mechanisms.dependence import dependence, window_means
-from thesis_lib.critique.mechanisms.fit import fit_effects
 from thesis_lib.critique.mechanisms.recovery import Identified, identify_parameters
+from thesis_lib.critique.mechanisms.world import applied
 from thesis_lib.critique.results.numbers import number
 from thesis_lib.foundation.rounding import six_digits
 
@@ -36,7 +36,7 @@ STATES = 3  # proposed for the next experiment
 def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.random.Generator) -> dict:
     """The content of diagnosis.json, with numbers of six digits; `rng` permutes windows."""
     weak, held, model = critique.training, critique.held_out, critique.model
-    base_fit = fit_effects(weak, ())
+    base_fit = critique.discovery.bases[critique.discovery.base][0]
     believed_z = applied(held, base_fit)
     depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
     base, augmented = critique.ladder[0], critique.ladder[-1]
@@ -74,7 +74,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             "p_value": p_dependence,
         },
         "remaining": {
-            "structured": critique.remaining.structured,
+            "structured": critique.is_structured,
             "p_value": critique.remaining.p_value,
             "depends_on": list(critique.remaining.depends_on),
         },
@@ -108,7 +108,7 @@ def _unit(name: str) -> str:
 def _effect(critique: MechanismCritique, i: int) -> dict:
     step, fitted = critique.steps[i], critique.fitted
     e = step.effect
-    gain, low, high = step.gain
+    gain, low, high = critique.gains[e.name]
     return {
         "name": e.name,
         "family": e.family,
@@ -118,10 +118,10 @@ def _effect(critique: MechanismCritique, i: int) -> dict:
             p.name: {"value": v, "std": s, "unit": p.unit}
             for p, v, s in zip(e.parameters, fitted.values[e.name], fitted.std[e.name])
         },
-        "clears": True,
+        "clears": step.clears,
         "gain": {"held_out_log_score_per_window": gain, "interval": [low, high], "p_value": step.p_value},
         "indistinguishable_from": list(step.alternatives),
-        "cosines": step.cosines,
+        "cosines": {c: step.scan.cosine(e.name, c) for c in step.scan.basis if c != e.name},
     }
 
 
@@ -142,8 +142,8 @@ def _where(critique: MechanismCritique, before: np.ndarray) -> list[dict]:
                 "coordinate": one[0],
                 "contacts": one[1],
                 "rows": int(at.sum()),
-                "before": rms(before[at]),
-                "after": rms(after[at]),
+                "before": float(np.sqrt(np.mean(before[at] ** 2))),
+                "after": float(np.sqrt(np.mean(after[at] ** 2))),
             }
         )
     return rows
@@ -155,7 +155,7 @@ def _next_experiment(critique: MechanismCritique) -> dict:
     if step is None:
         return {"why": "", "states": []}
     other = step.alternatives[0]
-    scan, weak = critique.first_scan, critique.training
+    scan, weak = critique.discovery.first_scan, critique.training
     if other not in scan.basis or step.effect.name not in scan.shift:
         return {"why": "", "states": []}
     s, B = scan.shift[step.effect.name], scan.basis[other]
@@ -225,6 +225,6 @@ def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.Da
             "after": applied(held, critique.fitted),
         }
     )
-    scan = critique.first_scan
+    scan = critique.discovery.first_scan
     gains = pd.DataFrame({"candidate": list(scan.gain), "gain": list(scan.gain.values())})
     return residuals, gains, float(np.quantile(scan.null, 0.99))

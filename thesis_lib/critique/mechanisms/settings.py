@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.foundation.settings import Section
 from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind
 
@@ -27,7 +27,7 @@ class MechanismSettings(Section):
     """Settings of the critique of mechanisms; thresholds are those of impacts."""
 
     windows: WindowSettings = WindowSettings()
-    thresholds: CritiqueSettings = CritiqueSettings()
+    thresholds: SearchSettings = SearchSettings()
     resamples: int = Field(999, ge=199, description="draws of the null distributions and of the bootstrap")
 
 

@@ -148,7 +148,7 @@ def loaded(kind: MechanismKind, model: BelievedModel, settings: HiddenStudy, tru
 def _effects_row(
     found: MechanismCritique, exact: WeakForm, records: tuple[Record, ...], truth: str, true: np.ndarray
 ) -> tuple[dict, "pd.DataFrame"]:
-    first = found.steps[0] if found.steps else None
+    first, tests = found.steps[0] if found.steps else None, found.discovery.first_scan
     before, estimate, reference = force_error(exact, records[-1:], None)
     after, with_it, _ = force_error(exact, records[-1:], found.fitted)
     without = identify_parameters(found.training, fit_effects(found.training, ()))
@@ -162,8 +162,8 @@ def _effects_row(
         "group": "; ".join(found.found[1:]),
         "n_effects": len(found.steps),
         "right": int(is_right(truth, found)),
-        "p_value": first.p_value if first else found.first_scan.p_value(max(found.first_scan.gain.values())),
-        "gain": first.gain[0] if first else 0.0,
+        "p_value": first.p_value if first else tests.p_value(max(tests.gain.values())),
+        "gain": found.gains[first.effect.name][0] if first else 0.0,
         "misfit_before": found.ladder[0][0],
         "misfit_after": found.ladder[-1][0],
         "force_error_before": before,

@@ -90,7 +90,7 @@ class WeakForm:
         f: (n, nv) known forces of these steps; step, step_trial: (n,) their numbers and trials.
         starts: (windows,) first step of each window; active_pairs: its contact pairs.
         trial: (N,) trial of each row of z; window: (N,) number of its window; coordinate: (N,) its free coordinate.
-        left_out: steps in no window, by reason; steps: number of all steps.
+        left_out: steps in no window, by reason; steps, trials: numbers of all.
 
     Raises:
         UserError: no window is left, or a state is not finite.
@@ -99,7 +99,7 @@ class WeakForm:
     def __init__(self, trials: Sequence[Trial], model: BelievedModel, settings: WindowSettings) -> None:
         self.model, self.h = model, trials[0].h
         self.left_out: Counter[str] = Counter()
-        self.steps = sum(len(t.f_ext) for t in trials)
+        self.steps, self.trials = sum(len(t.f_ext) for t in trials), len(trials)
         for i, t in enumerate(trials):
             if not all(np.isfinite(x).all() for x in (t.q, t.v, t.f_ext, t.sigma)):
                 raise UserError(

@@ -88,7 +88,7 @@ def _parameters(fitted: Fit, names: tuple[str, ...]) -> dict:
 
 def _law(critique: Critique, name: str) -> dict:
     """One law without effects: what two runs that chose different laws can be compared by."""
-    fitted, _ = critique.discovery.laws[name]
+    fitted, _ = critique.discovery.bases[name]
     error, low, high = clustered_mean(critique.laws[name].error, critique.laws[name].trial)
     return {
         "parameters": _parameters(fitted, ("mu", "epsilon")),
@@ -118,7 +118,7 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
 def _material_in(critique: Critique, effect: str) -> list[str]:
     """Channels whose held-out misfit the effect lowers by an amount that counts."""
     last, without, s = critique.ladder[-1][2], critique.without[effect], critique.settings
-    return [c for c in CHANNELS if is_material(last, without, (c,), s.material_share, s.material_floor)]
+    return [c for c in CHANNELS if is_material(last, without, (c,), s)]
 
 
 def _error(critique: Critique) -> dict:

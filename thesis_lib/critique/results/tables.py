@@ -28,10 +28,11 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.questions.flights import flight_table
-from thesis_lib.critique.drops.held_out import Judgement, paired_gain
+from thesis_lib.critique.drops.held_out import Judgement
 from thesis_lib.critique.drops.model import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.critique.selection.search import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import fit_individual
@@ -68,7 +69,7 @@ def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFra
 def comparison(critique: Critique) -> pd.DataFrame:
     """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
     o = critique.held_out
-    found = critique.discovery.laws
+    found = critique.discovery.bases
     residuals = {name: _errors(fitted, o) for name, (fitted, _) in found.items()}
     base = critique.ladder[0][1]
     share, tolerance = _shares_in_range(critique)
@@ -185,7 +186,7 @@ def left_out_impacts(observations: Observations) -> pd.DataFrame:
 def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
     """Parts of the mean square error of the base law on held-out impacts; see the module's text."""
     o, base = critique.held_out, critique.ladder[0][1]
-    laws = [fitted for fitted, _ in critique.discovery.laws.values()]
+    laws = [fitted for fitted, _ in critique.discovery.bases.values()]
     weights = np.array([1.0, 1.0, o.rig.k_g]) ** 2
     squares, irb, gap = _bounds(base, laws, o)
     noise, made_irb, made_gap = 0.0, np.nan, np.nan
@@ -245,7 +246,7 @@ def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
         Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g)
     )
     found = {}
-    for name, (fitted, _) in critique.discovery.laws.items():
+    for name, (fitted, _) in critique.discovery.bases.items():
         error = fit_individual(fitted.model.law, target, "velocity").error
         found[name] = float(np.mean(np.nan_to_num(error, nan=np.inf) <= tolerance))
     return found, tolerance

@@ -1,0 +1,191 @@
+"""The search on a world made for this test: a line through noisy points, and four curves that it may lack."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from thesis_lib.critique.selection.scan import orthonormal
+from thesis_lib.critique.selection.search import judge_held_out, search, split
+from thesis_lib.critique.selection.settings import SearchSettings
+from thesis_lib.critique.selection.world import Slopes, World
+
+TRIALS, POINTS = 20, 15
+SIZE = 1.0  # of what is injected, in units of the noise
+
+
+@dataclass(frozen=True)
+class Curve:
+    """y grows by p `shape`(x); p is fitted."""
+
+    name: str
+
+
+SHAPES = {
+    "square": lambda x: x**2 - np.mean(x**2),
+    "wave": lambda x: np.sin(4.0 * x),
+    "twin_of_wave": lambda x: 3.0 * np.sin(4.0 * x) + 0.5 * x,  # with the line's slope it is the wave
+    "step": np.sign,
+}
+
+
+@dataclass(frozen=True)
+class Fitted:
+    base: str
+    effects: tuple[Curve, ...]
+    values: dict[str, float]
+    score: float
+
+
+@dataclass(frozen=True)
+class Scores:
+    trial: np.ndarray
+    z: np.ndarray
+
+    trials = property(lambda self: np.unique(self.trial))
+    units = property(lambda self: len(self.z))
+    total = property(lambda self: float(-0.5 * self.z @ self.z))
+
+    def by_trial(self, trials: np.ndarray) -> np.ndarray:
+        return np.array([-0.5 * np.sum(self.z[self.trial == k] ** 2) for k in trials])
+
+
+class Line(World[Curve, Fitted, Scores]):
+    """Points (x, y) with noise of standard deviation 1, and y = a + b x with effects."""
+
+    unit, bases = "point", ("line",)
+
+    def __init__(self, trial: np.ndarray, x: np.ndarray, y: np.ndarray) -> None:
+        self.trial, self.x, self.y = trial, x, y
+        self.trials = np.unique(trial)
+        self.candidates = {name: Curve(name) for name in SHAPES}
+
+    def part(self, trials: np.ndarray) -> "Line":
+        rows = np.isin(self.trial, trials)
+        return Line(self.trial[rows], self.x[rows], self.y[rows])
+
+    def columns(self, effects) -> np.ndarray:
+        return np.stack([np.ones_like(self.x), self.x, *(SHAPES[e.name](self.x) for e in effects)], axis=1)
+
+    def residual(self, fitted: Fitted) -> np.ndarray:
+        return self.y - self.columns(fitted.effects) @ list(fitted.values.values())
+
+    def fit(self, base, effects, start=None, *, quick=False) -> Fitted:
+        X = self.columns(effects)
+        p = np.linalg.lstsq(X, self.y, rcond=None)[0]
+        z = self.y - X @ p
+        return Fitted(
+            base, effects, dict(zip(("a", "b", *(e.name for e in effects)), p)), float(-0.5 * z @ z)
+        )
+
+    def judge(self, fitted: Fitted) -> Scores:
+        return Scores(self.trial, self.residual(fitted))
+
+    def cross_validate(self, fitted: Fitted, folds: np.ndarray) -> Scores:
+        parts = []
+        for k in np.unique(folds):
+            others = self.part(self.trials[folds != k]).fit(fitted.base, fitted.effects)
+            parts.append(self.part(self.trials[folds == k]).judge(others))
+        return Scores(np.concatenate([p.trial for p in parts]), np.concatenate([p.z for p in parts]))
+
+    def slopes(self, fitted: Fitted, candidates) -> Slopes:
+        columns = {e.name: -SHAPES[e.name](self.x)[:, None] for e in candidates}
+        return Slopes(self.residual(fitted), -self.columns(fitted.effects), columns, unit_noise=True)
+
+    def is_material(self, better: Scores, worse: Scores, candidate: Curve, settings: SearchSettings) -> bool:
+        before, after = (np.sqrt(np.mean(judgement.z**2)) for judgement in (worse, better))
+        return settings.matters(before, after, 0.0)
+
+
+def line(seed: int, **hidden: float) -> Line:
+    rng = np.random.default_rng(seed)
+    trial = np.repeat(np.arange(TRIALS), POINTS)
+    x = rng.uniform(-1.0, 1.0, len(trial))
+    y = 0.3 + 2.0 * x + rng.standard_normal(len(trial))
+    return Line(
+        trial, x, y + sum((size * SHAPES[name](x) for name, size in hidden.items()), np.zeros_like(x))
+    )
+
+
+def found(world: Line, settings: SearchSettings | None = None, **options):
+    return search(world, settings or SearchSettings(), np.random.default_rng(1), **options)
+
+
+def test_what_is_injected_is_found_with_its_size():
+    world = line(0, square=3.0 * SIZE)
+    discovery = found(world)
+    assert [step.effect.name for step in discovery.steps] == ["square"]
+    (step,) = discovery.steps
+    assert step.alternatives == () and discovery.verdict(is_structured=False) == "effects"
+    std = 1.0 / np.linalg.norm(SHAPES["square"](world.x))
+    assert discovery.fitted.values["square"] == pytest.approx(3.0 * SIZE, abs=4.0 * std)
+    # the gain of the fit is that of the score test, because the model is linear
+    gain = discovery.fitted.score - discovery.bases["line"][0].score
+    assert step.scan.gain["square"] == pytest.approx(gain, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_injected_is_adequate(seed):
+    discovery = found(line(seed))
+    assert discovery.steps == () and discovery.verdict(is_structured=False) == "adequate"
+    assert discovery.verdict(is_structured=True) == "unexplained"
+    assert set(discovery.last_scan.gain) == set(SHAPES)
+
+
+def test_collinear_candidates_are_not_told_apart():
+    (step,) = found(line(2, wave=SIZE)).steps
+    assert {step.effect.name, *step.alternatives} == {"wave", "twin_of_wave"}
+    assert step.scan.cosine("wave", "twin_of_wave") == pytest.approx(1.0)
+    assert (
+        step.scan.expected_loss("wave", "twin_of_wave")
+        < 1e-6
+        < 3.0
+        < step.scan.expected_loss("wave", "square")
+    )
+
+
+def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials():
+    world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
+    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    discovery = found(training)
+    names = {step.effect.name for step in discovery.steps}
+    assert len(names) == 2 and "square" in names and names & {"wave", "twin_of_wave"}
+    ladder, without = judge_held_out(training, unseen, discovery)
+    totals = [judgement.total for _, _, judgement in ladder]
+    assert len(totals) == 3 and totals == sorted(totals)
+    assert set(without) == names and all(judged.total < totals[-1] for judged in without.values())
+
+
+def test_an_effect_that_is_significant_but_does_not_matter_is_told():
+    discovery = found(line(4, wave=SIZE), SearchSettings(material_share=0.9))
+    assert discovery.steps == () and discovery.below.effects[0].name in ("wave", "twin_of_wave")
+
+
+def test_effects_switched_on_by_hand_say_whether_the_data_ask_for_them():
+    discovery = found(line(0, square=3.0 * SIZE), fixed=["step", "square"])
+    assert [(step.effect.name, step.clears) for step in discovery.steps] == [
+        ("step", False),
+        ("square", True),
+    ]
+
+
+def test_a_further_candidate_shifts_no_draw_of_another(monkeypatch):
+    few, many = line(0, square=3.0 * SIZE), line(0, square=3.0 * SIZE)
+    monkeypatch.setattr(few, "candidates", {name: Curve(name) for name in ("square", "wave")})
+    one, other = found(few).steps[0], found(many).steps[0]
+    assert one.effect == other.effect and one.gain == other.gain
+
+
+def test_the_split_keeps_two_trials_on_either_side():
+    for n, share in ((4, 0.3), (4, 0.9), (16, 0.3), (10, 0.01)):
+        training, held_out = split(np.arange(n), share, np.random.default_rng(0))
+        assert min(len(training), len(held_out)) >= 2
+        assert sorted([*training, *held_out]) == list(range(n))
+
+
+def test_a_basis_leaves_out_columns_that_are_sums_of_others():
+    x = np.linspace(-1.0, 1.0, 9)
+    columns = np.stack([x, x**2, 2.0 * x - x**2, 0.0 * x], axis=1)
+    basis = orthonormal(columns)
+    assert basis.shape == (9, 2)
+    np.testing.assert_allclose(basis.T @ basis, np.eye(2), atol=1e-12)

@@ -1,0 +1,324 @@
+"""Which effect is missing: forward selection with a backward check, and its refusals.
+
+1. Every base is fitted and judged by K-fold over training trials; the best is where the search starts.
+2. At each step all candidates are screened by score tests and quick fits.  The best few are fitted with *all*
+   parameters free, and the best three of them are judged by K-fold.
+3. An effect enters if its gain is beyond the null of the largest gain of all candidates, if its held-out gain is
+   positive by its paired interval, and if it lowers a held-out error materially.  Where a gain is not far beyond the
+   null, refits to data drawn without the effect say by how much refits stretch it.
+4. With the effect in, the other bases are tried again, and an earlier effect that it has made superfluous leaves.
+
+Candidates that these data cannot tell from a chosen one are named with it.  The model, its candidates and its data
+come as a `World`; streams of random numbers are named by the effects, so that a further candidate shifts no draw.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic
+
+import numpy as np
+
+from thesis_lib.critique.selection.scan import Scan, scan
+from thesis_lib.critique.selection.settings import SearchSettings
+from thesis_lib.critique.selection.world import E, F, J, Judgement, World
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.statistics.bootstrap import bootstrap_gain
+
+JUDGED = 3  # finalists that are judged by K-fold
+REFITS = 199  # of data drawn without the effect, where its gain is near the null
+FAR_BEYOND = 3.0  # times the largest draw of the null: no refit would stretch it as far
+
+
+@dataclass(frozen=True)
+class Step(Generic[E, F, J]):
+    """One chosen effect.
+
+    Attributes:
+        effect: chosen; alternatives: names that the data cannot tell from it, nearest first.
+        clears: whether it passes all three tests; always so unless it was switched on by hand.
+        p_value: of its gain against the null of the largest gain.
+        gain: held-out gain a unit by K-fold, with 95 % interval, nats.
+        fitted: the model with it, on all training trials; judged: by K-fold.
+        scan: score tests before it was added.
+    """
+
+    effect: E
+    alternatives: tuple[str, ...]
+    clears: bool
+    p_value: float
+    gain: tuple[float, float, float]
+    fitted: F
+    judged: J
+    scan: Scan
+
+
+@dataclass(frozen=True)
+class Discovery(Generic[E, F, J]):
+    """The chosen model and how it was found.
+
+    Attributes:
+        bases: by name, fit and K-fold judgement without effects; base: name of the best.
+        steps: in order of selection.
+        first_scan, last_scan: score tests at the best base, and at the final model.
+        below: fit with the effect at which the search ended because it is significant but does not matter.
+        not_testable: name -> why.
+    """
+
+    bases: dict[str, tuple[F, J]]
+    base: str
+    steps: tuple[Step[E, F, J], ...]
+    first_scan: Scan
+    last_scan: Scan
+    below: F | None
+    not_testable: Mapping[str, str]
+
+    @property
+    def fitted(self) -> F:
+        """The final model."""
+        return self.steps[-1].fitted if self.steps else self.bases[self.base][0]
+
+    @property
+    def judged(self) -> J:
+        """Its K-fold judgement."""
+        return self.steps[-1].judged if self.steps else self.bases[self.base][1]
+
+    def verdict(self, is_structured: bool) -> str:
+        """adequate, effects or unexplained, as in diagnosis.json; `is_structured`: something that matters remains."""
+        if is_structured:
+            return "unexplained"
+        return "effects" if any(step.clears for step in self.steps) else "adequate"
+
+
+def split(trials: np.ndarray, share: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the training trials and of those held out, at least two of each where there are four."""
+    order = rng.permutation(trials)
+    count = min(max(2, round(share * len(trials))), len(trials) - 2)
+    return order[count:], order[:count]
+
+
+def search(
+    world: World[E, F, J],
+    settings: SearchSettings,
+    rng: np.random.Generator,
+    fixed: Sequence[str] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Discovery[E, F, J]:
+    """Choose base and effects on training trials.
+
+    Args:
+        world: training trials, candidates and models.
+        settings: thresholds.
+        rng: draws the folds and seeds the named streams.
+        fixed: names of effects to switch on, in this order, instead of the automatic choice.
+        say: is given a line on each step.
+    """
+    return _Search(world, settings, rng, say).run(fixed)
+
+
+def judge_held_out(
+    training: World[E, F, J], held_out: World[E, F, J], discovery: Discovery[E, F, J]
+) -> tuple[tuple[tuple[str, F, J], ...], dict[str, J]]:
+    """The ladder, and what each effect is worth in the end; every number on trials that no choice has seen.
+
+    Returns:
+        (label, fit, judgement) without effects and after each one; judgement of the final model without each of its
+        effects, all else refitted.
+    """
+    fits = [("no effect", discovery.bases[discovery.base][0])]
+    fits += [(step.effect.name, step.fitted) for step in discovery.steps]
+    ladder = tuple((label, fitted, held_out.judge(fitted)) for label, fitted in fits)
+    final, without = discovery.fitted, {}
+    for step in discovery.steps:
+        others = tuple(e for e in final.effects if e.name != step.effect.name)
+        without[step.effect.name] = held_out.judge(training.fit(final.base, others, final.values))
+    return ladder, without
+
+
+def paired_gain(
+    better: Judgement, worse: Judgement, rng: np.random.Generator, draws: int = 999
+) -> tuple[float, float, float]:
+    """Gain of log score a unit, with a 95 % interval from the bootstrap over trials; nats."""
+    trials = better.trials
+    difference = better.by_trial(trials) - worse.by_trial(trials)
+    return bootstrap_gain(difference, better.units, draws, rng)
+
+
+class _Search(Generic[E, F, J]):
+    """The search with what does not change on its way: data, thresholds, folds and seed."""
+
+    def __init__(
+        self,
+        world: World[E, F, J],
+        settings: SearchSettings,
+        rng: np.random.Generator,
+        say: Callable[[str], None],
+    ) -> None:
+        self.world, self.settings, self.say = world, settings, say
+        n = len(world.trials)
+        self.folds = rng.permutation(np.arange(n) % min(settings.folds, n))
+        self.seed = int(rng.integers(2**63))
+
+    def run(self, fixed: Sequence[str] | None) -> Discovery[E, F, J]:
+        world = self.world
+        bases = {}
+        for name in world.bases:
+            fitted = world.fit(name, ())
+            bases[name] = (fitted, world.cross_validate(fitted, self.folds))
+        ranked = sorted(bases, key=lambda name: -bases[name][1].total)
+        fitted, judged = bases[ranked[0]]
+        steps: list[Step[E, F, J]] = []
+        dropped: set[str] = set()
+        first_scan = below = None
+        while len(steps) < (self.settings.max_effects if fixed is None else len(fixed)):
+            taken = {step.effect.name for step in steps} | dropped
+            candidates = [e for e in world.candidates.values() if e.name not in taken]
+            if fixed is not None:
+                candidates = [world.candidates[fixed[len(steps)]]]
+            if not candidates:
+                break
+            on = [step.effect.name for step in steps]
+            tests = self.scan(fitted, candidates, "null", *on)
+            first_scan = first_scan or tests
+            self.say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
+            # a missing effect may have made the wrong base the best one: the next best are tried with it, too
+            contenders = [fitted] if steps else [bases[name][0] for name in ranked[: world.rivals]]
+            step, below = self.best_step(fitted, judged, contenders, candidates, tests, fixed is not None)
+            if step is None:
+                break
+            step = self.with_best_base(step)
+            self.say(f"step {len(steps) + 1}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
+            steps.append(step)
+            superfluous = self.superfluous(steps) if fixed is None else None
+            if superfluous:
+                self.say(f"not needed any more: {superfluous}")
+                dropped.add(superfluous)
+                steps = self.without(steps, superfluous)
+            fitted, judged = steps[-1].fitted, steps[-1].judged
+        taken = {step.effect.name for step in steps}
+        rest = [e for e in world.candidates.values() if e.name not in taken]
+        last_scan = self.scan(fitted, rest, "last null")
+        return Discovery(
+            bases, ranked[0], tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable
+        )
+
+    def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
+        slopes = self.world.slopes(fitted, candidates)
+        return scan(slopes, self.world.resamples, generator(self.seed, *stream))
+
+    def gain(self, better: J, worse: J, *stream: str) -> tuple[float, float, float]:
+        return paired_gain(better, worse, generator(self.seed, *stream), self.world.resamples)
+
+    def best_step(
+        self,
+        fitted: F,
+        judged: J,
+        contenders: Sequence[F],
+        candidates: Sequence[E],
+        tests: Scan,
+        forced: bool,
+    ) -> tuple[Step[E, F, J] | None, F | None]:
+        """The candidate that enters, or None and the fit with one that is significant but does not matter."""
+        world, settings = self.world, self.settings
+        by_name = {e.name: e for e in candidates}
+        on = [e.name for e in fitted.effects]
+        quick: dict[str, F] = {}
+        for e in candidates:
+            tries = [
+                world.fit(rival.base, (*rival.effects, e), world.start_with(rival, e), quick=True)
+                for rival in contenders
+            ]
+            quick[e.name] = max(tries, key=lambda fit: fit.score)
+        # ranked by a quick fit and not by the score test: far from the null a robust fit may have called outliers what
+        # the effect explains, and then the slope at the null says nothing
+        names = sorted(quick, key=lambda name: -quick[name].score)[: settings.finalists]
+        full = {name: world.fit(quick[name].base, quick[name].effects, quick[name].values) for name in names}
+        # over the best base without it: that one of the rivals may fit better by chance is no gain of the effect
+        best = max([fitted, *contenders], key=lambda fit: fit.score)
+        gains = {name: fit.score - best.score for name, fit in (quick | full).items()}
+        names = sorted(names, key=lambda name: -gains[name])[:JUDGED]
+        judgements = {name: world.cross_validate(full[name], self.folds) for name in names}
+        below = None
+        for name in sorted(names, key=lambda name: -judgements[name].total):
+            e, judgement = by_name[name], judgements[name]
+            gain = self.gain(judgement, judged, "gain", *on, name)
+            p_value = tests.p_value(gains[name])
+            significant = gain[1] > 0.0 and p_value <= settings.alpha
+            material = world.is_material(judgement, judged, e, settings)
+            if significant and not material:
+                below = below or full[name]
+            if significant and material and gains[name] < FAR_BEYOND * tests.null.max():
+                stretch = self.stretch_of_null(best, e, tests, generator(self.seed, "refits", *on, name))
+                p_value = tests.p_value(gains[name] / stretch)
+                significant = p_value <= settings.alpha
+            clears = significant and material
+            if forced or clears:
+                alternatives = self.alternatives(name, gains, tests)
+                return Step(e, alternatives, clears, p_value, gain, full[name], judgement, tests), None
+        return None, below
+
+    def stretch_of_null(self, fitted: F, effect: E, tests: Scan, rng: np.random.Generator) -> float:
+        """Factor by which gains of full refits exceed those of the score test where nothing is hidden, at least 1.
+
+        The mean gain of `REFITS` refits to data drawn from the model without the effect, over half the number of its
+        columns: the mean of the score test (Bartlett's correction).
+        """
+        gains = []
+        for _ in range(REFITS):
+            drawn = self.world.drawn(fitted, rng)
+            if drawn is None:
+                return 1.0
+            plain = drawn.fit(fitted.base, fitted.effects, fitted.values, quick=True)
+            with_it = drawn.fit(fitted.base, (*fitted.effects, effect), plain.values, quick=True)
+            gains.append(with_it.score - plain.score)
+        expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
+        return max(1.0, float(np.mean(np.maximum(gains, 0.0))) / expected)
+
+    def alternatives(self, name: str, gains: Mapping[str, float], tests: Scan) -> tuple[str, ...]:
+        """Effects that would explain the same on this design, nearest first."""
+        close = {}
+        for other in tests.basis:
+            if other == name or not tests.basis[other].shape[1]:
+                continue
+            # what the data say counts, too
+            loss = max(tests.expected_loss(name, other), gains[name] - gains[other])
+            if loss < self.settings.tell_apart:
+                close[other] = loss
+        return tuple(sorted(close, key=lambda other: close[other]))
+
+    def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
+        """The step with the base that fits best now that the effect is in: without it another may have stood in."""
+        world, fitted, least = self.world, step.fitted, self.settings.tell_apart
+        if len(world.bases) == 1:
+            return step
+        fits = {name: world.fit(name, fitted.effects, fitted.values) for name in world.bases}
+        best = max(fits, key=lambda name: fits[name].score)
+        if best == fitted.base or fits[best].score - fitted.score < least:
+            return step
+        judged = world.cross_validate(fits[best], self.folds)
+        if judged.total - step.judged.total < least:
+            return step
+        return replace(step, fitted=fits[best], judged=judged)
+
+    def superfluous(self, steps: Sequence[Step[E, F, J]]) -> str | None:
+        """The first earlier effect that the last one has made superfluous, if there is one (backward check)."""
+        world, last = self.world, steps[-1]
+        names = [step.effect.name for step in steps]
+        for step in steps[:-1]:
+            others = tuple(e for e in last.fitted.effects if e.name != step.effect.name)
+            smaller = world.fit(last.fitted.base, others, last.fitted.values)
+            judged = world.cross_validate(smaller, self.folds)
+            gain = self.gain(last.judged, judged, "needed", *names, step.effect.name)
+            if gain[1] <= 0.0 or not world.is_material(last.judged, judged, step.effect, self.settings):
+                return step.effect.name
+        return None
+
+    def without(self, steps: Sequence[Step[E, F, J]], name: str) -> list[Step[E, F, J]]:
+        """The steps without one effect, all that came after it fitted and judged again."""
+        at = [step.effect.name for step in steps].index(name)
+        kept = list(steps[:at])
+        for step in steps[at + 1 :]:
+            effects = (*(earlier.effect for earlier in kept), step.effect)
+            fitted = self.world.fit(step.fitted.base, effects, step.fitted.values)
+            judged = self.world.cross_validate(fitted, self.folds)
+            kept.append(replace(step, fitted=fitted, judged=judged))
+        return kept

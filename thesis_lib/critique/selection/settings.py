@@ -1,0 +1,26 @@
+"""Thresholds of the search."""
+
+from pydantic import Field
+
+from thesis_lib.foundation.settings import Section
+
+
+class SearchSettings(Section):
+    """Thresholds of the search; all own choices."""
+
+    held_out_share: float = Field(0.3, gt=0, lt=1, description="share of trials that no choice sees")
+    folds: int = Field(5, ge=2, description="K of the K-fold over training trials")
+    max_effects: int = Field(4, ge=0, description="effects in one model")
+    finalists: int = Field(5, ge=1, description="candidates that are fitted in full at each step")
+    alpha: float = Field(0.01, gt=0, lt=1, description="level of the null that counts the candidates tried")
+    material_share: float = Field(0.05, ge=0, description="least fall of a held-out error, over that error")
+    material_floor: float = Field(
+        0.25, ge=0, description="least fall of a held-out error, over the noise floor"
+    )
+    tell_apart: float = Field(
+        3.0, gt=0, description="nats in total below which two effects cannot be told apart"
+    )
+
+    def matters(self, before: float, after: float, floor: float) -> bool:
+        """Whether an error that falls from `before` to `after` falls by what counts; `floor` is that of noise alone."""
+        return bool(before - after >= max(self.material_share * before, self.material_floor * floor))
