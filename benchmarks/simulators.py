@@ -44,7 +44,7 @@ def in_contact(kind: str) -> tuple[Mechanism, np.ndarray, np.ndarray]:
 
 def measure(kind: str, steps: int, repeat: int) -> dict[str, float]:
     """Rates of one mechanism by each way that applies, in steps per second."""
-    from thesis_lib.simulate.drake.sap import simulate_sap
+    from benchmarks.sap import simulate_sap
 
     h, rng = SETTINGS.h, np.random.default_rng(0)
     if kind == "arm_disk":

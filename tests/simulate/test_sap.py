@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from motions import BODIES, G, H, balance, checked, drops
 
+from benchmarks.sap import STIFFNESS, simulate_sap
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
-from thesis_lib.simulate.drake.sap import STIFFNESS, simulate_sap
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 

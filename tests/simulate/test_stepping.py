@@ -25,7 +25,7 @@ from thesis_lib.simulate.stepping.lcp import (
     contact_lcp,
     solve_lcp_enumeration,
 )
-from thesis_lib.simulate.stepping.multibody import Contacts, Mechanism, PlanarFreeBody
+from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import V_REBOUND, simulate, step_lcp
 
 EXACT = 1e-12  # rounding over some hundred steps
@@ -258,7 +258,9 @@ class Unphysical(Mechanism):
 
     def contacts_of(self, q):
         n = len(q)
-        return Contacts(q[:, 1:2], np.tile([[[0.0, 1.0]]], (n, 1, 1)), np.tile([[[1.0, 0.0]]], (n, 1, 1)))
+        return ContactGeometry(
+            q[:, 1:2], np.tile([[[0.0, 1.0]]], (n, 1, 1)), np.tile([[[1.0, 0.0]]], (n, 1, 1))
+        )
 
 
 def test_a_step_without_solution_has_a_status_and_what_follows_is_nan():

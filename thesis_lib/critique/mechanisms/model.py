@@ -26,7 +26,7 @@ from thesis_lib.identify.base_parameters.regressor import (
     parameter_names,
 )
 from thesis_lib.simulate.stepping.arm_disk import LINKS, ArmDisk
-from thesis_lib.simulate.stepping.multibody import Contacts, Mechanism
+from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 
@@ -60,7 +60,7 @@ class BelievedModel(ABC):
     ) -> np.ndarray:
         """Y (n, nv, 4 b) at q, v, a (n, nv), with gravity (2,) in m/s² other than the believed one if given."""
 
-    def contacts(self, q: np.ndarray) -> Contacts:
+    def contacts(self, q: np.ndarray) -> ContactGeometry:
         """Gaps and Jacobians at q (n, nv)."""
         return self.mechanism.contacts_of(q)
 

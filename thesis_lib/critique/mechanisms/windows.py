@@ -40,7 +40,7 @@ from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.critique.mechanisms.settings import WindowSettings
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
-from thesis_lib.simulate.stepping.multibody import Contacts
+from thesis_lib.simulate.stepping.multibody import ContactGeometry
 from thesis_lib.simulate.stepping.stepping import Record
 
 NUDGE = 1e-5  # m, rad and per s: central differences of smooth functions of order one
@@ -258,7 +258,7 @@ class WeakForm:
             self._factors.append((where, np.linalg.cholesky(S)))
 
 
-def _jacobians(contacts: Contacts, pairs: tuple[int, ...]) -> np.ndarray:
+def _jacobians(contacts: ContactGeometry, pairs: tuple[int, ...]) -> np.ndarray:
     """Normal and tangential rows (n, 2 p, nv) of the given contact pairs."""
     return np.concatenate([contacts.J_n[:, list(pairs)], contacts.J_t[:, list(pairs)]], axis=1)
 

@@ -1,1 +1,1 @@
-"""Drops and mechanisms in Drake, with its own contact."""
+"""Drops in Drake, with its own contact."""

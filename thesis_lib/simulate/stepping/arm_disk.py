@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.stepping.multibody import Contacts, Mechanism, require_positive
+from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism, require_positive
 
 if TYPE_CHECKING:
     from pydrake.multibody.plant import MultibodyPlant
@@ -143,7 +143,7 @@ class ArmDisk(Mechanism):
         elbow = self.base + l1 * np.stack([np.cos(first), np.sin(first)], axis=1)
         return elbow, elbow + l2 * np.stack([np.cos(second), np.sin(second)], axis=1)
 
-    def contacts(self, q: np.ndarray) -> Contacts:
+    def contacts(self, q: np.ndarray) -> ContactGeometry:
         # as `contacts_of`, in plain floats: the stepping calls this at every step
         q1, q2, x, y, _ = (float(value) for value in q)
         (l1, l2), (bx, by), R = self.link_lengths, self.base, self.disk_radius
@@ -161,9 +161,9 @@ class ArmDisk(Mechanism):
         ]
         J_n = np.array([[*rows[0], nx, ny, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0]])
         J_t = np.array([[*rows[1], ny, -nx, R], [0.0, 0.0, 1.0, 0.0, R]])
-        return Contacts(np.array([distance - R, y - R]), J_n, J_t)
+        return ContactGeometry(np.array([distance - R, y - R]), J_n, J_t)
 
-    def contacts_of(self, q: np.ndarray) -> Contacts:
+    def contacts_of(self, q: np.ndarray) -> ContactGeometry:
         q = np.asarray(q, dtype=float)
         elbow, tip = self.joints(q)
         centre, along = q[:, 2:4], (tip - elbow) / self.link_lengths[1]
@@ -184,7 +184,7 @@ class ArmDisk(Mechanism):
         n: np.ndarray,
         phi_arm: np.ndarray,
         phi_ground: np.ndarray,
-    ) -> Contacts:
+    ) -> ContactGeometry:
         """Gaps and Jacobians from the touching points C (n, 2) of link 2 and the normals n (n, 2) there."""
         t = np.stack([n[:, 1], -n[:, 0]], axis=1)
         J_n, J_t = np.zeros((2, len(q), 2, 5))
@@ -195,7 +195,7 @@ class ArmDisk(Mechanism):
             J[:, 0, 2:4] = direction
         J_t[:, :, 4] = self.disk_radius
         J_n[:, 1, 3] = J_t[:, 1, 2] = 1.0
-        return Contacts(np.stack([phi_arm, phi_ground], axis=1), J_n, J_t)
+        return ContactGeometry(np.stack([phi_arm, phi_ground], axis=1), J_n, J_t)
 
 
 def _fixed(plant: "MultibodyPlant", name: str, parent: object, pose: object) -> object:

@@ -36,7 +36,7 @@ from thesis_lib.foundation.errors import UserError
 
 
 @dataclass(frozen=True)
-class Contacts:
+class ContactGeometry:
     """Gaps and Jacobians of p contact pairs, of one configuration or with n configurations in front.
 
     Attributes:
@@ -87,13 +87,13 @@ class Mechanism(ABC):
         """Generalised force of gravity (nv,) at one configuration, in N and N m."""
 
     @abstractmethod
-    def contacts_of(self, q: np.ndarray) -> Contacts:
+    def contacts_of(self, q: np.ndarray) -> ContactGeometry:
         """Gaps and Jacobians at n configurations q (n, nq): phi (n, p), J_n and J_t (n, p, nv)."""
 
-    def contacts(self, q: np.ndarray) -> Contacts:
+    def contacts(self, q: np.ndarray) -> ContactGeometry:
         """Gaps and Jacobians at one configuration q (nq,): phi (p,), J_n and J_t (p, nv)."""
         out = self.contacts_of(np.asarray(q, dtype=float)[None])
-        return Contacts(out.phi[0], out.J_n[0], out.J_t[0])
+        return ContactGeometry(out.phi[0], out.J_n[0], out.J_t[0])
 
 
 class PlanarFreeBody(Mechanism):
@@ -147,7 +147,7 @@ class PlanarFreeBody(Mechanism):
     def gravity(self, q: np.ndarray) -> np.ndarray:
         return self._gravity
 
-    def contacts(self, q: np.ndarray) -> Contacts:
+    def contacts(self, q: np.ndarray) -> ContactGeometry:
         # the stepping calls this at every step: plain floats are several times faster than arrays of length one
         y, theta = float(q[1]), float(q[2])
         sin, cos = math.sin(theta), math.cos(theta)
@@ -156,14 +156,14 @@ class PlanarFreeBody(Mechanism):
             r_y = sin * self.corners[:, 0] + cos * self.corners[:, 1]
             J_n, J_t = np.zeros((2, len(r_x), 3))
             J_n[:, 1], J_n[:, 2], J_t[:, 0], J_t[:, 2] = 1.0, r_x, 1.0, -r_y
-            return Contacts(y + r_y, J_n, J_t)
+            return ContactGeometry(y + r_y, J_n, J_t)
         if isinstance(self.shape, Ellipse):
             a2, b2 = self.shape.semi_axes[0] ** 2, self.shape.semi_axes[1] ** 2
             depth = math.sqrt(a2 * sin * sin + b2 * cos * cos)
             r_x, r_y = -(a2 - b2) * sin * cos / depth, -depth
         else:
             r_x, r_y = 0.0, -self.shape.radius  # pyright: ignore[reportAttributeAccessIssue]
-        return Contacts(np.array([y + r_y]), np.array([[0.0, 1.0, r_x]]), np.array([[1.0, 0.0, -r_y]]))
+        return ContactGeometry(np.array([y + r_y]), np.array([[0.0, 1.0, r_x]]), np.array([[1.0, 0.0, -r_y]]))
 
     def contact_points(self, theta: np.ndarray) -> np.ndarray:
         """Touching points (n, p, 2) in m from the centre of mass at angles `theta` (n,), in the surface's axes."""
@@ -174,13 +174,13 @@ class PlanarFreeBody(Mechanism):
         x, y = self.corners.T
         return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
-    def contacts_of(self, q: np.ndarray) -> Contacts:
+    def contacts_of(self, q: np.ndarray) -> ContactGeometry:
         q = np.asarray(q, dtype=float)
         r = self.contact_points(q[:, 2])
         J_n, J_t = np.zeros((2, *r.shape[:2], 3))
         J_n[..., 1], J_n[..., 2] = 1.0, r[..., 0]
         J_t[..., 0], J_t[..., 2] = 1.0, -r[..., 1]
-        return Contacts(q[:, 1, None] + r[..., 1], J_n, J_t)
+        return ContactGeometry(q[:, 1, None] + r[..., 1], J_n, J_t)
 
 
 def require_positive(what: str, **values: float) -> None:
