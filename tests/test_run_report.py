@@ -8,17 +8,14 @@ import pytest
 from matplotlib import image
 
 from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.report.figure_list import ListedFigure, listed_figures
 from thesis_lib.report.run import run_report
 
-ROOT = Path(__file__).resolve().parent.parent
 FOUND = "The error is 0.1 m/s & more."
 
 
 @pytest.fixture
-def results(tmp_path, monkeypatch) -> Path:
+def results(tmp_path) -> Path:
     """A run with figure 3-8 of two datasets, 3-1, table 3.1 and one critique."""
-    monkeypatch.chdir(ROOT)
     texts = ["claims.txt", "critique/proof/proof.txt", "critique/drops/verdict.txt"]
     texts += [f"chapter3/{name}" for name in ("drops/figure_3_8.txt", "drops/table_3_1.txt")]
     pictures = [f"chapter3/{name}/figure_3_8.png" for name in ("drops", "planar_dice")]
@@ -32,9 +29,9 @@ def results(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-def written(results: Path, figures: list[ListedFigure] | None = None) -> str:
+def written(results: Path) -> str:
     findings = sorted(path for path in results.rglob("*.txt") if path.parent != results)
-    return run_report(results, figures or listed_figures(), findings, "quick")
+    return run_report(results, findings, "quick")
 
 
 def test_figures_are_grouped_by_dataset_and_what_was_not_made_is_left_out(results):

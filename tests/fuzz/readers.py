@@ -178,8 +178,6 @@ def _claims_samples() -> list[Sample]:
     content = yaml.CSafeLoader((ROOT / "config/claims/chapter3.yaml").read_bytes()).get_single_data()
     claims, checks = content["claims"], content["checks"]
     kinds = {(checks[c["check"]] if isinstance(c["check"], str) else c["check"])["kind"]: c for c in claims}
-    figures = yaml.CSafeLoader((ROOT / "config/figures.yaml").read_bytes()).get_single_data()
-    figures["figures"] = dict(list(figures["figures"].items())[:4])
     sources = [{"file": "table.csv", "where": {"law": "mirtich"}, "column": "mu", "std_column": "mu_std"}]
     ledger = {"schema": 1, "defaults": {"chapter": 3, "needs": ["drops"]}}
     for key in ("check", "note"):
@@ -194,7 +192,6 @@ def _claims_samples() -> list[Sample]:
             "present.json": b'{"drops": {"present": true}}',
         },
         {
-            "figures.yaml": yaml.safe_dump(figures, sort_keys=False).encode(),
             "expected.yaml": yaml.safe_dump(
                 {"schema": 1, "expected": {"quick": {first: "reproduced"}}}
             ).encode(),
@@ -205,15 +202,13 @@ def _claims_samples() -> list[Sample]:
 def _read_claims(folder: Path, out: Path) -> None:
     from thesis_lib.ledger.evaluate import evaluate
     from thesis_lib.ledger.expected import read_expected
-    from thesis_lib.ledger.figure_format import read_figure_spec
     from thesis_lib.ledger.format import read_ledger
     from thesis_lib.ledger.page import write_page
     from thesis_lib.ledger.reading import Cells, read_present
     from thesis_lib.ledger.result import write_results
 
-    if any(folder.joinpath(name).exists() for name in ("figures.yaml", "expected.yaml")):
+    if folder.joinpath("expected.yaml").exists():
         read_expected(folder / "expected.yaml")
-        read_figure_spec(folder / "figures.yaml")
         return
     results = evaluate(read_ledger(folder / "claims.yaml"), folder, read_present(folder / "present.json"))
     write_results(results, out / "claims.csv")

@@ -2,36 +2,32 @@
 
 import pandas as pd
 import pytest
-import yaml
 
 from thesis_lib.commands.claims import main
 from thesis_lib.foundation.files import write_table
+from thesis_lib.records import catalogue
+from thesis_lib.records.record import Figure, Job, Tolerance
 
-FIGURES = {
-    "schema": 1,
-    "figures": {
-        "figure_3_8": {
-            "file": "chapter3/{dataset}/figure_3_8.csv",
-            "datasets": ["planar_impact"],
-            "columns": {"error": {"abs": 0.01, "reason": "solver tolerance"}},
-        }
-    },
-}
+FIGURE = Figure(
+    name="figure_3_8",
+    job=Job("draw", "chapter3/{dataset}", datasets=("planar_impact",)),
+    title="x",
+    tolerances={"error": Tolerance("solver tolerance", abs=0.01)},
+)
 
 
 @pytest.fixture
-def command(tmp_path, results, write_ledger, entries):
+def command(tmp_path, results, write_ledger, entries, monkeypatch):
     """Run the command line on the synthetic results; returns the exit status."""
     write_ledger(entries)
-    (tmp_path / "figures.yaml").write_text(yaml.safe_dump(FIGURES))
+    monkeypatch.setattr(catalogue, "figures", lambda: [FIGURE])
     figure = results / "chapter3" / "planar_impact" / "figure_3_8.csv"
     write_table(pd.DataFrame({"error": [0.1, 0.2, 0.3]}), figure)
 
     def command(name, scale="quick"):
         arguments = [name, "--results", results, "--ledger", tmp_path / "claims.yaml", "--scale", scale]
         if name != "page":
-            arguments += ["--expected", tmp_path / "expected.yaml", "--figures", tmp_path / "figures.yaml"]
-            arguments += ["--stored", tmp_path / "stored"]
+            arguments += ["--expected", tmp_path / "expected.yaml", "--stored", tmp_path / "stored"]
         return main(list(map(str, arguments)))
 
     return command

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
@@ -14,20 +13,15 @@ from thesis_lib.ledger.figure_check import (
     store_figure,
     update_figures,
 )
-from thesis_lib.ledger.figure_format import Figure, read_figure_spec
+from thesis_lib.records.record import Figure, Job, Tolerance
 
 ABS, REL = 1e-3, 0.02
-COLUMNS = {
-    "error": {"abs": ABS, "reason": "solver tolerance"},
-    "density": {"rel": REL, "reason": "bandwidth search"},
-    "count": {"abs": 0, "reason": "counts are exact"},
+TOLERANCES = {
+    "error": Tolerance("solver tolerance", abs=ABS),
+    "density": Tolerance("bandwidth search", rel=REL),
+    "count": Tolerance("counts are exact"),
 }
-FIGURE = {
-    "file": "chapter3/{dataset}/figure_3_8.csv",
-    "datasets": ["drops"],
-    "keys": ["law", "i"],
-    "columns": COLUMNS,
-}
+DROPS = Job("draw", "chapter3/{dataset}", datasets=("drops",))
 PRESENT = {"drops": True, "dice": True}
 N = 101
 
@@ -45,9 +39,13 @@ def write(table, path):
     return path
 
 
+def record(name="figure_3_8", job=DROPS, **more):
+    return Figure(name=name, job=job, title="x", keys="law i", tolerances=TOLERANCES, **more)
+
+
 @pytest.fixture
 def figure():
-    return Figure.model_validate(FIGURE)
+    return record()
 
 
 @pytest.fixture
@@ -120,7 +118,7 @@ def test_a_perturbed_key_fails(compare, key):
 
 
 @pytest.mark.parametrize("row", [0, kept_rows(N, 40)[7], N - 1])
-@pytest.mark.parametrize("column", COLUMNS)
+@pytest.mark.parametrize("column", TOLERANCES)
 def test_a_single_stored_row_is_enough(compare, column, row):
     other = data()
     other.loc[row, column] = other.loc[row, column] + 5
@@ -222,123 +220,84 @@ def test_a_copy_edited_by_hand_fails(tmp_path, figure, change, words):
     assert "python -m thesis_lib claims update" in problems[0].text
 
 
-class TestRowsThatMayChange:
-    """With a tolerance on the number of rows, rows are found by their keys."""
-
-    SPEC = Figure.model_validate({**FIGURE, "rows": {"tolerance": 2, "reason": "a detection threshold"}})
-
-    def test_rows_may_come_and_go(self, compare):
-        assert compare(data(N + 2), spec=self.SPEC) == []
-        assert compare(data().drop(index=[0, 1]), spec=self.SPEC) == []
-
-    def test_but_not_more_than_stated(self, compare):
-        assert "allowed ±2" in compare(data(N + 3), spec=self.SPEC)[0][1]
-
-    def test_nor_be_replaced(self, compare):
-        other = data()
-        other["i"] += 1000
-        assert "40 of 40 stored rows are gone" in compare(other, spec=self.SPEC)[0][1]
-
-    def test_values_are_still_compared(self, compare):
-        other = data().drop(index=0)
-        other["error"] += 1.01 * ABS
-        assert compare(other, spec=self.SPEC)[0][0] == "error"
-
-    def test_keys_must_tell_rows_apart(self, compare):
-        other = data()
-        other["i"] = 0
-        assert "do not tell the rows apart" in compare(other, spec=self.SPEC)[0][1]
-
-
 @pytest.fixture
 def folder(tmp_path):
-    """A results folder with one figure, its specification, and where copies go."""
+    """A results folder with one figure."""
     write(data(), tmp_path / "results/chapter3/drops/figure_3_8.csv")
     (tmp_path / "results/chapter3/drops/figure_3_8.png").write_bytes(b"")
     return tmp_path
 
 
-def spec_of(path, figures=None, **more):
-    content = {"schema": 1, "figures": {"figure_3_8": FIGURE} if figures is None else figures, **more}
-    path.write_text(yaml.safe_dump(content))
-    return read_figure_spec(path)
-
-
-def statuses(folder, spec, present=PRESENT):
-    table = check_figures(folder / "results", folder / "stored", spec, present)
+def statuses(folder, figures, present=PRESENT):
+    table = check_figures(folder / "results", folder / "stored", figures, present)
     assert list(table.columns) == ["figure", "dataset", "status", "finding"]
     return {(row.figure, row.dataset): (row.status, row.finding) for row in table.itertuples()}
 
 
 def test_check_figures(folder):
-    spec = spec_of(folder / "figures.yaml")
-    status, finding = statuses(folder, spec)["figure_3_8", "drops"]
+    status, finding = statuses(folder, [record()])["figure_3_8", "drops"]
     assert status == "error"
     assert "store it: python -m thesis_lib claims update" in finding
 
-    update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    update_figures(folder / "results", folder / "stored", [record()], PRESENT)
     assert (folder / "stored/drops/figure_3_8.csv").is_file()
-    assert statuses(folder, spec)["figure_3_8", "drops"] == ("agrees", "")
+    assert statuses(folder, [record()])["figure_3_8", "drops"] == ("agrees", "")
 
     other = data()
     other["error"] += 1
     write(other, folder / "results/chapter3/drops/figure_3_8.csv")
-    status, finding = statuses(folder, spec)["figure_3_8", "drops"]
+    status, finding = statuses(folder, [record()])["figure_3_8", "drops"]
     assert status == "differs"
     assert "column error" in finding
 
     (folder / "results/chapter3/drops/figure_3_8.csv").unlink()
-    status, finding = statuses(folder, spec)["figure_3_8", "drops"]
+    status, finding = statuses(folder, [record()])["figure_3_8", "drops"]
     assert status == "error"
     assert "does not exist" in finding
 
 
 def test_an_absent_dataset_is_neutral(folder):
-    spec = spec_of(folder / "figures.yaml")
     absent = {"drops": False}
-    assert statuses(folder, spec, absent)["figure_3_8", "drops"][0] == "data not present"
-    assert update_figures(folder / "results", folder / "stored", spec, absent) == []
+    assert statuses(folder, [record()], absent)["figure_3_8", "drops"][0] == "data not present"
+    assert update_figures(folder / "results", folder / "stored", [record()], absent) == []
 
 
 def test_an_unknown_dataset_is_an_error(folder):
-    spec = spec_of(folder / "figures.yaml")
-    status, finding = statuses(folder, spec, {})["figure_3_8", "drops"]
+    status, finding = statuses(folder, [record()], {})["figure_3_8", "drops"]
     assert status == "error"
     assert "reports nothing about the dataset drops" in finding
 
 
 def test_a_figure_without_dataset_is_common(folder):
     write(data(), folder / "results/chapter3/figure_3_2.csv")
-    spec = spec_of(
-        folder / "figures.yaml",
-        {"figure_3_8": FIGURE, "figure_3_2": {**FIGURE, "file": "chapter3/figure_3_2.csv", "datasets": []}},
-    )
-    update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    both = [record(), record("figure_3_2", Job("draw", "chapter3"))]
+    update_figures(folder / "results", folder / "stored", both, PRESENT)
     assert (folder / "stored/common/figure_3_2.csv").is_file()
-    assert {status for status, _ in statuses(folder, spec).values()} == {"agrees"}
+    assert {status for status, _ in statuses(folder, both).values()} == {"agrees"}
 
 
-def test_a_picture_without_entry_is_an_error(folder):
-    spec = spec_of(folder / "figures.yaml")
-    update_figures(folder / "results", folder / "stored", spec, PRESENT)
-    (folder / "results/chapter3/drops/figure_3_9.png").write_bytes(b"")
-    status, finding = statuses(folder, spec)["figure_3_9", "drops"]
+def test_a_picture_without_record_is_an_error(folder):
+    update_figures(folder / "results", folder / "stored", [record()], PRESENT)
+    for name in ("chapter3/drops/figure_3_9.png", "critique/drops/ladder.png"):
+        (folder / "results" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "results" / name).write_bytes(b"")
+    found = statuses(folder, [record()])
+    status, finding = found["figure_3_9", "drops"]
     assert status == "error"
-    assert "chapter3/drops/figure_3_9.png has no entry" in finding
-    ignoring = spec_of(folder / "figures.yaml", ignore={"chapter3/*/figure_3_9.png": "a photograph"})
-    assert ("figure_3_9", "drops") not in statuses(folder, ignoring)
+    assert "chapter3/drops/figure_3_9.png has no record" in finding
+    assert ("ladder", "drops") not in found  # a picture of the critique
+    uncompared = [record(), record("figure_3_9", not_compared="a photograph")]
+    assert ("figure_3_9", "drops") not in statuses(folder, uncompared)
 
 
 def test_a_copy_without_figure_is_an_error(folder):
-    spec = spec_of(folder / "figures.yaml")
-    update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    update_figures(folder / "results", folder / "stored", [record()], PRESENT)
     write(data(), folder / "stored/drops/figure_9_9.csv")
-    assert "delete it" in statuses(folder, spec)["figure_9_9", "drops"][1]
+    assert "delete it" in statuses(folder, [record()])["figure_9_9", "drops"][1]
 
 
 def test_update_writes_what_differs_and_leaves_the_rest(folder):
-    spec = spec_of(folder / "figures.yaml")
-    (line,) = update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    (line,) = update_figures(folder / "results", folder / "stored", [record()], PRESENT)
     assert "figure_3_8.csv: new" in line
     copy = folder / "stored/drops/figure_3_8.csv"
     before = copy.read_bytes()
@@ -346,63 +305,18 @@ def test_update_writes_what_differs_and_leaves_the_rest(folder):
     other = data()
     other["error"] += 0.5 * ABS
     write(other, folder / "results/chapter3/drops/figure_3_8.csv")
-    assert update_figures(folder / "results", folder / "stored", spec, PRESENT) == []
+    assert update_figures(folder / "results", folder / "stored", [record()], PRESENT) == []
     assert copy.read_bytes() == before
 
     other["error"] += ABS
     write(other, folder / "results/chapter3/drops/figure_3_8.csv")
-    (line,) = update_figures(folder / "results", folder / "stored", spec, PRESENT)
+    (line,) = update_figures(folder / "results", folder / "stored", [record()], PRESENT)
     assert "column error" in line
-    assert statuses(folder, spec)["figure_3_8", "drops"] == ("agrees", "")
+    assert statuses(folder, [record()])["figure_3_8", "drops"] == ("agrees", "")
 
 
 def test_update_writes_nothing_if_one_figure_is_bad(folder):
-    spec = spec_of(folder / "figures.yaml", {"figure_3_8": {**FIGURE, "datasets": ["dice", "drops"]}})
+    both = [record(job=Job("draw", "chapter3/{dataset}", datasets=("dice", "drops")))]
     with pytest.raises(UserError, match=r"dice/figure_3_8\.csv does not exist"):
-        update_figures(folder / "results", folder / "stored", spec, PRESENT)
+        update_figures(folder / "results", folder / "stored", both, PRESENT)
     assert not (folder / "stored").exists()
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"columns": {"error": {"abs": 0.1}}}, "figures.figure_3_8.columns.error.reason is missing: say why"),
-        ({"columns": {"error": {"abs": 0.1, "reason": ""}}}, "columns.error.reason"),
-        ({"columns": {"error": {"reason": "x"}}}, "give abs, rel, or both"),
-        ({"columns": {"error": {"abs": -1, "reason": "x"}}}, "columns.error.abs"),
-        ({"columns": {"error": {"rel": float("nan"), "reason": "x"}}}, "columns.error.rel"),
-        (
-            {"columns": {"error": {"rell": 1, "abs": 1, "reason": "x"}}},
-            "columns.error.rell is not a known key",
-        ),
-        ({"colums": {}}, "figure_3_8.colums is not a known key"),
-        ({"keys": ["law", "error"]}, "stands in keys and in columns"),
-        ({"keys": ["law", "law"]}, "names something twice"),
-        ({"keys": [], "columns": {}}, "nothing would be compared"),
-        ({"keys": ["row"]}, "'row' is taken"),
-        ({"rows": {"tolerance": 1}}, "say why the number of rows may change"),
-        ({"keys": [], "rows": {"tolerance": 1, "reason": "x"}}, "rows.tolerance needs keys"),
-        ({"datasets": []}, "datasets is empty"),
-        ({"file": "a.csv", "datasets": ["a", "b"]}, "file must hold {dataset}"),
-        ({"file": "../a.csv"}, "figure_3_8.file"),
-    ],
-)
-def test_a_bad_specification_is_refused(tmp_path, change, words):
-    with pytest.raises(UserError) as caught:
-        spec_of(tmp_path / "figures.yaml", {"figure_3_8": {**FIGURE, **change}})
-    assert words in str(caught.value)
-
-
-def test_two_figures_cannot_share_a_file(tmp_path):
-    with pytest.raises(UserError, match="two figures name the file"):
-        spec_of(tmp_path / "figures.yaml", {"a": FIGURE, "b": FIGURE})
-
-
-def test_the_example_in_the_docstring_is_read(tmp_path):
-    from thesis_lib.ledger import figure_format
-
-    example = figure_format.__doc__.split("```yaml\n")[1].split("```")[0]
-    (tmp_path / "figures.yaml").write_text(example, encoding="utf-8")
-    spec = read_figure_spec(tmp_path / "figures.yaml")
-    assert spec.figures["figure_3_8"].columns["error"].rel == 0.01
-    assert spec.scales == ["quick", "default"]

@@ -27,6 +27,8 @@ CRITIQUE = {
     "critique_proof",
     "ch2_hidden",
 }
+# captions and findings are read by these alone: a new caption draws no figure anew
+RECORDED = {"findings", "run_report"}
 RATIOS = {"ch2_impact_forces", "ch2_measured_ratio", "ch2_measured_ratios"}
 # edited file, scripts that must run again, scripts that must not (None: all others)
 EDITS = [
@@ -42,6 +44,7 @@ EDITS = [
     ),
     ("figures/chapter2/noise.py", {"ch2_table_2_1"}, None),
     ("datasets/impacts/detect.py", CRITIQUE | RATIOS | {"find_impacts"}, None),
+    ("records/chapter3_errors.py", RECORDED, None),
     ("ledger/evaluate.py", {"claims"}, None),
     ("ledger/page.py", {"claims"}, None),
     ("impact_study/stored_predictions.py", {"ch3_published"}, None),
@@ -62,7 +65,7 @@ EDITS = [
         },
     ),
     ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique", "critique_proof"}, UNDRAWN),
-    ("effects/adhesion.py", CRITIQUE | RATIOS | {"ch4_named_figure", "findings"}, None),
+    ("effects/adhesion.py", CRITIQUE | RATIOS | RECORDED | {"ch4_named_figure"}, None),
     ("critique/drops/fit.py", CRITIQUE, None),
     ("report/critique/page.py", {"critique"}, None),
     (

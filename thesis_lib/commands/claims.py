@@ -81,9 +81,6 @@ def _parser() -> Parser:
                 help="committed statuses",
             )
             one.add_argument(
-                "--figures", type=Path, default=Path("config/figures.yaml"), help="tolerances of the figures"
-            )
-            one.add_argument(
                 "--stored", type=Path, default=Path("config/figures"), help="folder of the stored copies"
             )
         if name == "check":
@@ -117,13 +114,12 @@ def _compared_figures(
     options: argparse.Namespace, present: dict[str, bool]
 ) -> "tuple[pd.DataFrame | None, pd.DataFrame | list]":
     """How the figures compare with their stored copies, None without any at this scale; and those that do not agree."""
-    from thesis_lib.ledger.figure_check import AGREES, NO_DATA, check_figures
-    from thesis_lib.ledger.figure_format import read_figure_spec
+    from thesis_lib.ledger.figure_check import AGREES, NO_DATA, SCALES, check_figures
+    from thesis_lib.records import catalogue
 
-    spec = read_figure_spec(options.figures)
-    if options.scale not in spec.scales:
+    if options.scale not in SCALES:
         return None, []
-    table = check_figures(options.results, options.stored / options.scale, spec, present)
+    table = check_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
     return table, table[~table["status"].isin([AGREES, NO_DATA])]
 
 
@@ -140,7 +136,7 @@ def _print_text(options: argparse.Namespace, results: list, changes: list, figur
     for change in changes:
         print(f"  {change.id}: {change.text}")
     if figures is None:
-        print(f"\nFigures: {options.figures} keeps no copies at scale {options.scale}, so none is compared.")
+        print(f"\nFigures: {options.stored} keeps no copies at scale {options.scale}, so none is compared.")
     else:
         counts = figures["status"].value_counts()
         words = ", ".join(f"{count} {status}" for status, count in sorted(counts.items())) or "none"
@@ -178,16 +174,15 @@ def _print_json(options: argparse.Namespace, results: list, changes: list, figur
 
 def _update(options: argparse.Namespace) -> int:
     from thesis_lib.ledger.expected import update_expected
-    from thesis_lib.ledger.figure_check import update_figures
-    from thesis_lib.ledger.figure_format import read_figure_spec
+    from thesis_lib.ledger.figure_check import SCALES, update_figures
     from thesis_lib.ledger.result import refuse_errors
+    from thesis_lib.records import catalogue
 
     results, present = _evaluate(options)
     refuse_errors(results)  # before the figures are written: an update happens whole or not at all
-    spec = read_figure_spec(options.figures)
     lines = []
-    if options.scale in spec.scales:
-        lines += update_figures(options.results, options.stored / options.scale, spec, present)
+    if options.scale in SCALES:
+        lines += update_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
     lines += update_expected(options.expected, results, options.scale)
     print("\n".join(lines) if lines else "Nothing to update.")
     return 0

@@ -1,11 +1,12 @@
 """Unit and meaning of every column in the tables under results/: one dictionary, written to results/columns.csv.
 
 It stands in columns.yaml.  A column means the same in every table, except where `tables` there says otherwise for one
-table (by the file's stem).  Impulses of a dataset without a mass are per kilogram, N s/kg = m/s.
+table (by the file's stem); columns that only one figure has stand in its record (`thesis_lib.records`).  Impulses of a
+dataset without a mass are per kilogram, N s/kg = m/s.
 """
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -22,18 +23,22 @@ def meanings() -> tuple[dict[str, list[str]], dict[str, dict[str, list[str]]]]:
     return content["columns"], content["tables"]
 
 
-def explain(table: str, columns: Iterable[str]) -> pd.DataFrame:
+def explain(
+    table: str, columns: Iterable[str], recorded: Mapping[str, tuple[str, str]] | None = None
+) -> pd.DataFrame:
     """Rows (table, column, unit, meaning) for the columns of the table with file stem `table`.
+
+    `recorded` holds (unit, meaning) of columns that only this table has.
 
     Raises:
         KeyError: a column is not explained.
     """
     columns_of_all, tables = meanings()
-    own = tables.get(table, {})
+    particular = {**tables.get(table, {}), **(recorded or {})}
     rows, unknown = [], []
     for name in columns:
         # cov_<one>_<other>: see datasets/format/impacts.py
-        meaning = _COVARIANCE if name.startswith("cov_") else own.get(name) or columns_of_all.get(name)
+        meaning = _COVARIANCE if name.startswith("cov_") else particular.get(name) or columns_of_all.get(name)
         if meaning is None:
             unknown.append(name)
         else:

@@ -8,7 +8,7 @@ times or paths, so that equal inputs give equal bytes.
 import contextlib
 import csv
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -145,11 +145,19 @@ def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.
     return pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
 
 
-def column_dictionary(paths: Iterable[str | Path]) -> pd.DataFrame:
-    """The explanations of all columns in the given CSV files, one set of rows a kind of table."""
+def column_dictionary(
+    paths: Iterable[str | Path], recorded: Mapping[str, Mapping[str, tuple[str, str]]]
+) -> pd.DataFrame:
+    """The explanations of all columns in the given CSV files, one set of rows a kind of table.
+
+    Args:
+        paths: tables with all columns explained in columns.yaml, or in `recorded` under the file's stem.
+        recorded: table -> column -> (unit, meaning).
+    """
     parts = {}
     for path in sorted(map(Path, paths)):
-        parts[path.stem] = explain(path.stem, pd.read_csv(path, nrows=0).columns)
+        columns = pd.read_csv(path, nrows=0).columns
+        parts[path.stem] = explain(path.stem, columns, recorded.get(path.stem))
     return pd.concat([parts[name] for name in sorted(parts)], ignore_index=True)
 
 

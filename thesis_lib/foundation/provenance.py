@@ -20,7 +20,7 @@ from importlib import metadata
 from pathlib import Path
 
 PACKAGE = "thesis_lib"
-REGISTRIES = ("contact", "effects")
+REGISTRIES = ("contact", "effects", "records")
 # what BLAS and torch choose their kernels by
 VECTOR = {"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512bw"}
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read

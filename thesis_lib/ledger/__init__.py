@@ -8,7 +8,6 @@
 | `result`        | a claim's status (reproduced, deviates, data not present, error) and the table claims.csv |
 | `evaluate`      | our cell selected from the results and compared                                           |
 | `expected`      | the statuses committed per scale; a change in either direction fails the check            |
-| `figure_format` | the format of config/figures.yaml: the columns of each figure's CSV and their tolerances  |
 | `figure_check`  | figures' CSVs against small stored copies                                                 |
 | `page`          | results/claims.html                                                                       |
 

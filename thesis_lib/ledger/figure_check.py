@@ -1,13 +1,19 @@
 """Figures' CSVs against small stored copies, column by column within stated tolerances.
 
-What is compared, and how near is near enough, is written in config/figures.yaml (`figure_format`).  A figure without
-an entry there, a column without a tolerance, a missing CSV and a missing copy are all failures, so that a new figure
-cannot escape the check.  Pictures themselves are judged by eye.
+What is compared, and how near is near enough, stands in each figure's record (`thesis_lib.records`).  A picture without
+a record, a column without a tolerance, a missing CSV and a missing copy are all failures, so that a new figure cannot
+escape the check.  Pictures themselves are judged by eye.
+
+A number agrees if abs(ours − stored) ≤ abs + rel · abs(stored).  NaN agrees only with NaN, an infinity only with the
+same one.  Rows are compared by position, and their number must not change.
+
+Copies lie at config/figures/<scale>/<dataset, or common>/<name>.csv, with the position in the figure's CSV as first
+column, `row`.  The last row is always kept, so that its position tells how many rows there were.
 """
 
 import fnmatch
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +22,16 @@ import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
-from thesis_lib.ledger.figure_format import COMMON, ROW, Figure, FigureSpec, Tolerance
 from thesis_lib.ledger.reading import Cells, number
+from thesis_lib.records.record import Figure, Tolerance
 
+SCALES = ("quick", "default")  # scales with stored copies; others are not compared
+NO_FIGURES = {  # pictures below results, and why they have no record
+    "chapter2/hidden/*": "critiques of mechanisms; tests/critique checks their numbers",
+    "critique/*": "critiques of drops; tests/critique checks their numbers and their bytes",
+}
+ROW = "row"  # column of a stored copy: position in the figure's CSV, from 0
+COMMON = "common"  # folder of the figures that are of no dataset
 AGREES, DIFFERS, NO_DATA, ERROR = "agrees", "differs", "data not present", "error"
 REMEDY = "if this is intended: python -m thesis_lib claims update"
 
@@ -54,10 +67,9 @@ def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
     problems = _form(cells, figure)
     if problems:
         raise UserError(f"{csv} cannot be stored: " + "; ".join(p.text for p in problems))
-    rows = kept_rows(len(cells.rows), figure.rows.max)
-    columns = [*figure.keys, *figure.columns]
+    rows = kept_rows(len(cells.rows), figure.most_rows)
     table = pd.DataFrame({ROW: rows})
-    for name in columns:
+    for name in _columns(figure):
         column = cells.column(name)
         table[name] = pd.Series([column[i] for i in rows], dtype=object)
     write_table(table, stored)
@@ -77,49 +89,45 @@ def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[Pr
         return problems
     positions = [int(cell) for cell in copy.column(ROW)]
     before, now = positions[-1] + 1, len(cells.rows)
-    if abs(now - before) > figure.rows.tolerance:
-        allowed = f", allowed ±{figure.rows.tolerance}" if figure.rows.tolerance else ""
-        return [Problem("", f"has {now} rows, the stored copy had {before}{allowed}")]
-    if figure.rows.tolerance:
-        positions, kept, problems = _found_by_keys(cells, copy, figure)
-    else:
-        kept = list(range(len(positions)))
-        for name in figure.keys:
-            problems += _compare_text(name, cells.column(name), copy.column(name), positions)
-    for name, tolerance in figure.columns.items():
-        problems += _compare_numbers(name, cells.column(name), copy.column(name), positions, kept, tolerance)
+    if now != before:
+        return [Problem("", f"has {now} rows, the stored copy had {before}")]
+    for name in figure.text_columns:
+        problems += _compare_text(name, cells.column(name), copy.column(name), positions)
+    for name, tolerance in figure.number_columns.items():
+        problems += _compare_numbers(name, cells.column(name), copy.column(name), positions, tolerance)
     return problems
 
 
 def check_figures(
-    results_dir: str | Path, stored_dir: str | Path, spec: FigureSpec, present: Mapping[str, bool]
+    results_dir: str | Path, stored_dir: str | Path, figures: Sequence[Figure], present: Mapping[str, bool]
 ) -> pd.DataFrame:
     """Compare every figure with its stored copy.
 
     Args:
         results_dir: folder of the results.
         stored_dir: folder of one scale's copies, config/figures/<scale>.
+        figures: all records of figures.
         present: whether this run had each dataset (`reading.read_present`).
 
     Returns:
         A row for each figure and dataset, sorted by name: figure, dataset, status (agrees, differs, error, or
-        data not present), finding.  Pictures that config/figures.yaml does not know and copies that no figure
-        uses are rows of status error.
+        data not present), finding.  Pictures without a record and copies that no figure uses are rows of status
+        error.
     """
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     rows = []
-    for name, dataset, figure, csv in _entries(spec):
+    for name, dataset, figure, csv in _compared(figures):
         status, finding = _check_one(
             results_dir / csv, stored_dir / dataset / f"{name}.csv", figure, dataset, present
         )
         rows.append((name, dataset, status, finding))
-    rows += _unknown_pictures(results_dir, spec) + _unused_copies(stored_dir, spec)
+    rows += _unknown_pictures(results_dir, figures) + _unused_copies(stored_dir, figures)
     table = pd.DataFrame(rows, columns=["figure", "dataset", "status", "finding"], dtype=object)
     return table.sort_values(["figure", "dataset"], kind="stable", ignore_index=True)
 
 
 def update_figures(
-    results_dir: str | Path, stored_dir: str | Path, spec: FigureSpec, present: Mapping[str, bool]
+    results_dir: str | Path, stored_dir: str | Path, figures: Sequence[Figure], present: Mapping[str, bool]
 ) -> list[str]:
     """Store the copies that are missing or no longer agree; those that agree stay as they are.
 
@@ -133,7 +141,7 @@ def update_figures(
     """
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     todo, refused = [], []
-    for name, dataset, figure, csv in _entries(spec):
+    for name, dataset, figure, csv in _compared(figures):
         copy = stored_dir / dataset / f"{name}.csv"
         status, finding = _check_one(results_dir / csv, copy, figure, dataset, present)
         if status not in (AGREES, NO_DATA):
@@ -150,12 +158,18 @@ def update_figures(
     return [f"{copy}: {why}" for _, copy, _, why in todo]
 
 
-def _entries(spec: FigureSpec) -> list[tuple[str, str, Figure, str]]:
+def _compared(figures: Iterable[Figure]) -> list[tuple[str, str, Figure, str]]:
+    """Name, dataset, record and CSV below results of all that is compared."""
     return [
-        (name, dataset, figure, csv)
-        for name, figure in spec.figures.items()
-        for dataset, csv in figure.sources().items()
+        (figure.name, dataset or COMMON, figure, str(Path(path).with_suffix(".csv")))
+        for figure in figures
+        if not figure.not_compared
+        for dataset, path in figure.files.items()
     ]
+
+
+def _columns(figure: Figure) -> list[str]:
+    return [*figure.text_columns, *figure.number_columns]
 
 
 def _known(dataset: str, present: Mapping[str, bool]) -> None:
@@ -177,25 +191,21 @@ def _check_one(
     return (DIFFERS, "; ".join(p.text for p in problems)) if problems else (AGREES, "")
 
 
-def _unknown_pictures(results_dir: Path, spec: FigureSpec) -> list[tuple[str, str, str, str]]:
-    """Pictures that no entry covers: each figure has its numbers in a CSV of the same name beside it."""
-    known = {csv for _, _, _, csv in _entries(spec)}
+def _unknown_pictures(results_dir: Path, figures: Iterable[Figure]) -> list[tuple[str, str, str, str]]:
+    known = {path for figure in figures for path in figure.files.values()}
     rows = []
     for picture in sorted(results_dir.rglob("*.png")):
-        csv = picture.relative_to(results_dir).with_suffix(".csv").as_posix()
-        below = picture.relative_to(results_dir).as_posix()
-        if csv not in known and not any(fnmatch.fnmatch(below, pattern) for pattern in spec.ignore):
-            text = (
-                f"{below} has no entry in the figures' specification for {csv} (delete it if it is left over)"
-            )
+        path = picture.relative_to(results_dir).as_posix()
+        if path not in known and not any(fnmatch.fnmatch(path, pattern) for pattern in NO_FIGURES):
+            text = f"{path} has no record in thesis_lib/records (delete it if it is left over)"
             rows.append((picture.stem, picture.parent.name, ERROR, text))
     return rows
 
 
-def _unused_copies(stored_dir: Path, spec: FigureSpec) -> list[tuple[str, str, str, str]]:
-    used = {(dataset, name) for name, dataset, _, _ in _entries(spec)}
+def _unused_copies(stored_dir: Path, figures: Iterable[Figure]) -> list[tuple[str, str, str, str]]:
+    used = {(dataset, name) for name, dataset, _, _ in _compared(figures)}
     return [
-        (copy.stem, copy.parent.name, ERROR, f"{copy} belongs to no figure of the specification: delete it")
+        (copy.stem, copy.parent.name, ERROR, f"{copy} belongs to no figure: delete it")
         for copy in sorted(stored_dir.glob("*/*.csv"))
         if (copy.parent.name, copy.stem) not in used
     ]
@@ -203,7 +213,7 @@ def _unused_copies(stored_dir: Path, spec: FigureSpec) -> list[tuple[str, str, s
 
 def _form(cells: Cells, figure: Figure) -> list[Problem]:
     """What is wrong with a figure's CSV by itself."""
-    wanted = [*figure.keys, *figure.columns]
+    wanted = _columns(figure)
     problems = [
         Problem(name, f"column {name} is missing in {cells.path}")
         for name in wanted
@@ -218,7 +228,7 @@ def _form(cells: Cells, figure: Figure) -> list[Problem]:
         problems.append(Problem("", f"{cells.path} has no rows"))
     if problems:
         return problems
-    for name in figure.columns:
+    for name in figure.number_columns:
         column = cells.column(name)
         bad = [i for i, cell in enumerate(column) if _number(cell) is None]
         if bad:
@@ -226,16 +236,12 @@ def _form(cells: Cells, figure: Figure) -> list[Problem]:
             problems.append(Problem(name, text))
         elif all(math.isnan(number(cell)) for cell in column):
             problems.append(Problem(name, f"column {name} is NaN in every row"))
-    if figure.rows.tolerance:
-        keys = list(zip(*(cells.column(name) for name in figure.keys)))
-        if len(set(keys)) < len(keys):
-            problems.append(Problem("", f"the keys {', '.join(figure.keys)} do not tell the rows apart"))
     return problems
 
 
 def _copy_form(copy: Cells, figure: Figure) -> list[Problem]:
     """What is wrong with a stored copy by itself: columns, or rows taken away by hand."""
-    wanted = [ROW, *figure.keys, *figure.columns]
+    wanted = [ROW, *_columns(figure)]
     if sorted(copy.columns) != sorted(wanted):
         return [
             Problem(
@@ -243,11 +249,11 @@ def _copy_form(copy: Cells, figure: Figure) -> list[Problem]:
                 f"{copy.path} has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}; {REMEDY}",
             )
         ]
-    if any(_number(cell) is None for name in figure.columns for cell in copy.column(name)):
+    if any(_number(cell) is None for name in figure.number_columns for cell in copy.column(name)):
         return [Problem("", f"{copy.path} holds text where a number is wanted; {REMEDY}")]
     positions = copy.column(ROW)
     whole = positions and all(cell.isdecimal() for cell in positions)
-    if not whole or list(map(int, positions)) != kept_rows(int(positions[-1]) + 1, figure.rows.max):
+    if not whole or list(map(int, positions)) != kept_rows(int(positions[-1]) + 1, figure.most_rows):
         return [Problem("", f"{copy.path} is not the evenly spaced copy that would be stored; {REMEDY}")]
     return []
 
@@ -257,20 +263,6 @@ def _number(cell: str) -> float | None:
         return number(cell)
     except ValueError:
         return None
-
-
-def _found_by_keys(cells: Cells, copy: Cells, figure: Figure) -> tuple[list[int], list[int], list[Problem]]:
-    """Positions in the CSV of the stored rows that are still there, and their positions in the copy."""
-    where = {key: i for i, key in enumerate(zip(*(cells.column(name) for name in figure.keys)))}
-    keys = list(zip(*(copy.column(name) for name in figure.keys)))
-    kept = [j for j, key in enumerate(keys) if key in where]
-    gone = [key for key in keys if key not in where]
-    problems = []
-    if len(gone) > figure.rows.tolerance or not kept:
-        example = ", ".join(f"{name} = {cell}" for name, cell in zip(figure.keys, gone[0]))
-        text = f"{len(gone)} of {len(keys)} stored rows are gone ({example}), allowed {figure.rows.tolerance}"
-        problems.append(Problem("", text))
-    return [where[keys[j]] for j in kept], kept, problems
 
 
 def _compare_text(name: str, ours: list[str], stored: list[str], positions: list[int]) -> list[Problem]:
@@ -287,15 +279,14 @@ def _compare_numbers(
     ours: list[str],
     stored: list[str],
     positions: list[int],
-    kept: list[int],
     tolerance: Tolerance,
 ) -> list[Problem]:
     a = np.array([number(ours[i]) for i in positions])
-    b = np.array([number(stored[j]) for j in kept])
+    b = np.array([number(cell) for cell in stored])
     same = (a == b) | (np.isnan(a) & np.isnan(b))  # infinities and NaN only agree with themselves
     with np.errstate(invalid="ignore"):
         # abs(ours − stored) ≤ abs + rel · abs(stored); an infinite stored value must not allow everything
-        allowed = (tolerance.abs or 0.0) + (tolerance.rel or 0.0) * np.abs(b)
+        allowed = tolerance.abs + tolerance.rel * np.abs(b)
         off = np.abs(a - b)
         finite = np.isfinite(a) & np.isfinite(b)
         near = finite & (off <= allowed)

@@ -5,7 +5,6 @@ findings are those of `python -m thesis_lib figures`; measured and simulated dat
 """
 
 import base64
-import re
 import struct
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -14,7 +13,8 @@ from pathlib import Path
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.foundation.regular_file import read_bytes
 from thesis_lib.pages import page
-from thesis_lib.report.figure_list import CAPTIONS, FOUND_HERE, ListedFigure, caption_text
+from thesis_lib.records.catalogue import figures, records
+from thesis_lib.records.record import FOUND_HERE, Figure
 
 TITLE = "Contact models in robotic manipulation: what the thesis computed, computed again"
 CHAPTERS = {
@@ -40,17 +40,16 @@ LARGEST = 20_000_000  # bytes of a picture
 DENSITY = 180 / 96  # pixels of our pictures (savefig.dpi) to those of a page
 
 
-def run_report(results: Path, figures: Sequence[ListedFigure], findings: Iterable[Path], scale: str) -> str:
+def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
     """The page as HTML.
 
     Args:
-        results: folder of a complete run.
-        figures: all figures (`listed_figures`); those without a picture in `results` are left out.
-        findings: files of `thesis_lib.findings`; of those beside a table, the table is listed, too.
+        results: folder of a complete run; figures without a picture in it are left out.
+        findings: files with what was found; of those beside a table, the table is listed, too.
     """
     made = [
         (figure, name)
-        for figure in figures
+        for figure in figures()
         for name, file in figure.files.items()
         if (results / file).is_file()
     ]
@@ -81,18 +80,20 @@ def run_report(results: Path, figures: Sequence[ListedFigure], findings: Iterabl
     return page(TITLE, "\n".join(content))
 
 
-def _contents(chapters: Sequence[int], made: Sequence[tuple[ListedFigure, str]]) -> str:
+def _contents(chapters: Sequence[int], made: Sequence[tuple[Figure, str]]) -> str:
     entries = []
     for n in chapters:
         entries.append(f'<li><a href="#chapter-{n}"><strong>{escape(_chapter_title(n))}</strong></a></li>')
-        for figure in dict.fromkeys(figure.name for figure, _ in made if figure.chapter == n):
-            own = [(one, name) for one, name in made if one.name == figure]
-            of = own[0][0]
+        for name in dict.fromkeys(figure.name for figure, _ in made if figure.chapter == n):
+            figure = records()[name]
+            title = escape(figure.title)
             datasets = ", ".join(
-                f'<a href="#{_anchor(one, name)}">{escape(name)}</a>' for one, name in own if name
+                f'<a href="#{_anchor(figure, dataset)}">{escape(dataset)}</a>'
+                for each, dataset in made
+                if each is figure and dataset
             )
-            links = datasets or f'<a href="#{_anchor(of, "")}">{escape(of.title)}</a>'
-            entries.append(f"<li>{_numbered(of)}: {escape(of.title) + ': ' if datasets else ''}{links}</li>")
+            links = f"{title}: {datasets}" if datasets else f'<a href="#{_anchor(figure, "")}">{title}</a>'
+            entries.append(f"<li>{figure.label}: {links}</li>")
     entries.append('<li><a href="#critique"><strong>The critique</strong></a></li>')
     return f'<nav aria-label="Figures">\n<ul>{"".join(entries)}</ul>\n</nav>'
 
@@ -102,7 +103,7 @@ def _chapter_title(chapter: int) -> str:
 
 
 def _chapter(
-    results: Path, chapter: int, made: Sequence[tuple[ListedFigure, str]], tables: Sequence[Path]
+    results: Path, chapter: int, made: Sequence[tuple[Figure, str]], tables: Sequence[Path]
 ) -> list[str]:
     own = [(figure, name) for figure, name in made if figure.chapter == chapter]
     beside = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{chapter}"]
@@ -117,9 +118,9 @@ def _chapter(
     return parts
 
 
-def _figure(results: Path, figure: ListedFigure, dataset: str) -> str:
+def _figure(results: Path, figure: Figure, dataset: str) -> str:
     file = results / figure.files[dataset]
-    caption = figure.caption_text(dataset, results)
+    caption = figure.text(dataset, results)
     found = caption.partition(FOUND_HERE)[2]
     links = ", ".join(
         f'<a href="{escape(str(file.with_suffix(suffix).relative_to(results)))}">{word}</a>'
@@ -127,15 +128,15 @@ def _figure(results: Path, figure: ListedFigure, dataset: str) -> str:
     )
     return (
         f'<figure id="{_anchor(figure, dataset)}">{_image(file, f"{figure.title}. {found or caption}")}'
-        f"<figcaption>{_paragraphs(_numbered(figure), caption)}<p>{links}</p></figcaption></figure>"
+        f"<figcaption>{_paragraphs(figure.label, caption)}<p>{links}</p></figcaption></figure>"
     )
 
 
 def _table(results: Path, path: Path, dataset: str) -> str:
     table = path.with_suffix(".csv").relative_to(results)
-    caption = caption_text(CAPTIONS / f"{path.stem}.rst", dataset, results)
+    record = records()[path.stem]
     link = f'<p><a href="{escape(str(table))}">{escape(str(table))}</a></p>'
-    return f'<div class="table">{_paragraphs(path.stem.replace("_", " ").capitalize(), caption)}{link}</div>'
+    return f'<div class="table">{_paragraphs(record.label, record.text(dataset, results))}{link}</div>'
 
 
 def _critiques(results: Path, folders: Iterable[Path]) -> list[str]:
@@ -192,11 +193,5 @@ def _image(file: Path, alt: str) -> str:
     return f'<img src="data:image/png;base64,{data}" alt="{text}" width="{width}" height="{height}">'
 
 
-def _numbered(figure: ListedFigure) -> str:
-    if figure.name[0].isdigit():
-        return f"Figure {figure.name}"
-    return re.sub(r"(\d) (\d)", r"\1.\2", figure.name.replace("_", " ").capitalize())
-
-
-def _anchor(figure: ListedFigure, dataset: str) -> str:
-    return "-".join(filter(None, ("figure", figure.name.replace("_", "-"), dataset)))
+def _anchor(figure: Figure, dataset: str) -> str:
+    return "-".join(filter(None, ("figure", figure.short.replace("_", "-"), dataset)))

@@ -16,16 +16,12 @@ CH2_CLAIMED = [
     )
 ]  # what the ledger reads
 
-CH2_FOUND = [f"{CH2}/{name}.txt" for name in chapter2.FINDINGS]
+CH2_FOUND = findings_of(2)
 
 
 rule ch2_schematics:
     output:
-        figure_files(CH2, "2-1", "manipulator, disk and ground", "mechanisms"),
-        figure_files(CH2, "2-3", "distance to contact", "mechanisms"),
-        figure_files(CH2, "2-6", "block", "mechanisms"),
-        figure_files(CH2, "2-7", "ellipse", "mechanisms"),
-        figure_files(CH2, "2-8", "rimless wheel", "mechanisms"),
+        drawn_by("ch2_schematics"),
     log:
         "results/logs/ch2_schematics.log",
     benchmark:
@@ -47,11 +43,7 @@ rule ch2_motions:
     input:
         DATASETS["drops"].files,
     output:
-        figure_files(CH2, "2-2", "falling rod", "motions"),
-        figure_files(CH2, "2-4", "disk from flight to rolling", "motions"),
-        figure_files(CH2, "2-5", "projection and excitation", "motions"),
-        figure_files(CH2, "2-9", "block, ellipse and wheel", "motions"),
-        figure_files(CH2, "2-14", "falling ellipse", "motions"),
+        drawn_by("ch2_motions"),
     log:
         "results/logs/ch2_motions.log",
     benchmark:
@@ -118,13 +110,7 @@ rule ch2_gather:
     input:
         expand(f"{CH2}/{{mechanism}}/programs.csv", mechanism=CONFIG.chapter2.programs.mechanisms),
     output:
-        report(
-            f"{CH2}/programs.csv",
-            caption="../report/programs.rst",
-            category="Chapter 2",
-            subcategory="programs",
-            labels={"item": "Programs", "shows": "success of equations 2.12 to 2.14"},
-        ),
+        shown("programs"),
     log:
         "results/logs/ch2_gather.log",
     benchmark:
@@ -169,14 +155,8 @@ rule ch2_table_2_1:
     input:
         expand(f"{CH2}/{{shape}}/table_2_1.csv", shape=CH2_SHAPES),
     output:
-        figure_files(CH2, "2-1", "m/I against noise", "noise", name="figure_table"),
-        table=report(
-            f"{CH2}/table_2_1.csv",
-            caption="../report/table_2_1.rst",
-            category="Chapter 2",
-            subcategory="noise",
-            labels={"item": "Table 2.1", "shows": "m/I against noise, with bounds"},
-        ),
+        drawn_by("ch2_table_2_1"),
+        table=shown("table_2_1"),
     log:
         "results/logs/ch2_table_2_1.log",
     benchmark:
@@ -195,16 +175,9 @@ rule ch2_table_2_1:
 
 rule ch2_wheel:
     output:
-        figure_files(CH2, "2-10", "motion against mass", "forces"),
-        figure_files(CH2, "2-11", "normal forces of the spokes", "forces"),
+        drawn_by("ch2_wheel"),
         rows=f"{CH2}/wheel_forces_rows.csv",
-        table=report(
-            f"{CH2}/wheel_forces.csv",
-            caption="../report/wheel_forces.rst",
-            category="Chapter 2",
-            subcategory="forces",
-            labels={"item": "Wheel", "shows": "errors of the spokes' forces"},
-        ),
+        table=shown("wheel_forces"),
     log:
         "results/logs/ch2_wheel.log",
     benchmark:
@@ -226,16 +199,10 @@ rule ch2_wheel:
 
 rule ch2_arm:
     output:
-        figure_files(CH2, "2-12", "forces of arm, disk and ground", "forces"),
+        drawn_by("ch2_arm"),
         forces=f"{CH2}/arm_forces.csv",
         parameters=f"{CH2}/arm_parameters.csv",
-        summary=report(
-            f"{CH2}/arm_summary.csv",
-            caption="../report/arm_summary.rst",
-            category="Chapter 2",
-            subcategory="forces",
-            labels={"item": "Arm and disk", "shows": "errors of forces and parameters"},
-        ),
+        summary=shown("arm_summary"),
     log:
         "results/logs/ch2_arm.log",
     benchmark:
@@ -257,15 +224,9 @@ rule ch2_arm:
 
 rule ch2_impact_forces:
     output:
-        figure_files(CH2, "2-15", "force at impact", "forces"),
+        drawn_by("ch2_impact_forces"),
         impacts=f"{CH2}/impact_forces.csv",
-        summary=report(
-            f"{CH2}/impact_force_summary.csv",
-            caption="../report/impact_force_summary.rst",
-            category="Chapter 2",
-            subcategory="forces",
-            labels={"item": "Impulses", "shows": "impulse and peak force against the sensor"},
-        ),
+        summary=shown("impact_force_summary"),
     log:
         "results/logs/ch2_impact_forces.log",
     benchmark:
@@ -312,21 +273,8 @@ rule ch2_measured_ratios:
     input:
         expand(f"{CH2}/{{dataset}}/measured_ratio.csv", dataset=CH2_MEASURED),
     output:
-        table=report(
-            f"{CH2}/measured_ratio.csv",
-            caption="../report/measured_ratio.rst",
-            category="Chapter 2",
-            subcategory="measured data",
-            labels={"item": "m/I", "shows": "from the measured impacts"},
-        ),
-        picture=report(
-            f"{CH2}/figure_measured_ratio.png",
-            caption="../report/measured_ratio.rst",
-            category="Chapter 2",
-            subcategory="measured data",
-            labels={"item": "m/I", "shows": "intervals against the authors' value"},
-        ),
-        rest=[f"{CH2}/figure_measured_ratio.{kind}" for kind in ("pdf", "csv")],
+        drawn_by("ch2_measured_ratios"),
+        table=shown("measured_ratio"),
     log:
         "results/logs/ch2_measured_ratios.log",
     benchmark:
@@ -346,14 +294,7 @@ rule ch2_measured_ratios:
 
 rule ch2_hidden:
     output:
-        report(
-            f"{CH2}/figure_hidden.png",
-            caption="../report/hidden_effects.rst",
-            category="Chapter 2",
-            subcategory="hidden effects",
-            labels={"item": "Hidden effects", "shows": "truth against what was found"},
-        ),
-        [f"{CH2}/figure_hidden.{kind}" for kind in ("pdf", "csv")],
+        drawn_by("ch2_hidden"),
         tables=[f"{CH2}/hidden_{name}.csv" for name in CH2_HIDDEN_TABLES],
         pages=directory(f"{CH2}/hidden"),
     log:
@@ -377,7 +318,7 @@ rule ch2_hidden:
 
 rule ch2_findings:
     input:
-        read_from(FINDINGS, CH2_FOUND),
+        tables_read(CH2_FOUND),
     output:
         CH2_FOUND,
     log:

@@ -9,19 +9,9 @@ CH3_TABLES = {
     "individual": f"{CH3}/individual.csv",
     "split": f"{CH3}/split.csv",
 }
-CH3_COMMON = "results/chapter3/common"
 CH3_WITH_TRAJECTORIES = [name for name in CH3_DATASETS if DATASETS[name].has_trajectories]
 
-CH3_FOUND = [
-    f"results/chapter3/{where}/{name}.txt"
-    for folders, findings in (
-        (["common"], chapter3.COMMON),
-        (CH3_WITH_TRAJECTORIES, chapter3.TRACKED),
-        (CH3_DATASETS, chapter3.EVERY),
-    )
-    for where in folders
-    for name in findings
-]
+CH3_FOUND = findings_of(3, CH3_DATASETS, ch3_trajectories=CH3_WITH_TRAJECTORIES)
 
 
 rule ch3_identify:
@@ -60,23 +50,8 @@ rule ch3_evaluate:
     output:
         errors=f"{CH3}/errors.csv",
         summary=f"{CH3}/error_summary.csv",
-        table_3_1=report(
-            f"{CH3}/table_3_1.csv",
-            caption="../report/table_3_1.rst",
-            category="Chapter 3",
-            subcategory="{dataset}",
-            labels={
-                "item": "Table 3.1",
-                "shows": "ensemble parameters, best and worst",
-            },
-        ),
-        table_3_2=report(
-            f"{CH3}/table_3_2.csv",
-            caption="../report/table_3_2.rst",
-            category="Chapter 3",
-            subcategory="{dataset}",
-            labels={"item": "Table 3.2", "shows": "outcomes within predictive range"},
-        ),
+        table_3_1=shown("table_3_1"),
+        table_3_2=shown("table_3_2"),
         coverage=f"{CH3}/coverage.csv",
         statements=f"{CH3}/statements.csv",
     log:
@@ -130,9 +105,7 @@ rule ch3_schematics:
     input:
         coverage="results/chapter3/drops/coverage.csv",
     output:
-        figure_files(CH3_COMMON, "3-1", "body on the surface", "contact space"),
-        figure_files(CH3_COMMON, "3-2", "energy ellipse", "contact space"),
-        figure_files(CH3_COMMON, "3-3", "regions of the six laws", "contact space"),
+        drawn_by("ch3_schematics"),
     log:
         "results/logs/ch3_schematics.log",
     benchmark:
@@ -156,8 +129,7 @@ rule ch3_trajectories:
         impacts="results/impacts/{dataset}/impacts.csv",
         arcs="results/impacts/{dataset}/arcs.csv",
     output:
-        figure_files(CH3, "3-5", "configurations of one trial"),
-        figure_files(CH3, "3-6", "energies of one trial"),
+        drawn_by("ch3_trajectories"),
     log:
         "results/logs/ch3_trajectories/{dataset}.log",
     benchmark:
@@ -186,11 +158,7 @@ rule ch3_figures:
         impacts="results/impacts/{dataset}/impacts.csv",
         errors=f"{CH3}/errors.csv",
     output:
-        figure_files(CH3, "3-7", "cost and convergence"),
-        figure_files(CH3, "3-8", "error densities and bounds"),
-        figure_files(CH3, "3-9", "error map, AP Poisson"),
-        figure_files(CH3, "3-10", "individual parameters, AP Newton"),
-        figure_files(CH3, "3-11", "two single impacts"),
+        drawn_by("ch3_figures"),
     log:
         "results/logs/ch3_figures/{dataset}.log",
     benchmark:
@@ -209,7 +177,7 @@ rule ch3_figures:
 
 rule ch3_findings:
     input:
-        read_from(FINDINGS, CH3_FOUND),
+        tables_read(CH3_FOUND),
     output:
         CH3_FOUND,
     log:
@@ -232,7 +200,7 @@ rule chapter3:
     input:
         rules.ch3_published.output if "planar_impact" in CH3_DATASETS else [],
         expand(f"{CH3}/table_3_1.csv", dataset=CH3_DATASETS),
-        expand(f"{CH3_COMMON}/figure_3_{{number}}.png", number=(1, 2, 3)),
-        expand(f"{CH3}/figure_3_{{number}}.png", dataset=CH3_WITH_TRAJECTORIES, number=(5, 6)),
-        expand(f"{CH3}/figure_3_{{number}}.png", dataset=CH3_DATASETS, number=range(7, 12)),
+        rules.ch3_schematics.output,
+        expand(rules.ch3_trajectories.output, dataset=CH3_WITH_TRAJECTORIES),
+        expand(rules.ch3_figures.output, dataset=CH3_DATASETS),
         rules.ch3_findings.output,

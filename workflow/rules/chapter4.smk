@@ -15,32 +15,14 @@ CH4_DICE_TABLES = (
     *("throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts"),
     *("first_contact", "first_contact_throws"),
 )
-CH4_DICE_FIGURES = {
-    "4-3": "belief over the first two contacts",
-    "4-4": "distance after each contact",
-    "4-7": "outlines of a throw",
-    "4-8": "errors at rest",
-    "4-9": "a hard and an easy throw",
-    "4-10": "belief over the resting position",
-}
 CH4_LEARNED = ("curves", "errors", "summary", "convergence", "ratios")
 
-CH4_FOUND = [
-    f"results/chapter4/{dataset}/{name}.txt"
-    for datasets, findings in (
-        (CH4_DATASETS, chapter4.LEARNED),
-        (CH4_CRITICISED, chapter4.NAMED),
-        (CH4_DICE, chapter4.THROWN),
-    )
-    for dataset in datasets
-    for name in findings
-]
+CH4_FOUND = findings_of(4, CH4_DATASETS, ch4_named_figure=CH4_CRITICISED, ch4_dice=CH4_DICE)
 
 
 rule ch4_schematics:
     output:
-        figure_files("results/chapter4/common", "4-1", "body and energy ellipse", "contact space"),
-        figure_files("results/chapter4/common", "4-2", "ellipsoid of wrenches", "contact space"),
+        drawn_by("ch4_schematics"),
     log:
         "results/logs/ch4_schematics.log",
     benchmark:
@@ -117,8 +99,7 @@ rule ch4_figures:
         errors=f"{CH4}/learning_errors.csv",
         summary=f"{CH4}/learning_summary.csv",
     output:
-        figure_files(CH4, "4-5", "error densities of learned models"),
-        figure_files(CH4, "4-6", "error against training impacts"),
+        drawn_by("ch4_figures"),
     log:
         "results/logs/ch4_figures/{dataset}.log",
     benchmark:
@@ -142,14 +123,7 @@ rule ch4_named_figure:
         summary=f"{CH4}/named_summary.csv",
         diagnosis="results/critique/{dataset}/diagnosis.json",
     output:
-        report(
-            f"{CH4}/figure_named_physics.png",
-            caption="../report/named_physics.rst",
-            category="Chapter 4",
-            subcategory="{dataset}",
-            labels={"item": "Named physics", "shows": "then what is left to learn"},
-        ),
-        [f"{CH4}/figure_named_physics.{kind}" for kind in ("pdf", "csv")],
+        drawn_by("ch4_named_figure"),
     log:
         "results/logs/ch4_named_figure/{dataset}.log",
     benchmark:
@@ -175,29 +149,8 @@ rule ch4_dice:
         diagnosis="results/critique/{dataset}/diagnosis.json",
     output:
         [f"{CH4}/dice_{name}.csv" for name in CH4_DICE_TABLES],
-        [figure_files(CH4, number, shows) for number, shows in CH4_DICE_FIGURES.items()],
-        [f"{CH4}/figure_{name}.{kind}" for name in ("calibration", "restitution") for kind in ("pdf", "csv")],
-        report(
-            f"{CH4}/figure_restitution.png",
-            caption="../report/dice_restitution.rst",
-            category="Chapter 4",
-            subcategory="{dataset}",
-            labels={"item": "Restitution", "shows": "against the place of the contact"},
-        ),
-        report(
-            f"{CH4}/figure_calibration.png",
-            caption="../report/dice_calibration.rst",
-            category="Chapter 4",
-            subcategory="{dataset}",
-            labels={"item": "Calibration", "shows": "of beliefs over resting positions"},
-        ),
-        dice=report(
-            f"{CH4}/dice.csv",
-            caption="../report/dice.rst",
-            category="Chapter 4",
-            subcategory="{dataset}",
-            labels={"item": "Dice", "shows": "errors at rest, sides, scores and limits"},
-        ),
+        drawn_by("ch4_dice"),
+        dice=shown("dice"),
     log:
         "results/logs/ch4_dice/{dataset}.log",
     benchmark:
@@ -220,7 +173,7 @@ rule ch4_dice:
 
 rule ch4_findings:
     input:
-        read_from(FINDINGS, CH4_FOUND),
+        tables_read(CH4_FOUND),
     output:
         CH4_FOUND,
     log:
@@ -242,7 +195,7 @@ rule ch4_findings:
 rule chapter4:
     input:
         rules.ch4_schematics.output,
-        expand(f"{CH4}/figure_4_{{number}}.png", dataset=CH4_DATASETS, number=(5, 6)),
-        expand(f"{CH4}/figure_named_physics.png", dataset=CH4_CRITICISED),
+        expand(rules.ch4_figures.output, dataset=CH4_DATASETS),
+        expand(rules.ch4_named_figure.output, dataset=CH4_CRITICISED),
         expand(f"{CH4}/dice.csv", dataset=CH4_DICE),
         rules.ch4_findings.output,

@@ -9,7 +9,7 @@ wildcard_constraints:
 
 rule ch5_diagrams:
     output:
-        [ch5_figure(number, shows) for number, shows in CH5_DIAGRAMS.items()],
+        drawn_by("ch5_diagrams"),
     log:
         "results/logs/ch5_diagrams.log",
     benchmark:
@@ -52,8 +52,7 @@ rule ch5_towers:
         development=ch5_scans(0, CONFIG.chapter5.towers.development),
         test=ch5_scans(CONFIG.chapter5.towers.first_test, CONFIG.chapter5.towers.test),
     output:
-        ch5_picture("movable", "Movable blocks", "share of them, and what it depends on"),
-        ch5_figure("5-5a", "the tower"),
+        drawn_by("ch5_towers"),
         movable=f"{CH5}/movable.csv",
         summary=f"{CH5}/movable_summary.csv",
         fidelity=f"{CH5}/fidelity.csv",
@@ -153,9 +152,7 @@ rule ch5_study:
         CH5_GAME_FILES,
     output:
         [f"{CH5}/study_{name}.csv" for name in CH5_STUDY_TABLES],
-        ch5_figure("5-5b", "consecutive extractions against samples"),
-        ch5_figure("5-6", "successes of push, extract and place"),
-        ch5_picture("paired", "Paired comparison", "of policies on the same towers"),
+        drawn_by("ch5_study"),
     log:
         "results/logs/ch5_study.log",
     benchmark:
@@ -179,8 +176,7 @@ rule ch5_model:
         held_out=f"{CH5}/samples/held_out.csv",
     output:
         [f"{CH5}/model_{name}.csv" for name in CH5_MODEL_TABLES],
-        ch5_figure("5-7", "learned forces, friction cone and height"),
-        ch5_picture("abstractions", "Abstractions", "what each looks like"),
+        drawn_by("ch5_model"),
     log:
         "results/logs/ch5_model.log",
     benchmark:
@@ -203,9 +199,7 @@ rule ch5_showcase:
     input:
         samples=CH5_SETS[0],
     output:
-        ch5_figure("5-8", "belief along two pushes"),
-        ch5_figure("5-9", "a steered push"),
-        ch5_picture("game", "A game", "frames"),
+        drawn_by("ch5_showcase"),
         runs=f"{CH5}/showcase_runs.csv",
         ends=f"{CH5}/showcase_steering.csv",
     log:
@@ -233,7 +227,7 @@ rule ch5_hidden:
         held_out=f"{CH5}/samples/held_out.csv",
     output:
         [f"{CH5}/unseen_{name}.csv" for name in CH5_HIDDEN_TABLES],
-        ch5_picture("unseen", "Something never seen", "error before and after relearning"),
+        drawn_by("ch5_hidden"),
     log:
         "results/logs/ch5_hidden.log",
     benchmark:
@@ -254,7 +248,7 @@ rule ch5_hidden:
 
 rule ch5_findings:
     input:
-        read_from(FINDINGS, CH5_FOUND),
+        tables_read(CH5_FOUND),
     output:
         CH5_FOUND,
     log:

@@ -17,12 +17,6 @@ CH5_GAME_FILES = [
     for i in range(first, beyond)
 ]
 CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
-CH5_DIAGRAMS = {
-    "5-2": "a block that moves and one that does not",
-    "5-3": "plate notation of the hierarchical model",
-    "5-4": "architecture of the robot's software",
-    "5-5c": "structure of the two mixtures",
-}
 CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed")
 CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary")
 CH5_CLAIMED = [
@@ -37,7 +31,7 @@ CH5_CLAIMED = [
     )
 ]
 CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
-CH5_FOUND = [f"{CH5}/{name}.txt" for name in chapter5.FINDINGS]
+CH5_FOUND = findings_of(5)
 
 
 def ch5_learned_from(wildcards):
@@ -49,21 +43,6 @@ def ch5_learned_from(wildcards):
     return [CH5_SETS[int(wildcards.tower) % len(CH5_SETS)]]
 
 
-def ch5_picture(name, item, shows):
-    """A picture that is no figure of the thesis, with PDF and numbers; its caption has the same name."""
-    picture = report(
-        f"{CH5}/figure_{name}.png",
-        caption=f"../report/jenga_{name}.rst",
-        category="Chapter 5",
-        labels={"item": item, "shows": shows},
-    )
-    return [picture, f"{CH5}/figure_{name}.pdf", f"{CH5}/figure_{name}.csv"]
-
-
 def ch5_scans(first, count):
     """Scans of towers first, first + 1, ..."""
     return [f"{CH5}/scans/tower_{seed}.csv" for seed in range(first, first + count)]
-
-
-def ch5_figure(number, shows):
-    return figure_files(CH5, number, shows, subcategory="Jenga")

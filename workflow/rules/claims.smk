@@ -17,15 +17,7 @@ rule claims:
         tables=CLAIM_TABLES,
     output:
         table="results/claims.csv",
-        page=report(
-            "results/claims.html",
-            caption="../report/claims.rst",
-            category="Claims",
-            labels={
-                "item": "Claims ledger",
-                "shows": "what the thesis states against what we find",
-            },
-        ),
+        page=shown("claims", "results/claims.html"),
     log:
         "results/logs/claims.log",
     benchmark:
@@ -45,7 +37,7 @@ rule claims:
 
 rule findings:
     input:
-        read_from(FINDINGS, OTHER_FOUND),
+        tables_read(OTHER_FOUND),
     output:
         OTHER_FOUND,
     log:
@@ -92,6 +84,7 @@ rule provenance:
             for name, dataset in DATASETS.items()
             if dataset.origin in ("folder", "published")
         },
+        columns={figure.name: dict(figure.columns) for figure in figures()},
         lib=code_of("provenance"),
     message:
         "Recording versions, seed, commit and checksums of the data"
@@ -104,10 +97,9 @@ rule run_report:
         rules.claims.output,
         rules.provenance.output,
         findings=[*CH2_FOUND, *CH3_FOUND, *CH4_FOUND, *CH5_FOUND, *CRITIQUE_FOUND, *OTHER_FOUND],
-        captions=sorted(Path(f"{workflow.basedir}/workflow/report").glob("*.rst")),
-        figures="config/figures.yaml",
     output:
-        "results/report.html",
+        page="results/report.html",
+        captions=directory("results/captions"),
     log:
         "results/logs/run_report.log",
     benchmark:

@@ -8,10 +8,8 @@ from thesis_lib.config import parse_config
 from thesis_lib.datasets.sources.locate import SIMULATED, locate
 from thesis_lib.datasets.sources.published import SOURCES
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.findings import chapter2, chapter3, chapter4, chapter5
-from thesis_lib.findings.catalogue import FINDINGS
-from thesis_lib.findings.finding import read_from
 from thesis_lib.foundation.provenance import lib_hash, value_sha256
+from thesis_lib.records.catalogue import figures, records, tables_read
 from thesis_lib.resources import read_measured, request
 
 try:
@@ -76,17 +74,32 @@ def dataset_files(wildcards):
     return DATASETS[wildcards.dataset].files
 
 
-def figure_files(folder, number, shows, subcategory="{dataset}", name="figure"):
-    """Picture, PDF and numbers of the thesis's figure `number` ("3-7"); the picture goes into the report."""
-    name = f"{name}_{number.replace('-', '_')}"
-    picture = report(
-        f"{folder}/{name}.png",
-        caption=f"../report/{name}.rst",
-        category=f"Chapter {number[0]}",
-        subcategory=subcategory,
-        labels={
-            "item": f"{name.rsplit('_', 2)[0].replace('_', ' ').capitalize()} {number}",
-            "shows": shows,
-        },
+def shown(name, file=None):
+    """The file of a record, or another one with its caption, in Snakemake's report."""
+    record = records()[name]
+    return report(
+        file or f"results/{record.file}",
+        caption=f"../../results/captions/{name}.rst",
+        category=f"Chapter {record.chapter}" if record.chapter else "Critique and claims",
+        subcategory=record.job.group or ("{dataset}" if "{dataset}" in record.file else None),
+        labels={"item": record.label, "shows": record.title},
     )
-    return [picture, f"{folder}/{name}.pdf", f"{folder}/{name}.csv"]
+
+
+def drawn_by(rule):
+    """Picture, PDF and numbers of each figure that a rule draws."""
+    return [
+        [shown(figure.name), *(f"results/{Path(figure.file).with_suffix(kind)}" for kind in (".pdf", ".csv"))]
+        for figure in figures()
+        if figure.job.rule == rule
+    ]
+
+
+def findings_of(chapter, datasets=(), **of_rules):
+    """What is said of a chapter's figures and tables, for these datasets or for those of the rule that makes them."""
+    return [
+        f"results/{record.job.folder}/{record.name}.txt".replace("{dataset}", dataset)
+        for record in records().values()
+        if record.chapter == chapter and record.finding
+        for dataset in (of_rules.get(record.job.rule, datasets) if "{dataset}" in record.file else [""])
+    ]

@@ -9,12 +9,7 @@ rule critique_dataset:
         dataset_files,
     output:
         diagnosis="results/critique/{dataset}/diagnosis.json",
-        page=report(
-            "results/critique/{dataset}/report.html",
-            caption="../report/critique.rst",
-            category="Critique",
-            labels={"item": "{dataset}", "shows": "which effect is missing"},
-        ),
+        page=shown("verdict", "results/critique/{dataset}/report.html"),
     log:
         "results/logs/critique_dataset/{dataset}.log",
     benchmark:
@@ -39,7 +34,7 @@ rule critique_dataset:
 
 rule critique_findings:
     input:
-        read_from(FINDINGS, CRITIQUE_FOUND),
+        tables_read(CRITIQUE_FOUND),
     output:
         CRITIQUE_FOUND,
     log:
@@ -81,20 +76,10 @@ rule critique_proof:
         expand("config/proof/{source}.csv", source=("law", "mechanism", "drake")),
         sizes="config/proof_sizes.json",
     output:
-        report(
-            expand(f"{PROOF}/{{name}}.png", name=PROOF_PICTURES),
-            caption="../report/critique_proof.rst",
-            category="Critique",
-            subcategory="proof",
-        ),
+        [shown("proof", f"{PROOF}/{name}.png") for name in PROOF_PICTURES],
         expand(f"{PROOF}/{{name}}.{{kind}}", name=PROOF_PICTURES, kind=("pdf", "csv")),
         confusion=f"{PROOF}/confusion.csv",
-        summary=report(
-            f"{PROOF}/summary.csv",
-            caption="../report/critique_proof.rst",
-            category="Critique",
-            subcategory="proof",
-        ),
+        summary=shown("proof", f"{PROOF}/summary.csv"),
         misses=f"{PROOF}/misses.csv",
         rerun=f"{PROOF}/rerun.csv",
     log:

@@ -13,4 +13,4 @@ from thesis_lib.identify.impacts.measured_ratio import gather
 
 table = gather([read_table(path, ["dataset", "ratio"]) for path in snakemake.input], snakemake.params.absent)
 write_result(table, snakemake.output.table)
-save_figure(*figure_measured_ratio(table), Path(snakemake.output.picture).with_suffix(""))
+save_figure(*figure_measured_ratio(table), Path(snakemake.output[0]).with_suffix(""))

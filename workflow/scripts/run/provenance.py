@@ -23,4 +23,5 @@ write_json(
     },
     snakemake.output.made,
 )
-write_table(column_dictionary(Path("results").glob("chapter*/**/*.csv")), snakemake.output.columns)
+tables = Path("results").glob("chapter*/**/*.csv")
+write_table(column_dictionary(tables, params.columns), snakemake.output.columns)

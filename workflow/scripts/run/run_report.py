@@ -7,10 +7,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.foundation.files import write_text
-from thesis_lib.report.figure_list import listed_figures
+from thesis_lib.records.catalogue import records
 from thesis_lib.report.run import run_report
 
-findings = [Path(path) for path in snakemake.input.findings]
-write_text(
-    run_report(Path("results"), listed_figures(), findings, snakemake.params.scale), snakemake.output[0]
-)
+findings, out = [Path(path) for path in snakemake.input.findings], snakemake.output
+write_text(run_report(Path("results"), findings, snakemake.params.scale), out.page)
+for record in records().values():
+    write_text(record.report_caption(), Path(out.captions, f"{record.name}.rst"))

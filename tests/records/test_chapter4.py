@@ -1,0 +1,236 @@
+"""Findings of chapter 4: the words follow the numbers, on tables whose right words are known."""
+
+import pandas as pd
+import pytest
+
+from thesis_lib.records import chapter4_dice, chapter4_learning, chapter4_throws
+from thesis_lib.records.chapter4_dice import THROWERS
+from thesis_lib.records.chapter4_learning import LEARNERS, OVER_BOUND
+
+
+def ratios(std: float = 0.01, hoc: float = 1.2, **over: float) -> pd.DataFrame:
+    """learning_ratios.csv; a model that is not named lies at twice the bound."""
+    rows = [(statement, 450, over.get(name, 2.0), std) for statement, name in OVER_BOUND.items()]
+    rows.append(("best_post_hoc_over_rigid", 450, hoc, std))
+    return pd.DataFrame(rows, columns=["statement", "n", "value", "std"])
+
+
+def errors(wrench: list[float]) -> pd.DataFrame:
+    """learning_errors.csv of impacts whose bound is 1 m/s."""
+    rows = [
+        (model, trial, 0, value)
+        for model, values in (("wrench_x1", wrench), ("irb_bound", [1.0] * len(wrench)))
+        for trial, value in enumerate(values)
+    ]
+    return pd.DataFrame(rows, columns=["model", "trial", "impact", "error"])
+
+
+def rungs(floor: float | None = None, **means: float) -> pd.DataFrame:
+    """figure_named_physics.csv with intervals of ± 0.1 m/s."""
+    names = ("law", "law_wrench", "effects", "effects_wrench", "irb_bound")
+    rows = [("a", name, 450.0, means[name], means[name] - 0.1, means[name] + 0.1) for name in names]
+    if floor is not None:
+        rows.append(("a", "noise_floor", float("nan"), floor, float("nan"), float("nan")))
+    return pd.DataFrame(rows, columns=["panel", "model", "n", "mean", "low", "high"])
+
+
+def throws(**quantities: dict[str, tuple[float, float]]) -> pd.DataFrame:
+    """dice.csv from value and half width of the interval, by quantity and model."""
+    rows = [
+        (model, quantity, value, value - half, value + half)
+        for quantity, models in quantities.items()
+        for model, (value, half) in models.items()
+    ]
+    return pd.DataFrame(rows, columns=["model", "quantity", "value", "low", "high"])
+
+
+def coverage(low: float, high: float, passes: tuple[int, int, int]) -> pd.DataFrame:
+    rows = [
+        ("law", "roll", level, 0.5 * (low + high), low, high, held)
+        for level, held in zip((0.5, 0.8, 0.95), passes)
+    ]
+    return pd.DataFrame(rows, columns=["model", "kind", "level", "coverage", "low", "high", "passes"])
+
+
+def test_names_are_those_of_the_legends() -> None:
+    from thesis_lib.figures.chapter4.dice import MODEL_STYLE
+    from thesis_lib.figures.chapter4.errors import LEARNER_STYLE
+
+    assert {name: LEARNER_STYLE[name].label for name in LEARNERS} == LEARNERS
+    assert {name: style[2] for name, style in MODEL_STYLE.items()} == THROWERS
+
+
+def test_models_below_the_bound_are_named() -> None:
+    said = chapter4_learning.figure_4_5(
+        ratios(wrench_x1=0.3, residual_wrench=0.4), errors([0.5, 0.5, 0.5, 2.0])
+    )
+    assert "below the bound are wrench, X1 and law + wrench residual." in said
+    assert "wrench, X1: 0.30 ± 0.01" in said
+    assert "On 75" in said
+
+
+def test_a_ratio_within_two_standard_errors_of_the_bound_is_not_below_it() -> None:
+    said = chapter4_learning.figure_4_5(ratios(std=0.1, wrench_x1=0.85), errors([2.0]))
+    assert "none is below it" in said
+    assert "On none of the held-out impacts" in said
+
+
+@pytest.mark.parametrize(
+    ("hoc", "word"),
+    [(1.2, "errs less than"), (1.01, "is not told apart from"), (0.8, "errs more than")],
+)
+def test_rigid_models_against_best_post_hoc(hoc: float, word: str) -> None:
+    assert f"Rigid, X1 {word} Best Post Hoc" in chapter4_learning.figure_4_5(ratios(hoc=hoc), errors([2.0]))
+
+
+def test_an_impact_without_a_solution_is_none_below_the_bound() -> None:
+    assert "On 50" in chapter4_learning.figure_4_5(ratios(), errors([0.5, float("nan")]))
+
+
+@pytest.mark.parametrize(
+    ("last", "reached", "word"),
+    [
+        (
+            0.2,
+            100,
+            "falls from 1.00 to 0.20 (0.10 to 0.30)\N{NO-BREAK SPACE}m/s and is level from 100 impacts on",
+        ),
+        (0.9, 450, "goes, within its intervals, from 1.00 to 0.90 (0.80 to 1.00)"),
+        (2.0, 100, "rises from 1.00"),
+        (0.2, 450, "and is not level before"),
+    ],
+)
+def test_curves_fall_only_beyond_their_intervals(last: float, reached: int, word: str) -> None:
+    models = ("rigid_x1", "wrench_x1", "residual_wrench")
+    rows = [(name, n, m, m - 0.1, m + 0.1) for name in models for n, m in ((10, 1.0), (450, last))]
+    summary = pd.DataFrame(rows, columns=["model", "n", "mean", "low", "high"])
+    level = pd.DataFrame(
+        [(name, reached, reached, reached) for name in models],
+        columns=["model", "n_converged", "n_converged_low", "n_converged_high"],
+    )
+    said = chapter4_learning.figure_4_6(summary, level)
+    assert said.count(word) == len(models), said
+
+
+def test_named_effects_that_beat_a_learned_wrench() -> None:
+    said = chapter4_learning.figure_named_physics(
+        rungs(0.05, law=1.0, law_wrench=0.7, effects=0.3, effects_wrench=0.25, irb_bound=0.5)
+    )
+    assert "less than the law alone" in said
+    assert "less than that residual" in said
+    assert "not told apart from what was named alone" in said
+    assert "0.50 times the IRB Bound" in said
+    assert said.endswith("5.00 times the noise floor.")
+
+
+def test_named_effects_that_a_learned_wrench_beats_without_known_noise() -> None:
+    said = chapter4_learning.figure_named_physics(
+        rungs(law=1.0, law_wrench=0.4, effects=0.9, effects_wrench=0.4, irb_bound=0.5)
+    )
+    assert "more than that residual" in said
+    assert "less than what was named alone" in said
+    assert "noise" not in said
+
+
+def test_scatter_and_bias_at_rest() -> None:
+    table = throws(
+        mean={"law": (1.0, 0.2), "residual_wrench": (0.1, 0.2), "compliant": (0.0, 0.1)},
+        std={"law": (2.0, 0.1), "residual_wrench": (1.0, 0.1), "compliant": (0.8, 0.1)},
+    )
+    said = chapter4_dice.figure_4_8(table)
+    assert "wrench residual is less than that of the law alone" in said
+    assert said.endswith("leave out zero for law alone.")
+    assert "compliant contact 0.00 (−0.10 to 0.10) ± 0.800, the least scatter" in said
+    assert "(thesis −0.97 ± 4.44)" in said
+    table.loc[(table["model"] == "residual_wrench") & (table["quantity"] == "std"), "high"] = 1.95
+    assert "wrench residual is not told apart from that of the law alone" in chapter4_dice.figure_4_8(table)
+
+
+def test_nearest_model_and_its_limit() -> None:
+    models = {
+        "median_abs": {"law": (1.0, 0.1), "residual_wrench": (0.8, 0.1), "compliant": (0.5, 0.1)},
+        "face_right": {"law": (0.25, 0.05), "residual_wrench": (0.4, 0.05), "compliant": (0.5, 0.05)},
+        "face_right_certain": {"law": (0.3, 0.05)},
+        "limit_std": {"law": (0.1, 0.0), "compliant": (0.2, 0.0)},
+        "limit_face": {"law": (0.9, 0.0), "compliant": (0.8, 0.0)},
+    }
+    said = chapter4_dice.dice(throws(**models))
+    assert "Nearest comes the compliant contact: it misses the end by 0.50 (0.40 to 0.60)" in said
+    assert "not told apart" not in said
+    assert "by 0.20 sides and keeps 80" in said
+    models["median_abs"]["compliant"] = (0.85, 0.1)
+    models["median_abs"]["residual_wrench"] = (0.9, 0.1)
+    assert "not told apart from the law alone" in chapter4_dice.dice(throws(**models))
+    models["median_abs"]["law"] = (0.5, 0.1)
+    assert "No model misses by less." in chapter4_dice.dice(throws(**models))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "passes", "word"),
+    [
+        (0.75, 0.85, (1, 1, 1), "as many as stated, at the other levels too (law alone"),
+        (0.75, 0.85, (0, 1, 1), "as many as stated, but not at every other level"),
+        (0.6, 0.7, (0, 0, 0), "too few"),
+        (0.85, 0.95, (0, 0, 1), "too many"),
+    ],
+)
+def test_width_of_beliefs(low: float, high: float, passes: tuple[int, int, int], word: str) -> None:
+    assert word in chapter4_dice.figure_calibration(coverage(low, high, passes))
+
+
+def contacts(measured: float, model: float) -> pd.DataFrame:
+    """Ten first contacts over 1 m, with slopes per metre and a little scatter."""
+    x = pd.Series(range(10)) / 10.0
+    scatter = pd.Series([0.002, -0.002] * 5)
+    rows = {"first": 1, "x": x, "measured": 0.5 + measured * x + scatter, "model": 0.5 + model * x + scatter}
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("measured", "model", "words"),
+    [
+        (0.2, 0.0, ("rises along the surface: 0.0199", "less than the measured one")),
+        (-0.2, 0.0, ("falls along the surface: −0.02", "more than the measured one")),
+        (0.2, 0.2, ("rises along the surface", "not told apart from the measured one")),
+        (0.0, 0.0, ("neither rises nor falls for sure", "not told apart from the measured one")),
+    ],
+)
+def test_slopes_of_restitution(measured: float, model: float, words: tuple[str, str]) -> None:
+    said = chapter4_dice.figure_restitution(contacts(measured, model))
+    assert all(word in said for word in words), said
+
+
+def test_two_contacts_give_no_slope() -> None:
+    assert "too little for a slope: 2 first contacts" in chapter4_dice.figure_restitution(
+        contacts(0.2, 0.0).head(2)
+    )
+
+
+@pytest.mark.parametrize(
+    ("measured", "inside", "low", "word"),
+    [
+        (0.5, "inside", 0.1, "wide beliefs go with large errors"),
+        (3.5, "outside", -0.1, "does not tell large errors from small"),
+        (-3.5, "outside", -0.9, "does not tell large errors from small"),
+    ],
+)
+def test_ends_in_their_beliefs(measured: float, inside: str, low: float, word: str) -> None:
+    grid = [0.1 * i - 4.0 for i in range(81)]
+    drawn = pd.DataFrame(
+        [(case, x, float(abs(x) < 1.0), 2.0, measured, 0.6) for case in ("hard", "easy") for x in grid],
+        columns=["case", "distance", "density", "law", "measured", "std"],
+    )
+    rank = pd.DataFrame(
+        [("compliant_residual", "spread_rest", 0.3, low, 0.5)],
+        columns=["model", "spread", "rank_correlation", "low", "high"],
+    )
+    said = chapter4_throws.figure_4_10(drawn, rank)
+    assert f"ends {inside} the central 95" in said
+    assert word in said
+
+
+def test_growth_of_the_belief() -> None:
+    drawn = pd.DataFrame({"state": ["start", "start", "at rest"], "std": [0.001, 0.001, 1.2]})
+    said = chapter4_throws.figure_4_4(drawn)
+    assert "0.0010 at the start and 1.2 at rest" in said
+    assert "about 1,000 times" in said

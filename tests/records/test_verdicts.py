@@ -1,0 +1,127 @@
+"""What is said of a critique, of its proof and of the claims: the words follow verdict and numbers."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_json
+from thesis_lib.records.claims import claims
+from thesis_lib.records.critique import OUTSIDE, PROVEN, QUIET, VERDICT, proof, verdict
+
+
+def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: float | None = 0.1) -> dict:
+    return {
+        "verdict": name,
+        "base_model": {"name": "mirtich"},
+        "effects": effects,
+        "left_out": {"share": 0.1},
+        "error": {
+            "base": 0.5,
+            "base_interval": [0.4, 0.6],
+            "augmented": augmented,
+            "augmented_interval": [augmented - 0.05, augmented + 0.05],
+            "noise_floor": floor,
+        },
+    }
+
+
+def effect(name: str, family: str = "contact", clears: bool = True, others: tuple[str, ...] = ()) -> dict:
+    return {"name": name, "family": family, "clears": clears, "indistinguishable_from": list(others)}
+
+
+def test_missing_effect_and_the_fall_of_the_error_to_the_noise() -> None:
+    said = verdict(diagnosis("effects", [effect("rounded_corners")]))
+    assert said.startswith("Mirtich leaves out “rounded corners”.")
+    assert "falls from 0.500 to 0.10 (0.05 to 0.15)" in said
+    assert "not told apart from the noise floor" in said
+
+
+def test_error_that_does_not_fall_and_stays_above_the_noise() -> None:
+    said = verdict(diagnosis("unexplained", [effect("rounded_corners")], augmented=0.4))
+    assert "misses something beyond “rounded corners” that no effect in the library explains" in said
+    assert "goes, within its interval, from" in said
+    assert said.endswith("4.00 times the noise floor.")
+
+
+def test_a_fault_of_the_measurement_is_not_physics() -> None:
+    said = verdict(diagnosis("effects", [effect("angle_offset", "measurement")], floor=None))
+    assert said.startswith("Mirtich is enough; the measurements look faulty: “angle offset”.")
+    assert "the noise is not known" in said
+
+
+def test_what_was_chosen_by_hand_is_not_found() -> None:
+    alone = verdict(diagnosis("adequate", []))
+    assert "adequate: no effect in the library lowers its error" in alone
+    by_hand = verdict(diagnosis("adequate", [effect("rounded_corners", clears=False)]))
+    assert "adequate, as far as was tested" in by_hand
+    assert "rounded corners" not in by_hand
+
+
+def test_many_impacts_left_out_are_told_and_doubt_is_kept() -> None:
+    content = diagnosis("effects", [effect("rounded_corners", others=("wrong_size",))])
+    content["left_out"]["share"] = 0.75
+    said = verdict(content)
+    assert "“rounded corners” (or what these data cannot tell from it)" in said
+    assert "75\N{NO-BREAK SPACE}% of the detected impacts were left out" in said
+
+
+def summary(rows: dict[tuple[str, str], tuple[float, int]]) -> pd.DataFrame:
+    table = [(*key, value, value - 0.05, value + 0.05, n) for key, (value, n) in rows.items()]
+    return pd.DataFrame(table, columns=["figure", "source", "measured", "low", "high", "n"])
+
+
+def test_proof_tells_the_worst_source_and_leaves_out_what_was_not_run() -> None:
+    law, mechanisms, pair = PROVEN
+    said = proof(
+        summary(
+            {
+                law: (0.9, 280),
+                mechanisms: (0.8, 490),
+                pair: (float("nan"), 0),
+                (QUIET, "law"): (0.95, 200),
+                (QUIET, "drake"): (0.7, 100),
+                OUTSIDE: (0.6, 60),
+            }
+        )
+    )
+    assert "90 (85 to 95)\N{NO-BREAK SPACE}% of 280 datasets with its own law" in said
+    assert "both of them" not in said
+    assert "no source has fewer than 70 (65 to 75)\N{NO-BREAK SPACE}% of 100 datasets" in said
+    assert "left unexplained in 60" in said
+
+
+def test_the_proof_writes_the_rows_that_are_read() -> None:
+    from thesis_lib.critique.proof.cases import SOURCES
+    from thesis_lib.critique.proof.summary import TARGETS
+
+    written = {
+        (target.figure, "all" if group == SOURCES else " + ".join(group))
+        for target in TARGETS
+        for group in target.groups
+    }
+    assert {*PROVEN, OUTSIDE, (QUIET, "law")} <= written
+
+
+def test_claims_are_counted_and_compared_by_chapter() -> None:
+    table = pd.DataFrame(
+        {
+            "chapter": [2, 2, 3, 3],
+            "status": ["reproduced", "deviates", "reproduced", "data not present"],
+        }
+    )
+    assert claims(table) == (
+        "Of 4 claims: 2 reproduced, 1 deviating, 1 without the data. Of those compared, reproduced are 1 of 2 in "
+        "chapter 2 and 1 of 1 in chapter 3."
+    )
+    assert "without" not in claims(table.head(3))
+
+
+def test_a_finding_reads_json_and_names_the_file_that_lacks_something(tmp_path: Path) -> None:
+    write_json({"verdict": "adequate"}, tmp_path / "diagnosis.json")
+    plain = replace(VERDICT, finding=lambda read: read["verdict"])
+    assert plain.found(tmp_path) == "adequate"
+    with pytest.raises(UserError, match=r"diagnosis\.json lack 'error'"):
+        VERDICT.found(tmp_path)

@@ -1,0 +1,308 @@
+"""Figures 2-10 to 2-15: contact forces and impulses of wheel, arm and ellipse."""
+
+from typing import TYPE_CHECKING, Any
+
+from thesis_lib.records.record import Figure, Job, Table, Tolerance
+from thesis_lib.records.rows import FROM_ZERO, row_of
+from thesis_lib.records.wording import count, ends, estimate, listing, number, percent, side
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+THESIS_FORCES = 0.2  # section 2.4: contact forces of arm and disk are estimated to within about 20 %
+ARCS = "arcs"  # maximum likelihood over arcs, without a contact law
+WHEEL = Job("ch2_wheel", "chapter2", group="forces")
+ARM = Job("ch2_arm", "chapter2", group="forces")
+IMPACT_FORCES = Job("ch2_impact_forces", "chapter2", group="forces")
+
+
+def figure_2_10(figure: "pd.DataFrame") -> str:
+    """Angles that wheels of different masses have turned by."""
+    last = figure.sort_values("t").groupby("mass")["theta"].last().abs()
+    rises, falls = last.is_monotonic_increasing, last.is_monotonic_decreasing
+    trend = "more with more mass" if rises else "less with more mass" if falls else "in no order of mass"
+    spread = float(last.max() - last.min())
+    return (
+        f"After {number(float(figure['t'].max()), 's')} wheels of {listing([f'{mass:g}' for mass in last.index])} kg "
+        f"have turned by {listing([number(angle) for angle in last])} rad, {trend}: up to {number(spread, 'rad')} "
+        f"apart, {percent(spread / float(last.max()))} of the largest angle."
+    )
+
+
+FIGURE_2_10 = Figure(
+    name="figure_2_10",
+    job=WHEEL,
+    title="The motion of the rimless wheel for several masses at the same inertia about its hub",
+    caption="""Only the ratio m/I matters: wheels with the same ratio move alike. Wheel and masses are ours; the
+thesis gives none.""",
+    finding=figure_2_10,
+    reads=("figure_2_10.csv",),
+    keys="mass",
+    tolerances={
+        "t theta omega": Tolerance(
+            ("a deterministic simulation in closed form per step; only rounding, which impacts multiply"),
+            abs=1e-06,
+        )
+    },
+    columns={
+        "mass": ("kg", "mass of the wheel; its inertia is the same in all"),
+        "t": ("s", "time since the start"),
+        "theta": ("rad", "angle since the start"),
+        "omega": ("rad/s", "angular velocity"),
+    },
+)
+
+
+def figure_2_11(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
+    """Whether the true normal forces lie within the stated errors of the estimate."""
+    rolling = figure[figure["kind"] == "rolling"]
+    force = rolling.pivot_table(index=["spoke", "t"], columns="series", values="force_or_impulse")
+    force["std"] = rolling[rolling["series"] == "fit"].set_index(["spoke", "t"])["std"]
+    force = force[force["truth"] > 0]
+    within = float(((force["fit"] - force["truth"]).abs() <= 2.0 * force["std"]).mean())
+    ours, plain = (_relative_rms(force[name], force["truth"]) for name in ("fit", "plain"))
+    shares = [percent(share) for share in summary.loc[summary["method"] == "fit", "within_2_std"]]
+    return (
+        f"In the motion shown maximum likelihood errs by {percent(ours)} of the normal forces (rms), equation 2.12 on "
+        f"the same noisy states by {percent(plain)}. The truth lies within two standard errors of our estimate in "
+        f"{percent(within)} of the contact steps shown, and in {listing(shares)} for the spokes of all motions; "
+        f"{percent(0.95)} would be right."
+    )
+
+
+FIGURE_2_11 = Figure(
+    name="figure_2_11",
+    job=WHEEL,
+    title="Normal force of the first three spokes of the rolling rimless wheel",
+    caption="""Truth, the estimate from noise-free states, and our estimate at 40 dB with its standard errors.
+Steps with an impact are marked apart, because their force is an impulse over one time step and would hide the
+rest.
+
+What to look for: whether the truth lies within the standard errors of our estimate.""",
+    finding=figure_2_11,
+    reads=("figure_2_11.csv", "wheel_forces.csv"),
+    keys="spoke series kind",
+    tolerances={
+        "t force_or_impulse std": Tolerance(
+            "estimates by iterated least squares; a thousandth of a force cannot be seen",
+            abs=0.0001,
+            rel=0.001,
+        )
+    },
+    columns={
+        "spoke": ("1", "place of the spoke in the order of touching, from 1"),
+        "series": ("", "truth, noise_free, plain or fit, as in wheel_forces_rows"),
+        "kind": ("", "rolling or touchdown: normal force in a step; impulse: sum over a touchdown"),
+        "t": ("s", "middle of the step or of the touchdown"),
+        "force_or_impulse": ("N or N s", "normal force, or impulse where kind says so"),
+        "std": ("N or N s", "its standard error; only of fit"),
+    },
+)
+
+
+def wheel_forces(table: "pd.DataFrame") -> str:
+    """Errors of the spokes' forces, and refusals."""
+    ours, plain = (table[table["method"] == method] for method in ("fit", "plain"))
+    said = [
+        f"{percent(ours[column].max())} of the {kind} force (plain program: {percent(plain[column].max())})"
+        for kind, column in (("normal", "error_n_median"), ("tangential", "error_t_median"))
+    ]
+    n = int((ours["n"] + ours["n_failed"]).max())
+    return (
+        f"Maximum likelihood errs by {listing(said)}: medians over the motions, for the worst spoke. "
+        f"Refused of {n} motions: {int(ours['n_failed'].max())} (plain program: {int(plain['n_failed'].max())})."
+    )
+
+
+WHEEL_FORCES = Table(
+    name="wheel_forces",
+    job=WHEEL,
+    title="Errors of the contact forces of the rimless wheel's first three spokes",
+    caption="""Relative rms errors of the normal and tangential forces over contact steps, touchdowns apart:
+from exact states (eq. 2.12), from noisy states by the plain program, and by our maximum likelihood, with the
+records that its tests refuse.
+
+What to look for: how far the errors of our maximum likelihood lie below those of the plain program on the same
+noisy states, and how many records its tests refuse.""",
+    finding=wheel_forces,
+    reads=("wheel_forces.csv",),
+)
+
+
+def figure_2_12(figure: "pd.DataFrame") -> str:
+    """Errors of the forces of arm and ground on the trajectory shown."""
+    errors = {
+        str(pair): [_relative_rms(own[name], own["true"]) for name in ("estimate", "plain")]
+        for pair, own in figure.groupby("pair")
+    }
+    said = [
+        f"{percent(ours)} at the {pair} (plain program: {percent(plain)})"
+        for pair, (ours, plain) in errors.items()
+    ]
+    ours = [error for error, _ in errors.values()]
+    worst: Any = figure.iloc[int((figure["estimate"] - figure["true"]).abs().argmax())]
+    return (
+        f"On the trajectory shown the forces err by {listing(said)}, rms over all steps, {_against_thesis(ours)}. "
+        f"The largest error is that of a {worst['component']} force at the {worst['pair']}, "
+        f"{number(worst['estimate'], 'N')} instead of {number(worst['true'], 'N')} at {number(worst['t'], 's')}."
+    )
+
+
+FIGURE_2_12 = Figure(
+    name="figure_2_12",
+    job=ARM,
+    title="Estimated and true contact forces of the disk with arm and ground, at 40 dB",
+    caption="""Forces and inertial parameters are identified together. Arm, torques and friction are ours: the
+thesis gives no numbers. The thesis's estimates are within about 20 %.
+
+What to look for: whether the estimates follow the truth through every change of contact, and where they leave
+it.""",
+    finding=figure_2_12,
+    reads=("figure_2_12.csv",),
+    keys="pair component",
+    tolerances={
+        "t true estimate std plain": Tolerance(
+            "estimates by iterated least squares; a thousandth of a force cannot be seen",
+            abs=0.001,
+            rel=0.001,
+        )
+    },
+    columns={
+        "pair": ("", "as in arm_forces"),
+        "component": ("", "normal or tangential force on the disk"),
+        "t": ("s", "time since release, start of the step"),
+        "true": ("N", "force in the simulation"),
+        "estimate": ("N", "maximum likelihood from noisy states"),
+        "std": ("N", "its standard error"),
+        "plain": ("N", "answer of the plain program on the same noisy states"),
+    },
+)
+
+
+def arm_summary(table: "pd.DataFrame") -> str:
+    """Errors of forces and base parameters, and refusals."""
+    rows = table.set_index(["quantity", "method"])
+    median = {key: float(value) for key, value in rows["error_median"].items()}
+    names = {
+        "arm_force": "forces at the arm",
+        "ground_force": "forces at the ground",
+        "theta": "base parameters",
+    }
+    said = [
+        f"{name} by {percent(median[key, 'ours'])} (plain program: {percent(median[key, 'plain'])})"
+        for key, name in names.items()
+    ]
+    ours = table[table["method"] == "ours"]
+    n = int(ours["n_trajectories"].max())
+    good = float(ours.loc[ours["quantity"].isin(names), "share_5_percent"].min())
+    return (
+        f"In the median trajectory maximum likelihood errs in {listing(said)}; its errors of forces are "
+        f"{_against_thesis([median['arm_force', 'ours'], median['ground_force', 'ours']])}. "
+        f"Each of the three errs by at most {percent(0.05, 1)} in {count(good * n, n)} trajectories or more; "
+        f"refused: {int(ours['n_failed'].max())}."
+    )
+
+
+ARM_SUMMARY = Table(
+    name="arm_summary",
+    job=ARM,
+    title="Errors of contact forces and base parameters of arm and disk",
+    caption="""Forces and parameters of a trajectory are identified together: from exact states (eq. 2.12), from
+noisy states by the plain program, and by our maximum likelihood from blind starts, whose refusals count as
+failures in the shares.
+
+What to look for: how far the errors of our maximum likelihood lie below those of the plain program on the same
+noisy states, and how many trajectories it refuses.""",
+    finding=arm_summary,
+    reads=("arm_summary.csv",),
+)
+
+
+def figure_2_15(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
+    """The peak of the impact shown, and the spread of the impulses' errors."""
+    peak = figure[figure["panel"] == "b"].groupby("series")["force"].max().astype(float)
+    normal, tangential = (row_of(summary, method=ARCS, reference=name) for name in ("true_c_n", "true_c_t"))
+    return (
+        f"In the impact shown the half-sine peaks at {number(peak['estimate'], 'N')}, the compliant contact at "
+        f"{number(peak['contact_force'], 'N')}, and the force plate's largest sample is {number(peak['sensor'], 'N')}. "
+        f"Over {normal['n']:.0f} impacts the errors of normal and tangential impulse spread by "
+        f"{number(normal['std'] / normal['std_stated'], digits=2)} and "
+        f"{number(tangential['std'] / tangential['std_stated'], digits=2)} times their stated standard deviations."
+    )
+
+
+FIGURE_2_15 = Figure(
+    name="figure_2_15",
+    job=IMPACT_FORCES,
+    title="An ellipse comes down, and the force of that impact",
+    caption="""Drake's compliant contact stands in for the force sensor, whose recordings are not public. What
+the 250 Hz poses determine is the impulse; a peak force follows only with the declared contact duration, a
+choice of ours, and the half-sine drawn has that duration.""",
+    finding=figure_2_15,
+    reads=("figure_2_15.csv", "impact_force_summary.csv"),
+    keys="panel series",
+    tolerances={
+        "t x y force z density": Tolerance(
+            ("Drake integrates the contact with a step control of its own; 1 % of a force cannot be seen"),
+            abs=0.0001,
+            rel=0.01,
+        )
+    },
+    columns={
+        "t": ("s", "time since touch"),
+        "force": ("N", "normal force"),
+        "z": ("1", "error of an impulse over its stated standard deviation: centre of the bin"),
+        "density": ("1", "probability density of z"),
+    },
+)
+
+
+def impact_force_summary(table: "pd.DataFrame") -> str:
+    """Impulses and peaks against the simulation's."""
+    impulse, peak, plate = (
+        row_of(table, method=ARCS, reference=name) for name in ("true_c_n", "peak_true", "peak_sensor")
+    )
+    bias = side(*ends(impulse["mean_error"], impulse["mean_error_std"]), 0.0, FROM_ZERO)
+    n, held = float(impulse["n"]), float(impulse["coverage_95"])
+    low, high = ends(held, (0.95 * 0.05 / n) ** 0.5)
+    honest = side(low, high, 0.95, ("fewer than stated", "as stated", "more than stated"))
+    return (
+        f"The normal impulse errs by {percent(impulse['std'] / impulse['mean'])} of its mean (standard deviation), its "
+        f"mean error is {bias}, and {percent(held)} of the stated {percent(0.95)} intervals hold the truth, {honest}. "
+        f"The peak force errs by {estimate(peak['mean_error'], peak['mean_error_std'], 'N')} on average against the "
+        f"compliant contact, and by {estimate(plate['mean_error'], plate['mean_error_std'], 'N')} against the force "
+        f"plate, with a standard deviation of {number(plate['std'], 'N')} (thesis: "
+        f"{number(plate['thesis_mean_error'], 'N')}, {number(plate['thesis_std'], 'N')})."
+    )
+
+
+IMPACT_FORCE_SUMMARY = Table(
+    name="impact_force_summary",
+    job=IMPACT_FORCES,
+    title="Impulse and peak force of an ellipse's impacts, against the simulated truth",
+    caption="""Impulses estimated from noisy 250 Hz poses, against the integral of the force in Drake's
+compliant contact and against a modelled force plate; and the peak of a half-sine of the declared contact
+duration against the true peak. The thesis's mean and standard deviation of the error in peak force stand beside
+it.
+
+What to look for: impulses against peaks. The impulse does not depend on the declared duration of the contact,
+the peak does.""",
+    finding=impact_force_summary,
+    reads=("impact_force_summary.csv",),
+)
+
+
+def _relative_rms(estimate: "pd.Series", truth: "pd.Series") -> float:
+    return float((((estimate - truth) ** 2).sum() / (truth**2).sum()) ** 0.5)
+
+
+def _against_thesis(errors: list[float]) -> str:
+    """Relative errors of contact forces against the thesis's."""
+    word = (
+        "within"
+        if max(errors) <= THESIS_FORCES
+        else "beyond"
+        if min(errors) > THESIS_FORCES
+        else "partly within"
+    )
+    return f"{word} the thesis's {percent(THESIS_FORCES)}"

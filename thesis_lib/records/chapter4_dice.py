@@ -1,0 +1,239 @@
+"""Figure 4-8 and what stands beside it: how far each contact model misses where dice end."""
+
+# pandas' stubs do not know what a row holds
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from thesis_lib.records.record import THROWN, Figure, Job, Table, Tolerance
+from thesis_lib.records.rows import compared, counted, row_of, share
+from thesis_lib.records.wording import interval, listing, number, percent, side
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+THROWERS = {  # as in the legend of figure 4-8
+    "law": "law alone",
+    "residual": "law + rigid residual",
+    "residual_wrench": "law + wrench residual",
+    "critique": "critique's law",
+    "compliant": "compliant contact",
+    "compliant_residual": "compliant contact + residual",
+}
+SHOWN_LEVEL = 0.8
+FEWEST = 3  # points for a slope with an interval
+# thesis, figure 4-8: mean and standard deviation of the error at rest; section 4.4: share of right sides
+PUBLISHED = {"law": (-0.97, 4.44, 0.23), "residual_wrench": (0.83, 1.83, 0.43)}
+DICE = Job("ch4_dice", "chapter4/{dataset}", datasets=THROWN)
+PARTICLES = Tolerance(
+    (
+        "random particles of a seeded stream, each an exact solution; a contact that goes the "
+        "other way moves a few of them"
+    ),
+    abs=0.02,
+    rel=0.1,
+)
+
+
+def figure_4_8(dice: "pd.DataFrame") -> str:
+    """Bias and scatter of each model's error at rest, against the thesis."""
+    mean, std = (dice[dice["quantity"] == name].set_index("model") for name in ("mean", "std"))
+    told = [
+        f"{_error(mean, std, model)} (thesis {m:g} ± {s})".replace("-", "−")
+        for model, (m, s, _) in PUBLISHED.items()
+    ]
+    least = str(std["value"].idxmin())
+    if least not in PUBLISHED:
+        told.append(f"{_error(mean, std, least)}, the least scatter")
+    scatter = compared(std.loc["residual_wrench"], std.loc["law"])
+    words = ("biased", "", "biased")
+    biased = [
+        THROWERS[str(name)] for name, row in mean.iterrows() if side(row["low"], row["high"], 0.0, words)
+    ]
+    return (
+        f"Mean error ± standard deviation, in sides: {'; '.join(told)}. The scatter with the learned wrench residual "
+        f"is {scatter} that of the law alone; the intervals of the mean leave out zero for "
+        f"{listing(biased) if biased else 'no model'}."
+    )
+
+
+def _error(mean: "pd.DataFrame", std: "pd.DataFrame", model: str) -> str:
+    row = mean.loc[model]
+    return f"{THROWERS[model]} {interval(row['value'], row['low'], row['high'])} ± {number(std.loc[model, 'value'])}"
+
+
+FIGURE_4_8 = Figure(
+    name="figure_4_8",
+    job=DICE,
+    title="Densities of the error in resting position, for each contact model",
+    caption="""Over the held-out throws of all splits, with mean and standard deviation. The error is measured
+minus expected position, in sides of the die; the expected position is the mean of the belief. The thesis has
+750 throws, of which 500 are public.
+
+What to look for: a narrow peak at zero. A peak beside zero is a bias, a second one a side of the die that is
+taken for another.""",
+    finding=figure_4_8,
+    reads=("dice.csv",),
+    keys="model",
+    tolerances={"error density mean std beyond": PARTICLES},
+    columns={
+        "error": ("1", "measured minus expected resting position, in sides"),
+        "mean": ("1", "of the model's errors"),
+        "std": ("1", "of the model's errors"),
+        "model": ("", "contact model thrown: see thesis_lib/residual/dice/study.py"),
+        "density": ("1", "probability density per side"),
+        "beyond": ("1", "share of errors beyond the axis"),
+    },
+)
+
+
+def figure_calibration(coverage: "pd.DataFrame") -> str:
+    """Whose beliefs over resting positions are as wide as their errors, and whose are not."""
+    rolls = coverage[coverage["kind"] == "roll"]
+    right, narrow, wide = "as many as stated, at the other levels too", "too few", "too many"
+    uneven = "as many as stated, but not at every other level"
+    groups: dict[str, list[str]] = {right: [], uneven: [], narrow: [], wide: []}
+    for model, own in rolls.groupby("model", sort=False):
+        row = row_of(own, level=SHOWN_LEVEL)
+        group = side(row["low"], row["high"], SHOWN_LEVEL, (narrow, uneven, wide))
+        groups[right if own["passes"].all() else group].append(
+            f"{THROWERS[str(model)]} {share(row, 'coverage')}"
+        )
+    told = [f"{word} ({', '.join(models)})" for word, models in groups.items() if models]
+    return f"Measured ends inside the central {percent(SHOWN_LEVEL)} of the belief: {'; '.join(told)}."
+
+
+FIGURE_CALIBRATION = Figure(
+    name="figure_calibration",
+    job=DICE,
+    title="Calibration of the beliefs over resting positions on held-out throws",
+    caption="""Histogram of the probability integral transform with the band that chance allows a right belief,
+and coverage of central regions with 95 % intervals. dice_calibration.csv has the same for single contacts.
+
+What to look for: bars within the band and coverage on the diagonal. Bars that rise at both ends are a belief
+that is too narrow, bars that fall there one that is too wide.""",
+    finding=figure_calibration,
+    reads=("dice_calibration.csv",),
+    keys="panel model",
+    tolerances={"at value low high": PARTICLES},
+    columns={
+        "panel": ("", "pit or coverage"),
+        "at": ("1", "PIT, or nominal level"),
+        "value": ("1", "share of outcomes"),
+        "model": ("", "contact model thrown: see thesis_lib/residual/dice/study.py"),
+        "low": ("1", "lower end of 95 %: of what chance allows (pit), of the coverage"),
+        "high": ("1", "upper end of it"),
+    },
+)
+
+
+def figure_restitution(contacts: "pd.DataFrame") -> str:
+    """The slope of restitution along the surface, measured and modelled, of the first contacts (one a throw)."""
+    first = contacts[contacts["first"] == 1]
+    if len(first) < FEWEST:
+        return f"There is too little for a slope: {counted(len(first), 'first contact')}."
+    measured, model = (_slope(first, name) for name in ("measured", "model"))
+    verb = side(
+        measured["low"], measured["high"], 0.0, ("falls", "neither rises nor falls for sure", "rises")
+    )
+    return (
+        f"Over {counted(len(first), 'first contact')} measured restitution, about {first['measured'].median():.2f}, "
+        f"{verb} along the surface: {_per_10_cm(measured)}. That of the compliant contact has a slope of "
+        f"{_per_10_cm(model)}, {compared(model, measured)} the measured one."
+    )
+
+
+def _slope(contacts: "pd.DataFrame", column: str) -> dict[str, float]:
+    """Least squares of a column on x, per 10 cm, with its 95 % interval."""
+    from scipy.stats import linregress, t
+
+    line = linregress(contacts["x"], contacts[column])
+    half = float(t.ppf(0.975, len(contacts) - 2)) * line.stderr
+    return {"value": 0.1 * line.slope, "low": 0.1 * (line.slope - half), "high": 0.1 * (line.slope + half)}
+
+
+def _per_10_cm(slope: Mapping[str, float]) -> str:
+    return f"{interval(slope['value'], slope['low'], slope['high'])} per 10 cm"
+
+
+FIGURE_RESTITUTION = Figure(
+    name="figure_restitution",
+    job=DICE,
+    title="Restitution of held-out contacts against the place of the contact on the surface",
+    caption="""Measured, and by the compliant contact fitted to training contacts. Impact laws have one number
+for it.
+
+What to look for: a slope along the surface, which an impact law with one number for all places cannot follow.""",
+    finding=figure_restitution,
+    reads=("figure_restitution.csv",),
+    keys="first trial",
+    tolerances={
+        "x": Tolerance(
+            (
+                "place of the contact point of the fitted body, whose search is stopped before it has "
+                "settled wholly"
+            ),
+            abs=0.002,
+        ),
+        "measured": Tolerance(
+            "measured velocities, at a contact point of the fitted body", abs=0.03, rel=0.05
+        ),
+        "model": Tolerance(
+            "contact fitted by a seeded search that is stopped before it has settled wholly",
+            abs=0.05,
+            rel=0.05,
+        ),
+    },
+    most_rows=80,
+    columns={
+        "first": ("", "1: a throw's first contact; 0: a later one"),
+        "x": ("m", "place of the contact on the surface"),
+        "measured": ("1", "restitution at the contact point, measured"),
+        "model": ("1", "the same by the fitted compliant contact"),
+    },
+)
+
+
+def dice(table: "pd.DataFrame") -> str:
+    """How near the models come to the measured ends, and to what the noise of the start would allow."""
+
+    def right(model: str, quantity: str = "face_right") -> str:
+        return share(row_of(table, model=model, quantity=quantity))
+
+    def missed(model: str) -> str:
+        miss = row_of(table, model=model, quantity="median_abs")
+        ends = interval(miss["value"], miss["low"], miss["high"], "sides")
+        return f"misses the end by {ends} and names the right side in {right(model)}"
+
+    misses = table[table["quantity"] == "median_abs"].set_index("model")
+    best = str(misses["value"].idxmin())
+    sure = compared(misses.loc[best], misses.loc["law"], ("", ", not told apart from the law alone", ""))
+    nearest = f"Nearest comes the {THROWERS[best]}: it {missed(best)}{sure}."
+    limit, kept = (row_of(table, model=best, quantity=name)["value"] for name in ("limit_std", "limit_face"))
+    told, learned = (percent(PUBLISHED[model][2]) for model in ("law", "residual_wrench"))
+    return (
+        f"In the median over throws, the law alone {missed('law')}; without uncertainty it is right in "
+        f"{right('law', 'face_right_certain')} (thesis: {told}), and with a learned wrench residual in "
+        f"{right('residual_wrench')} (thesis: {learned}). {nearest if best != 'law' else 'No model misses by less.'} "
+        f"The noise of the measured start alone moves its ends by {number(limit, digits=2)} sides and keeps "
+        f"{percent(kept)} of them on their side."
+    )
+
+
+DICE = Table(
+    name="dice",
+    job=DICE,
+    title="Thrown dice: how far each contact model misses the end",
+    caption="""Each model is simulated to rest from the measured starts of held-out throws. Given are the error
+in resting position in sides (mean, standard deviation, median of its size), share of throws on the right side,
+log score of the true end, and continuous ranked probability score; the same without uncertainty (certain); and
+the limit, what the noise of the start alone does to the end. Intervals are bootstraps over the throws of a
+split; std_splits is the spread over random splits. 500 of the thesis's 750 throws are public; dice_counts.csv
+says how many are used and why the others are not.
+
+What to look for: how near a model comes to the limit, which no model can pass, and what it loses when its
+uncertainty is left out.""",
+    finding=dice,
+    reads=("dice.csv",),
+)

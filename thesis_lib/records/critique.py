@@ -1,0 +1,129 @@
+"""What the critique says of a dataset, and how often it is right where the truth is known."""
+
+# pandas' stubs do not know what a row holds
+# pyright: reportArgumentType=false
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from thesis_lib.records.record import Job, Record
+from thesis_lib.records.rows import Row, compared, counted, share
+from thesis_lib.records.wording import interval, listing, number, percent, side, times
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PROVEN = {  # figure and source in summary.csv of the proof: in what it was hidden
+    (
+        "right effect first or in the named group, laws injected, 150 drops",
+        "law",
+    ): "with its own law injected",
+    (
+        "the same, mechanisms, 150 drops",
+        "mechanism + drake",
+    ): "with its cause in our own integration or in Drake",
+    ("both effects of a pair", "all"): "with two hidden at once, both of them",
+}
+QUIET = "nothing hidden, verdict adequate, per source"
+OUTSIDE = ("outside the library: unexplained", "mechanism + drake")
+MUCH_LEFT_OUT = 0.2  # share of the impacts above which it is said
+WITHIN = ("falls", "goes, within its interval,", "rises")
+
+
+def verdict(diagnosis: Mapping) -> str:
+    """Which effects are missing, how far the error falls with them, and what is left."""
+    error, found = diagnosis["error"], [effect for effect in diagnosis["effects"] if effect["clears"]]
+    left_out = diagnosis["left_out"]["share"]
+    told = [_missing(diagnosis, found), _fall(error, bool(found))]
+    if left_out > MUCH_LEFT_OUT:
+        told.append(f"{percent(left_out)} of the detected impacts were left out.")
+    return " ".join(told)
+
+
+def _missing(diagnosis: Mapping, found: Sequence[Mapping]) -> str:
+    from thesis_lib.contact import LAWS  # late: loads every law, as the next every effect
+    from thesis_lib.effects import EFFECTS
+
+    def named(effects: Sequence[Mapping]) -> str:
+        doubt = " (or what these data cannot tell from it)"
+        return listing(
+            [f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in effects]
+        )
+
+    law = LAWS[diagnosis["base_model"]["name"]].title
+    faults = [effect for effect in found if effect["family"] == "measurement"]
+    physics = [effect for effect in found if effect not in faults]
+    fault = f"; the measurements look faulty: {named(faults)}" if faults else ""
+    if diagnosis["verdict"] == "adequate":
+        # with effects chosen by hand nothing else is tried
+        lowers = "no effect in the library lowers its error by an amount that matters"
+        tested = ", as far as was tested" if diagnosis["effects"] else f": {lowers}"
+        return f"{law} is adequate{tested}{fault}."
+    if diagnosis["verdict"] == "unexplained":
+        beyond = f" beyond {named(physics)}" if physics else ""
+        return f"{law} misses something{beyond} that no effect in the library explains{fault}."
+    return f"{law} leaves out {named(physics)}{fault}." if physics else f"{law} is enough{fault}."
+
+
+def _fall(error: Mapping, named: bool) -> str:
+    before, after = (
+        {"value": error[name], "low": error[f"{name}_interval"][0], "high": error[f"{name}_interval"][1]}
+        for name in ("base", "augmented")
+    )
+    now = interval(after["value"], after["low"], after["high"], "m/s")
+    told = f"Its held-out error is {now}"
+    if named:
+        moves = compared(after, before, WITHIN)
+        told = f"With what was named the held-out error {moves} from {number(before['value'])} to {now}"
+    floor = error["noise_floor"]
+    if not floor:
+        return f"{told}; the noise is not known."
+    if side(after["low"], after["high"], floor, ("apart", "", "apart")):
+        return f"{told}, {times(after['value'] / floor)} the noise floor."
+    return f"{told}, not told apart from the noise floor of {number(floor, 'm/s')}."
+
+
+def proof(summary: "pd.DataFrame") -> str:
+    """Shares of hidden effects named right, of data without any left alone, of unknown causes left unexplained."""
+    rows = {(row["figure"], row["source"]): row for _, row in summary.iterrows() if row["n"] > 0}
+    told = []
+    named = [f"{_right(rows[key])} {hidden}" for key, hidden in PROVEN.items() if key in rows]
+    if named:
+        told.append(f"A hidden effect is named right in {'; '.join(named)}.")
+    quiet = [row for (figure, _), row in rows.items() if figure == QUIET]
+    if quiet:
+        least = min(quiet, key=lambda row: (row["measured"], row["low"]))
+        told.append(f"With nothing hidden, no source has fewer than {_right(least)} found adequate.")
+    if OUTSIDE in rows:
+        told.append(f"A cause that the library does not hold is left unexplained in {_right(rows[OUTSIDE])}.")
+    return " ".join(told) or "No result of the proof is stored."
+
+
+def _right(row: Row) -> str:
+    return f"{share(row, 'measured')} of {counted(row['n'], 'dataset')}"
+
+
+VERDICT = Record(
+    name="verdict",
+    job=Job("critique_dataset", "critique/{dataset}"),
+    title="How far contact models are from measurements, and which effect is missing",
+    caption="""The page shows where the models fail, and how far the error falls when the missing effect is added.
+
+What to look for: the verdict in the first lines of the page; then how near the error comes to the noise floor when
+the named effects are added (step 4).""",
+    finding=verdict,
+    reads=("diagnosis.json",),
+)
+PROOF = Record(
+    name="proof",
+    job=Job("critique_proof", "critique/proof"),
+    title="How often the critique is right on data in which an effect was hidden",
+    caption="""It was hidden by injecting its own law, by integrating contact with its cause in continuous time, and by
+Drake. Truths that were named in a group count as right; a frame marks the effect that describes the truth best.
+Intervals are 95 %, of Wilson for shares.
+
+What to look for: entries off the diagonal of the matrices, which are wrong names, and sizes at which an effect begins
+to be found.""",
+    finding=proof,
+    reads=("summary.csv",),
+)

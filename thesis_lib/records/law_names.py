@@ -1,0 +1,29 @@
+"""Impact laws as they are named in sentences."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from thesis_lib.records.wording import listing, number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PUBLISHED = "_as_published"
+
+
+def ends_of(values: "pd.Series", written: Callable[[float], str] = number) -> str:
+    """Smallest and largest value with the names of their laws."""
+    said = []
+    for value in dict.fromkeys([float(values.min()), float(values.max())]):
+        laws = [title_of(str(law)) for law in values.index[values == value]]
+        said.append(f"{written(value)} ({listing(laws)})")
+    return " to ".join(said)
+
+
+def title_of(law: str) -> str:
+    """As in the figures; for use within brackets "published Mirtich" instead of "Mirtich (as published)"."""
+    from thesis_lib.contact import LAWS  # late: loads every law
+
+    base = law.removesuffix(PUBLISHED)
+    title = LAWS[base].title if base in LAWS else base
+    return title if base == law else f"published {title}"
