@@ -102,9 +102,7 @@ class TestCheck:
         self.stored = {case: row for source in SOURCES for case, row in read_rows(source, tmp_path).items()}
         self.changes: dict = {}
         monkeypatch.setattr(
-            proof_check,
-            "compute",
-            lambda case: replace(self.stored[case], code=code_hash(), **self.changes),
+            proof_check, "compute", lambda case: replace(self.stored[case], code=code_hash(), **self.changes)
         )
         return tmp_path
 

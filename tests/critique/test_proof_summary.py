@@ -129,12 +129,7 @@ def mixed(tmp_path) -> Path:
     many(store, "law", "wear", 3, 0, drops=50)
     for i in range(3):
         values = {"w": parameter(0.5 * i)}
-        put(
-            store,
-            Case("law", "wear", 1000 + i),
-            groups=[["wear", "wrong_size"]],
-            parameters=values,
-        )
+        put(store, Case("law", "wear", 1000 + i), groups=[["wear", "wrong_size"]], parameters=values)
     put(store, Case("law", "wear", 1003), groups=[["wrong_size"], ["magnus", "wear"]])
     put(store, Case("law", NOTHING, 1000), groups=[])
     put(store, Case("law", "wear+magnus", 1007), groups=[["wear"]])

@@ -30,11 +30,7 @@ class TestWhatIsRight:
         assert row["verdicts"] == "adequate:1;effects:3"
 
     def test_not_in_a_group_of_four(self, tmp_path):
-        put(
-            tmp_path,
-            Case("law", "wear", 1000),
-            groups=[["magnus", "adhesion", "wrong_size", "wear"]],
-        )
+        put(tmp_path, Case("law", "wear", 1000), groups=[["magnus", "adhesion", "wrong_size", "wear"]])
         assert not outcomes(tmp_path)["right"].any()
 
     def test_only_the_first_group_of_a_single_effect_counts(self, tmp_path):
@@ -117,11 +113,7 @@ class TestMisfits:
 class TestParameters:
     def test_coverage_distance_and_width(self, tmp_path):
         for i, z in enumerate((0.5, -1.0, 1.9, -2.0)):
-            put(
-                tmp_path,
-                Case("law", "wear", 1000 + i),
-                parameters={"w": parameter(z, 1.0 + 0.1 * i)},
-            )
+            put(tmp_path, Case("law", "wear", 1000 + i), parameters={"w": parameter(z, 1.0 + 0.1 * i)})
         row = cell(tmp_path, "law", "wear")
         assert (row["n_parameters"], row["coverage"]) == (4, 0.75)
         assert (row["coverage_low"], row["coverage_high"]) == pytest.approx(wilson(3, 4))

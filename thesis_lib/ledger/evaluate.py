@@ -83,11 +83,11 @@ class _Rows:
 
     def named(self, key: str, name: object) -> int:
         column = self.cells.column(key)
-        found = [i for i in self.rows if _matches(column[i], name)]
-        if len(found) != 1:
+        rows = [i for i in self.rows if _matches(column[i], name)]
+        if len(rows) != 1:
             where = _condition({**self.claim.source.where, key: name})
-            raise UserError(f"{self.cells.path} has {len(found) or 'no'} rows with {where}; one is wanted")
-        return found[0]
+            raise UserError(f"{self.cells.path} has {len(rows) or 'no'} rows with {where}; one is wanted")
+        return rows[0]
 
     def value(self, row: int) -> float:
         return self._number(self.claim.source.column, row)
@@ -107,10 +107,10 @@ class _Rows:
         try:
             value = number(cell)
         except ValueError:
-            value = None
-        if value is None or not math.isfinite(value):
-            found = "empty or NaN" if value is not None and math.isnan(value) else repr(cell)
-            raise UserError(f"{self.cells.path}, data row {row}: {column} is {found}, not a finite number")
+            value = math.inf
+        if not math.isfinite(value):
+            what = "empty or NaN" if math.isnan(value) else repr(cell)
+            raise UserError(f"{self.cells.path}, data row {row}: {column} is {what}, not a finite number")
         return value
 
 
@@ -225,12 +225,7 @@ def _measure_extreme(claim: Claim, published: str, rows: _Rows) -> Result:
 
 
 def _ranked(
-    claim: Claim,
-    published: str,
-    rows: _Rows,
-    members: list[int],
-    pairs: list[tuple[int, int]],
-    sign: float,
+    claim: Claim, published: str, rows: _Rows, members: list[int], pairs: list[tuple[int, int]], sign: float
 ) -> Result:
     """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or break by ≤ tie."""
     check = claim.check
@@ -250,7 +245,7 @@ def _ranked(
             holds = step > check.k * math.hypot(std[before], std[after])
         if not holds:
             side = "above" if sign > 0 else "below"
-            broken.append((step, f"{show(after)} is not {side} {show(before)}" + _within(step)))
+            broken.append((step, f"{show(after)} is not {side} {show(before)}" + " by enough" * (step > 0)))
     broken.sort(key=lambda item: item[0])  # the worst first
     finding = "; ".join(text for _, text in broken[:3])
     if len(broken) > 3:
@@ -260,10 +255,6 @@ def _ranked(
     order = sorted(members, key=lambda row: (value[row] if ascending else -value[row], column[row]))
     ours = (" < " if ascending else " > ").join(show(row) for row in order)
     return Result(claim, Status.DEVIATES if broken else Status.REPRODUCED, published, ours, finding=finding)
-
-
-def _within(step: float) -> str:
-    return " by enough" if step > 0 else ""
 
 
 _MEASURES: dict[type, Callable[[Claim, str, _Rows], Result]] = {

@@ -12,7 +12,7 @@ expected:
 ```
 
 A change in either direction is a failure: a claim that newly deviates is a regression, one that is newly
-reproduced has been understood or has lost its teeth, and either way a person should look.  `data not present` is
+reproduced has been understood, or its check has lost its teeth.  A person should look at either.  `data not present` is
 neutral: it is never stored and never compared.
 """
 
@@ -83,18 +83,18 @@ def compare_with_expected(
     committed = expected.get(scale, {})
     changes = []
     for result in results:
-        name, found = result.claim.id, str(result.status)
+        name, now = result.claim.id, str(result.status)
         before = committed.get(name, "")
         if result.status is Status.ERROR:
-            changes.append(Change(name, before, found, f"could not be compared: {result.finding}"))
-        elif result.status is Status.NO_DATA or before == found:
+            changes.append(Change(name, before, now, f"could not be compared: {result.finding}"))
+        elif result.status is Status.NO_DATA or before == now:
             continue
         elif not before:
-            text = f"{found}, with no status committed for scale {scale}: add the line `{name}: {found}`"
-            changes.append(Change(name, before, found, text))
+            text = f"{now}, with no status committed for scale {scale}: add the line `{name}: {now}`"
+            changes.append(Change(name, before, now, text))
         else:
             detail = f" ({result.reason})" if result.reason else ""
-            changes.append(Change(name, before, found, f"was {before}, now {found}{detail}"))
+            changes.append(Change(name, before, now, f"was {before}, now {now}{detail}"))
     known = {result.claim.id for result in results}
     changes += [
         Change(name, status, "", f"was {status}, and is no longer in the ledger: remove its line")

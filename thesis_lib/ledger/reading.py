@@ -197,13 +197,11 @@ def read_present(path: str | Path) -> dict[str, bool]:
         UserError: the file is missing or has another form.
     """
     content = read_json(path)
-    try:
-        present = {name: entry["present"] for name, entry in content.items()}
-    except (AttributeError, KeyError, TypeError):
-        present = {"": None}
-    if not all(isinstance(flag, bool) for flag in present.values()):
+    if not all(
+        isinstance(entry, dict) and isinstance(entry.get("present"), bool) for entry in content.values()
+    ):
         raise CorruptFileError(
             f'{path} should look like {{"planar_impact": {{"present": true}}}}, one entry for each dataset; '
             "delete it and run again."
         )
-    return present
+    return {name: entry["present"] for name, entry in content.items()}

@@ -66,21 +66,12 @@ class Result:
         return self.finding
 
 
-COLUMNS = {
-    "id": "name of the claim in config/claims/",
-    "chapter": "chapter of the thesis",
-    "location": "where the thesis states it",
-    "statement": "what is claimed",
-    "published": "as stated in the thesis, in `unit`",
-    "ours": "found in this run, in `unit`",
-    "std": "our standard error, in `unit`, where known",
-    "unit": "unit of the numbers in this row",
-    "difference": "ours − published (threshold claims: ours − threshold), in `unit`",
-    "relative_difference": "difference / |published| (or / |threshold|), 1",
-    "status": "reproduced, deviates, data not present, or error",
-    "reason": "by how much it deviates, and why if known; or what is missing",
-    "tolerance": "how near counts as reproduced, and why that near",
-}
+COLUMNS = (  # explained in foundation/columns.yaml
+    *("id", "chapter", "location", "statement"),
+    *("published", "ours", "std", "unit"),
+    *("difference", "relative_difference", "status"),
+    *("reason", "tolerance"),
+)
 
 
 def refuse_errors(results: Sequence[Result]) -> None:
@@ -96,22 +87,13 @@ def refuse_errors(results: Sequence[Result]) -> None:
 
 
 def to_table(results: Sequence[Result]) -> pd.DataFrame:
-    """The results as text cells with the columns `COLUMNS` (claims.csv)."""
+    """The results as text cells (claims.csv)."""
     rows = [
         (
-            r.claim.id,
-            str(r.claim.chapter),
-            r.claim.location,
-            r.claim.statement,
-            r.published,
-            r.ours,
-            _exact(r.std),
-            r.claim.unit,
-            _exact(r.difference),
-            _exact(r.relative_difference),
-            str(r.status),
-            r.reason,
-            r.claim.check.text(),
+            *(r.claim.id, str(r.claim.chapter), r.claim.location, r.claim.statement),
+            *(r.published, r.ours, _exact(r.std), r.claim.unit),
+            *(_exact(r.difference), _exact(r.relative_difference), str(r.status)),
+            *(r.reason, r.claim.check.text()),
         )
         for r in results
     ]

@@ -4,9 +4,10 @@ Three sources of truth: "law", the effect's own law injected into drops (law_dro
 contact in continuous time in which the effect arises from its cause (simulate/compliant); and "drake", the same of
 those causes that Drake's MultibodyPlant can have (simulate/drake).
 
-Sizes raise the base law's error (arc misfit for flight effects, gap for what only the touch shows) to about three times
-the noise floor; they were fixed on development seeds (`DEVELOPMENT`), the table uses others (`SEEDS`).  For the
-detection curve they are scaled as if misfit and noise added up as squares: to R times the floor by √(R² − 1) / √8.
+Sizes raise the base law's error (the misfit of arcs for effects in flight, of gaps for what only the touch shows) to
+about three times the noise floor.  They were fixed on development seeds (`DEVELOPMENT`); the table uses others
+(`SEEDS`).  For the detection curve they are scaled as if the squares of misfit and noise added up: to R times the floor
+by √(R² − 1) / √8.
 """
 
 from dataclasses import dataclass

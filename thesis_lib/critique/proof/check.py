@@ -67,7 +67,7 @@ def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: P
     older = [
         case
         for source in sources
-        for case, row in sorted(read_rows(source, store).items(), key=lambda item: str(item[0]))
+        for case, row in read_rows(source, store).items()
         if row.code != code_hash()
     ]
     if sample is None or sample >= len(older):
@@ -83,7 +83,8 @@ def ages(store: Path = STORE) -> str:
         counts = Counter(row.code for row in read_rows(source, store).values())
         today = counts.pop(code_hash(), 0)
         older = [f"{count} {code or 'not known'}" for code, count in counts.most_common()]
-        lines.append(f"    {source:<10}{today:>5} today's, {sum(counts.values()):>5} older" + _listed(older))
+        listed = f" ({', '.join(older)})" if older else ""
+        lines.append(f"    {source:<10}{today:>5} today's, {sum(counts.values()):>5} older{listed}")
     return "\n".join(lines) + "\n"
 
 
@@ -127,7 +128,3 @@ def _numbers(row: Row) -> dict[str, float]:
 def _close(name: str, before: float, after: float) -> bool:
     unknown = math.isnan(before) and math.isnan(after)
     return unknown or math.isclose(before, after, rel_tol=FLOOR_MOVED if name == "floor" else MOVED)
-
-
-def _listed(parts: list[str]) -> str:
-    return f" ({', '.join(parts)})" if parts else ""

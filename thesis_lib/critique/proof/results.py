@@ -10,18 +10,16 @@ A verdict is right (`is_right`) on a dataset in which
 
 A group that counts and holds more than `LARGEST_GROUP` effects makes it wrong; so does a refusal.
 
-The misfit over its floor is, of one dataset, the worst of those channels in which the hidden effect acts: the impacts'
-error over the noise floor, and the misfits of flight and gap, which are in units of noise, so that their floor is 1.
-(The gap's covariance is on the safe side: its misfit stays somewhat below 1 when nothing is hidden.)  Where no effect
-is known to act, it is that of the impacts.  The poses' misfit ("meet") is not stored.
+The misfit of a dataset over its floor is the largest in the channels in which the hidden effect acts: the error of the
+impacts over the noise floor, and the misfits of flights and gaps, which are in units of noise: their floor is 1.
+(The covariance of gaps is conservative: their misfit stays somewhat below 1 when nothing is hidden.)  Where no effect
+is known to act, it is that of the impacts.  The misfit of poses ("meet") is not stored.
 
 | on paper           | in code                                 | unit | a row of    |                                |
 |--------------------|-----------------------------------------|------|-------------|--------------------------------|
 | E/E₀ before, after | `before_over_floor`, `after_over_floor` | 1    | `outcomes`  | base law; with effects found   |
 | z                  | `z`                                     | 1    | `recovered` | (found − true) / std           |
 | σ/σ_CR             | `width`                                 | 1    | `recovered` | std over the Cramér-Rao bound  |
-
-Source of the interval of a share: E. B. Wilson 1927, doi 10.1080/01621459.1927.10502953.
 """
 
 from collections.abc import Sequence

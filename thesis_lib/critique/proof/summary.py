@@ -1,14 +1,15 @@
 """The proof against its targets: one row per figure and source of truth, and all tables as text.
 
-Figures are those of 150 drops (or the drops that the figure names) at three times the noise floor and the rig's noise.
-"mechanism" is our own integration of compliant contact, "drake" is Drake's; they are judged together and each.
+A figure counts datasets of 150 drops, or of as many as it names, with effects at three times the noise floor and the
+rig's noise.  "mechanism" is our own integration of compliant contact, "drake" is Drake's; they are judged together and
+each by itself.
 
-- A share is judged by itself, its 95 % Wilson interval stands beside it.  Datasets are independent; parameters of one
-  dataset are not quite, so that the interval of the coverage is a little too narrow.
-- The coverage is that of parameters in models that hold the hidden effect: where it was not named there is nothing to
-  cover.  It is met only if the median width over the Cramér-Rao bound is at most `WIDEST`.
+- A share is held against its target; its 95 % Wilson interval stands beside it.  Datasets are independent.  Parameters
+  of one dataset are not quite, so that the interval of the coverage is a little too narrow.
+- The coverage counts parameters of models that hold the hidden effect: an effect that was not named has none.  It is
+  met only if the median width over the Cramér-Rao bound is at most `WIDEST`.
 - The misfit over its floor is the median over single-effect datasets, right or wrong, with the interval of its order
-  statistics; the worst truth and the share of datasets within the target stand in the note.
+  statistics.  The worst truth and the share of datasets within the target stand in the note.
 - A figure without stored results is "not run"; `n_asked` says how many datasets were planned for it.
 """
 
@@ -129,8 +130,8 @@ def summary(store: Path = STORE) -> pd.DataFrame:
     rows = []
     for target in TARGETS:
         for group in target.groups:
-            own = of_table(datasets, drops=target.drops)
-            own = own[(own["kind"] == target.kind) & own["source"].isin(group)]
+            sized = of_table(datasets, drops=target.drops)
+            counted = sized[(sized["kind"] == target.kind) & sized["source"].isin(group)]
             row = {
                 "figure": target.figure,
                 "source": "all" if group == SOURCES else " + ".join(group),
@@ -138,34 +139,28 @@ def summary(store: Path = STORE) -> pd.DataFrame:
                 "aim": _said(target, target.aim),
                 "n_asked": _asked(target, group),
                 # of a dataset in which nothing or nothing known was hidden every group is wrong
-                "group_size": own["group_size"].mean() if target.kind in ("single", "pair") else np.nan,
+                "group_size": counted["group_size"].mean() if target.kind in ("single", "pair") else np.nan,
                 "note": "",
             }
             if target.measure == "coverage":
-                values = of_table(parameters, drops=target.drops)
-                row |= _coverage(target, values[values["source"].isin(group)])
+                counted = of_table(parameters, drops=target.drops)
+                counted = counted[counted["source"].isin(group)]
             elif target.measure == "misfit":
-                row |= _misfit(target, own)
-            else:
-                row |= _right(target, own)
-            rows.append(row)
+                counted = counted[np.isfinite(counted["after_over_floor"].astype(float))]
+            rows.append(row | (_MEASURES[target.measure](target, counted) if len(counted) else _NOT_RUN))
     return pd.DataFrame(rows, columns=list(SUMMARY))
 
 
 _NOT_RUN = {"n": 0, "measured": np.nan, "low": np.nan, "high": np.nan, "met": "not run"}
 
 
-def _right(target: Target, own: pd.DataFrame) -> dict:
-    if own.empty:
-        return _NOT_RUN
-    share = float(own["right"].mean())
-    low, high = wilson(int(own["right"].sum()), len(own))
-    return {"n": len(own), "measured": share, "low": low, "high": high, "met": target.met(share)}
+def _right(target: Target, rows: pd.DataFrame) -> dict:
+    share = float(rows["right"].mean())
+    low, high = wilson(int(rows["right"].sum()), len(rows))
+    return {"n": len(rows), "measured": share, "low": low, "high": high, "met": target.met(share)}
 
 
 def _coverage(target: Target, values: pd.DataFrame) -> dict:
-    if values.empty:
-        return _NOT_RUN
     share, width = float(values["inside"].mean()), float(values["width"].median())
     low, high = wilson(int(values["inside"].sum()), len(values))
     return {
@@ -179,18 +174,15 @@ def _coverage(target: Target, values: pd.DataFrame) -> dict:
     }
 
 
-def _misfit(target: Target, own: pd.DataFrame) -> dict:
-    own = own[np.isfinite(own["after_over_floor"].astype(float))]
-    if own.empty:
-        return _NOT_RUN
-    values = own["after_over_floor"].to_numpy(float)
+def _misfit(target: Target, rows: pd.DataFrame) -> dict:
+    values = rows["after_over_floor"].to_numpy(float)
     median = float(np.median(values))
     low, high = median_interval(values)
-    by_truth = own.groupby("truth")["after_over_floor"].median()
+    by_truth = rows.groupby("truth")["after_over_floor"].median()
     enough = np.mean(values <= target.at_least[1])
-    impacts = (own["error_after"] / own["floor"]).median()
+    impacts = (rows["error_after"] / rows["floor"]).median()
     return {
-        "n": len(own),
+        "n": len(rows),
         "measured": median,
         "low": low,
         "high": high,
@@ -198,6 +190,9 @@ def _misfit(target: Target, own: pd.DataFrame) -> dict:
         "note": f"{100 * enough:.0f} % of datasets ≤ {target.at_least[1]:g}; worst {by_truth.idxmax()} "
         f"{by_truth.max():.2f}; impacts alone {impacts:.2f}",
     }
+
+
+_MEASURES = {"right": _right, "coverage": _coverage, "misfit": _misfit}
 
 
 def _asked(target: Target, group: Sequence[str]) -> float:
@@ -232,17 +227,17 @@ def report(store: Path = STORE, folder: Path | None = None) -> str:
     Raises:
         CorruptFileError: a stored result cannot be read.
     """
-    found = tables(store)
-    for name, table in found.items() if folder else ():
+    content = tables(store)
+    for name, table in content.items() if folder else ():
         write_result(table, Path(folder) / f"{name}.csv")
-    return as_text(found)
+    return as_text(content)
 
 
-def as_text(found: dict[str, pd.DataFrame]) -> str:
+def as_text(content: dict[str, pd.DataFrame]) -> str:
     """The tables of `tables` for a terminal of 120 columns."""
     lines = ["The proof against its targets", ""]
     last = None
-    for row in found["summary"].itertuples():
+    for row in content["summary"].itertuples():
         if row.figure != last:
             lines.append(f"{row.figure} (at least {row.at_least}, aim {row.aim})")
             last = row.figure
@@ -255,12 +250,12 @@ def as_text(found: dict[str, pd.DataFrame]) -> str:
         )
         if row.note:
             lines.append(f"        {row.note}")
-    lines += ["", f"Misses at 150 drops: {len(found['misses'])}", ""]
-    for row in found["misses"].itertuples():
+    lines += ["", f"Misses at 150 drops: {len(content['misses'])}", ""]
+    for row in content["misses"].itertuples():
         said = row.why if row.verdict == "refused" else row.named or "nothing named"
         lines.append(f"    {row.source}/{row.truth} {row.seed}: {row.verdict}; {said}"[:120])
     lines += ["", "Truth against verdict (medians; [ ] 95 % intervals)", "", _HEAD]
-    for row in found["confusion"].itertuples():
+    for row in content["confusion"].itertuples():
         lines += _confusion_lines(row)
     return "\n".join(lines) + "\n"
 

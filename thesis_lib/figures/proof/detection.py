@@ -24,8 +24,8 @@ DRAWN = ("effect", "source", "ratio", "drops", "noise", "n", "right", "right_low
 @house_style
 def draw_detection(outcomes: pd.DataFrame) -> Drawn:
     """Share of right answers against the base law's nominal misfit over the noise floor, a panel an effect."""
-    own = outcomes[(outcomes["kind"] == "single") & (outcomes["drops"] == TABLE["drops"])]
-    table = _shares(own[own["noise"] == TABLE["noise"]])
+    singles = outcomes[(outcomes["kind"] == "single") & (outcomes["drops"] == TABLE["drops"])]
+    table = _shares(singles[singles["noise"] == TABLE["noise"]])
     title = "How often the critique is right, against the size of the hidden effect"
     return _panels(table, "ratio", "misfit over its floor", title)
 
@@ -33,18 +33,17 @@ def draw_detection(outcomes: pd.DataFrame) -> Drawn:
 @house_style
 def draw_sizes(outcomes: pd.DataFrame) -> Drawn:
     """Share of right answers against drops, at each noise, a panel for each effect that was run at other sizes."""
-    own = outcomes[(outcomes["kind"] == "single") & (outcomes["ratio"] == TABLE["ratio"])]
-    table = _shares(own)
+    table = _shares(outcomes[(outcomes["kind"] == "single") & (outcomes["ratio"] == TABLE["ratio"])])
     other = (table["drops"] != TABLE["drops"]) | (table["noise"] != TABLE["noise"])
     table = table[table["effect"].isin(table.loc[other, "effect"])]
     title = "How often the critique is right, against the number of drops and the noise"
     return _panels(table, "drops", "drops", title)
 
 
-def _shares(own: pd.DataFrame) -> pd.DataFrame:
+def _shares(outcomes: pd.DataFrame) -> pd.DataFrame:
     """Share of right answers with its interval, of each effect, source and size: columns `DRAWN`."""
     rows = []
-    for key, group in own.groupby(list(DRAWN[:5])):
+    for key, group in outcomes.groupby(list(DRAWN[:5])):
         k, n = int(group["right"].sum()), len(group)
         rows.append((*key, n, k / n, *wilson(k, n)))
     return pd.DataFrame(rows, columns=list(DRAWN))
@@ -81,8 +80,8 @@ def _panels(table: pd.DataFrame, along: str, label: str, title: str) -> Drawn:
     return figure, table
 
 
-def _draw_panel(ax: Axes, own: pd.DataFrame, along: str) -> None:
-    lines = list(own.groupby(["source", "noise"] if along == "drops" else ["source"], sort=False))
+def _draw_panel(ax: Axes, shares: pd.DataFrame, along: str) -> None:
+    lines = list(shares.groupby(["source", "noise"] if along == "drops" else ["source"], sort=False))
     order = list(SOURCE_LOOK)
     for key, line in lines:
         colour, marker = SOURCE_LOOK[key[0]]

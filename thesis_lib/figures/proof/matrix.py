@@ -21,7 +21,7 @@ from thesis_lib.figures.style import GREY, INK, WIDTH, Drawn, house_style, new_f
 SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#9ecae1", "#0072B2"])
 UNNAMED = {"adequate": "adequate", "unexplained": "unexplained, none named", "refused": "refused"}
 DARK = 0.55  # share above which a number is written in white
-CHARACTER = 0.047  # inches, width of one in the rows' labels
+CHARACTER = 0.047  # inches, width of a character in the rows' labels
 FRAME = 2.5  # inches above and below the cells: title, families, labels of the columns
 
 
@@ -30,16 +30,16 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
     """Shares (truths, effects and verdicts) of one source.
 
     Args:
-        outcomes: rows of one size, drops and noise; columns as `proof_results.outcomes` has them.
+        outcomes: rows of one size, drops and noise; columns as `critique.proof.results.outcomes` has them.
         source: whose rows are drawn.
     """
-    own = outcomes[outcomes["source"] == source].copy()
-    own["column"] = np.where(own["named_first"] != "", own["named_first"], own["verdict"])
+    rows = outcomes[outcomes["source"] == source].copy()
+    rows["column"] = np.where(rows["named_first"] != "", rows["named_first"], rows["verdict"])
     columns = [*EFFECTS, *UNNAMED]
-    truths = _ordered(own)
+    truths = _ordered(rows)
     shares = (
-        own.groupby(["truth", "column"]).size().unstack(fill_value=0)
-        if len(own)
+        rows.groupby(["truth", "column"]).size().unstack(fill_value=0)
+        if len(rows)
         else pd.DataFrame(columns=columns)
     )
     # an effect that is no longer in the library must not vanish from the picture
@@ -64,10 +64,10 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
     return figure, table[["source", "truth", "column", "share", "n", "right"]]
 
 
-def _ordered(own: pd.DataFrame) -> pd.DataFrame:
+def _ordered(outcomes: pd.DataFrame) -> pd.DataFrame:
     """A row a truth: columns truth, kind, effect, n, right; singles by effect, then nothing, outside, pairs."""
     kinds = ["single", "nothing", "outside", "pair"]
-    rows = own.groupby(["kind", "truth", "effect"], as_index=False).agg(
+    rows = outcomes.groupby(["kind", "truth", "effect"], as_index=False).agg(
         n=("right", "size"), right=("right", "mean")
     )
     place = {name: i for i, name in enumerate(EFFECTS)}
@@ -125,7 +125,7 @@ def _families(ax: Axes, shares: pd.DataFrame, truths: pd.DataFrame) -> None:
             ax.plot([-0.5, n - 0.5], [i - 0.5, i - 0.5], **style)
     ax.add_patch(Rectangle((-0.5, -0.5), n, m, fill=False, edgecolor=GREY, linewidth=0.4, clip_on=False))
     for name in FAMILIES:
-        at = [j for j, own in enumerate(family) if own == name]
+        at = [j for j, other in enumerate(family) if other == name]
         if at:
             narrow = len(at) < 3
             ax.text(

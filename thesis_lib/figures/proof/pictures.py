@@ -16,8 +16,8 @@ def pictures(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> dict[str, Drawn
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
     Args:
-        outcomes: a row a dataset, as `proof_results.outcomes` has them.
-        recovered: a row a parameter, as `proof_results.recovered` has them.
+        outcomes: a row a dataset, as `critique.proof.results.outcomes` has them.
+        recovered: a row a parameter, as `critique.proof.results.recovered` has them.
     """
     table = of_table(outcomes)
     drawn = {f"matrix_{source}": draw_matrix(table, source) for source in SOURCE_TITLE}

@@ -27,11 +27,11 @@ def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
     """Misfit over its floor before and after the effects were added, a row a truth and a panel a source.
 
     Args:
-        outcomes: rows of one size, drops and noise; columns as `proof_results.outcomes` has them.
+        outcomes: rows of one size, drops and noise; columns as `critique.proof.results.outcomes` has them.
     """
-    own = outcomes[(outcomes["kind"] == "single") & outcomes["after_over_floor"].notna()]
+    singles = outcomes[(outcomes["kind"] == "single") & outcomes["after_over_floor"].notna()]
     rows = []
-    for key, group in own.groupby(["source", "effect"]):
+    for key, group in singles.groupby(["source", "effect"]):
         for series in ("before", "after"):
             values = group[f"{series}_over_floor"].astype(float)
             rows.append((*key, series, len(values), values.median(), *values.quantile(MIDDLE)))
@@ -74,7 +74,7 @@ def draw_parameters(recovered: pd.DataFrame) -> Drawn:
     """Coverage of each parameter's 95 % interval, and its width over the Cramér-Rao bound.
 
     Args:
-        recovered: rows of one size, drops and noise; columns as `proof_results.recovered` has them.
+        recovered: rows of one size, drops and noise; columns as `critique.proof.results.recovered` has them.
     """
     rows = []
     for (effect, name), group in recovered.groupby(["effect", "parameter"]):
