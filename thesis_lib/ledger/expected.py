@@ -26,7 +26,8 @@ from pydantic import Field
 
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.regular_file import MissingFile
-from thesis_lib.ledger.reading import Section, load_yaml, validate
+from thesis_lib.foundation.settings import Section
+from thesis_lib.ledger.reading import load_yaml, validate
 from thesis_lib.ledger.result import Result, Status, refuse_errors
 
 Scale = Literal["quick", "default", "full"]

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from thesis_lib.records.record import Figure, Job, Table, Tolerance
 from thesis_lib.records.rows import FROM_ZERO, row_of
-from thesis_lib.records.wording import count, ends, estimate, listing, number, percent, side
+from thesis_lib.statistics.wording import count, ends, estimate, listed, number, percent, side
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,8 +23,9 @@ def figure_2_10(figure: "pd.DataFrame") -> str:
     trend = "more with more mass" if rises else "less with more mass" if falls else "in no order of mass"
     spread = float(last.max() - last.min())
     return (
-        f"After {number(float(figure['t'].max()), 's')} wheels of {listing([f'{mass:g}' for mass in last.index])} kg "
-        f"have turned by {listing([number(angle) for angle in last])} rad, {trend}: up to {number(spread, 'rad')} "
+        f"After {number(float(figure['t'].max()), unit='s')} wheels of "
+        f"{listed([f'{mass:g}' for mass in last.index])} kg have turned by "
+        f"{listed([number(angle) for angle in last])} rad, {trend}: up to {number(spread, unit='rad')} "
         f"apart, {percent(spread / float(last.max()))} of the largest angle."
     )
 
@@ -65,7 +66,7 @@ def figure_2_11(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
     return (
         f"In the motion shown maximum likelihood errs by {percent(ours)} of the normal forces (rms), equation 2.12 on "
         f"the same noisy states by {percent(plain)}. The truth lies within two standard errors of our estimate in "
-        f"{percent(within)} of the contact steps shown, and in {listing(shares)} for the spokes of all motions; "
+        f"{percent(within)} of the contact steps shown, and in {listed(shares)} for the spokes of all motions; "
         f"{percent(0.95)} would be right."
     )
 
@@ -109,7 +110,7 @@ def wheel_forces(table: "pd.DataFrame") -> str:
     ]
     n = int((ours["n"] + ours["n_failed"]).max())
     return (
-        f"Maximum likelihood errs by {listing(said)}: medians over the motions, for the worst spoke. "
+        f"Maximum likelihood errs by {listed(said)}: medians over the motions, for the worst spoke. "
         f"Refused of {n} motions: {int(ours['n_failed'].max())} (plain program: {int(plain['n_failed'].max())})."
     )
 
@@ -142,9 +143,10 @@ def figure_2_12(figure: "pd.DataFrame") -> str:
     ours = [error for error, _ in errors.values()]
     worst: Any = figure.iloc[int((figure["estimate"] - figure["true"]).abs().argmax())]
     return (
-        f"On the trajectory shown the forces err by {listing(said)}, rms over all steps, {_against_thesis(ours)}. "
+        f"On the trajectory shown the forces err by {listed(said)}, rms over all steps, {_against_thesis(ours)}. "
         f"The largest error is that of a {worst['component']} force at the {worst['pair']}, "
-        f"{number(worst['estimate'], 'N')} instead of {number(worst['true'], 'N')} at {number(worst['t'], 's')}."
+        f"{number(worst['estimate'], unit='N')} instead of {number(worst['true'], unit='N')} at "
+        f"{number(worst['t'], unit='s')}."
     )
 
 
@@ -196,7 +198,7 @@ def arm_summary(table: "pd.DataFrame") -> str:
     n = int(ours["n_trajectories"].max())
     good = float(ours.loc[ours["quantity"].isin(names), "share_5_percent"].min())
     return (
-        f"In the median trajectory maximum likelihood errs in {listing(said)}; its errors of forces are "
+        f"In the median trajectory maximum likelihood errs in {listed(said)}; its errors of forces are "
         f"{_against_thesis([median['arm_force', 'ours'], median['ground_force', 'ours']])}. "
         f"Each of the three errs by at most {percent(0.05, 1)} in {count(good * n, n)} trajectories or more; "
         f"refused: {int(ours['n_failed'].max())}."
@@ -223,8 +225,9 @@ def figure_2_15(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
     peak = figure[figure["panel"] == "b"].groupby("series")["force"].max().astype(float)
     normal, tangential = (row_of(summary, method=ARCS, reference=name) for name in ("true_c_n", "true_c_t"))
     return (
-        f"In the impact shown the half-sine peaks at {number(peak['estimate'], 'N')}, the compliant contact at "
-        f"{number(peak['contact_force'], 'N')}, and the force plate's largest sample is {number(peak['sensor'], 'N')}. "
+        f"In the impact shown the half-sine peaks at {number(peak['estimate'], unit='N')}, the compliant contact at "
+        f"{number(peak['contact_force'], unit='N')}, and the force plate's largest sample is "
+        f"{number(peak['sensor'], unit='N')}. "
         f"Over {normal['n']:.0f} impacts the errors of normal and tangential impulse spread by "
         f"{number(normal['std'] / normal['std_stated'], digits=2)} and "
         f"{number(tangential['std'] / tangential['std_stated'], digits=2)} times their stated standard deviations."
@@ -271,8 +274,8 @@ def impact_force_summary(table: "pd.DataFrame") -> str:
         f"mean error is {bias}, and {percent(held)} of the stated {percent(0.95)} intervals hold the truth, {honest}. "
         f"The peak force errs by {estimate(peak['mean_error'], peak['mean_error_std'], 'N')} on average against the "
         f"compliant contact, and by {estimate(plate['mean_error'], plate['mean_error_std'], 'N')} against the force "
-        f"plate, with a standard deviation of {number(plate['std'], 'N')} (thesis: "
-        f"{number(plate['thesis_mean_error'], 'N')}, {number(plate['thesis_std'], 'N')})."
+        f"plate, with a standard deviation of {number(plate['std'], unit='N')} (thesis: "
+        f"{number(plate['thesis_mean_error'], unit='N')}, {number(plate['thesis_std'], unit='N')})."
     )
 
 

@@ -4,7 +4,17 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Figure, Job, Table, Tolerance
 from thesis_lib.records.rows import FROM_ZERO, row_of
-from thesis_lib.records.wording import count, ends, estimate, interval, listing, number, percent, side, times
+from thesis_lib.statistics.wording import (
+    count,
+    ends,
+    estimate,
+    interval,
+    listed,
+    number,
+    percent,
+    side,
+    times,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,13 +115,13 @@ def table_2_1(table: "pd.DataFrame") -> str:
         said.append(
             f"m/I of the {shape} errs on average by {estimate(ours, ours_std, '%')} by maximum likelihood over arcs, "
             f"{word}, by {estimate(plain, plain_std, '%')} by the plain program and by "
-            f"{number(rows.loc['plain', 'thesis'], '%', 2)} in the thesis"
+            f"{number(rows.loc['plain', 'thesis'], 2, '%')} in the thesis"
         )
     low, high = ends(table["mean_error"], table["mean_error_std"])
     biased = ((low > 0.0) | (high < 0.0)).groupby(table["method"]).agg(["sum", "size"])
     ours, plain = (f"{biased.loc[name, 'sum']} of {biased.loc[name, 'size']}" for name in (ARCS, "plain"))
     return (
-        f"At {number(float(best['snr'].iloc[0]), 'dB', 2)} {'; '.join(said)}. Over all shapes and noise levels a bias "
+        f"At {number(float(best['snr'].iloc[0]), 2, 'dB')} {'; '.join(said)}. Over all shapes and noise levels a bias "
         f"is told apart from zero in {ours} cases by maximum likelihood, in {plain} by the plain program."
     )
 
@@ -159,8 +169,8 @@ def _measured(dataset: str, rows: "pd.DataFrame") -> str:
                 name if is_best else f"{name} (misfit {times(row['misfit'] / best['misfit'])} the least)"
             )
     return (
-        f"{dataset} (header: {number(header, '1/m²', 4)}): m/I is {'; '.join(said)}. The header lies in the interval "
-        f"of {listing(held) if held else 'no hypothesis'}."
+        f"{dataset} (header: {number(header, 4, '1/m²')}): m/I is {'; '.join(said)}. The header lies in the interval "
+        f"of {listed(held) if held else 'no hypothesis'}."
     )
 
 
@@ -212,7 +222,7 @@ def figure_hidden(summary: "pd.DataFrame") -> str:
     change = "fall" if after < before else "rise"
     return (
         f"The critique is right on {count(right.sum(), datasets.sum())} datasets"
-        f"{''.join(f', {part}' for part in said)}. At {number(float(named['snr_db'].iloc[0]), 'dB', 2)} the errors of "
+        f"{''.join(f', {part}' for part in said)}. At {number(float(named['snr_db'].iloc[0]), 2, 'dB')} the errors of "
         f"contact forces {change} with the effect that was found from {percent(before)} to {percent(after)} (median of "
         "the hidden effects)."
     )

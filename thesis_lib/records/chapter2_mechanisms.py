@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Figure, Job, Tolerance
-from thesis_lib.records.wording import number, times
+from thesis_lib.statistics.wording import number, times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,8 +41,8 @@ def figure_2_2(figure: "pd.DataFrame") -> str:
         first = touching[0]
         changed = (mode[first:] != mode[first]).nonzero()[0]
         last = first + changed[0] if len(changed) else len(t) - 1
-        lasted = number(t[last] - t[first], "s")
-        said.append(f"The {end} lands at {number(t[first], 's')} and {mode[first]} for {lasted}.")
+        lasted = number(t[last] - t[first], unit="s")
+        said.append(f"The {end} lands at {number(t[first], unit='s')} and {mode[first]} for {lasted}.")
     return " ".join(said)
 
 
@@ -193,8 +193,8 @@ def figure_2_9(figure: "pd.DataFrame") -> str:
         moved = path[["x", "y"]].iloc[-1] - path[["x", "y"]].iloc[0]
         way[friction], t = float((moved**2).sum() ** 0.5), float(path["t"].iloc[-1])
     return (
-        f"In {number(t, 's')} the wheel's centre comes {number(way['high'], 'm')} with high friction and "
-        f"{number(way['low'], 'm')} with low friction, {times(way['low'] / way['high'])} as far."
+        f"In {number(t, unit='s')} the wheel's centre comes {number(way['high'], unit='m')} with high friction and "
+        f"{number(way['low'], unit='m')} with low friction, {times(way['low'] / way['high'])} as far."
     )
 
 

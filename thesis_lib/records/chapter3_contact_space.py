@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thesis_lib.records.law_names import PUBLISHED, ends_of
 from thesis_lib.records.record import DROPPED, TRACKED, Figure, Job, Table, Tolerance
 from thesis_lib.records.rows import FROM_ZERO, row_of
-from thesis_lib.records.wording import ends, estimate, number, percent, side
+from thesis_lib.statistics.wording import ends, estimate, number, percent, side
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -150,8 +150,8 @@ def table_3_2(table: "pd.DataFrame") -> str:
     low, high = (percent(share) for share in THESIS_RANGE)
     return (
         f"As the authors compute it the laws reproduce {unweighted} of the impulses within "
-        f"{number(1000 * least, 'mm/s')} (thesis, for its ellipse: {low} to {high}). In the kinetic weighting they "
-        f"reproduce {kinetic} as published and {defined} as defined."
+        f"{number(1000 * least, unit='mm/s')} (thesis, for its ellipse: {low} to {high}). In the kinetic weighting "
+        f"they reproduce {kinetic} as published and {defined} as defined."
     )
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thesis_lib.records.law_names import title_of
 from thesis_lib.records.record import DROPPED, Figure, Job, Tolerance
 from thesis_lib.records.rows import row_of
-from thesis_lib.records.wording import ends, estimate, number, side, times
+from thesis_lib.statistics.wording import ends, estimate, number, side, times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,8 +24,8 @@ def figure_3_8(summary: "pd.DataFrame", statements: "pd.DataFrame") -> str:
     word = side(*_difference(mirrored, bound), 0.0, ("falls to", "is not told apart, with", "rises to"))
     return (
         f"The IRB Bound is {estimate(bound['value'], bound['std'], 'm/s')}, {times(bound['value'] / laws[least])} the "
-        f"least mean error of a law ({number(laws[least], 'm/s')}, {title_of(least)}); the largest is "
-        f"{number(laws[most], 'm/s')} ({title_of(most)}), and Best Post Hoc has {number(post_hoc, 'm/s')}. "
+        f"least mean error of a law ({number(laws[least], unit='m/s')}, {title_of(least)}); the largest is "
+        f"{number(laws[most], unit='m/s')} ({title_of(most)}), and Best Post Hoc has {number(post_hoc, unit='m/s')}. "
         f"With the rotation read clockwise the bound {word} {estimate(mirrored['value'], mirrored['std'], 'm/s')}."
     )
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from thesis_lib.records.law_names import ends_of, title_of
 from thesis_lib.records.record import DROPPED, Figure, Job, Table, Tolerance
 from thesis_lib.records.rows import row_of
-from thesis_lib.records.wording import count, ends, estimate, number, percent, side, times
+from thesis_lib.statistics.wording import count, ends, estimate, number, percent, side, times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -209,8 +209,8 @@ def table_3_1(table: "pd.DataFrame") -> str:
         f"As the authors compute it μ is {ends_of(friction['mu'])}, leaving out {title_of(VISCOUS)}, whose published μ "
         f"has another unit: {below} of {len(friction)} are told apart below the inclined plane's {INCLINED_PLANE}. For "
         f"the laws as defined in the kinetic weighting it is {ends_of(kinetic['mu'])}. Among the authors' laws "
-        f"{title_of(nearest)} is nearest most often ({number(best.max(), '%', 2)}), {title_of(farthest)} farthest most "
-        f"often ({number(worst.max(), '%', 2)}); {title_of(STUDIED)} is farthest in {number(worst[STUDIED], '%', 2)}."
+        f"{title_of(nearest)} is nearest most often ({number(best.max(), 2, '%')}), {title_of(farthest)} farthest most "
+        f"often ({number(worst.max(), 2, '%')}); {title_of(STUDIED)} is farthest in {number(worst[STUDIED], 2, '%')}."
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import THROWN, Figure, Job, Table, Tolerance
 from thesis_lib.records.rows import compared, counted, row_of, share
-from thesis_lib.records.wording import interval, listing, number, percent, side
+from thesis_lib.statistics.wording import interval, listed, number, percent, side
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +54,7 @@ def figure_4_8(dice: "pd.DataFrame") -> str:
     return (
         f"Mean error ± standard deviation, in sides: {'; '.join(told)}. The scatter with the learned wrench residual "
         f"is {scatter} that of the law alone; the intervals of the mean leave out zero for "
-        f"{listing(biased) if biased else 'no model'}."
+        f"{listed(biased) if biased else 'no model'}."
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import DROPPED, Figure, Job, Tolerance
 from thesis_lib.records.rows import Row, compared, counted, row_of
-from thesis_lib.records.wording import interval, listing, number, percent, side, times
+from thesis_lib.statistics.wording import interval, listed, number, percent, side, times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,7 +76,7 @@ def figure_4_5(ratios: "pd.DataFrame", errors: "pd.DataFrame") -> str:
     shown = [f"{LEARNERS[name]}: {_with_error(row)}" for name, row in over.items()]
     below = [LEARNERS[name] for name, row in over.items() if _ratio_side(row, ("below", "", "")) == "below"]
     passed = (
-        f"below the bound {'is' if len(below) == 1 else 'are'} {listing(below)}"
+        f"below the bound {'is' if len(below) == 1 else 'are'} {listed(below)}"
         if below
         else "none is below it"
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import THROWN, Figure, Job, Tolerance
 from thesis_lib.records.rows import row_of
-from thesis_lib.records.wording import interval, listing, number, side
+from thesis_lib.statistics.wording import interval, listed, number, side
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,7 +48,7 @@ def figure_4_4(drawn: "pd.DataFrame") -> str:
     steps = [f"{number(std, digits=2)} {state}" for state, std in spread.items()]
     grown = float(f"{spread.iloc[-1] / spread.iloc[0]:.0e}")
     return (
-        f"The standard deviation of the horizontal position is, in sides, {listing(steps)}: it grows about "
+        f"The standard deviation of the horizontal position is, in sides, {listed(steps)}: it grows about "
         f"{grown:,.0f} times."
     )
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from thesis_lib.records.chapter5_play import STICK_SLIP
 from thesis_lib.records.record import Figure, Job, Tolerance
 from thesis_lib.records.rows import Row, compared, counted, row_of, share
-from thesis_lib.records.wording import interval, listing, number, percent, side
+from thesis_lib.statistics.wording import interval, listed, number, percent, side
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -163,7 +163,7 @@ def _settled(own: "pd.DataFrame", case: str) -> str:
     for name, rows in groupby(leads.itertuples(), key=lambda row: row.abstraction):
         steps = [row.step for row in rows]
         parts.append(f"“{name}” from step {steps[0]}" + (" on" if steps[-1] == last else f" to {steps[-1]}"))
-    return f"the {case} block is {listing(parts)}" if parts else f"the {case} block is never one abstraction"
+    return f"the {case} block is {listed(parts)}" if parts else f"the {case} block is never one abstraction"
 
 
 FIGURE_5_8 = Figure(
@@ -257,8 +257,8 @@ def figure_unseen(summary: "pd.DataFrame", errors: "pd.DataFrame") -> str:
     )
     noticed, missed = (list(said.loc[said["new_abstraction"] == flag, "text"]) for flag in (1, 0))
     told = "The predictive check "
-    told += f"notices {listing(noticed)}" if noticed else f"does not notice {listing(missed)}"
-    told += f", but not {listing(missed)}" if noticed and missed else ""
+    told += f"notices {listed(noticed)}" if noticed else f"does not notice {listed(missed)}"
+    told += f", but not {listed(missed)}" if noticed and missed else ""
     changes = [_relearned(row, errors) for _, row in summary[summary["new_abstraction"] == 1].iterrows()]
     return " ".join([f"{told}.", *changes])
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Figure, Job, Tolerance
 from thesis_lib.records.rows import Row, counted, row_of, share
-from thesis_lib.records.wording import ends, interval, listing, number, percent, side
+from thesis_lib.statistics.wording import ends, interval, listed, number, percent, side
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,7 +114,7 @@ def figure_5_5b(curve: "pd.DataFrame", needed: "pd.DataFrame") -> str:
     goal = _known(own, GOAL, ("below", "not told apart from", "above"), "too few to compare with")
     alike = (curve["size"] == size) & curve["policy"].isin(["mor", "network"])
     rivals = [f"{POLICIES[row['policy']]} {_value(row, 'mean')}" for _, row in curve[alike].iterrows()]
-    told = f"; with as many, {listing(rivals)}" if rivals else ""
+    told = f"; with as many, {listed(rivals)}" if rivals else ""
     others = curve[~alike & (curve["policy"] != "hma")]
     if len(others):
         best = others.loc[others["mean"].idxmax()]
@@ -165,7 +165,7 @@ def figure_5_6(success: "pd.DataFrame") -> str:
     )
     outside = sides[sides["word"] != ""]
     of_all = [
-        f"{word} {listing([f'{action} ({phase})' for action, phase in zip(rows['action'], rows['phase'])])}"
+        f"{word} {listed([f'{action} ({phase})' for action, phase in zip(rows['action'], rows['phase'])])}"
         for word, rows in outside[outside["position"] == "all"].groupby("word", sort=False)
     ]
     apart = f"{len(outside) or 'none'} of {counted(len(tried), 'share')} of the thesis's real robot lie"
@@ -234,7 +234,7 @@ def figure_paired(pairs: "pd.DataFrame", needed: "pd.DataFrame") -> str:
             ends = f"{abs(least['difference']):.1f} ({low:.1f} to {high:.1f})"
             by = "" if word == words[1] else f" by {'at least ' if len(rows) > 1 else ''}{ends}"
             names.append(_policy(str(rival), [n for n in rows["rival_size"] if n != size]) + by)
-        told.append(f"{word} {listing(names)}")
+        told.append(f"{word} {listed(names)}")
     towers = counted(most, "tower") if fewest == most else f"{fewest} to {most} towers"
     return f"On the same {towers} HMA with {size:,.0f} samples extracts {'; '.join(told)}."
 
@@ -282,7 +282,7 @@ def figure_5_9(pairs: "pd.DataFrame") -> str:
 
 
 def _mm(value: float) -> str:
-    return number(value, "mm", digits=2)
+    return number(value, 2, "mm")
 
 
 FIGURE_5_9 = Figure(

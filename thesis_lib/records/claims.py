@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Job, Record
 from thesis_lib.records.rows import counted
-from thesis_lib.records.wording import listing
+from thesis_lib.statistics.wording import listed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,7 +22,7 @@ def claims(table: "pd.DataFrame") -> str:
     ]
     told = f"Of {counted(len(table), 'claim')}: {number[REPRODUCED]} reproduced, {number[DEVIATES]} deviating"
     told += f", {number[NO_DATA]} without the data." if number[NO_DATA] else "."
-    return told + (f" Of those compared, reproduced are {listing(chapters)}." if chapters else "")
+    return told + (f" Of those compared, reproduced are {listed(chapters)}." if chapters else "")
 
 
 CLAIMS = Record(

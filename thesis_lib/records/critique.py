@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Job, Record
 from thesis_lib.records.rows import Row, compared, counted, share
-from thesis_lib.records.wording import interval, listing, number, percent, side, times
+from thesis_lib.statistics.wording import interval, listed, number, percent, side, times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +46,7 @@ def _missing(diagnosis: Mapping, found: Sequence[Mapping]) -> str:
 
     def named(effects: Sequence[Mapping]) -> str:
         doubt = " (or what these data cannot tell from it)"
-        return listing(
+        return listed(
             [f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in effects]
         )
 
@@ -80,7 +80,7 @@ def _fall(error: Mapping, named: bool) -> str:
         return f"{told}; the noise is not known."
     if side(after["low"], after["high"], floor, ("apart", "", "apart")):
         return f"{told}, {times(after['value'] / floor)} the noise floor."
-    return f"{told}, not told apart from the noise floor of {number(floor, 'm/s')}."
+    return f"{told}, not told apart from the noise floor of {number(floor, unit='m/s')}."
 
 
 def proof(summary: "pd.DataFrame") -> str:

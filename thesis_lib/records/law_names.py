@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from thesis_lib.records.wording import listing, number
+from thesis_lib.statistics.wording import listed, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +16,7 @@ def ends_of(values: "pd.Series", written: Callable[[float], str] = number) -> st
     said = []
     for value in dict.fromkeys([float(values.min()), float(values.max())]):
         laws = [title_of(str(law)) for law in values.index[values == value]]
-        said.append(f"{written(value)} ({listing(laws)})")
+        said.append(f"{written(value)} ({listed(laws)})")
     return " to ".join(said)
 
 

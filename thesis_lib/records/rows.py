@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from thesis_lib.records.wording import interval
+from thesis_lib.statistics.wording import interval
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from thesis_lib import pages
-from thesis_lib.critique.results.numbers import handy_unit, number
+from thesis_lib.critique.results.numbers import handy_unit
 from thesis_lib.figures.style import house_style
 from thesis_lib.statistics.intervals import Z95
+from thesis_lib.statistics.wording import number
 
 _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigma)(?![\w]))")
 

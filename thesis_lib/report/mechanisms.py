@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 
-from thesis_lib.critique.drops.words import listed
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
 from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, WHEEL_EFFECTS
-from thesis_lib.critique.results.numbers import number, symbol
+from thesis_lib.critique.results.numbers import symbol
 from thesis_lib.figures.style import Drawn, save_figure
 from thesis_lib.foundation.files import write_json, write_text
 from thesis_lib.foundation.randomness import generator
@@ -27,6 +26,7 @@ from thesis_lib.report.elements import (
     section,
     table,
 )
+from thesis_lib.statistics.wording import listed, number
 
 UNITS = {(e.name, p.name): p.unit for e in (*ARM_EFFECTS, *WHEEL_EFFECTS) for p in e.parameters}
 RESIDUALS = (

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from thesis_lib.critique.drops.features import FEATURES
+from thesis_lib.statistics.wording import listed
 
 REASONS = {
     "lost_frames": "lost frames: too few samples on a side",
@@ -37,12 +38,6 @@ def plain_rule(region: Mapping) -> str:
     for name, letter in (("theta", "θ"), ("omega", "ω"), (" -", " −")):
         rule = rule.replace(name, letter)
     return rule
-
-
-def listed(names: Sequence[str], last: str = "and") -> str:
-    """a, b and c."""
-    names = list(names)
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
 def alternatives_listed(names: Sequence[str]) -> str:

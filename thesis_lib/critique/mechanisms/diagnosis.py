@@ -19,13 +19,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thesis_lib.critique.drops.words import listed
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, smallest_sizes
 from thesis_lib.critique.mechanisms.dependence import dependence, window_means
 from thesis_lib.critique.mechanisms.recovery import Identified, identify_parameters
 from thesis_lib.critique.mechanisms.world import applied
-from thesis_lib.critique.results.numbers import number
 from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.statistics.wording import listed, number
 
 if TYPE_CHECKING:
     import pandas as pd

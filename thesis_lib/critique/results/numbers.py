@@ -40,7 +40,6 @@ FEATURE_LABEL = {
     "t": "time $t$",
 }
 CHANNELS = ("flight", "meet", "touch")
-SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = {
     "mu": "μ",
     "epsilon": "ε",
@@ -57,21 +56,6 @@ GREEK = {
     "gamma": "γ",
     "kappa": "κ",
 }
-
-
-def number(value: float, digits: int = 3) -> str:
-    """A number as a person writes it: significant digits, no exponent between 1e-4 and 1e6, a true minus sign."""
-    if value is None or not np.isfinite(value):
-        return "unknown"
-    if value == 0.0:
-        return "0"
-    size = int(np.floor(np.log10(abs(float(f"{value:.{digits - 1}e}")))))
-    if -5 < size < 6:
-        text = f"{value:.{max(digits - 1 - size, 0)}f}"
-    else:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        text = f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
-    return text.replace("-", "−")
 
 
 def handy_unit(size: float, unit: str) -> tuple[float, str]:

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.words import listed
 from thesis_lib.critique.results.numbers import (
     BASE_NAMES,
     GREEK,
@@ -23,13 +22,13 @@ from thesis_lib.critique.results.numbers import (
     ladder_table,
     law_errors,
     law_title,
-    number,
     parameter_table,
     rung_title,
 )
 from thesis_lib.figures.law_style import LAW_STYLE
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95, clustered_mean
+from thesis_lib.statistics.wording import listed, number
 
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito; the second is darker in grey
 TITLE_WIDTH = 76  # characters a line of a figure's title

@@ -19,18 +19,13 @@ from thesis_lib.critique.drops.questions.flights import (
     flight_table,
     relative_residuals,
 )
-from thesis_lib.critique.results.numbers import (
-    FEATURE_LABEL,
-    bin_of,
-    contact_residuals,
-    dependence,
-    number,
-)
+from thesis_lib.critique.results.numbers import FEATURE_LABEL, bin_of, contact_residuals, dependence
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique.where import axis_label
 from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.spread import MAD_TO_STD
+from thesis_lib.statistics.wording import number
 
 SHOWN_FEATURES = 3
 BINS = 8

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, listed
+from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
 from thesis_lib.critique.results.numbers import (
     MATERIAL,
     MOVED,
@@ -18,13 +18,13 @@ from thesis_lib.critique.results.numbers import (
     law_title,
     moved_little,
     new_law,
-    number,
     symbol,
 )
 from thesis_lib.critique.results.summary import possible_faults
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.critique.tables import sizes
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, table
+from thesis_lib.statistics.wording import listed, number
 
 
 def faults(d: Mapping) -> str:

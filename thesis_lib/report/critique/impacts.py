@@ -27,11 +27,11 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import impact_residuals
 from thesis_lib.critique.drops.questions.class_tests import velocities
-from thesis_lib.critique.results.numbers import number
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
 from thesis_lib.pages import FOLDER
 from thesis_lib.report.elements import heading, percent
+from thesis_lib.statistics.wording import number
 
 SCRIPT: Path = FOLDER / "impacts.js"
 MOST = 2000  # impacts drawn: a page of 2 MB at most, and points that can still be told apart

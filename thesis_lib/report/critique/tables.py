@@ -9,10 +9,11 @@ from collections.abc import Mapping
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.words import alternatives_listed, listed, plain_rule, reason_text
-from thesis_lib.critique.results.numbers import effect_title, law_title, number, parameter_table, symbol
+from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
+from thesis_lib.critique.results.numbers import effect_title, law_title, parameter_table, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.elements import amount, estimate, interval, percent, plus_minus, table
+from thesis_lib.statistics.wording import listed, number
 
 FAMILY_WORDS = {
     "contact_law": "law of contact",

@@ -7,14 +7,15 @@ import pandas as pd
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.words import NAMED, listed, plain_rule
-from thesis_lib.critique.results.numbers import law_errors, law_title, number, symbol
+from thesis_lib.critique.drops.words import NAMED, plain_rule
+from thesis_lib.critique.results.numbers import law_errors, law_title, symbol
 from thesis_lib.critique.results.summary import MUCH_LEFT_OUT
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
 from thesis_lib.report.critique.effects import capital
 from thesis_lib.report.critique.tables import states_table
 from thesis_lib.report.elements import amount, bullets, estimate, heading, interval, paragraph, percent
+from thesis_lib.statistics.wording import listed, number
 
 NOISE_SOURCES = {
     "arcs": "estimated from the arcs",

@@ -4,28 +4,28 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-DIGITS = 3  # significant digits of a number without uncertainty
-NORMAL_95 = 1.96  # standard errors to either end of a 95 % interval
+from thesis_lib.statistics.intervals import Z95, wilson
+
 NBSP = "\N{NO-BREAK SPACE}"
 MINUS = str.maketrans("-", "−")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def number(value: float, unit: str = "", digits: int = DIGITS) -> str:
-    """`value` to `digits` significant digits with its unit: 0.0831 m/s, −12.0 %, 1,240.
+def number(value: float | None, digits: int = 3, unit: str = "") -> str:
+    """`value` to `digits` significant digits with its unit: 0.0831 m/s, −12.0 %, 1,240; "unknown" if there is none.
 
-    Numbers beyond 10⁻⁴ and 10⁶ are written as powers of ten.
+    Numbers below 10⁻⁴ and from 10⁶ on are written as powers of ten.
     """
-    if not math.isfinite(value):
-        return "no number"
+    if value is None or not math.isfinite(value):
+        return "unknown"
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")  # of the rounded value: 9.996 is 10.0
+    size = int(power)
     if value == 0:
-        return f"0{NBSP}{unit}" if unit else "0"
-    # of the rounded value: 9.996 is 10.0
-    size = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
-    if -4 <= size < 6:
+        text = "0"
+    elif -4 <= size < 6:
         text = f"{value:,.{max(0, digits - 1 - size)}f}"
     else:
-        text = f"{value / 10.0**size:.{digits - 1}f}·10{str(size).translate(RAISED)}"
+        text = f"{mantissa}·10{str(size).translate(RAISED)}"
     return text.translate(MINUS) + (f"{NBSP}{unit}" if unit else "")
 
 
@@ -33,7 +33,7 @@ def interval(value: float, low: float, high: float, unit: str = "") -> str:
     """0.083 (0.079 to 0.087) m/s, to the digits in which the bounds differ."""
     width = abs(high - low)
     if not math.isfinite(value) or not math.isfinite(width) or width == 0.0:
-        return number(value, unit)
+        return number(value, unit=unit)
     decimals = max(0, 1 - math.floor(math.log10(width)))
     # + 0.0: what rounds to zero has no sign
     shown = [f"{round(x, decimals) + 0.0:,.{decimals}f}".translate(MINUS) for x in (value, low, high)]
@@ -47,7 +47,7 @@ def estimate(value: float, std: float, unit: str = "") -> str:
 
 def ends(value: Any, std: Any) -> tuple[Any, Any]:
     """The 95 % interval of an estimate with a normal error, or those of a column of them."""
-    return value - NORMAL_95 * std, value + NORMAL_95 * std
+    return value - Z95 * std, value + Z95 * std
 
 
 def side(low: float, high: float, of: float, words: tuple[str, str, str]) -> str:
@@ -60,12 +60,13 @@ def percent(share: float, digits: int = 2) -> str:
     """0.123 -> 12 %.  Only all is 100 %: 0.9963 -> 99.6 %."""
     while 0.0 < share < 1.0 and float(f"{100.0 * share:.{digits - 1}e}") >= 100.0 and digits < 9:
         digits += 1
-    return number(100.0 * share, "%", 3 if share == 1.0 else digits)
+    return number(100.0 * share, 3 if share == 1.0 else digits, "%")
 
 
-def listing(parts: Sequence[str]) -> str:
-    """a; a and b; a, b and c."""
-    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """a; a and b; a, b and c; "" of none."""
+    *first, end = names or [""]
+    return f"{', '.join(first)} {last} {end}" if first else end
 
 
 def times(ratio: float) -> str:
@@ -78,7 +79,5 @@ def count(k: float, n: float) -> str:
     k, n = round(k), round(n)
     if n == 0:
         return "none of none"
-    square = NORMAL_95**2
-    half = NORMAL_95 * math.sqrt(k * (n - k) / n + square / 4.0)
-    low, high = (100.0 * (k + square / 2.0 + end) / (n + square) for end in (-half, half))
-    return f"{k:,} of {n:,} ({max(0.0, low):.0f} to {min(100.0, high):.0f}{NBSP}%)"
+    low, high = (100.0 * end for end in wilson(k, n))
+    return f"{k:,} of {n:,} ({low:.0f} to {high:.0f}{NBSP}%)"

@@ -4,7 +4,17 @@ import math
 
 import pytest
 
-from thesis_lib.records.wording import count, ends, estimate, interval, listing, number, percent, side, times
+from thesis_lib.statistics.wording import (
+    count,
+    ends,
+    estimate,
+    interval,
+    listed,
+    number,
+    percent,
+    side,
+    times,
+)
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 WORDS = ("below", "around", "above")
@@ -20,7 +30,7 @@ WORDS = ("below", "around", "above")
         (0, "0"),
         (1.2e-15, "1.20·10⁻¹⁵"),
         (999_999.9, "1.00·10⁶"),
-        (math.inf, "no number"),
+        (math.inf, "unknown"),
     ],
 )
 def test_numbers_have_three_digits(value, text):
@@ -28,8 +38,8 @@ def test_numbers_have_three_digits(value, text):
 
 
 def test_the_unit_does_not_leave_its_number():
-    assert number(0.5, "m/s") == f"0.500{NO_BREAK}m/s"
-    assert number(0.0, "%") == f"0{NO_BREAK}%"
+    assert number(0.5, unit="m/s") == f"0.500{NO_BREAK}m/s"
+    assert number(0.0, unit="%") == f"0{NO_BREAK}%"
 
 
 def test_an_interval_shows_the_digits_in_which_its_ends_differ():
@@ -44,7 +54,7 @@ def test_without_a_width_the_value_stands_alone(end):
 
 
 def test_an_estimate_has_the_interval_of_its_standard_error():
-    assert ends(1.0, 0.1) == pytest.approx((0.804, 1.196))
+    assert ends(1.0, 0.1) == pytest.approx((0.804, 1.196), abs=1e-5)
     assert estimate(1.0, 0.1) == "1.00 (0.80 to 1.20)"
 
 
@@ -71,7 +81,8 @@ def test_only_all_is_a_hundred_percent(share, text):
 
 
 def test_lists_read_like_sentences():
-    assert [listing(list("abc")[:n]) for n in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
+    assert [listed(list("abc")[:n]) for n in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
+    assert listed(["a", "b"], "or") == "a or b" and listed([]) == ""
 
 
 def test_ratios_have_two_decimals_about_one():
