@@ -30,7 +30,7 @@ from thesis_lib.job_lines import printed_jobs
 STATE = Path(".snakemake")
 WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into
 SCALES = {"quick": 100, "default": 250, "full": 600}  # MB of free disk asked for: twice what a run writes
-SHOWN = 5  # failed jobs told of
+SHOWN = 5  # failed jobs listed
 TAIL = 20_000  # bytes of a log that are searched for the cause
 PATIENCE = 5.0  # s that dying processes are given
 
@@ -166,11 +166,11 @@ def _processes() -> tuple[list, list]:
     """Snakemakes in this folder, and processes of jobs in it that have none among their ancestors."""
     import psutil  # late: a library user who never runs the pipeline does not need it
 
-    here, uid, own = str(Path.cwd()), os.getuid(), os.getpid()
+    here, uid, runner = str(Path.cwd()), os.getuid(), os.getpid()
     snakemakes, jobs = [], []
     for process in psutil.process_iter():
         try:
-            if process.uids().real != uid or process.pid == own or process.cwd() != here:
+            if process.uids().real != uid or process.pid == runner or process.cwd() != here:
                 continue
             words = process.cmdline()
         except psutil.Error:  # it has ended, or is not ours to look at
@@ -200,9 +200,9 @@ def _end(processes: list) -> None:
         process.terminate()  # psutil knows processes by start time too: no stranger with the same number is hit
     for process in psutil.wait_procs(processes, timeout=PATIENCE)[1]:
         process.kill()
-    if left := psutil.wait_procs(processes, timeout=PATIENCE)[1]:
+    if alive := psutil.wait_procs(processes, timeout=PATIENCE)[1]:
         raise UserError(
-            f"Jobs of a killed run cannot be ended (processes {', '.join(str(p.pid) for p in left)}); "
+            f"Jobs of a killed run cannot be ended (processes {', '.join(str(p.pid) for p in alive)}); "
             "end them, then run again."
         )
 
@@ -252,7 +252,7 @@ def latest_log(since: float) -> str:
 
 
 def explain(code: int, log: str, interrupted: bool = False) -> str:
-    """What stopped Snakemake and what to do, for people; `code` and `log` are its exit code and its log."""
+    """What stopped Snakemake, in words, and what to do; `code` and `log` are its exit code and its log."""
     failed = [
         (rule, (re.search(r"^    log: (\S+)", block, re.MULTILINE) or ["", ""])[1])
         for rule, block in re.findall(r"^Error in rule (\w+):\n((?:    .*\n?)+)", log, re.MULTILINE)
@@ -267,7 +267,7 @@ def explain(code: int, log: str, interrupted: bool = False) -> str:
         if len(failed) > SHOWN:
             lines.append(f"  failed: {len(failed) - SHOWN} more")
         texts = "\n".join([log, *(_tail(Path(path), TAIL) for _, path in failed if path)])
-        cause = next((told for pattern, told in CAUSES.items() if re.search(pattern, texts)), None)
+        cause = next((known for pattern, known in CAUSES.items() if re.search(pattern, texts)), None)
         if shutil.disk_usage(".").free < 10**6:  # then even the logs may say nothing
             cause = next(iter(CAUSES.values()))
         if cause:

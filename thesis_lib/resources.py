@@ -71,9 +71,9 @@ def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: i
 
 def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str) -> float:
     """The largest number of a rule over the scales; of all rules where it has none."""
-    own = [use[key] for use in measured.get(rule, {}).values() if key in use]
-    every = (use[key] for scales in measured.values() for use in scales.values() if key in use)
-    return max(own or every, default=0.0)
+    of_rule = [use[key] for use in measured.get(rule, {}).values() if key in use]
+    of_all = (use[key] for scales in measured.values() for use in scales.values() if key in use)
+    return max(of_rule or of_all, default=0.0)
 
 
 def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
@@ -87,14 +87,14 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
         raise UserError(f"{path} does not exist; get it back with git checkout {path}.")
     try:
         measured = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-        found = {
+        numbers = {
             rule: {scale: {key: float(value) for key, value in use.items()} for scale, use in scales.items()}
             for rule, scales in measured.items()
         }
-        keys = {key for scales in found.values() for use in scales.values() for key in use}
+        keys = {key for scales in numbers.values() for use in scales.values() for key in use}
         if not keys <= set(KEYS):
             raise ValueError(f"unknown: {', '.join(sorted(keys - set(KEYS)))}")
-        return found
+        return numbers
     except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
         raise UserError(
             f"{path} must hold `rule: {{scale: {{peak_mb: …, cpu_s: …}}}}` ({error}); "
@@ -155,13 +155,13 @@ def table(uses: Mapping[str, Use], measured: Mapping) -> str:
 
 def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str, dict[str, dict]]:
     """`measured` with a scale's numbers replaced, for the rules that ran."""
-    found = {rule: dict(scales) for rule, scales in measured.items()}
+    updated = {rule: dict(scales) for rule, scales in measured.items()}
     for rule, use in uses.items():
-        found.setdefault(rule, {})[scale] = {
+        updated.setdefault(rule, {})[scale] = {
             "peak_mb": float(math.ceil(use.peak_mb)),
             "cpu_s": float(math.ceil(use.largest_cpu_s)),
         }
-    return found
+    return updated
 
 
 def write_measured(measured: Mapping[str, Mapping[str, Mapping]], path: str | Path = MEASURED) -> None:

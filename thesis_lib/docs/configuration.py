@@ -27,13 +27,13 @@ def text() -> str:
 
 def rows(section: type[Section], values: Section | None = None) -> list[tuple[str, str, str, str]]:
     """(key, default, kind, meaning) of every key that is no section of its own."""
-    found = []
+    keys = []
     for name, field in section.model_fields.items():
         if not _section_of(field.annotation):
             default = getattr(values, name, field.get_default(call_default_factory=True))
             key = field.alias or name
-            found.append((code(key), _default(default), kind(field), field.description or ""))
-    return found
+            keys.append((code(key), _default(default), kind(field), field.description or ""))
+    return keys
 
 
 def kind(field: FieldInfo) -> str:

@@ -8,8 +8,8 @@ from thesis_lib.docs.markdown import docstring, table
 
 def text() -> str:
     """All laws in the order of the thesis's Table 3.1, then others."""
-    own = [law for law in LAWS.values() if not law.as_published]
-    return "\n\n".join([promises_table(), *map(_entry, own)])
+    defined = [law for law in LAWS.values() if not law.as_published]
+    return "\n\n".join([promises_table(), *map(_entry, defined)])
 
 
 def published_twin(law: Law) -> Law | None:

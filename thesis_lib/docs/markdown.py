@@ -20,18 +20,18 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def code(text: str) -> str:
-    """Text in the type of code; nothing stays nothing."""
+    """Text set as code; an empty text stays empty."""
     return f"`{text}`" if text else ""
 
 
 def with_links(text: str) -> str:
-    """Text whose DOIs can be clicked on."""
+    """Text with its DOIs as links."""
     return DOI.sub(lambda match: f"[doi:{match[1]}](https://doi.org/{match[1]})", text)
 
 
 def docstring(module: ModuleType) -> str:
     """The docstring of a module, whose equations are indented and whose tables are Markdown already."""
     # from the source: a docstring is absent under python -OO
-    found = ast.get_docstring(ast.parse(inspect.getsource(module))) or ""
+    text = ast.get_docstring(ast.parse(inspect.getsource(module))) or ""
     # Markdown takes an indented line for an equation only after an empty one
-    return with_links(re.sub(r"^(\S.*)\n(?= {4})", r"\1\n\n", found, flags=re.M))
+    return with_links(re.sub(r"^(\S.*)\n(?= {4})", r"\1\n\n", text, flags=re.M))

@@ -46,7 +46,7 @@ def rendered(page: str, where: str) -> str:
 
 
 def stale_pages(folder: Path) -> dict[Path, str]:
-    """Pages of `folder` that the code does not agree with any more, each with the text that it should have.
+    """Pages of `folder` that are out of step with the code, each with the text that it should have.
 
     Raises:
         UserError: there are no pages there, or one has a broken block.

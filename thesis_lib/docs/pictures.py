@@ -1,7 +1,7 @@
 """The pictures of the reference pages: signatures of the effects and reachable impulses of the laws.
 
-Beside the pictures stands signatures.csv with some of the numbers drawn, so that a picture that the code does not agree
-with any more is noticed without comparing pixels.
+Beside the pictures stands signatures.csv with some of the numbers drawn, so that a picture that is out of step with the
+code is noticed without comparing pixels.
 """
 
 from collections.abc import Iterator

@@ -4,7 +4,7 @@
 |-----------|---------------------------------------------------------------------|
 | 0         | done                                                                |
 | 1         | what was checked fails                                              |
-| 2         | wrong use or bad input; stderr says what is wrong and what to do     |
+| 2         | wrong use or bad input; stderr says what is wrong and what to do    |
 | 130       | interrupted (Ctrl-C)                                                |
 """
 
@@ -32,9 +32,9 @@ COLOURS = {  # what stands at the start of a line -> SGR code of its first group
 
 
 class TerminalStream(VisibleStream):
-    """Shows what is not printable; on a terminal that wants colours, colours the words of `COLOURS`.
+    """Shows what is not printable, and colours the words of `COLOURS` on a terminal that wants colours.
 
-    Colour is added here, last, so that no text carries codes and none of a stranger's gets through.
+    Colour is added last, so that text carries no codes and a stranger's codes do not get through.
     """
 
     def __init__(self, stream: TextIO):
@@ -67,8 +67,8 @@ class TerminalStream(VisibleStream):
 
 def _coloured(line: str) -> str:
     for pattern, code in COLOURS.items():
-        if found := re.match(pattern, line):
-            start, end = found.span(1)
+        if match := re.match(pattern, line):
+            start, end = match.span(1)
             return f"{line[:start]}\x1b[{code}m{line[start:end]}\x1b[0m{line[end:]}"
     return line
 
@@ -120,8 +120,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, how it is used and where that is explained; exit code 2."""
-        if found := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message):
-            message += near(found[1], re.findall(r"'([^']*)'", found[2]))
+        if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message):
+            message += near(choice[1], re.findall(r"'([^']*)'", choice[2]))
         self.exit(WRONG, f"error: {message}\n{self.format_usage()}{self.prog} --help explains it\n")
 
 
@@ -136,6 +136,6 @@ def not_installed(package: str) -> str:
 
 
 def near(word: str, known: Iterable[str]) -> str:
-    """A question for what was meant, to be added to a message; empty if nothing is alike."""
-    found = difflib.get_close_matches(word, list(known), n=3)
-    return f"; did you mean {' or '.join(found)}?" if found else ""
+    """The end of a message: "; did you mean …?", empty if no known word is alike."""
+    alike = difflib.get_close_matches(word, list(known), n=3)
+    return f"; did you mean {' or '.join(alike)}?" if alike else ""

@@ -1,6 +1,6 @@
 """How far a long command is: on a terminal a line that is rewritten, elsewhere a line a minute; on stderr.
 
-The time left is told where the share done is known: from "3 of 10" in what is said, or from a table of stages.
+The time left is shown where the share done is known: from "3 of 10" in what is said, or from a table of stages.
 """
 
 import re
@@ -49,7 +49,7 @@ class Progress:
         return self
 
     def __call__(self, text: str) -> None:
-        """Tell what is being done now."""
+        """Say what is being done now."""
         spent, share = self._clock() - self._start, self._share(text)
         self._text = text
         if share and spent > SHORT:
@@ -75,8 +75,8 @@ class Progress:
         )
 
     def _share(self, text: str) -> float:
-        if found := re.search(r"(\d+) of (\d+)", text):
-            return int(found[1]) / max(int(found[2]), 1)
+        if counted := re.search(r"(\d+) of (\d+)", text):
+            return int(counted[1]) / max(int(counted[2]), 1)
         return next((share for begin, share in self._stages.items() if text.startswith(begin)), 0.0)
 
     def _tick(self) -> None:

@@ -1,4 +1,4 @@
-"""Text of strangers on a terminal: what would not print is shown as an escape instead of being obeyed.
+"""Text from strangers on a terminal: what does not print is shown as an escape and not obeyed.
 
 A terminal takes orders in its text (colours, the title of the window, the clipboard, erased lines), and marks of
 writing direction make a line read as another.  Names of folders, columns and keys come from whoever made a dataset.
@@ -10,7 +10,7 @@ LAYOUT = "\n\t"
 
 
 def visible(text: str) -> str:
-    """The text with all that is not printable, line breaks and tabs apart, as Python would write it.
+    """The text with everything unprintable except line breaks and tabs escaped as Python would.
 
     >>> visible("a\\x1b[31mb")
     'a\\\\x1b[31mb'
@@ -21,7 +21,7 @@ def visible(text: str) -> str:
 
 
 class VisibleStream:
-    """A text stream that writes `visible` text; all else is that of the stream below."""
+    """A text stream that writes `visible` text and otherwise behaves like the stream it wraps."""
 
     def __init__(self, stream: TextIO):
         self._stream = stream
