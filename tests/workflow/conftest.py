@@ -30,7 +30,6 @@ def snakemake() -> Callable[..., subprocess.CompletedProcess]:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=300,
         )
 
     return run
