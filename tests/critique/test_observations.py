@@ -7,8 +7,9 @@ import pytest
 from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import LAW, TRUTH, drops, observed
 
+from thesis_lib.critique.drops.flights import MIN_FLIGHT
 from thesis_lib.critique.drops.model import Model, states_at_impact
-from thesis_lib.critique.drops.observations import MIN_FLIGHT, observe
+from thesis_lib.critique.drops.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 
 GRAVITY = 9.81

@@ -21,7 +21,8 @@ from scipy.special import roots_gegenbauer
 
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
-from thesis_lib.critique.drops.observations import Flights, Observations
+from thesis_lib.critique.drops.flights import Flights
+from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State
 
 BASE_PARAMETERS = (

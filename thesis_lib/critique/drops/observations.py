@@ -1,53 +1,27 @@
 """What is measured of each impact and of each flight, with covariance: the data of the critique.
 
-Around each impact a straight line is fitted to the samples on either side, separately: nothing is assumed about how
-the arcs meet, because that is among the things to be criticised.  A line through a parabola with acceleration a has
-
-    value(0) = q(t_c) + a b_0,    slope = v(t_c) + a b_1,     (b_0, b_1): the line through τ²/2
-
-so that pose and velocity at the impact follow for *any* acceleration a model asks for (gravity, drag, tilt, ...).
-Flights that are long enough also give their acceleration, from a parabola through all their samples.
+Around each impact a straight line is fitted to the samples on either side, separately (`lines`): nothing is assumed
+about how the arcs meet, because that is among the things to be criticised.  Pose and velocity at the impact follow from
+the lines for *any* acceleration a model asks for (gravity, drag, tilt, ...).  Flights that are long enough also give
+their acceleration (`flights`).
 
 | on paper     | in code            | unit          | shape      |                                             |
 |--------------|--------------------|---------------|------------|---------------------------------------------|
 | value, slope | `value`, `slope`   | m, rad; m/s, rad/s | (n, 2, 3) | of the lines before and after at t_c     |
-| b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | see above                                   |
+| b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | the same line through τ²/2                  |
 | C            | `cov`              |               | (n, 2, 3, 2, 2) | of (value, slope), by side and channel |
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
-from numpy.polynomial.legendre import legvander
 
+from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, measured_flights
+from thesis_lib.critique.drops.lines import NODES, Hits, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
-from thesis_lib.datasets.impacts.misfits import Lines, lines_through, rank
-from thesis_lib.effects.effect import Rig, State
-
-MIN_FLIGHT = 12  # samples: a shorter flight's acceleration is noise
-MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds a hit that was not seen
-NODES = 8  # a path that turns by 2.5 rad in a window of 0.1 s is then a polynomial to 1e-6 of its size
-GUARD = 1e-3  # s; samples this near to an impact may fall into the contact
-
-
-@dataclass(frozen=True)
-class Flights:
-    """Accelerations of m flights between impacts: state at mid-flight, a (m, 3), its variance (m, 3), span (m,) s."""
-
-    state: State
-    acceleration: np.ndarray
-    variance: np.ndarray
-    span: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.acceleration)
-
-    def select(self, rows: np.ndarray) -> "Flights":
-        """The flights at `rows`."""
-        return Flights(self.state.select(rows), self.acceleration[rows], self.variance[rows], self.span[rows])
+from thesis_lib.effects.effect import Rig
 
 
 @dataclass(frozen=True)
@@ -110,13 +84,10 @@ class Observations:
 
 
 def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
-    """Observations of a dataset, from its trajectories or else from its impacts.csv."""
-    settings = settings or ArcSettings()
+    """Observations of a dataset, from the samples in which its impacts were found, or else from its impacts.csv."""
     found = find_impacts(dataset, settings)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
-    if dataset.trajectories is None or dataset.impacts is not None:
-        return _from_impacts(found, rig)
-    return _from_trajectories(dataset.trajectories, found, rig)
+    return _from_impacts(found, rig) if found.samples is None else _from_samples(found.samples, found, rig)
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
@@ -129,7 +100,6 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         variance = np.einsum("nii->ni", impacts.cov)
         cov[:, 0, :, 0, 0] = cov[:, 1, :, 0, 0] = variance[:, 0:3]
         cov[:, 0, :, 1, 1], cov[:, 1, :, 1, 1] = variance[:, 3:6], variance[:, 6:9]
-    none = np.zeros(0)
     return Observations(
         rig=rig,
         trial=impacts.trial,
@@ -143,197 +113,36 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         t_std=np.zeros(n),
         offset=impacts.r - rig.shape.contact_point(impacts.q[:, 2]),
         arcs=False,
-        flights=Flights(State(*(none,) * 8), np.zeros((0, 3)), np.zeros((0, 3)), none),
+        flights=NO_FLIGHTS,
         noise_known=impacts.cov is not None,
         found=found,
     )
 
 
-def _from_trajectories(table: pd.DataFrame, found: FoundImpacts, rig: Rig) -> Observations:
-    trial, t = table["trial"].to_numpy(), table["t"].to_numpy(float)
-    q = table[["x", "y", "theta"]].to_numpy(float)
-    order = np.lexsort((t, trial))
-    order = order[~found.masked]
-    trial, t, q = trial[order], t[order], q[order]
-    sigma, colour = found.noise.used, found.noise.colour
-    hits = found.arcs.sort_values(["trial", "t"])
+def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observations:
     impacts = found.impacts
-    # every detected hit bounds the windows, used or not
-    before, after = _neighbours(hits["trial"].to_numpy(), hits["t"].to_numpy(), impacts.trial, impacts.t)
+    table = found.arcs.sort_values(["trial", "t"])
+    hits = Hits(table["trial"].to_numpy(), table["t"].to_numpy(), table["used"].to_numpy(bool))
     # a window that detection has cut short, because the arc was bent, stays short
-    size = found.arcs.loc[found.arcs["used"].astype(bool), ["n_pre", "n_post"]].to_numpy()
-    lines = _side_lines(trial, t, q, impacts.trial, impacts.t, before, after, size)
-    value, slope, bow, unit_cov, nodes, weights = lines
-    cov = unit_cov[:, :, None] * (sigma**2 * colour)[None, None, :, None, None]
-    t_std = found.arcs.loc[found.arcs["used"].astype(bool), "t_std"].to_numpy()
-    where = hits["trial"].to_numpy(), hits["t"].to_numpy(), hits["used"].to_numpy(bool)
-    flights = _flights(trial, t, q, *where, sigma**2 * colour)
-    enough = np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(value).all(axis=(1, 2))
-    rows = np.flatnonzero(enough)
+    most = found.used_arcs[["n_pre", "n_post"]].to_numpy()
+    lines = side_lines(samples, hits, impacts.trial, impacts.t, most)
+    variance = found.noise.used**2 * found.noise.colour
+    cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
+    rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
     return Observations(
         rig=rig,
         trial=impacts.trial[rows],
         t=impacts.t[rows],
-        value=value[rows],
-        slope=slope[rows],
-        bow=bow[rows],
+        value=lines.value[rows],
+        slope=lines.slope[rows],
+        bow=lines.bow[rows],
         cov=cov[rows],
-        nodes=nodes[rows],
-        weights=weights[rows],
-        t_std=t_std[rows],
+        nodes=lines.nodes[rows],
+        weights=lines.weights[rows],
+        t_std=found.used_arcs["t_std"].to_numpy()[rows],
         offset=np.zeros((len(rows), 2)),
         arcs=True,
-        flights=flights,
+        flights=measured_flights(samples, hits, variance),
         noise_known=True,
         found=replace(found, impacts=impacts.select(rows)),
     )
-
-
-def _neighbours(
-    hit_trial: np.ndarray, hit_t: np.ndarray, trial: np.ndarray, t: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Instants of the hits before and after each impact in its trial (∓∞ without)."""
-    # one sorted key over all hits: trials are integers, times below a span
-    span = 2.0 * (np.abs(hit_t).max(initial=0.0) + 1.0)
-    key = hit_trial * span + hit_t
-    at = np.searchsorted(key, trial * span + t + 1e-9)
-    before, after = np.full(len(t), -np.inf), np.full(len(t), np.inf)
-    has = at - 2 >= 0
-    same = has & (hit_trial[np.maximum(at - 2, 0)] == trial)
-    before[same] = hit_t[at[same] - 2]
-    has = at < len(hit_t)
-    same = has & (hit_trial[np.minimum(at, len(hit_t) - 1)] == trial)
-    after[same] = hit_t[at[same]]
-    return before, after
-
-
-def _side_lines(
-    trial: np.ndarray,
-    t: np.ndarray,
-    q: np.ndarray,
-    at_trial: np.ndarray,
-    at_t: np.ndarray,
-    before: np.ndarray,
-    after: np.ndarray,
-    size: np.ndarray,
-) -> tuple[np.ndarray, ...]:
-    """Lines on both sides: value, slope (n, 2, 3), bow (n, 2, 2), unit covariance (n, 2, 2, 2), nodes and weights."""
-    span = 2.0 * (np.abs(t).max(initial=0.0) + 1.0)
-    first = np.searchsorted(trial * span + t, at_trial * span + at_t)
-    window = int(size.max(initial=1)) + 1
-    index = np.clip(first[:, None] + np.arange(-window, window), 0, len(t) - 1)
-    tau = t[index] - at_t[:, None]
-    raw = first[:, None] + np.arange(-window, window)
-    same = (trial[index] == at_trial[:, None]) & (raw == index)
-    inside = same & (t[index] > before[:, None] + GUARD) & (t[index] < after[:, None] - GUARD)
-    side = np.stack([inside & (tau < -GUARD), inside & (tau > GUARD)], axis=1).astype(float)
-    side *= rank(side) <= size[:, :, None]
-    lines = lines_through(side, tau, q[index])
-    bow = lines_through(side, tau, 0.5 * tau[..., None] ** 2)
-    usable = (lines.count >= 3) & (lines.spread > 0)
-    spread = np.where(usable, lines.spread, np.nan)
-    count = np.where(usable, lines.count, np.nan)
-    unit = np.empty((len(at_t), 2, 2, 2))
-    unit[..., 0, 0] = 1.0 / count + lines.mean**2 / spread
-    unit[..., 1, 1] = 1.0 / spread
-    unit[..., 0, 1] = unit[..., 1, 0] = -lines.mean / spread
-    bows = np.concatenate([bow.value, bow.slope], axis=2)
-    return lines.value, lines.slope, bows, unit, *_nodes(side, tau, lines)
-
-
-def _nodes(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
-    """Few nodes that do for smooth paths what all samples do: exact for polynomials of degree `NODES` − 1."""
-    low = np.where(side > 0, tau[:, None], np.inf).min(axis=2, initial=np.inf)
-    high = np.where(side > 0, tau[:, None], -np.inf).max(axis=2, initial=-np.inf)
-    low, high = (np.where(np.isfinite(a), a, 0.0) for a in (low, high))
-    half = np.maximum(0.5 * (high - low), 1e-9)
-    middle = 0.5 * (low + high)
-    unit = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
-    # how value and slope of the line weigh each sample
-    safe = np.maximum(lines.count, 1.0)[..., None]
-    slope = (
-        (tau[:, None] - lines.mean[..., None])
-        * side
-        / np.where(lines.spread > 0, lines.spread, 1.0)[..., None]
-    )
-    value = side / safe - slope * lines.mean[..., None]
-    at = np.where(side > 0, (tau[:, None] - middle[..., None]) / half[..., None], 0.0)
-    moments = np.einsum("nskw,nswl->nskl", np.stack([value, slope], axis=2), legvander(at, NODES - 1))
-    weights = moments @ np.linalg.inv(legvander(unit, NODES - 1))
-    return middle[..., None] + half[..., None] * unit, weights
-
-
-def _flights(
-    trial: np.ndarray,
-    t: np.ndarray,
-    q: np.ndarray,
-    hit_trial: np.ndarray,
-    hit_t: np.ndarray,
-    used: np.ndarray,
-    variance: np.ndarray,
-) -> Flights:
-    """Accelerations of the flights with at least `MIN_FLIGHT` samples, from parabolas through them.
-
-    Only flights that a hit ends which is itself used: what follows the last hit of a trial may be a body at rest, and
-    an instant that is not known well leaves samples of two flights in one.
-    """
-    span = 2.0 * (np.abs(t).max(initial=0.0) + 1.0)
-    # number of hits before each sample, counted over all trials: constant in one flight of one trial
-    flight = np.searchsorted(hit_trial * span + hit_t, trial * span + t)
-    near = np.zeros(len(t), bool)
-    for neighbour in (flight - 1, flight):
-        known = (neighbour >= 0) & (neighbour < len(hit_t))
-        i = np.clip(neighbour, 0, max(len(hit_t) - 1, 0))
-        if len(hit_t):
-            near |= known & (hit_trial[i] == trial) & (np.abs(hit_t[i] - t) < GUARD)
-    keep = ~near
-    trial, t, q, flight = trial[keep], t[keep], q[keep], flight[keep]
-    _, label = np.unique(np.stack([trial, flight], 1), axis=0, return_inverse=True)
-    label = np.ravel(label)
-    m = label.max(initial=-1) + 1
-
-    def total(values: np.ndarray) -> np.ndarray:
-        return np.bincount(label, values, minlength=m)
-
-    n = total(np.ones(len(t)))
-    tau = t - (total(t) / np.maximum(n, 1))[label]
-    powers = [total(tau**k) for k in range(5)]
-    normal = np.array(
-        [
-            [powers[i + j] / (2.0 if j == 2 else 1.0) / (2.0 if i == 2 else 1.0) for j in range(3)]
-            for i in range(3)
-        ]
-    )
-    normal = np.moveaxis(normal, -1, 0)
-    start = np.zeros(m, int)
-    start[label[::-1]] = np.arange(len(label))[::-1]
-    end = flight[start]  # number of the hit that ends the flight, if that is of the same trial
-    ended = end < len(hit_t)
-    ended[ended] = (hit_trial[end[ended]] == trial[start[ended]]) & used[end[ended]]
-    good = (n >= MIN_FLIGHT) & ended
-    rows = np.flatnonzero(good)
-    inverse = np.linalg.inv(normal[rows])
-    right = np.stack(
-        [
-            np.stack([total(tau**k / (2.0 if k == 2 else 1.0) * q[:, c])[rows] for k in range(3)], -1)
-            for c in range(3)
-        ],
-        axis=-1,
-    )
-    fitted = inverse @ right  # (rows, [q, v, a], channel)
-    # a flight that is no parabola at all holds a hit that was not seen; the rest of it says nothing
-    row_of = np.full(m, -1)
-    row_of[rows] = np.arange(len(rows))
-    mine = row_of[label] >= 0
-    i = row_of[label[mine]]
-    shape = np.stack([np.ones(mine.sum()), tau[mine], 0.5 * tau[mine] ** 2], -1)
-    residual = q[mine] - np.einsum("nk,nkc->nc", shape, fitted[i])
-    chi2 = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], -1) / variance
-    straight = (chi2.sum(1) / (3.0 * (n[rows] - 3.0))) < MAX_CHI2
-    rows, fitted, inverse = rows[straight], fitted[straight], inverse[straight]
-    mid = (total(t) / np.maximum(n, 1))[rows]
-    state = State.of(fitted[:, 0], fitted[:, 1], trial[start[rows]], mid)
-    first, final = np.full(m, np.inf), np.full(m, -np.inf)
-    np.minimum.at(first, label, t)
-    np.maximum.at(final, label, t)
-    return Flights(state, fitted[:, 2], inverse[:, 2, 2][:, None] * variance, (final - first)[rows])

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import ARC_MEAN, Model, flight_residuals, states_at_impact
-from thesis_lib.critique.drops.observations import Flights, Observations
+from thesis_lib.critique.drops.observations import Observations
 
 
 def synthesise(

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.questions.flights import (
+from thesis_lib.critique.drops.questions.flight_residuals import (
     FLIGHT_UNITS,
     flight_features,
     flight_table,

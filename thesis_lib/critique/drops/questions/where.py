@@ -25,7 +25,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.class_tests import class_tests
-from thesis_lib.critique.drops.questions.flights import (
+from thesis_lib.critique.drops.questions.flight_residuals import (
     FLIGHT_UNITS,
     flight_features,
     misfit,

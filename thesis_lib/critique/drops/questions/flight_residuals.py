@@ -18,8 +18,8 @@ import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import flight_residuals
-from thesis_lib.critique.drops.observations import Flights
 from thesis_lib.effects.effect import Rig
 
 FLIGHT_UNITS = {

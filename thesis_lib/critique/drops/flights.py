@@ -1,0 +1,91 @@
+"""Accelerations of the flights between impacts, from parabolas through all samples of each.
+
+    q(τ) = q_0 + v τ + a τ²/2,    τ = t − mean of t in the flight,    Σ_k B_k B_kᵀ (q_0, v, a)ᵀ = Σ_k B_k q(t_k)
+
+with B = (1, τ, τ²/2).  The variance of a is σ² times the last diagonal element of the inverse of the sum on the left.
+
+| on paper | in code        | unit         | shape  | meaning                                |
+|----------|----------------|--------------|--------|----------------------------------------|
+| a        | `acceleration` | m/s², rad/s² | (m, 3) | of each flight                         |
+| σ²       | `variance`     | m², rad²     | (3,)   | noise of a sample, correlation counted |
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.critique.drops.lines import GUARD, Hits
+from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.effects.effect import State
+
+MIN_FLIGHT = 12  # samples: a shorter flight's acceleration is noise
+MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds a hit that was not seen
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Accelerations of m flights between impacts: state at mid-flight, a (m, 3), its variance (m, 3), span (m,) s."""
+
+    state: State
+    acceleration: np.ndarray
+    variance: np.ndarray
+    span: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.acceleration)
+
+    def select(self, rows: np.ndarray) -> "Flights":
+        """The flights at `rows`."""
+        return Flights(self.state.select(rows), self.acceleration[rows], self.variance[rows], self.span[rows])
+
+
+NO_FLIGHTS = Flights(State(*(np.zeros(0),) * 8), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+
+
+def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray) -> Flights:
+    """Accelerations of the flights with at least `MIN_FLIGHT` samples whose noise has `variance` (3,).
+
+    Only flights that a hit ends which is itself used: what follows the last hit of a trial may be a body at rest, and
+    an instant that is not known well leaves samples of two flights in one.
+    """
+    next_hit = hits.before(samples.trial, samples.t)
+    near = np.zeros(len(samples), bool)
+    for hit in (next_hit - 1, next_hit):
+        near |= np.abs(hits.instants(hit, samples.trial, np.inf) - samples.t) < GUARD
+    samples, next_hit = samples.select(~near), next_hit[~near]
+    trial, t, q = samples.trial, samples.t, samples.q
+
+    # samples are sorted: a flight begins where the trial or the next hit changes
+    begins = np.r_[True, (trial[1:] != trial[:-1]) | (next_hit[1:] != next_hit[:-1])][: len(t)]
+    first, flight = np.flatnonzero(begins), np.cumsum(begins) - 1
+    count = np.bincount(flight)
+    end = next_hit[first]
+    ended = end < len(hits)
+    ended[ended] = (hits.trial[end[ended]] == trial[first[ended]]) & hits.used[end[ended]]
+    rows = np.flatnonzero((count >= MIN_FLIGHT) & ended)
+
+    def totals(values: np.ndarray) -> np.ndarray:
+        return np.bincount(flight, values, minlength=len(count))
+
+    middle = totals(t) / count
+    tau = t - middle[flight]
+    B = np.stack([np.ones(len(t)), tau, 0.5 * tau**2], axis=1)
+    powers = [totals(tau**k)[rows] for k in range(5)]
+    half = np.array([1.0, 1.0, 0.5])
+    normal = np.array([[half[i] * half[j] * powers[i + j] for j in range(3)] for i in range(3)])
+    right = np.array([[totals(B[:, k] * q[:, c])[rows] for c in range(3)] for k in range(3)])
+    inverse = np.linalg.inv(np.moveaxis(normal, -1, 0))
+    fitted = inverse @ np.moveaxis(right, -1, 0)  # (flights, [q_0, v, a], channel)
+
+    # a flight that is no parabola at all holds a hit that was not seen; the rest of it says nothing
+    number = np.full(len(count), -1)
+    number[rows] = np.arange(len(rows))
+    inside = number[flight] >= 0
+    i = number[flight[inside]]
+    residual = q[inside] - np.einsum("nk,nkc->nc", B[inside], fitted[i])
+    squares = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], axis=1) / variance
+    straight = squares.sum(axis=1) / (3.0 * (count[rows] - 3.0)) < MAX_CHI2
+    rows, fitted, inverse = rows[straight], fitted[straight], inverse[straight]
+    state = State.of(fitted[:, 0], fitted[:, 1], trial[first[rows]], middle[rows])
+    span = t[first[rows] + count[rows] - 1] - t[first[rows]]
+    return Flights(state, fitted[:, 2], inverse[:, 2, 2][:, None] * variance, span)

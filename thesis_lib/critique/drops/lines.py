@@ -1,0 +1,118 @@
+"""Straight lines through the samples on either side of each impact.
+
+A line through a parabola with acceleration a has
+
+    value(0) = q(t_c) + a b_0,    slope = v(t_c) + a b_1,     (b_0, b_1): the line through τ²/2
+
+and for any smooth path f(τ) it has value and slope Σ_k w_k f(τ_k) over a few nodes τ_k, which stand for all samples.
+
+| on paper     | in code            | unit          | shape      |                                             |
+|--------------|--------------------|---------------|------------|---------------------------------------------|
+| value, slope | `value`, `slope`   | m, rad; m/s, rad/s | (n, 2, 3) | of the lines before and after at t_c     |
+| b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | see above                                   |
+| C / σ²       | `unit_cov`         | 1, 1/s, 1/s²  | (n, 2, 2, 2) | covariance of (value, slope) for unit noise |
+| τ_k, w_k     | `nodes`, `weights` | s; 1, 1/s     | (n, 2, K), (n, 2, 2, K) | first, last node: ends of samples |
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.impacts.misfits import Lines, lines_through, rank
+
+NODES = 8  # a path that turns by 2.5 rad in a window of 0.1 s is then a polynomial to 1e-6 of its size
+GUARD = 1e-3  # s; samples this near to an impact may fall into the contact
+LATER = 1e-9  # s; an instant this much after a hit counts as after it
+
+
+@dataclass(frozen=True)
+class Hits:
+    """All detected hits, whether an impact was measured or not, sorted by trial and time; trial, t in s, used (h,)."""
+
+    trial: np.ndarray
+    t: np.ndarray
+    used: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def before(self, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Number of hits before each instant, counted over all trials in their order."""
+        return position(self.trial, self.t, trial, t)
+
+    def instants(self, number: np.ndarray, trial: np.ndarray, otherwise: float) -> np.ndarray:
+        """Times in s of the hits of these numbers, or `otherwise` where there is none in this trial."""
+        times = np.full(len(number), otherwise)
+        rows = np.flatnonzero((number >= 0) & (number < len(self)))
+        rows = rows[self.trial[number[rows]] == trial[rows]]
+        times[rows] = self.t[number[rows]]
+        return times
+
+
+@dataclass(frozen=True)
+class SideLines:
+    """Lines on both sides of n impacts; see the module's table.  NaN in `unit_cov`: too few samples."""
+
+    value: np.ndarray
+    slope: np.ndarray
+    bow: np.ndarray
+    unit_cov: np.ndarray
+    nodes: np.ndarray
+    weights: np.ndarray
+
+
+def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.ndarray) -> np.ndarray:
+    """Index at which each instant (of_trial, of_t) would stand among those sorted by trial and time, (trial, t)."""
+    # one key for both: trials are integers, times stay below a span
+    span = 2.0 * (max(np.abs(t).max(initial=0.0), np.abs(of_t).max(initial=0.0)) + 1.0)
+    return np.searchsorted(trial * span + t, of_trial * span + of_t)
+
+
+def side_lines(samples: Samples, hits: Hits, trial: np.ndarray, t: np.ndarray, most: np.ndarray) -> SideLines:
+    """Lines on either side of impacts at (trial, t), (n,), through at most `most` (n, 2) samples each.
+
+    A side ends at the next hit, used or not.
+    """
+    after = hits.before(trial, t + LATER)  # number of the first hit after the impact
+    earliest = hits.instants(after - 2, trial, -np.inf) + GUARD
+    latest = hits.instants(after, trial, np.inf) - GUARD
+    width = int(most.max(initial=1)) + 1
+    wanted = position(samples.trial, samples.t, trial, t)[:, None] + np.arange(-width, width)
+    index = np.clip(wanted, 0, len(samples) - 1)
+    time = samples.t[index]
+    tau = time - t[:, None]
+    inside = (wanted == index) & (samples.trial[index] == trial[:, None])
+    inside &= (time > earliest[:, None]) & (time < latest[:, None])
+    side = np.stack([inside & (tau < -GUARD), inside & (tau > GUARD)], axis=1).astype(float)
+    side *= rank(side) <= most[:, :, None]
+
+    lines = lines_through(side, tau, samples.q[index])
+    parabola = lines_through(side, tau, 0.5 * tau[..., None] ** 2)
+    usable = (lines.count >= 3) & (lines.spread > 0)
+    count, spread = (np.where(usable, a, np.nan) for a in (lines.count, lines.spread))
+    unit_cov = np.empty((len(t), 2, 2, 2))
+    unit_cov[..., 0, 0] = 1.0 / count + lines.mean**2 / spread
+    unit_cov[..., 1, 1] = 1.0 / spread
+    unit_cov[..., 0, 1] = unit_cov[..., 1, 0] = -lines.mean / spread
+    bow = np.concatenate([parabola.value, parabola.slope], axis=2)
+    return SideLines(lines.value, lines.slope, bow, unit_cov, *_nodes(side, tau, lines))
+
+
+def _nodes(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights that do for smooth paths what all samples do: exact for polynomials of degree `NODES` − 1."""
+    low = np.where(side > 0, tau[:, None], np.inf).min(axis=2, initial=np.inf)
+    high = np.where(side > 0, tau[:, None], -np.inf).max(axis=2, initial=-np.inf)
+    low, high = (np.where(np.isfinite(a), a, 0.0) for a in (low, high))
+    half = np.maximum(0.5 * (high - low), 1e-9)[..., None]
+    middle = 0.5 * (low + high)[..., None]
+    # how slope and value of the line weigh each sample
+    spread = np.where(lines.spread > 0, lines.spread, 1.0)[..., None]
+    slope = (tau[:, None] - lines.mean[..., None]) * side / spread
+    value = side / np.maximum(lines.count, 1.0)[..., None] - slope * lines.mean[..., None]
+    # the same for polynomials, and from these for their values at the nodes
+    at = np.where(side > 0, (tau[:, None] - middle) / half, 0.0)
+    moments = np.einsum("nskw,nswl->nskl", np.stack([value, slope], axis=2), legvander(at, NODES - 1))
+    unit = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+    return middle + half * unit, moments @ np.linalg.inv(legvander(unit, NODES - 1))
