@@ -29,6 +29,20 @@ Which datasets a run had is read from <results>/datasets/present.json; claims an
 are shown as "data not present" and never fail.
 """
 
+COMMANDS = {
+    "check": "compare a run with the thesis and with what is committed; exit status 1 if anything changed",
+    "update": "commit this run's statuses and figure copies",
+    "page": "write claims.csv and claims.html",
+}
+PATHS = {
+    "--results": ("results", "folder of the results"),
+    "--ledger": ("config/claims", "the claims: a folder, or a file"),
+}
+STORED = {
+    "--expected": ("config/claims_expected.yaml", "committed statuses"),
+    "--stored": ("config/figures", "folder of the stored copies"),
+}
+
 
 @command
 def main(argv: Sequence[str] | None = None) -> int:
@@ -46,45 +60,26 @@ def _parser() -> Parser:
         epilog=EPILOG,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="check | update | page")
-    for name, text in (
-        (
-            "check",
-            "compare a run with the thesis and with what is committed; exit status 1 if anything changed",
-        ),
-        ("update", "commit this run's statuses and figure copies"),
-        ("page", "write claims.csv and claims.html"),
-    ):
-        scale = "" if name == "page" else " --scale quick"
-        one = commands.add_parser(
+    for name, text in COMMANDS.items():
+        of_page = name == "page"
+        subparser = commands.add_parser(
             name,
             help=text,
             description=text[0].upper() + text[1:] + ".",
-            epilog=f"example:\n  python -m thesis_lib claims {name}{scale}",
+            epilog=f"example:\n  python -m thesis_lib claims {name}{'' if of_page else ' --scale quick'}",
         )
-        one.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
-        one.add_argument(
-            "--ledger", type=Path, default=Path("config/claims"), help="the claims: a folder, or a file"
-        )
-        one.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
-        one.add_argument(
+        for option, (default, meaning) in (PATHS | ({} if of_page else STORED)).items():
+            subparser.add_argument(option, type=Path, default=Path(default), help=meaning)
+        subparser.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
+        subparser.add_argument(
             "--scale",
             choices=("quick", "default", "full"),
-            required=name != "page",
-            default="" if name == "page" else None,
-            help="scale at which the pipeline ran" + (" (shown on the page)" if name == "page" else ""),
+            required=not of_page,
+            default="" if of_page else None,
+            help="scale at which the pipeline ran" + (" (shown on the page)" if of_page else ""),
         )
-        if name != "page":
-            one.add_argument(
-                "--expected",
-                type=Path,
-                default=Path("config/claims_expected.yaml"),
-                help="committed statuses",
-            )
-            one.add_argument(
-                "--stored", type=Path, default=Path("config/figures"), help="folder of the stored copies"
-            )
         if name == "check":
-            one.add_argument("--json", action="store_true", help="print JSON instead of text")
+            subparser.add_argument("--json", action="store_true", help="print JSON instead of text")
     return parser
 
 
@@ -156,14 +151,8 @@ def _print_json(options: argparse.Namespace, results: list, changes: list, figur
         "scale": options.scale,
         "counts": {str(status): count for status, count in count_statuses(results).items()},
         "claims": [
-            {
-                "id": r.claim.id,
-                "location": r.claim.location,
-                "status": str(r.status),
-                "published": r.published,
-                "ours": r.ours,
-                "reason": r.reason,
-            }
+            {"id": r.claim.id, "location": r.claim.location, "status": str(r.status)}
+            | {"published": r.published, "ours": r.ours, "reason": r.reason}
             for r in results
         ],
         "changes": [vars(change) for change in changes],

@@ -23,7 +23,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, PlainValidator, model_validator
 
-from thesis_lib.ledger.reading import CsvFile, NonNegative, Number, Positive, Section, Text
+from thesis_lib.foundation.settings import Section
+from thesis_lib.ledger.reading import CsvFile, NonNegative, Number, Positive, Text
 
 
 def cell(value: Any) -> Any:

@@ -53,6 +53,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, PlainValidator, StringConstraints, model_validator
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.settings import Section
 from thesis_lib.foundation.yaml_file import Key
 from thesis_lib.ledger.checks import (
     Abs,
@@ -68,7 +69,7 @@ from thesis_lib.ledger.checks import (
     cell,
     cell_or_group,
 )
-from thesis_lib.ledger.reading import Name, Section, Text, line_of, load_yaml, validate
+from thesis_lib.ledger.reading import Name, Text, line_of, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
 NAME = r"[A-Za-z0-9_-]+"

@@ -18,7 +18,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, StringCo
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
-from thesis_lib.foundation.settings import Section as Section
 from thesis_lib.foundation.yaml_file import Document, Key, read_yaml
 
 SHOWN = 100  # mistakes spelled out
