@@ -10,9 +10,10 @@ from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.figures.chapter2.motions import figure_2_2, figure_2_4, figure_2_9, figure_2_14
-from thesis_lib.figures.chapter2.uncertainty import figure_2_5, project_motion
+from thesis_lib.figures.chapter2.uncertainty import figure_2_5
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.excitation_table import excitation_cases
+from thesis_lib.identify.base_parameters.projection import project_motion
 from thesis_lib.simulate.chapter2.motions import DEFAULT, disk, ellipse, releases
 from thesis_lib.simulate.chapter2.scenes import (
     SCENES,
@@ -184,7 +185,7 @@ def test_projection_is_the_shortest_way_to_the_manifold(tipping):
 
 
 def test_figure_2_5_flat_landing_identifies_nothing_tilted_the_ratio(tipping, landings):
-    figure, table = figure_2_5(tipping, landings)
+    figure, table = figure_2_5(tipping, project_motion(tipping), landings)
     assert_legible(figure)
     ranks = table.groupby("panel")[["rank", "rank_mass_known"]].first()
     assert ranks.loc["c"].tolist() == [0, 0] and ranks.loc["d"].tolist() == [1, 1]
@@ -199,7 +200,7 @@ def test_figure_2_5_flat_landing_identifies_nothing_tilted_the_ratio(tipping, la
 
 def test_figure_2_5_needs_both_landings(tipping, landings):
     with pytest.raises(UserError, match="flat and a tilted"):
-        figure_2_5(tipping, {"flat": landings["flat"]})
+        figure_2_5(tipping, project_motion(tipping), {"flat": landings["flat"]})
 
 
 def test_traces_are_the_farthest_of_the_candidates(shown):

@@ -197,7 +197,9 @@ def test_success_has_a_bar_and_a_mark_of_the_thesis_for_each_row():
 
 def test_movable_shares_show_the_mean_over_towers_at_the_fixed_threshold():
     table = fractions()
-    figure, drawn = figure_movable(table, 1.0)
+    summary = table.groupby(["set", "threshold_mm"], as_index=False)["share"].mean()
+    summary = summary.rename(columns={"share": "mean"}).assign(low=summary["share"] - 0.1)
+    figure, drawn = figure_movable(table, summary, 1.0)
     own = table[(table["set"] == "test") & (table["threshold_mm"] == 1.0)]["share"].mean()
     assert f" {100 * own:.0f} %" in {text.get_text() for text in figure.axes[1].texts}
     assert len(drawn) == len(table)

@@ -111,3 +111,8 @@ def misfit_of_impulse(target: Target, c_t: np.ndarray, c_n: np.ndarray, metric: 
     # only a kinetic target makes this the velocity error
     form = d_t * (space.K_tt * d_t + 2.0 * space.K_tn * d_n) + d_n * (space.K_nn * d_n)
     return np.sqrt(form / target.mass + target.unreachable**2)
+
+
+def contact_momentum(impacts: Impacts) -> np.ndarray:
+    """Momentum M_C v_C (n, 2) in N s at the contact point before impact: minus the impulse that stops that point."""
+    return -np.stack(target_of(impacts).space.impulse_to(0.0, 0.0), axis=-1)

@@ -16,8 +16,6 @@ mass given.  The square that lands flat does not turn: its I is in the null spac
 Source: thesis section 2.3.2, approach 3, and section 2.3.3.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -26,44 +24,26 @@ from thesis_lib.figures.planar_drawing import COLORS, Sketch, outline_at
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.identifiability import identifiability
-from thesis_lib.identify.base_parameters.projection import ProjectedRecord, project_to_contact
+from thesis_lib.identify.base_parameters.projection import ProjectedRecord
 from thesis_lib.identify.base_parameters.window import ContactWindow
 from thesis_lib.simulate.chapter2.scenes import NoisyMotion
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import Record
 
-GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
 SAMPLE_EVERY = 3  # poses between the dots of panel (a)
 LANDING_SHOWN = 5  # squares drawn of each landing, at equal intervals
 NOISY, MOVED = COLORS["red"], COLORS["blue"]
 
 
-def project_motion(motion: NoisyMotion) -> ProjectedRecord:
-    """The noisy states of a motion, projected to the contact manifold in the kinetic metric.
-
-    The tolerances come from the noise that was added, which an estimator is not told: a picture, not an estimate.
-    """
-    body, sigma, reach = motion.body, motion.observed.sigma, motion.body.shape.extent
-    noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)
-    inertias = np.diag(body.mass_matrix(motion.record.q[0]))
-    # the gap moves with y and with r θ, the touching point's velocity with v_x and r ω
-    gap, slip = (float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
-    return project_to_contact(
-        noisy,
-        body,
-        a_free=np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1)),
-        gap_tolerance=GAP_SIGMAS * gap,
-        v_tolerance=GAP_SIGMAS * slip,
-        metric=inertias / body.mass,
-    )
-
-
 @house_style
-def figure_2_5(motion: NoisyMotion, landings: dict[str, tuple[Record, ContactWindow]]) -> Drawn:
+def figure_2_5(
+    motion: NoisyMotion, projected: ProjectedRecord, landings: dict[str, tuple[Record, ContactWindow]]
+) -> Drawn:
     """Projection of noisy poses to the contact manifold (a, b), and flat against tilted landing as excitation (c, d).
 
     Args:
         motion: a body that stays in contact, with its noisy states.
+        projected: the same, moved to the contact manifold.
         landings: "flat" and "tilted": the motion of a square and its window in unknown (m, I), as
             `excitation_table.excitation_cases` has them.
 
@@ -72,7 +52,6 @@ def figure_2_5(motion: NoisyMotion, landings: dict[str, tuple[Record, ContactWin
     """
     if set(landings) != {"flat", "tilted"}:
         raise UserError(f"Figure 2-5 compares a flat and a tilted landing; got {sorted(landings)}.")
-    projected = project_motion(motion)
     steps = np.flatnonzero(projected.closed.any(axis=1))
     if not len(steps):
         raise UserError("No noisy pose lies near enough to the surface to be projected; lower the noise.")

@@ -1,69 +1,20 @@
-"""Figure 3-11: two single impacts that explain odd parameters, each drawn in its energy ellipse.
-
-| on paper | in code                  | unit | shape |                                                           |
-|----------|--------------------------|------|-------|-----------------------------------------------------------|
-| c_irb    | `Target.c_t`, `.c_n`     | N s  | (n,)  | measured impulse, eq. 3.7                                 |
-| r_x      | `Impacts.r[:, 0]`        | m    | (n,)  | how far the contact lies from under the centre of mass    |
-
-(a) μ = 0.  Among impacts whose individual μ is below `MU_ZERO`, the quarter with the contact point nearest to below
-    the centre of mass; of these the one with the largest misfit.  Without such impacts: the one with the least μ.
-(b) Spin reversal.  Among impacts whose measured impulse lies beyond the line of sticking, the one at the median
-    distance beyond it.  Without such impacts: the one that comes nearest to it.
-"Beyond" is as seen from the impulse without friction, c_t = 0 at the same c_n: friction has then turned round the slip
-v_t + K_tn c_n that it opposed.  A mere change of sign of v_t would not do: in a skewed contact the normal impulse alone
-can cause it, and every law predicts that.
-Ties go to the first impact, so that equal data give equal figures.
-"""
+"""Figure 3-11: two single impacts that explain odd parameters (`shown_impacts`), each drawn in its energy ellipse."""
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import beyond_sticking
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.chapter3.contact_space import draw_ellipse, draw_region, region_outline
 from thesis_lib.figures.style import INK, Drawn, ImpulseAxis, house_style, new_figure
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.impact_study.cost import Target, target_of
-from thesis_lib.impact_study.individual_statements import MU_ZERO
+from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.shown_impacts import spin_reversal_case, zero_friction_case
 
 MARKS = {  # series: marker, size, colour, filled
     "measured impulse": ("X", 7, INK, True),
     "best of this impact": ("o", 6, "#D55E00", False),
     "ensemble prediction": ("s", 5, "#0072B2", False),
 }
-
-
-def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> int:
-    """Row of case (a) among impacts with individual `mu` (n,) and remaining `misfit` (n,) in N s.
-
-    Raises:
-        UserError: no impact has individual parameters.
-    """
-    usable = np.flatnonzero(np.isfinite(mu) & np.isfinite(misfit))
-    if not len(usable):
-        raise UserError("No impact has individual parameters, so there is no case with μ = 0 to show.")
-    zero = usable[mu[usable] < MU_ZERO]
-    if not len(zero):
-        return int(usable[np.argmin(mu[usable])])
-    offset = np.abs(impacts.r[zero, 0])
-    central = zero[offset <= np.quantile(offset, 0.25)]
-    return int(central[np.argmax(misfit[central])])
-
-
-def spin_reversal_case(target: Target) -> int:
-    """Row of case (b) among n measured impulses.
-
-    Raises:
-        UserError: no impulse is finite.
-    """
-    beyond = beyond_sticking(target.space, target.c_t, target.c_n)
-    usable = np.flatnonzero(np.isfinite(beyond))
-    if not len(usable):
-        raise UserError("No measured impulse is finite, so there is no case of spin reversal to show.")
-    order = usable[np.argsort(beyond[usable], kind="stable")]
-    reversed_ = order[beyond[order] > 0.0]
-    return int(order[-1] if not len(reversed_) else reversed_[(len(reversed_) - 1) // 2])
 
 
 @house_style

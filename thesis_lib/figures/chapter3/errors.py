@@ -19,7 +19,7 @@ from thesis_lib.figures.densities import error_curves, local_mean
 from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.style import PANELS, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.impact_study.cost import target_of
+from thesis_lib.impact_study.cost import contact_momentum
 from thesis_lib.impact_study.tables import VARIANTS
 
 GRID = 100  # points of a curve
@@ -165,8 +165,3 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
         }
     )
     return figure, pd.concat([table, dots], ignore_index=True)
-
-
-def contact_momentum(impacts: Impacts) -> np.ndarray:
-    """Momentum M_C v_C (n, 2) in N s at the contact point before impact: minus the impulse that stops that point."""
-    return -np.stack(target_of(impacts).space.impulse_to(0.0, 0.0), axis=-1)

@@ -6,7 +6,7 @@
 | number of samples                        | `size`       | 1; 0 for policies that do not learn            |
 | attempts, successes                      | as there     | 1; `share` with `low` to `high`                |
 
-Intervals are those of the tables given (95 %); the only one made here is that of the mean share of movable blocks.
+Intervals are those of the tables given (95 %).
 
 Source: thesis, sections 5.4.4 and 5.5.2, figures 5-5 and 5-6.
 """
@@ -19,7 +19,6 @@ from matplotlib.axes import Axes
 
 from thesis_lib.figures.chapter5.render import PLACED, PUSHED, colours_of, strip_figure, tower_figure
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
-from thesis_lib.statistics.intervals import student_mean
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
 PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; own choice of what counts as reproduced
@@ -213,11 +212,12 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
 
 
 @house_style
-def figure_movable(fractions: pd.DataFrame, threshold: float) -> Drawn:
+def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: float) -> Drawn:
     """Share of movable blocks against the threshold, and of each tower at the one that was fixed.
 
     Args:
         fractions: tower, set (development, test), threshold_mm, share.
+        summary: set, threshold_mm, mean, low, high over the towers.
         threshold: mm, fixed on the development towers.
     """
     figure = new_figure(height=2.5)
@@ -240,7 +240,8 @@ def figure_movable(fractions: pd.DataFrame, threshold: float) -> Drawn:
         own = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
         across = np.linspace(-0.16, 0.16, len(own)) if len(own) > 1 else np.zeros(1)
         right.plot(i + across, np.sort(own), marker, color=color, markersize=3, alpha=0.5)
-        mean, low, _ = student_mean(own)
+        at = summary[(summary["set"] == name) & (summary["threshold_mm"] == nearest)]
+        ((mean, low),) = at[["mean", "low"]].to_numpy()
         right.errorbar(i + 0.32, mean, mean - low, fmt="D", color=color, markersize=4, capsize=2)
         right.text(i + 0.38, mean + 0.004, f" {100 * mean:.0f} %", fontsize=7, color=color)
     left.axvline(threshold, color=INK, linewidth=0.8, linestyle=(0, (2, 2)), label="fixed")

@@ -19,18 +19,20 @@ What the thesis leaves open, which contacts touch, is decided here by tolerances
 Source: thesis section 2.3.2, approach 3, figure 2-5.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.window import States, expected_gap
+from thesis_lib.simulate.chapter2.scenes import NoisyMotion
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.stepping import Record
 
 # Newton's steps; three or four are needed for a body, more only if contacts contradict each other
 ITERATIONS = 20
 CLOSED = 1e-12  # m, gap at which Newton's steps end
+GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
 
 
 @dataclass(frozen=True)
@@ -103,3 +105,23 @@ def project_to_contact(
 def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.ndarray:
     """Shortest δ in the metric with J δ = value, in the least-squares sense where there is none."""
     return W_inverse * (J.T @ np.linalg.lstsq((J * W_inverse) @ J.T, value, rcond=1e-10)[0])
+
+
+def project_motion(motion: NoisyMotion) -> ProjectedRecord:
+    """The noisy states of a motion, projected to the contact manifold in the kinetic metric.
+
+    The tolerances come from the noise that was added, which an estimator is not told: a picture, not an estimate.
+    """
+    body, sigma, reach = motion.body, motion.observed.sigma, motion.body.shape.extent
+    noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)
+    inertias = np.diag(body.mass_matrix(motion.record.q[0]))
+    # the gap moves with y and with r θ, the touching point's velocity with v_x and r ω
+    gap, slip = (float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
+    return project_to_contact(
+        noisy,
+        body,
+        a_free=np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1)),
+        gap_tolerance=GAP_SIGMAS * gap,
+        v_tolerance=GAP_SIGMAS * slip,
+        metric=inertias / body.mass,
+    )

@@ -12,6 +12,7 @@ from thesis_lib.figures.chapter2.uncertainty import figure_2_5
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.identify.base_parameters.excitation_table import landings
+from thesis_lib.identify.base_parameters.projection import project_motion
 from thesis_lib.simulate.chapter2 import scenes
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
@@ -28,7 +29,7 @@ block = scenes.tipping_block(stream("block"), bodies, chosen)
 drawn = {
     "figure_2_2": figures.figure_2_2(scenes.falling_rod(bodies, chosen)),
     "figure_2_4": figures.figure_2_4(disk),
-    "figure_2_5": figure_2_5(block, landings(bodies)),
+    "figure_2_5": figure_2_5(block, project_motion(block), landings(bodies)),
     "figure_2_9": figures.figure_2_9(scenes.traces(stream("traces"), bodies, chosen)),
     "figure_2_14": figures.figure_2_14(read_dataset(snakemake.params.drops)),
 }

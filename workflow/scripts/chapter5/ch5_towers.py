@@ -16,8 +16,9 @@ setup, source, out = Setup.model_validate(snakemake.params.setup), snakemake.inp
 scans = {kind: [read_table(path, study.SCAN) for path in source[kind]] for kind in ("development", "test")}
 shares = study.movable_shares(scans, setup.movable)
 write_result(shares, out.movable)
-write_result(study.movable_summary(shares, scans), out.summary)
+summary = study.movable_summary(shares, scans)
+write_result(summary, out.summary)
 write_result(study.fidelity(scans["development"][0], setup, say=print), out.fidelity)
 folder = Path(out.movable).parent
-save_figure(*figures.figure_movable(shares, setup.movable.threshold_mm), folder / "figure_movable")
+save_figure(*figures.figure_movable(shares, summary, setup.movable.threshold_mm), folder / "figure_movable")
 save_figure(*figures.figure_5_5a(*study.settled(setup)), folder / "figure_5_5a")

@@ -1,0 +1,87 @@
+"""The trial of figures 3-5 and 3-6, and its velocities and energies.
+
+| on paper   | in code      | unit     | shape  |                                                               |
+|------------|--------------|----------|--------|---------------------------------------------------------------|
+| v          | `velocity`   | m/s, rad/s | (n, 3) | from the samples, never across an impact                    |
+| E_p, E_k   | `energies`   | J        | (n, 3) | m g (y − y_rest), m (v_x² + v_y² + k² ω²)/2, and their sum     |
+
+Velocities come from the samples and not from the fitted arcs, because an arc under gravity keeps its energy by
+construction: the figure would show nothing.  Each is the slope of a straight line through x, θ and y + g t²/2 over a
+few neighbours between the same two impacts.
+
+The trial shown is the first one whose leading impacts (at most three) are all measured; of several, the lowest number.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.impact_study.energy import rest_height
+
+LEADING = 3  # impacts that the trial shown should have measured from its start
+HALF_WINDOW = 5  # samples on either side; at 250 Hz and 0.3 mm this gives velocities to 7 mm/s
+
+
+def pick_trial(arcs: pd.DataFrame) -> int:
+    """Number of the trial to show; `arcs` has the columns trial, impact and used (was the impact measurable?).
+
+    Raises:
+        UserError: not a single impact was measurable.
+    """
+    if not arcs["used"].astype(bool).any():
+        raise UserError(
+            "No impact of this dataset could be measured, so there is no trajectory to show; "
+            "left_out.csv gives the reasons."
+        )
+    ordered = arcs.sort_values(["trial", "impact"], kind="stable")
+    measured = ordered.assign(used=ordered["used"].astype(int)).groupby("trial")["used"]
+    leading = measured.cumprod().groupby(ordered["trial"]).sum().clip(upper=LEADING)
+    if leading.max() == 0:  # no trial measures its first impact: the one with the most impacts measured
+        leading = measured.sum()
+    return int(leading.index[np.argmax(leading.to_numpy())])
+
+
+def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity: float) -> np.ndarray:
+    """Velocities (n, 3) at the samples of one trial, from the neighbours between the same two impacts.
+
+    Args:
+        t: (n,) s, increasing.
+        pose: (n, 3) x, y, θ.
+        hits: instants of all impacts in s, measurable or not.
+        gravity: m/s².
+
+    Samples with fewer than three neighbours on their stretch get NaN.
+    """
+    stretch = np.searchsorted(np.sort(hits), t)
+    first, last = np.searchsorted(stretch, stretch), np.searchsorted(stretch, stretch, side="right")
+    row = np.arange(len(t))
+    low, high = np.maximum(first, row - HALF_WINDOW), np.minimum(last, row + HALF_WINDOW + 1)
+    straight = pose.copy()
+    straight[:, 1] += 0.5 * gravity * t**2  # free flight becomes a line
+    start = straight.mean(axis=0), t.mean()
+    q, s = straight - start[0], t - start[1]  # keeps the running sums small
+
+    def windowed(values: np.ndarray) -> np.ndarray:
+        total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+        return total[high] - total[low]
+
+    n = (high - low)[:, None].astype(float)
+    sum_s, sum_ss = windowed(s[:, None]), windowed(s[:, None] ** 2)
+    slope = n * windowed(s[:, None] * q) - sum_s * windowed(q)
+    spread = n * sum_ss - sum_s**2
+    velocity = np.divide(slope, spread, out=np.full_like(slope, np.nan), where=n >= 4)
+    velocity[:, 1] -= gravity * t
+    return velocity
+
+
+def energies(pose: np.ndarray, velocity: np.ndarray, dataset: Dataset) -> np.ndarray:
+    """Potential, kinetic and total energy (n, 3) in J, or J/kg where the dataset gives no mass.
+
+    The potential energy is that above the lowest touching pose of the body.
+    """
+    rest = rest_height(dataset.shape, dataset.height)
+    mass = 1.0 if dataset.mass is None else dataset.mass
+    potential = mass * dataset.gravity * (pose[:, 1] - rest)
+    kinetic = 0.5 * mass * np.sum((velocity * [1.0, 1.0, dataset.k_g]) ** 2, axis=1)
+    return np.stack([potential, kinetic, potential + kinetic], axis=1)
