@@ -32,8 +32,8 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops import criticise
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.proof.cases import NOTHING, Case, make
 from thesis_lib.critique.proof.results import is_right

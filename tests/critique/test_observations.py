@@ -8,8 +8,9 @@ from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import LAW, TRUTH, drops, observed
 
 from thesis_lib.critique.drops.flights import MIN_FLIGHT
-from thesis_lib.critique.drops.model import Model, states_at_impact
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.datasets.format.dataset import Dataset
 
 GRAVITY = 9.81

@@ -9,8 +9,8 @@ import pytest
 from small_critique import drops, small_critique
 
 from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change
-from thesis_lib.critique.drops.model import states_at_impact
 from thesis_lib.critique.drops.questions.where import where
+from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.results import numbers
 from thesis_lib.figures.critique import residuals
 from thesis_lib.figures.critique.data import trials_to_show

@@ -13,10 +13,10 @@ from threadpoolctl import threadpool_limits
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.held_out import Judgement
-from thesis_lib.critique.drops.model import states_at_impact
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.remaining import Remaining, remaining
+from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
 from thesis_lib.critique.selection.search import judge_held_out, paired_gain, search, split

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import states_at_impact
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import states_at_impact
 
 FEATURES = {
     "v_t": ("m/s", "tangential velocity of the contact point before impact"),
@@ -22,7 +22,7 @@ FEATURES = {
 def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
     """Features of each impact, columns as in `FEATURES`; t only from trajectories."""
     before, _ = states_at_impact(fitted.model, fitted.values, observations)
-    true = fitted.model.to_true(before, fitted.model.own(fitted.values), observations.rig)
+    true = fitted.model.to_true(before, fitted.model.active(fitted.values), observations.rig)
     r = observations.rig.shape.contact_point(true.theta)
     table = pd.DataFrame(
         {

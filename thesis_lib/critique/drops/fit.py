@@ -16,15 +16,15 @@ from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 from scipy.stats import chi2
 
-from thesis_lib.critique.drops.model import (
-    Model,
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import (
     components,
     flight_residuals,
     impact_residuals,
     residual_covariance,
     states_at_impact,
 )
-from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects.effect import Effect
 
 NU = 8.0

@@ -14,8 +14,8 @@ import numpy as np
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.fit import Fit, fit, log_scores
-from thesis_lib.critique.drops.model import flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.statistics.spread import robust_std
 

@@ -12,8 +12,8 @@ import numpy as np
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import impact_residuals
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.selection.remaining import Remaining
 from thesis_lib.statistics.spread import robust_std
 

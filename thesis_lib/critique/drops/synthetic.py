@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.model import ARC_MEAN, Model, flight_residuals, states_at_impact
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import ARC_MEAN, flight_residuals, states_at_impact
 
 
 def synthesise(
@@ -24,11 +25,11 @@ def synthesise(
     """Observations drawn from `model` at `values`; `scatter` adds σ_m (m/s) to the velocity after impact."""
     o, rig = observations, observations.rig
     before, _ = states_at_impact(model, values, o)
-    own = model.own(values)
+    active = model.active(values)
     if o.arcs:
         # the body touches: put its measured height where the model's gap wants it
-        true = model.to_true(before, own, rig)
-        raised = model.to_measured(true.moved(y=true.y - model.gap(true, values, rig)), own, rig)
+        true = model.to_true(before, active, rig)
+        raised = model.to_measured(true.moved(y=true.y - model.gap(true, values, rig)), active, rig)
         before = before.moved(y=raised.y)
     after = model.predict(before, values, rig, o.offset)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]
@@ -38,7 +39,7 @@ def synthesise(
         pose, speed = state.q, state.v
         if side == 1 and o.arcs:
             jump = np.zeros((len(o), 3))
-            for effect, p in own:
+            for effect, p in active:
                 jump = effect.meet(jump, before, after, p)
             # the camera sees the pose of before, and a jump: what `after` holds of it counts once
             pose = before.q + jump

@@ -12,8 +12,9 @@ import numpy as np
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
 from thesis_lib.critique.drops.fit import NU, ROUNDS, Fit, Whitening, fit
 from thesis_lib.critique.drops.held_out import Judgement, cross_validate, is_material, judge
-from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, residual_covariance
+from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import residual_covariance
 from thesis_lib.critique.drops.synthetic import synthesise
 from thesis_lib.critique.selection.search import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings

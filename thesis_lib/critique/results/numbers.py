@@ -24,7 +24,8 @@ from thesis_lib.contact.space import contact_space, measured_impulse, residual_c
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import BASE_PARAMETERS, impact_residuals, states_at_impact
+from thesis_lib.critique.drops.model import BASE_PARAMETERS
+from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects import EFFECTS
 

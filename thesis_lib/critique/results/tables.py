@@ -29,7 +29,7 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
 from thesis_lib.critique.drops.held_out import Judgement
-from thesis_lib.critique.drops.model import impact_residuals, residual_covariance
+from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.synthetic import synthesise
 from thesis_lib.critique.selection.search import paired_gain

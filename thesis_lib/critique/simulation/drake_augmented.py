@@ -156,8 +156,8 @@ class _Drops:
         return pd.concat(legs, ignore_index=True)
 
     def _seen(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> pd.DataFrame:
-        own = self.camera.own(self.saved.values)
-        seen = self.camera.to_measured(_state(q, v, t, trial), own, self.rig)
+        active = self.camera.active(self.saved.values)
+        seen = self.camera.to_measured(_state(q, v, t, trial), active, self.rig)
         return pd.DataFrame({"trial": trial, "t": t, "x": seen.x, "y": seen.y, "theta": seen.theta})
 
 

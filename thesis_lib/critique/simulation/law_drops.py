@@ -54,7 +54,7 @@ def simulate_law_drops(
     alive = np.ones(n, bool)
     pose = np.full((n, samples, 3), np.nan)
     for k in range(samples):
-        seen = camera.to_measured(state, camera.own(values), rig)
+        seen = camera.to_measured(state, camera.active(values), rig)
         pose[alive, k] = seen.q[alive]
         for _ in range(SUBSTEPS):
             state = _step(inner, values, rig, state, h, alive)

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise, Surface
-from thesis_lib.critique.drops.model import states_at_impact
 from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.law_drops import Releases, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
@@ -129,7 +129,7 @@ def measured_releases(
     q, v = before.q, before.v
     q, v = q - v * T[:, None] + 0.5 * a * T[:, None] ** 2, v - a * T[:, None]
     start = State.of(q, v, before.trial, np.zeros(len(T)))
-    true = model.model.to_true(start, model.model.own(model.values), o.rig)
+    true = model.model.to_true(start, model.model.active(model.values), o.rig)
     above = true.y - o.rig.height
     good = np.isfinite(above) & (model.rig.shape.gap(above, true.theta) > 0.0)
     if not good.any():

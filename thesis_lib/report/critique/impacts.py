@@ -25,8 +25,8 @@ from thesis_lib.contact.space import contact_space, energy_ellipse, measured_imp
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import impact_residuals
 from thesis_lib.critique.drops.questions.class_tests import velocities
+from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
 from thesis_lib.pages import FOLDER

@@ -102,12 +102,12 @@ class AugmentedBase:
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
         """Measured velocity (n, 3) of impacts whose contact sees v_post."""
         m = self.model
-        own = m.model.own(m.values)
+        active = m.model.active(m.values)
         state, *_ = m.model.contact(_state(impacts), m.values, m.believed)
         after = state.with_velocity(v_post)
-        for effect, p in reversed(own):
+        for effect, p in reversed(active):
             after = effect.from_contact(after, p, m.believed)
-        return m.model.to_measured(after, own, m.believed).v
+        return m.model.to_measured(after, active, m.believed).v
 
     def _offset(self, impacts: Impacts) -> np.ndarray:
         """Contact points as given minus those of the shape, (n, 2) m: what measured points add to the shape."""

@@ -20,13 +20,13 @@ from scipy.stats import f as f_distribution
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import (
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import (
     impact_residuals,
     noise_covariance,
     residual_covariance,
     states_at_impact,
 )
-from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.statistics.spread import robust_std
 
 SIGMAS = 3.0  # beyond which an impact counts as outside a class

@@ -21,7 +21,8 @@ import numpy as np
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Whitening
-from thesis_lib.critique.drops.model import Model, flight_residuals, impact_residuals, residual_covariance
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95

@@ -19,7 +19,7 @@ import pandas as pd
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.model import flight_residuals
+from thesis_lib.critique.drops.residuals import flight_residuals
 from thesis_lib.effects.effect import Rig
 
 FLIGHT_UNITS = {
@@ -36,7 +36,7 @@ def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
 
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
     """Features of each flight, columns as in `FLIGHT_UNITS`; see foundation/columns.yaml."""
-    true = fitted.model.to_true(flights.state, fitted.model.own(fitted.values), rig)
+    true = fitted.model.to_true(flights.state, fitted.model.active(fitted.values), rig)
     return pd.DataFrame(
         {
             "v_x": true.vx,

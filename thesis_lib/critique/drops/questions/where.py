@@ -22,7 +22,6 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES, features
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import (
@@ -31,6 +30,7 @@ from thesis_lib.critique.drops.questions.flight_residuals import (
     misfit,
     relative_residuals,
 )
+from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance
 from thesis_lib.foundation.rounding import six_digits
 
 PERMUTATIONS = 499

@@ -1,0 +1,169 @@
+"""Residuals of everything that is measured, and their covariance.
+
+For each impact the residual has up to seven components: velocity after impact, measured minus predicted (3, "impact"),
+pose after minus before (3, "meet") and gap at impact (1, "touch"); the last four need trajectories.  For each flight it
+has three, acceleration measured minus predicted ("flight").
+
+The covariance of the residual is that of *all* data in it, the inputs of the law included (they are measured too):
+
+    S = A C Aᵀ + κ² w wᵀ + σ_m² D,    A = ∂R/∂data,  w = ∂R/∂t_c,  D = diag(1, 1, 1/k²) on the impact components
+
+A by secants over one standard deviation of each datum, so that a kink of the law between sticking and sliding counts
+with the share of it that the noise reaches; κ wide, because the instant of impact is not known beforehand; σ_m is
+scatter that neither noise nor model explain.
+"""
+
+from collections.abc import Callable, Mapping
+from itertools import product
+
+import numpy as np
+from scipy.special import roots_gegenbauer
+
+from thesis_lib.critique.drops.flights import Flights
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.effects.effect import Rig, State
+
+INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
+ARC_POINTS = 33  # of a flight, at which its path is compared with a parabola
+# a line through τ³/6 on [−W, 0] has the slope 0.15 W², as if the acceleration were that at −0.3 W; the line's own slope
+# is the velocity at −0.5 W
+ARC_MEAN = 0.6
+_PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
+_PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
+_H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
+
+
+def components(observations: Observations) -> int:
+    """Residual components of an impact: 7 with trajectories, else 3."""
+    return 7 if observations.arcs else 3
+
+
+def states_at_impact(
+    model: Model,
+    values: Mapping[str, float],
+    observations: Observations,
+) -> tuple[State, State]:
+    """Measured states just before and just after impact, extrapolated with the model's flight."""
+    o, value, slope = observations, observations.value, observations.slope
+    sides = []
+    for side in (0, 1):
+        state = State.of(value[:, side], slope[:, side], o.trial, o.t)
+        if o.arcs:
+            a = model.acceleration(state, values, o.rig)
+            if model.has_varying_flight:
+                v = slope[:, side] - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
+                a = model.acceleration(state.with_velocity(v), values, o.rig)
+            q = value[:, side] - o.bow[:, side, :1] * a
+            v = slope[:, side] - o.bow[:, side, 1:] * a
+            state = State.of(q, v, o.trial, o.t)
+            beyond = model.arc(o.nodes[:, side], state, values, o.rig)
+            if beyond is not None:
+                line = o.weights[:, side] @ beyond
+                state = State.of(q - line[:, 0], v - line[:, 1], o.trial, o.t)
+        sides.append(state)
+    return sides[0], sides[1]
+
+
+def impact_residuals(
+    model: Model,
+    values: Mapping[str, float],
+    observations: Observations,
+    states: tuple[State, State] | None = None,
+) -> np.ndarray:
+    """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m).
+
+    `states` are those of `states_at_impact` where they are known already.
+    """
+    o, rig = observations, observations.rig
+    before, after = states or states_at_impact(model, values, o)
+    predicted = model.predict(before, values, rig, o.offset)
+    residual = [after.vx - predicted.vx, after.vy - predicted.vy, after.omega - predicted.omega]
+    if o.arcs:
+        active = model.active(values)
+        jump = np.zeros((len(o), 3))
+        for effect, p in active:
+            jump = effect.meet(jump, before, after, p)
+        residual += [after.x - before.x - jump[:, 0], after.y - before.y - jump[:, 1]]
+        residual += [after.theta - before.theta - jump[:, 2]]
+        residual.append(model.gap(model.to_true(before, active, rig), values, rig))
+    return np.stack(residual, axis=1)
+
+
+def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
+    """Acceleration measured minus predicted, (m, 3)."""
+    state = flights.state
+    predicted = model.acceleration(state, values, rig)
+    if model.has_varying_flight:
+        # a parabola through x(τ) has the mean of x'' with the weight (1 − (2τ/T)²)²
+        first, total = predicted, 0.0
+        for node, weight in zip(*_PARABOLA):
+            tau = 0.5 * node * flights.span[:, None]
+            later = state.with_velocity(state.v + tau * first)
+            total = total + weight * model.acceleration(later, values, rig)
+        predicted = total
+    tau = flights.span[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
+    beyond = model.arc(tau, flights.state, values, rig)
+    if beyond is not None:
+        # curvature of the parabola through what the path has beyond constant acceleration
+        square = tau**2 - (tau**2).mean(axis=1, keepdims=True)
+        predicted = predicted + 2.0 * np.einsum("nw,nwc->nc", square, beyond) / (square**2).sum(1)[:, None]
+    return flights.acceleration - predicted
+
+
+def residual_covariance(
+    model: Model,
+    values: Mapping[str, float],
+    observations: Observations,
+    instant: np.ndarray | float = INSTANT,
+) -> np.ndarray:
+    """S (n, m, m) without σ_m.
+
+    `instant` is κ in s: wide where S weighs residuals (the instant is then fitted), `t_std` where S says how large
+    residuals at the estimated instant are.
+    """
+    return noise_covariance(
+        lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc
+    )
+
+
+def noise_covariance(
+    statistic: Callable[[Observations], np.ndarray],
+    observations: Observations,
+    instant: np.ndarray | float,
+    with_samples: bool,
+) -> np.ndarray:
+    """Covariance (n, m, m) that the noise of all data gives to a statistic of n impacts, by secants (see above).
+
+    Args:
+        statistic: (n, m) of any observations.
+        observations: n impacts.
+        instant: κ in s.
+        with_samples: whether the statistic looks at `nodes` and `weights`.
+    """
+    o, n = observations, len(observations)
+    std = np.sqrt(np.einsum("nsckk->nsck", o.cov))
+    step = np.where(std > 0.0, std, 1e-6)
+    data = list(product((0, 1), range(3), (0, 1)))  # side, channel, and value (0) or slope (1) of its line
+    # all secants in one call of the statistic, on copies of the impacts: two for each of the data, in which it is
+    # moved up and down, and two for the instant, as measured and a moment later
+    copies = o.tiled(2 * len(data) + 2, with_samples)
+    lines = [array.reshape(-1, n, 2, 3) for array in (copies.value, copies.slope)]
+    for i, (side, channel, k) in enumerate(data):
+        lines[k][2 * i, :, side, channel] += step[:, side, channel, k]
+        lines[k][2 * i + 1, :, side, channel] -= step[:, side, channel, k]
+    lines[0][-1] += _H_INSTANT * o.slope
+    R = statistic(copies).reshape(2 * len(data) + 2, n, -1)
+
+    up, down, (here, later) = R[0:-2:2], R[1:-2:2], R[-2:]
+    secants = (up - down).reshape(2, 3, 2, n, -1)
+    S = np.zeros((n, R.shape[2], R.shape[2]))
+    for side, channel in product((0, 1), range(3)):
+        A = np.stack(list(secants[side, channel]), axis=1) / (
+            2.0 * step[:, side, channel, :, None]
+        )  # (n, 2, m)
+        S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
+    if o.arcs:
+        w = (later - here) / _H_INSTANT
+        S += np.broadcast_to(instant, n)[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
+    return S
