@@ -1,8 +1,6 @@
 """The proof's tables: what is written is read back, runs at once lose nothing, and a check says what moved."""
 
-import shutil
-import subprocess
-import sys
+import multiprocessing
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +11,10 @@ from stored_proof import error, parameter, put, refuse, row_of
 from thesis_lib.critique.proof import __main__ as command
 from thesis_lib.critique.proof import check as proof_check
 from thesis_lib.critique.proof import compute as proof_compute
+from thesis_lib.critique.proof import sizes as proof_sizes
 from thesis_lib.critique.proof.cases import NOTHING, SEEDS, SOURCES, Case
 from thesis_lib.critique.proof.check import AGREES, DIFFERS, MOVES, check, compare, rerun, rows_to_check
 from thesis_lib.critique.proof.compute import code_hash, compute
-from thesis_lib.critique.proof.sizes import CONFIG
 from thesis_lib.critique.proof.store import STORE, put_row, read_rows, write_rows
 from thesis_lib.foundation.errors import UserError
 
@@ -59,16 +57,17 @@ class TestStore:
         assert read_rows("law", tmp_path)[WEAR].named == ""
 
     def test_two_runs_at_once_lose_no_row(self, tmp_path):
-        code = (
-            "import sys; from pathlib import Path; from thesis_lib.critique.proof.store import put_row\n"
-            "from thesis_lib.critique.proof.compute import Row; from thesis_lib.critique.proof.cases import Case\n"
-            "for i in range(15): put_row(Row(Case('law', 'wear', int(sys.argv[1]) + i), 'adequate'), Path(sys.argv[2]))"
-        )
-        runs = [
-            subprocess.Popen([sys.executable, "-c", code, str(first), tmp_path]) for first in (1000, 2000)
-        ]
-        assert [run.wait() for run in runs] == [0, 0]
-        assert len(read_rows("law", tmp_path)) == 30
+        def store_many(first: int) -> None:
+            for seed in range(first, first + 40):
+                put(tmp_path, replace(WEAR, seed=seed))
+
+        fork = multiprocessing.get_context("fork")
+        runs = [fork.Process(target=store_many, args=(first,)) for first in (1000, 2000)]
+        for run in runs:
+            run.start()
+        for run in runs:
+            run.join()
+        assert len(read_rows("law", tmp_path)) == 80
         assert [path.name for path in tmp_path.iterdir()] == ["law.csv"]
 
 
@@ -203,13 +202,8 @@ class TestCommand:
         assert command.main(["run", "--truths", "phlogiston"]) == 1
         assert "is called phlogiston" in capsys.readouterr().err
 
-    def test_without_a_checkout_one_sentence_says_so(self, tmp_path):
-        shutil.copytree(CONFIG.parent / "thesis_lib", tmp_path / "thesis_lib")
-        told = subprocess.run(
-            [sys.executable, "-m", "thesis_lib.critique.proof", "table"],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-        )
-        assert told.returncode == 1 and told.stdout == ""
-        assert told.stderr.count("\n") == 1 and "needs a checkout of the project" in told.stderr
+    def test_without_a_checkout_one_sentence_says_so(self, tmp_path, monkeypatch, capsys):
+        monkeypatch.setattr(proof_sizes, "SIZES", tmp_path / "proof_sizes.json")
+        assert command.main(["table"]) == 1
+        told = capsys.readouterr()
+        assert told.out == "" and told.err.count("\n") == 1 and "needs a checkout of the project" in told.err

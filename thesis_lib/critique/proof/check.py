@@ -47,10 +47,9 @@ def check(
     Args:
         stamp: put what was computed, with today's hash, in the place of each row whose verdict and groups agree.
     """
-    rows = {source: read_rows(source, store) for source in SOURCES}
     passed = True
     for case in cases:
-        stored, again = rows[case.source][case], compute(case)
+        stored, again = read_rows(case.source, store)[case], compute(case)
         status, what = compare(stored, again)
         passed &= status == AGREES or (status == MOVES and not stored.code)
         tell(f"{case}: {status}{f' ({what})' if what else ''}")
@@ -88,32 +87,29 @@ def ages(store: Path = STORE) -> str:
     return "\n".join(lines) + "\n"
 
 
-def rerun(cases: Sequence[str], store: Path = STORE) -> pd.DataFrame:
-    """Compute the first dataset of each "source/truth" again: columns source, truth, verdict, agrees (0 or 1).
+def rerun(names: Sequence[str], store: Path = STORE) -> pd.DataFrame:
+    """Compute the first dataset of each "source/truth" again: columns source, truth, verdict, agrees (1).
 
     Raises:
-        UserError: a result is not stored; or a verdict, or what is named, is not the stored one.
+        UserError: a result is not stored, or says something else than it does now.
     """
-    table = []
-    for name in cases:
-        source, truth = name.split("/")
-        case = Case(source, truth, SEEDS)
-        stored = read_rows(source, store).get(case)
-        if stored is None:
-            raise UserError(
-                f"The proof holds no result of {name} to compare with. Make it with python -m "
-                f"thesis_lib.critique.proof run --source {source} --truths {truth}, or leave it out of "
-                "critique.proof in the configuration."
-            )
-        again = compute(case)
-        status, what = compare(stored, again)
-        if status == DIFFERS:
-            raise UserError(
-                f"The critique says something else than the stored proof on {case}: {what}. If the change is meant, "
-                f"delete the line in {Path(store) / source}.csv and run python -m thesis_lib.critique.proof run."
-            )
-        table.append({"source": source, "truth": truth, "verdict": again.verdict, "agrees": 1})
-    return pd.DataFrame(table, columns=["source", "truth", "verdict", "agrees"])
+    cases = [Case(source, truth, SEEDS) for source, truth in (name.split("/") for name in names)]
+    missing = [f"{case.source}/{case.truth}" for case in cases if case not in read_rows(case.source, store)]
+    if missing:
+        source, truth = missing[0].split("/")
+        raise UserError(
+            f"The proof holds no result of {', '.join(missing)} to compare with. Make it with python -m "
+            f"thesis_lib.critique.proof run --source {source} --truths {truth}, or leave it out of critique.proof in "
+            "the configuration."
+        )
+    lines: list[str] = []
+    if not check(cases, store, tell=lines.append):
+        raise UserError(
+            "\n".join(["The critique says something else than the stored proof:", *lines])
+            + f"\nIf it is meant, delete these lines in {store} and run python -m thesis_lib.critique.proof run."
+        )
+    rows = [(case.source, case.truth, read_rows(case.source, store)[case].verdict, 1) for case in cases]
+    return pd.DataFrame(rows, columns=["source", "truth", "verdict", "agrees"])
 
 
 def _numbers(row: Row) -> dict[str, float]:
