@@ -18,14 +18,14 @@ from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.effects.effect import Rig
-from thesis_lib.residual.belief.compliant_contact import CompliantContact, compliant_path
-from thesis_lib.residual.belief.contact_map import ContactMap, Regime, contact_features
-from thesis_lib.residual.belief.flight import first_touch, fly, thrown_body
-from thesis_lib.residual.belief.propagation import LearnedImpact, ScatteredLaw
-from thesis_lib.residual.belief.throw import LawImpact, ThrowSettings, simulate_throws
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.learners.learners import ImpulseLearner
+from thesis_lib.residual.throwing.compliant_contact import CompliantContact, compliant_path
+from thesis_lib.residual.throwing.contact_map import ContactMap, Regime, contact_features
+from thesis_lib.residual.throwing.flight import first_touch, fly, thrown_body
+from thesis_lib.residual.throwing.propagation import LearnedImpact, ScatteredLaw
+from thesis_lib.residual.throwing.throw import LawImpact, ThrowSettings, simulate_throws
 
 TRAINED = 450
 ALONE = 40  # particles thrown one at a time

@@ -24,7 +24,7 @@ from thesis_lib.identify.impacts.settings import ImpactForces, MeasuredRatio
 from thesis_lib.identify.settings import Programs, Table21, WheelStudy
 from thesis_lib.impact_study.settings import Chapter3
 from thesis_lib.jenga.play.settings import Chapter5
-from thesis_lib.residual.belief.settings import DiceStudySettings
+from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.learners.settings import LearningStudySettings
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.chapter2.scenes import SceneSettings

@@ -68,10 +68,11 @@ def dice(out: Path) -> None:
 
     from thesis_lib.foundation.files import write_json
     from thesis_lib.foundation.randomness import generator
-    from thesis_lib.residual.belief.settings import DiceFitSettings, ThrowSettings
-    from thesis_lib.residual.belief.throw import simulate_throws
     from thesis_lib.residual.dice.fit import fit_dice
+    from thesis_lib.residual.dice.settings import DiceFitSettings
     from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+    from thesis_lib.residual.throwing.settings import ThrowSettings
+    from thesis_lib.residual.throwing.throw import simulate_throws
 
     rng = generator(SEED, "dice")
     fitted, misfit = fit_dice(

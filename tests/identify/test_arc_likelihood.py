@@ -72,15 +72,21 @@ def test_derivatives_of_the_rows(kind, modes, rng):
     modes = None if modes is None else np.array([modes])
     model = ArcModel(s, drops.impacts[0].vertices[None], H, drops.body.shape, G, modes)
     u, eta = s.u + 0.1 * rng.normal(size=s.u.shape), np.array([[2.0, 0.5, 0.3]])
-    _, G_u, G_eta, way = model.rows(u, eta)
+    motion = model.motion(u)
+    travel = model.travel(motion)
+    G_u, G_eta = model.derivatives(motion, eta, travel)
+
+    def rows(u: np.ndarray, eta: np.ndarray) -> np.ndarray:
+        return model.rows(u, model.motion(u), eta, travel)
+
     for c, i in np.ndindex(3, u.shape[2]):
         du = np.zeros_like(u)
         du[0, c, i] = 1e-6
-        slope = (model.rows(u + du, eta, way)[0] - model.rows(u - du, eta, way)[0]) / 2e-6
+        slope = (rows(u + du, eta) - rows(u - du, eta)) / 2e-6
         np.testing.assert_allclose(G_u[:, :, c, i], slope, atol=1e-7)
     for i in range(3):
         d = 1e-6 * np.eye(3)[[i]]
-        slope = (model.rows(u, eta + d, way)[0] - model.rows(u, eta - d, way)[0]) / 2e-6
+        slope = (rows(u, eta + d) - rows(u, eta - d)) / 2e-6
         np.testing.assert_allclose(G_eta[:, :, i], slope, atol=1e-7)
 
 

@@ -16,8 +16,8 @@ from thesis_lib.identify.arm.parameters import (
     regressor,
 )
 from thesis_lib.identify.arm.shooting import (
+    Candidates,
     Extra,
-    Point,
     Shooting,
     Stage,
     _arrow_step,
@@ -208,7 +208,7 @@ def test_short_segments_draw_a_blind_start_near_the_truth(records, rng):
     stage = equal_segments(record.steps, 10)
     p = free_coordinates(2.0 * base_of(ARM), L1)[None]
     x = shooting.z[[start for start, _ in stage.segments]][None]
-    found = shooting.minimise(stage, Point(p, x, np.full(1, np.inf)), 20)
+    found = shooting.minimise(stage, Candidates(p, x, np.full(1, np.inf)), 20)
     assert np.abs(from_free(found.p[0], L1) / base_of(ARM) - 1.0).max() < 0.3
 
 

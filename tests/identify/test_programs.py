@@ -17,7 +17,7 @@ from thesis_lib.identify.programs.result import (
     dynamics_residual,
     judged,
 )
-from thesis_lib.identify.programs.study import SUCCESS, Case, Study, cases, study
+from thesis_lib.identify.programs.study import SUCCESS, ProgramRun, TrueWindow, cases, study
 from thesis_lib.simulate.chapter2.motions import block
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import simulate
@@ -27,7 +27,7 @@ STARTS = 4
 
 
 @pytest.fixture(scope="module")
-def drops() -> list[Case]:
+def drops() -> list[TrueWindow]:
     return cases("block", 30, 3, np.random.default_rng(0))
 
 
@@ -44,9 +44,9 @@ def noisy() -> ContactWindow:
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_every_program_recovers_inertia_and_forces_from_random_starts(
-    drops: list[Case], program: str
+    drops: list[TrueWindow], program: str
 ) -> None:
-    row = study(Study(program, "snopt"), "block", drops, STARTS, np.random.default_rng(1))
+    row = study(ProgramRun(program, "snopt"), "block", drops, STARTS, np.random.default_rng(1))
     assert row["n_success"] == row["n_starts"] == 3 * STARTS
     assert row["n_false_claims"] == 0
 
@@ -55,11 +55,11 @@ def test_every_program_recovers_inertia_and_forces_from_random_starts(
 @pytest.mark.parametrize("n_steps", [10, 100, 300])
 def test_equation_2_14_succeeds_at_every_length(kind: str, n_steps: int) -> None:
     windows = cases(kind, n_steps, 2, np.random.default_rng(n_steps))
-    row = study(Study("2.14", "snopt"), kind, windows, 3, np.random.default_rng(2))
+    row = study(ProgramRun("2.14", "snopt"), kind, windows, 3, np.random.default_rng(2))
     assert row["n_success"] == 6, row
 
 
-def test_ipopt_cross_checks_snopt(drops: list[Case]) -> None:
+def test_ipopt_cross_checks_snopt(drops: list[TrueWindow]) -> None:
     for case in drops:
         found = identify(case.window, "2.14", solver="ipopt", warm_start=False, rng=np.random.default_rng(3))
         assert found.solver == "ipopt" and found.solved
@@ -93,7 +93,7 @@ def test_convex_form_is_the_programs_global_minimum(noisy: ContactWindow, progra
     assert min(costs) > convex.cost * (1.0 - CONVEX_AGREEMENT)
 
 
-def test_edges_are_priced_by_the_complementarity_they_break(drops: list[Case]) -> None:
+def test_edges_are_priced_by_the_complementarity_they_break(drops: list[TrueWindow]) -> None:
     window = drops[0].window
     k, i = np.argwhere(window.touching)[0]
     slides = window.v_t.copy()
@@ -107,7 +107,7 @@ def test_edges_are_priced_by_the_complementarity_they_break(drops: list[Case]) -
     assert every.price[here & (every.sign > 0)][0] > 0.0
 
 
-def test_a_solvers_word_does_not_count_without_residuals(drops: list[Case]) -> None:
+def test_a_solvers_word_does_not_count_without_residuals(drops: list[TrueWindow]) -> None:
     case = drops[0]
     truth = judged(case.window, "2.14", "x", True, case.theta, case.c_n, case.c_t, 0.0, 0.0)
     assert truth.status is SolveStatus.SOLVED
@@ -122,7 +122,7 @@ def test_a_solvers_word_does_not_count_without_residuals(drops: list[Case]) -> N
     assert nothing.status is SolveStatus.SOLVER_FAILED
 
 
-def test_residuals_see_each_violation(drops: list[Case]) -> None:
+def test_residuals_see_each_violation(drops: list[TrueWindow]) -> None:
     case = drops[0]
     assert dynamics_residual(case.window, case.theta, case.c_n, case.c_t) < 1e-12
     assert complementarity_residual(case.window, case.c_n, case.c_t) < 1e-9
@@ -132,7 +132,7 @@ def test_residuals_see_each_violation(drops: list[Case]) -> None:
     assert complementarity_residual(case.window, -case.c_n, case.c_t) > 0.1  # pulling
 
 
-def test_warm_start_needs_no_luck_and_random_starts_are_counted(drops: list[Case]) -> None:
+def test_warm_start_needs_no_luck_and_random_starts_are_counted(drops: list[TrueWindow]) -> None:
     found = identify(drops[0].window, starts=3, rng=np.random.default_rng(0))
     assert found.solved and found.n_starts == 3 and found.n_solved == 3
     assert identify(drops[0].window).n_starts == 1
@@ -158,7 +158,7 @@ def test_projection_makes_the_manifold_exact_and_strict_programs_usable() -> Non
     assert found.c_n.ravel()[impact] == pytest.approx(record.c_n.ravel()[impact], rel=0.2)
 
 
-def test_no_contact_in_the_window_is_said(drops: list[Case]) -> None:
+def test_no_contact_in_the_window_is_said(drops: list[TrueWindow]) -> None:
     record = simulate(block(), [0.0, 5.0, 0.4], [0.3, 0.0, 2.0], None, 5e-3, 30, 0.7, 0.6)
     with pytest.raises(UserError, match="no contact and no known force"):
         identify(free_body_window(record, 0.7, known={"m": 1.0}))
@@ -186,7 +186,7 @@ def test_ipopt_is_not_asked_for_more_equations_than_unknowns() -> None:
 
 
 def test_missing_solvers_are_said_and_ipopt_stands_in(
-    drops: list[Case], monkeypatch: pytest.MonkeyPatch
+    drops: list[TrueWindow], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(programs, "available", lambda solver: solver == "ipopt")
     with pytest.raises(UserError, match="no SNOPT"):
@@ -198,7 +198,7 @@ def test_missing_solvers_are_said_and_ipopt_stands_in(
 
 
 def test_ipopt_takes_over_from_a_start_at_which_snopt_fails(
-    drops: list[Case], monkeypatch: pytest.MonkeyPatch
+    drops: list[TrueWindow], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case, whole = drops[0], ContactProgram.answer
 
@@ -215,7 +215,7 @@ def test_ipopt_takes_over_from_a_start_at_which_snopt_fails(
     assert only.claimed and not only.solved and only.n_solved == 0
 
 
-def test_wrong_arguments_are_said(drops: list[Case]) -> None:
+def test_wrong_arguments_are_said(drops: list[TrueWindow]) -> None:
     window = drops[0].window
     with pytest.raises(UserError, match="no program"):
         identify(window, "2.15")

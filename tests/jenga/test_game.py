@@ -11,7 +11,7 @@ from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.jenga.play import game as playing
 from thesis_lib.jenga.play.game import Game, block_order, play, read_game, write_game
 from thesis_lib.jenga.play.policies import AlwaysPush, Rule
-from thesis_lib.jenga.robot.primitives import Outcome
+from thesis_lib.jenga.robot.primitives import PrimitiveOutcome
 from thesis_lib.jenga.robot.samples import FREE, STUCK
 from thesis_lib.jenga.tower.settings import RobotSettings, Setup, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, REACHABLE, TowerError
@@ -98,13 +98,13 @@ class MadeGripper:
 
     def extract(self, block):
         if self.tower.kind(block) == LOST:
-            return Outcome(False, "lost from the jaws", 0.0, 0.0, True)
+            return PrimitiveOutcome(False, "lost from the jaws", 0.0, 0.0, True)
         self.held = block
-        return Outcome(True, "", 0.0, 0.0, False)
+        return PrimitiveOutcome(True, "", 0.0, 0.0, False)
 
     def place(self, rng):
         self.held = None
-        return Outcome(True, "", 0.0, 0.0, False)
+        return PrimitiveOutcome(True, "", 0.0, 0.0, False)
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.residual.belief.belief import GaussianMixture, RestBelief, covariance_root, through_dynamics
+from thesis_lib.residual.throwing.belief import GaussianMixture, RestBelief, covariance_root, through_dynamics
 
 
 def mixture() -> GaussianMixture:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.residual.belief.calibration import (
+from thesis_lib.residual.throwing.calibration import (
     coverage_table,
     crps,
     crps_of_mixture,

@@ -14,17 +14,18 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.residual.belief.flight import first_touch
-from thesis_lib.residual.belief.settings import DiceDataSettings, DiceStudySettings, ThrowSettings
-from thesis_lib.residual.belief.throw import LawImpact, simulate_throws, state_at
 from thesis_lib.residual.dice.data import read_throws
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.limit import noise_limit
 from thesis_lib.residual.dice.models import critique_model, leave_one_out, scattered
 from thesis_lib.residual.dice.results import dice_tables, examples, over_splits
+from thesis_lib.residual.dice.settings import DiceDataSettings, DiceStudySettings
 from thesis_lib.residual.dice.study import dice_study, side_of
 from thesis_lib.residual.dice.tables import contact_pits, difficulty, spread
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.residual.throwing.flight import first_touch
+from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.residual.throwing.throw import LawImpact, simulate_throws, state_at
 
 MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.15, 0.45, 9.81, c_v=0.35, c_w=0.35)
 SIGMA = np.array([1e-4, 1e-4, 1e-3])

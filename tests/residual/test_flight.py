@@ -7,7 +7,7 @@ from throws_for_tests import HALF, RIG, starts
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.residual.belief.flight import TOUCH, ThrownBody, first_touch, fly, thrown_body
+from thesis_lib.residual.throwing.flight import TOUCH, ThrownBody, first_touch, fly, thrown_body
 
 
 @pytest.mark.parametrize("drag", [(0.0, 0.0), (0.5, 0.7)])

@@ -9,12 +9,12 @@ from impacts_for_tests import K_G, MASS, SHAPE, made_impacts
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.residual.belief.belief import through_dynamics
 from thesis_lib.residual.learners.bases import AugmentedBase, LawBase
 from thesis_lib.residual.learners.feasible import feasible
 from thesis_lib.residual.learners.features import velocity_after
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
 from thesis_lib.residual.learners.learners import FeasibleLearner, ImpulseLearner, LawLearner, learners
+from thesis_lib.residual.throwing.belief import through_dynamics
 
 LAW = "anitescu_potra_newton"
 FAST = GaussianProcessSettings(restarts=1, iterations=40, device="cpu")

@@ -7,12 +7,7 @@ import pytest
 from throws_for_tests import HALF, RIG, throws
 
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.belief.belief import covariance_root
-from thesis_lib.residual.belief.flight import first_touch, fly
-from thesis_lib.residual.belief.propagation import LearnedImpact, Sampled, ScatteredLaw
-from thesis_lib.residual.belief.settings import DiceStudySettings, ThrowSettings
-from thesis_lib.residual.belief.throw import state_at
-from thesis_lib.residual.dice.data import Contacts, Releases
+from thesis_lib.residual.dice.data import MeasuredContacts, Releases
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.mixture_belief import (
     first_contact_scores,
@@ -21,9 +16,15 @@ from thesis_lib.residual.dice.mixture_belief import (
     propagate,
 )
 from thesis_lib.residual.dice.models import Thrower
+from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
 from thesis_lib.residual.learners.learners import ImpulseLearner
+from thesis_lib.residual.throwing.belief import covariance_root
+from thesis_lib.residual.throwing.flight import first_touch, fly
+from thesis_lib.residual.throwing.propagation import LearnedImpact, Sampled, ScatteredLaw
+from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.residual.throwing.throw import state_at
 
 MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.15, 0.45, 9.81, d_theta=-0.03, c_v=0.4, c_w=0.6)
 BODY, LAW = MODEL.body, MODEL.impact
@@ -122,7 +123,7 @@ def measured(n, scatter):
         for x in ((q + turn, v), (q_end + turn, v_end))
     )
     index = np.arange(n)
-    contacts = Contacts(index, index >= 0, state[:, :3], state[:, 3:], end[:, :3], end[:, 3:], span)
+    contacts = MeasuredContacts(index, index >= 0, state[:, :3], state[:, 3:], end[:, :3], end[:, 3:], span)
     releases = Releases(
         index, state[:, :3], state[:, 3:], np.tile(START, (n, 1, 1)), end[:, :3], {}, np.ones(3)
     )

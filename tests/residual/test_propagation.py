@@ -7,16 +7,17 @@ import pytest
 from throws_for_tests import BODY, HALF, RIG, throws
 
 from thesis_lib.contact import LAWS
-from thesis_lib.residual.belief.belief import covariance_root
-from thesis_lib.residual.belief.compliant_contact import CompliantContact
-from thesis_lib.residual.belief.flight import first_touch, fly
-from thesis_lib.residual.belief.propagation import Sampled, ScatteredLaw, draw, wrench_map
-from thesis_lib.residual.belief.settings import DiceFitSettings, DiceStudySettings, ThrowSettings
-from thesis_lib.residual.belief.throw import LawImpact, push, simulate_throws
-from thesis_lib.residual.dice.data import Contacts, Flights, flight_drag
+from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, flight_drag
 from thesis_lib.residual.dice.fit import DiceModel, cma_es, contact_path, fit_dice
 from thesis_lib.residual.dice.models import contact_map, train_missed
+from thesis_lib.residual.dice.settings import DiceFitSettings, DiceStudySettings
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
+from thesis_lib.residual.throwing.belief import covariance_root
+from thesis_lib.residual.throwing.compliant_contact import CompliantContact
+from thesis_lib.residual.throwing.flight import first_touch, fly
+from thesis_lib.residual.throwing.propagation import Sampled, ScatteredLaw, draw, wrench_map
+from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.residual.throwing.throw import LawImpact, push, simulate_throws
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.5, RIG.k_g)
 WIDE = np.diag([0.2, 0.2, 0.005]) ** 2
@@ -32,7 +33,7 @@ def touching(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return q, v, BODY.contact_point(q[:, 2], corner), np.zeros(n, bool)
 
 
-def made_contacts(model: DiceModel, n: int, twist: float = 0.0) -> Contacts:
+def made_contacts(model: DiceModel, n: int, twist: float = 0.0) -> MeasuredContacts:
     """Contacts that a model makes, measured without noise; `twist` adds v_x and spin in proportion to the speed."""
     q, v = throws(n, seed=7)
     body = model.body
@@ -44,7 +45,9 @@ def made_contacts(model: DiceModel, n: int, twist: float = 0.0) -> Contacts:
     extra = twist * speed * np.sin(4 * before_q[:, 2])
     after_v = after_v + extra[:, None] * [1.0, 0.0, 1.0 / model.k_g]
     turn = np.array([0.0, 0.0, model.d_theta])
-    return Contacts(np.arange(n), np.ones(n, bool), before_q + turn, before_v, after_q + turn, after_v, span)
+    return MeasuredContacts(
+        np.arange(n), np.ones(n, bool), before_q + turn, before_v, after_q + turn, after_v, span
+    )
 
 
 def test_samples_neither_penetrate_nor_gain_energy_and_rejections_are_counted():
@@ -177,4 +180,4 @@ def test_drag_of_flights_is_recovered_whatever_their_length():
     rng = np.random.default_rng(0)
     q, v = throws(50)
     at, u = fly(body, q, v, rng.uniform(0.05, 0.3, 50))
-    assert flight_drag(Flights(np.arange(50), at - q, u - v)) == pytest.approx((0.4, 0.6))
+    assert flight_drag(LongFlights(np.arange(50), at - q, u - v)) == pytest.approx((0.4, 0.6))

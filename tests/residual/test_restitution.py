@@ -4,24 +4,24 @@ import numpy as np
 import pytest
 from throws_for_tests import throws
 
-from thesis_lib.residual.belief.compliant_contact import CompliantContact
-from thesis_lib.residual.belief.flight import first_touch, fly
-from thesis_lib.residual.belief.settings import ThrowSettings
-from thesis_lib.residual.dice.data import Contacts
+from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.fit import DiceModel, contact_path
 from thesis_lib.residual.dice.restitution import restitution
+from thesis_lib.residual.throwing.compliant_contact import CompliantContact
+from thesis_lib.residual.throwing.flight import first_touch, fly
+from thesis_lib.residual.throwing.settings import ThrowSettings
 
 LAW = DiceModel(0.03, 0.0, 0.0, 0.0245, "anitescu_potra_newton", 0.1, 0.45, 9.81, d_theta=-0.02)
 
 
-def contacts_of(model: DiceModel) -> Contacts:
+def contacts_of(model: DiceModel) -> MeasuredContacts:
     q, v = throws(200)
     t, _ = first_touch(model.body, q, v)
     q, v = fly(model.body, q, v, t - 0.002)
     span = np.full(200, 0.01)
     after_q, after_v = contact_path(model, q, v, span, ThrowSettings())
     turn = [0.0, 0.0, model.d_theta]
-    return Contacts(np.arange(200), np.ones(200, bool), q + turn, v, after_q + turn, after_v, span)
+    return MeasuredContacts(np.arange(200), np.ones(200, bool), q + turn, v, after_q + turn, after_v, span)
 
 
 def test_newtons_restitution_is_read():

@@ -4,7 +4,7 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.effects.effect import Rig
-from thesis_lib.residual.belief.flight import thrown_body
+from thesis_lib.residual.throwing.flight import thrown_body
 
 HALF = 0.03
 SQUARE = Polygon(vertices=((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HALF, -HALF)))

@@ -33,8 +33,8 @@ from thesis_lib.identify.arm.parameters import NAMES, free_coordinates, from_fre
 from thesis_lib.identify.arm.settings import ArmFitSettings
 from thesis_lib.identify.arm.shooting import (
     ArmData,
+    Candidates,
     Extra,
-    Point,
     Shooting,
     Stage,
     equal_segments,
@@ -54,37 +54,24 @@ DEFAULT_FIT = ArmFitSettings()
 
 @dataclass(frozen=True)
 class ArmFit:
-    """Answer of a fit; symbols as in the module's table.
+    """Answer of a fit; symbols as in the module's table."""
 
-    Attributes:
-        names: (6+k,) of Θ and ψ.
-        covariance: (6+k, 6+k) of (Θ, ψ); NaN where the data do not determine them.
-        q, v: (m+1, 5) estimated motion.
-        c_n_std, c_t_std: (m, 2) standard errors of the forces in N.
-        mode: (m, 2) contact modes of the estimated motion, codes of `arm_stepping`.
-        sigma: (2, 5) noise of q and v, from the residuals.
-        chi2: χ²/n against that noise.
-        accepted: whether χ²/n passes the gate.
-        attempts: how many sets of draws were used.
-        cpu_s: CPU seconds.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # (6+k,) of Θ and ψ
     theta: np.ndarray
     psi: np.ndarray
-    covariance: np.ndarray
-    q: np.ndarray
+    covariance: np.ndarray  # (6+k, 6+k) of (Θ, ψ); NaN where the data do not determine them
+    q: np.ndarray  # q, v: (m+1, 5) estimated motion
     v: np.ndarray
     c_n: np.ndarray
     c_t: np.ndarray
-    c_n_std: np.ndarray
+    c_n_std: np.ndarray  # c_n_std, c_t_std: (m, 2) standard errors of the forces in N
     c_t_std: np.ndarray
-    mode: np.ndarray
-    sigma: np.ndarray
-    chi2: float
-    accepted: bool
-    attempts: int
-    cpu_s: float
+    mode: np.ndarray  # (m, 2) contact modes of the estimated motion, codes of `arm_stepping`
+    sigma: np.ndarray  # (2, 5) noise of q and v, from the residuals
+    chi2: float  # χ²/n against that noise
+    accepted: bool  # whether χ²/n passes the gate
+    attempts: int  # how many sets of draws were used
+    cpu_s: float  # CPU seconds
 
     @property
     def std(self) -> np.ndarray:
@@ -114,7 +101,7 @@ def fit(
         UserError: a start has no positive definite mass matrix.
     """
     begin = time.process_time()
-    best: tuple[Shooting, Point, float] | None = None
+    best: tuple[Shooting, Candidates, float] | None = None
     attempt = 0
     while attempt < settings.attempts:
         attempt += 1
@@ -148,7 +135,7 @@ def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, 
     """
     shooting = Shooting(arm, data)
     xi = free_coordinates(theta, arm.link_lengths[0])
-    A = _axes(shooting, Point(xi[None], np.concatenate([q0, v0])[None, None], np.zeros(1)))
+    A = _axes(shooting, Candidates(xi[None], np.concatenate([q0, v0])[None, None], np.zeros(1)))
     D = from_free_jacobian(xi, arm.link_lengths[0])
     return np.linalg.norm(D @ A[10:], axis=1)
 
@@ -157,7 +144,7 @@ def _whole(data: ArmData, stop: int | None = None) -> Stage:
     return Stage(((0, data.steps if stop is None else stop),))
 
 
-def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -> Point:
+def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -> Candidates:
     """The candidates that predict short segments best from the measured states."""
     stage = equal_segments(shooting.data.steps, settings.segments[0])
     p = np.zeros((len(theta), shooting.n_parameters))
@@ -168,10 +155,10 @@ def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -
     # the logarithm: a start a little on the wrong side of a contact spoils its segment for every candidate
     score = np.log1p(np.minimum(chi2, 1e12)).sum(axis=1)
     order = np.argsort(score, kind="stable")[: settings.candidates]
-    return Point(p[order], x[order], np.full(len(order), np.inf))
+    return Candidates(p[order], x[order], np.full(len(order), np.inf))
 
 
-def _grown(shooting: Shooting, point: Point, settings: ArmFitSettings, growth: int) -> Point:
+def _grown(shooting: Shooting, point: Candidates, settings: ArmFitSettings, growth: int) -> Candidates:
     """Candidates over the whole motion, by way of longer and longer segments and then of a growing horizon."""
     data = shooting.data
     longest = settings.segments[-1]
@@ -186,7 +173,7 @@ def _grown(shooting: Shooting, point: Point, settings: ArmFitSettings, growth: i
     return point
 
 
-def _distinct(point: Point) -> Point:
+def _distinct(point: Candidates) -> Candidates:
     """Candidates in ascending χ² without those that came to the same answer and those that are far worse."""
     order = np.argsort(point.cost, kind="stable")
     kept = [order[0]]
@@ -197,8 +184,8 @@ def _distinct(point: Point) -> Point:
 
 
 def _kicked(
-    shooting: Shooting, point: Point, rng: np.random.Generator, settings: ArmFitSettings
-) -> tuple[Shooting, Point]:
+    shooting: Shooting, point: Candidates, rng: np.random.Generator, settings: ArmFitSettings
+) -> tuple[Shooting, Candidates]:
     """The best candidate with the noise level of its residuals, shaken until χ² falls no more."""
     stage = _whole(shooting.data)
     best = point[[int(point.cost.argmin())]]
@@ -222,8 +209,8 @@ def _kicked(
 
 
 def _neighbours(
-    shooting: Shooting, best: Point, A: np.ndarray, rng: np.random.Generator, settings: ArmFitSettings
-) -> Point:
+    shooting: Shooting, best: Candidates, A: np.ndarray, rng: np.random.Generator, settings: ArmFitSettings
+) -> Candidates:
     """Points within a few standard errors whose sequences of contact modes differ, those of least χ².
 
     Half of them lie along the axes of the uncertainty: where a grazing contact makes the motion unstable, the right
@@ -246,10 +233,10 @@ def _neighbours(
         if len(chosen) == settings.candidates:
             break
     rows = np.array(list(chosen.values()))
-    return Point(p[rows], x[rows], cost[rows])
+    return Candidates(p[rows], x[rows], cost[rows])
 
 
-def _weighed(shooting: Shooting, best: Point, settings: ArmFitSettings) -> tuple[Shooting, Point]:
+def _weighed(shooting: Shooting, best: Candidates, settings: ArmFitSettings) -> tuple[Shooting, Candidates]:
     """The same problem with the noise level of the residuals, and the candidate fitted to it."""
     stage = _whole(shooting.data)
     r = shooting.residuals(stage, best.p, best.x)[0, 0].reshape(-1, 10)
@@ -258,7 +245,7 @@ def _weighed(shooting: Shooting, best: Point, settings: ArmFitSettings) -> tuple
     return again, again.minimise(stage, best, settings.iterations)
 
 
-def _axes(shooting: Shooting, best: Point) -> np.ndarray:
+def _axes(shooting: Shooting, best: Candidates) -> np.ndarray:
     """Axes A (n, n) of the uncertainty of (x_0, p), a standard error each: their covariance is A A'.
 
     At a kink, where an event is about to move by a step, the derivative on one side says nothing of the other side: the
@@ -286,14 +273,14 @@ def _inverse_root(H: np.ndarray) -> np.ndarray:
     return U / np.sqrt(np.maximum(values, SILENT * values[-1]))
 
 
-def _chi2(shooting: Shooting, best: Point) -> float:
+def _chi2(shooting: Shooting, best: Candidates) -> float:
     """χ²/n against the white part of the residuals, n less the number of unknowns."""
     r = shooting.residuals(_whole(shooting.data), best.p, best.x)[0, 0].reshape(-1, 10)
     ratio = np.mean(np.mean(r**2, axis=0) / noise_of_residuals(r) ** 2)
     return float(ratio * r.size / (r.size - 10 - shooting.n_parameters))
 
 
-def _answer(shooting: Shooting, best: Point, chi2: float, gate: float, attempts: int) -> ArmFit:
+def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float, attempts: int) -> ArmFit:
     data, extra = shooting.data, shooting.extra
     xi, l1 = best.p[0, :6], shooting.arm.link_lengths[0]
     out = shooting.copies(best.p, best.x[:, 0], data.f_ext)
@@ -322,7 +309,7 @@ def _answer(shooting: Shooting, best: Point, chi2: float, gate: float, attempts:
     )
 
 
-def _force_std(shooting: Shooting, best: Point, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Standard errors (m, 2) of c_n and c_t: how far the forces go over one standard error along each axis."""
     both = np.concatenate([A.T, -A.T])
     out = shooting.copies(best.p + both[:, 10:], best.x[:, 0] + both[:, :10], shooting.data.f_ext)

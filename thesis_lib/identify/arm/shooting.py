@@ -44,23 +44,15 @@ CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off
 
 @dataclass(frozen=True)
 class ArmData:
-    """What is known of one motion: states with noise, torques, and the contacts' coefficients.
+    """What is known of one motion: states with noise, torques, and the contacts' coefficients."""
 
-    Attributes:
-        h: s.
-        q, v: (m+1, 5) measured states.
-        f_ext: (m, 5) known external force in N, N m.
-        mu, epsilon: of both pairs.
-        sigma: (2, 5) noise of q and v, estimated by `noise_level`.
-    """
-
-    h: float
-    q: np.ndarray
+    h: float  # s
+    q: np.ndarray  # q, v: (m+1, 5) measured states
     v: np.ndarray
-    f_ext: np.ndarray
-    mu: float
+    f_ext: np.ndarray  # (m, 5) known external force in N, N m
+    mu: float  # mu, epsilon: of both pairs
     epsilon: float
-    sigma: np.ndarray
+    sigma: np.ndarray  # (2, 5) noise of q and v, estimated by `noise_level`
 
     @property
     def steps(self) -> int:
@@ -70,16 +62,11 @@ class ArmData:
 
 @dataclass(frozen=True)
 class Extra:
-    """A force with parameters ψ of its own that are fitted beside the base parameters.
+    """A force with parameters ψ of its own that are fitted beside the base parameters."""
 
-    Attributes:
-        names: (k,) of ψ.
-        scale: (k,) typical size of each; its null is 0.
-        force: (q (n, 5), v (n, 5), c_n (n, 2) of the step before, ψ (n, k)) -> generalised force (n, 5) in N, N m.
-    """
-
-    names: tuple[str, ...]
-    scale: np.ndarray
+    names: tuple[str, ...]  # (k,) of ψ
+    scale: np.ndarray  # (k,) typical size of each; its null is 0
+    # (q (n, 5), v (n, 5), c_n (n, 2) of the step before, ψ (n, k)) -> generalised force (n, 5) in N, N m
     force: Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -91,15 +78,15 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Point:
+class Candidates:
     """P candidate answers side by side: p (P, 6+k), starts x (P, S, 10) of the segments, χ² (P,)."""
 
     p: np.ndarray
     x: np.ndarray
     cost: np.ndarray
 
-    def __getitem__(self, rows: np.ndarray) -> "Point":
-        return Point(self.p[rows], self.x[rows], self.cost[rows])
+    def __getitem__(self, rows: np.ndarray) -> "Candidates":
+        return Candidates(self.p[rows], self.x[rows], self.cost[rows])
 
 
 def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
@@ -249,11 +236,11 @@ class Shooting:
     def minimise(
         self,
         stage: Stage,
-        point: Point,
+        point: Candidates,
         iterations: int,
         steps: np.ndarray | None = None,
         tolerance: float = 1e-3,
-    ) -> Point:
+    ) -> Candidates:
         """Levenberg-Marquardt of P candidates side by side, each until χ² falls by less than `tolerance` twice.
 
         `steps` as in `differences`: with steps of the parameters' uncertainty the slopes are those of χ² over its
@@ -291,9 +278,9 @@ class Shooting:
                     damping[a] *= DAMPING[-1] * 2.0
                     if damping[a] > 1e8:
                         idle[a] = 2
-        return Point(p, x, cost)
+        return Candidates(p, x, cost)
 
-    def moved(self, point: Point, old: Stage, new: Stage) -> Point:
+    def moved(self, point: Candidates, old: Stage, new: Stage) -> Candidates:
         """The candidates with starts for the segments of another stage, simulated from those of the old one."""
         x = np.empty((len(point.p), len(new.segments), 10))
         begins = [start for start, _ in old.segments]
@@ -306,7 +293,7 @@ class Shooting:
         # where the way there has no solution, the data themselves
         lost = ~np.isfinite(x).all(axis=2)
         x[lost] = np.broadcast_to(self.z[[start for start, _ in new.segments]], x.shape)[lost]
-        return Point(point.p, x, np.full(len(x), np.inf))
+        return Candidates(point.p, x, np.full(len(x), np.inf))
 
 
 def _arrow_step(H: np.ndarray, g: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:

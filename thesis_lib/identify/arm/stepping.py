@@ -42,19 +42,13 @@ MODE_TOL = 1e-11  # of velocities and impulses at a mode's border; rounding of t
 
 @dataclass(frozen=True)
 class Copies:
-    """Motions of n copies over m steps; NaN from a step on that has no solution.
+    """Motions of n copies over m steps; NaN from a step on that has no solution."""
 
-    Attributes:
-        q, v: (n, m+1, 5) states.
-        c_n, c_t: (n, m, 2) contact forces over each step in N, order ("arm", "ground").
-        mode: (n, m, 2) modes of both contacts.
-    """
-
-    q: np.ndarray
+    q: np.ndarray  # q, v: (n, m+1, 5) states
     v: np.ndarray
-    c_n: np.ndarray
+    c_n: np.ndarray  # c_n, c_t: (n, m, 2) contact forces over each step in N, order ("arm", "ground")
     c_t: np.ndarray
-    mode: np.ndarray
+    mode: np.ndarray  # (n, m, 2) modes of both contacts
 
 
 def simulate_copies(

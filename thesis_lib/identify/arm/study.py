@@ -51,44 +51,28 @@ DEFAULT_STUDY = ArmStudy()
 
 @dataclass(frozen=True)
 class ArmForces:
-    """One trajectory at one noise level, by all methods.
+    """One trajectory at one noise level, by all methods."""
 
-    Attributes:
-        record: the true motion.
-        data: noisy states and torques.
-        c: for each method the forces (c_n, c_t), each (m, 2) in N.
-        theta: for each method Θ (6,).
-        rank: for each method, number of base parameters that its window determines, contact forces being unknown.
-        fit: our answer with its uncertainties.
-        bound: (6,) Cramér-Rao bound on the standard errors of Θ, at the truth and with the true noise level.
-    """
-
-    record: Record
-    data: ArmData
-    c: dict[str, tuple[np.ndarray, np.ndarray]]
-    theta: dict[str, np.ndarray]
+    record: Record  # the true motion
+    data: ArmData  # noisy states and torques
+    c: dict[str, tuple[np.ndarray, np.ndarray]]  # for each method the forces (c_n, c_t), each (m, 2) in N
+    theta: dict[str, np.ndarray]  # for each method Θ (6,)
+    # for each method, number of base parameters that its window determines, contact forces being unknown
     rank: dict[str, int]
-    fit: ArmFit
+    fit: ArmFit  # our answer with its uncertainties
+    # (6,) Cramér-Rao bound on the standard errors of Θ, at the truth and with the true noise level
     bound: np.ndarray
 
 
 @dataclass(frozen=True)
 class ArmForceTables:
-    """Tables of the study, and the trajectories behind them.
+    """Tables of the study, and the trajectories behind them."""
 
-    Attributes:
-        forces: a row per trajectory, pair and method.
-        parameters: a row per trajectory, method and base parameter.
-        trajectories: what the rows were computed from.
-        left_out: number of simulated trajectories left out, by reason.
-        cpu_s: (n,) CPU seconds of our fits; not in the tables, since they differ from run to run.
-    """
-
-    forces: "pd.DataFrame"
-    parameters: "pd.DataFrame"
-    trajectories: tuple[ArmForces, ...]
-    left_out: dict[str, int]
-    cpu_s: np.ndarray
+    forces: "pd.DataFrame"  # a row per trajectory, pair and method
+    parameters: "pd.DataFrame"  # a row per trajectory, method and base parameter
+    trajectories: tuple[ArmForces, ...]  # what the rows were computed from
+    left_out: dict[str, int]  # number of simulated trajectories left out, by reason
+    cpu_s: np.ndarray  # (n,) CPU seconds of our fits; not in the tables, since they differ from run to run
 
 
 def arm_window(

@@ -37,21 +37,14 @@ NEGLIGIBLE_COLUMN = 1e-12
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Base set of a window.
+    """Base set of a window."""
 
-    Attributes:
-        names: (n,) names of all parameters.
-        columns: (r,) indices of the independent columns, ascending.
-        combination: (r, n) matrix from all parameters to the base parameters.
-        null_space: (n, n − r) changes of the parameters without effect, one per column, largest entry 1.
-        singular_values: (n,) of the stacked regressor with columns of unit norm, descending.
-    """
-
-    names: tuple[str, ...]
-    columns: np.ndarray
-    combination: np.ndarray
+    names: tuple[str, ...]  # (n,) names of all parameters
+    columns: np.ndarray  # (r,) indices of the independent columns, ascending
+    combination: np.ndarray  # (r, n) matrix from all parameters to the base parameters
+    # (n, n − r) changes of the parameters without effect, one per column, largest entry 1
     null_space: np.ndarray
-    singular_values: np.ndarray
+    singular_values: np.ndarray  # (n,) of the stacked regressor with columns of unit norm, descending
 
     @property
     def rank(self) -> int:

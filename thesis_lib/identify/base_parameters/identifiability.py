@@ -44,19 +44,14 @@ RANK_TOLERANCE = 1e-8
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a window determines; symbols as in the module's table.
-
-    Attributes:
-        rank: number of independent combinations of Θ that the window determines.
-        null_space: (n_Θ, n_Θ − rank) changes of Θ that it does not see, largest entry 1.
-        warnings: a sentence for each reason why something cannot be identified; empty where everything can.
-    """
+    """What a window determines; symbols as in the module's table."""
 
     names: tuple[str, ...]
     singular_values: np.ndarray
-    rank: int
-    null_space: np.ndarray
+    rank: int  # number of independent combinations of Θ that the window determines
+    null_space: np.ndarray  # (n_Θ, n_Θ − rank) changes of Θ that it does not see, largest entry 1
     alpha: float
+    # a sentence for each reason why something cannot be identified; empty where everything can
     warnings: tuple[str, ...]
 
 

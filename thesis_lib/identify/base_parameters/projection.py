@@ -37,15 +37,10 @@ GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
 
 @dataclass(frozen=True)
 class ProjectedRecord(States):
-    """States moved to the contact manifold.
+    """States moved to the contact manifold."""
 
-    Attributes:
-        closed: (m, p) contacts that were projected; hand them to the window.
-        moved: (m,) distance in the metric by which each pose was moved.
-    """
-
-    closed: np.ndarray
-    moved: np.ndarray
+    closed: np.ndarray  # (m, p) contacts that were projected; hand them to the window
+    moved: np.ndarray  # (m,) distance in the metric by which each pose was moved
 
 
 def project_to_contact(

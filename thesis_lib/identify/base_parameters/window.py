@@ -68,12 +68,7 @@ class States:
 
 @dataclass(frozen=True)
 class ContactWindow:
-    """m steps with p contact pairs; attributes as in the module's table, `mu` the coefficient of friction.
-
-    Attributes:
-        names: (n_Θ,) names of the unknown parameters, in the order of Y's columns.
-        theta_min: (n_Θ,) lower bounds of the unknown parameters.
-    """
+    """m steps with p contact pairs; attributes as in the module's table, `mu` the coefficient of friction."""
 
     h: float
     Y: np.ndarray
@@ -83,8 +78,8 @@ class ContactWindow:
     J_t: np.ndarray
     v_t: np.ndarray
     mu: float
-    names: tuple[str, ...]
-    theta_min: np.ndarray
+    names: tuple[str, ...]  # (n_Θ,) names of the unknown parameters, in the order of Y's columns
+    theta_min: np.ndarray  # (n_Θ,) lower bounds of the unknown parameters
 
     def __post_init__(self) -> None:
         m, nv, n_theta = np.shape(self.Y)

@@ -63,21 +63,13 @@ _FINE = 200  # steps of force and response between the sensor's samples; 50 woul
 
 @dataclass(frozen=True)
 class ForceHistory:
-    """Force on the body over one contact, and what the sensor shows.
+    """Force on the body over one contact, and what the sensor shows."""
 
-    Attributes:
-        t: (s,) s since the touch, from 0 to the end of the contact.
-        force: (s, 2) N, tangential and normal.
-        sensor_t: (p,) s since the touch, instants of the sensor's samples.
-        reading: (p,) N, normal, at these.
-        response_t, response: (f,) s, N; the same in continuous time, s of equation 1.
-    """
-
-    t: np.ndarray
-    force: np.ndarray
-    sensor_t: np.ndarray
-    reading: np.ndarray
-    response_t: np.ndarray
+    t: np.ndarray  # (s,) s since the touch, from 0 to the end of the contact
+    force: np.ndarray  # (s, 2) N, tangential and normal
+    sensor_t: np.ndarray  # (p,) s since the touch, instants of the sensor's samples
+    reading: np.ndarray  # (p,) N, normal, at these
+    response_t: np.ndarray  # response_t, response: (f,) s, N; the same in continuous time, s of equation 1
     response: np.ndarray
 
     @property

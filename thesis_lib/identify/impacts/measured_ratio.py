@@ -81,23 +81,14 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class RatioFit:
-    """Estimate from n impacts.
+    """Estimate from n impacts."""
 
-    Attributes:
-        p: (1 + extra,) m/I in 1/m², then the parameters of the variant.
-        u: (n,) residuals of (1) in units of the noise.
-        sigma: (n,) that noise, rad/s.
-        weight: (n,) of the biweight, 0 for outliers.
-        scale: median deviation of u; 1 if the noise explains the residuals.
-        converged: whether the iteration came to rest.
-    """
-
-    p: np.ndarray
-    u: np.ndarray
-    sigma: np.ndarray
-    weight: np.ndarray
-    scale: float
-    converged: bool
+    p: np.ndarray  # (1 + extra,) m/I in 1/m², then the parameters of the variant
+    u: np.ndarray  # (n,) residuals of (1) in units of the noise
+    sigma: np.ndarray  # (n,) that noise, rad/s
+    weight: np.ndarray  # (n,) of the biweight, 0 for outliers
+    scale: float  # median deviation of u; 1 if the noise explains the residuals
+    converged: bool  # whether the iteration came to rest
 
 
 class ImpactLink:

@@ -37,19 +37,12 @@ SLIDE_SHARE = 1.0 - 1e-6
 
 @dataclass(frozen=True)
 class TrueImpacts:
-    """The impacts of a simulated drop of one free body.
+    """The impacts of a simulated drop of one free body."""
 
-    Attributes:
-        steps: (J,) steps with a contact force.
-        vertices: (J,) contact pair with the largest force.
-        modes: (J,) 0 stick, ±1 slide with that sign of c_t.
-        alone: (J,) bool, no second pair has a force in that step.
-    """
-
-    steps: np.ndarray
-    vertices: np.ndarray
-    modes: np.ndarray
-    alone: np.ndarray
+    steps: np.ndarray  # (J,) steps with a contact force
+    vertices: np.ndarray  # (J,) contact pair with the largest force
+    modes: np.ndarray  # (J,) 0 stick, ±1 slide with that sign of c_t
+    alone: np.ndarray  # (J,) bool, no second pair has a force in that step
 
 
 def true_impacts(record: Record, mu: float) -> TrueImpacts:

@@ -60,34 +60,23 @@ class EstimateStatus(IntEnum):
 
 @dataclass(frozen=True)
 class Estimate:
-    """m/I of one drop.
+    """m/I of one drop."""
 
-    Attributes:
-        value: m/I in 1/m²; NaN where no number could be computed, else also given for drops that are not believed.
-        std: its standard deviation, 1/m².
-        status: `EstimateStatus`; only `OK` is to be used.
-        chi2: χ² of what links the arcs, `dof` its degrees of freedom, `p_value` the probability of more.
-        impacts: impact steps k of the best hypothesis: the velocity changes from v_k to v_{k+1}.
-        vertices: the vertices that hit, numbered as in the shape (0 for smooth shapes).
-        sigma: (2, 3) standard deviations of q and v, estimated.
-        law: whether the contact law was used.
-        epsilon, mu: under the contact law, else NaN; mu is NaN too if no impact slides.
-        hypotheses: number of hypotheses fitted.
-    """
-
+    # m/I in 1/m²; NaN where no number could be computed, else also given for drops that are not believed
     value: float
-    std: float
-    status: EstimateStatus
-    chi2: float
+    std: float  # its standard deviation, 1/m²
+    status: EstimateStatus  # `EstimateStatus`; only `OK` is to be used
+    chi2: float  # χ² of what links the arcs, `dof` its degrees of freedom, `p_value` the probability of more
     dof: int
     p_value: float
+    # impact steps k of the best hypothesis: the velocity changes from v_k to v_{k+1}
     impacts: tuple[int, ...]
-    vertices: tuple[int, ...]
-    sigma: np.ndarray
-    law: bool = False
-    epsilon: float = np.nan
+    vertices: tuple[int, ...]  # the vertices that hit, numbered as in the shape (0 for smooth shapes)
+    sigma: np.ndarray  # (2, 3) standard deviations of q and v, estimated
+    law: bool = False  # whether the contact law was used
+    epsilon: float = np.nan  # epsilon, mu: under the contact law, else NaN; mu is NaN too if no impact slides
     mu: float = np.nan
-    hypotheses: int = 0
+    hypotheses: int = 0  # number of hypotheses fitted
 
 
 def estimate_ratio(

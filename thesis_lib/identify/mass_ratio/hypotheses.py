@@ -210,7 +210,9 @@ class DropHypotheses:
         model = self._model(s, np.zeros((B, J), dtype=int), None)
         theta = model.angles(s.u)
         theta_std = np.sqrt(
-            np.einsum("bji,bij->bj", model.at, np.linalg.solve(s.N[:, 2], np.swapaxes(model.at, 1, 2)))
+            np.einsum(
+                "bji,bij->bj", model.position, np.linalg.solve(s.N[:, 2], np.swapaxes(model.position, 1, 2))
+            )
         )
         x, y = corners.T
         sin, cos = np.sin(theta)[..., None], np.cos(theta)[..., None]
@@ -218,9 +220,9 @@ class DropHypotheses:
         low = np.argmin(r_y, axis=2)[..., None]
         above = r_y - np.take_along_axis(r_y, low, 2)
         turn = np.abs(r_x - np.take_along_axis(r_x, low, 2))
-        # a higher vertex can hit if the angle is uncertain, or within the way of a few steps (two hits in a row)
-        way = 2.0 * self.h * np.abs(s.u[:, 1, 2:])
-        able = above <= 4.0 * theta_std[..., None] * turn + way[..., None]
+        # a higher vertex can hit if the angle is uncertain, or after a few steps more (two hits in a row)
+        travel = 2.0 * self.h * np.abs(s.u[:, 1, 2:])
+        able = above <= 4.0 * theta_std[..., None] * turn + travel[..., None]
         rows, chosen = [], []
         for b in range(B):
             options = [np.flatnonzero(able[b, j]) for j in range(J)]

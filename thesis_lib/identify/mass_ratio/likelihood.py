@@ -4,22 +4,25 @@ An impulse (c_t, c_n) at the contact point r changes the velocities by Δv_x = c
 
     Δω_j = (m/I) (r_x Δv_y - r_y Δv_x)_j,     r = r(θ_{k_j}),                                             (1)
 
-so m/I is what links the arcs of θ to those of x and y; nothing is assumed about friction or restitution.  The samples
-know the arcs u with information N (`arc_statistics`), so maximum likelihood is a small constrained problem,
+so m/I is what links the arcs of θ to those of x and y; nothing is assumed about friction or restitution.  The
+samples determine the arcs u with information N (`sufficient_statistics`), so that maximum likelihood is a small
+constrained problem,
 
     minimise χ²_free + (u - û)' N (u - û)   over u, η    subject to  g(u, η) = 0,                              (2)
 
-η = (m/I, ε, μ), g the rows (1), solved by Newton steps on the linearised rows G du + G_η dη + g = 0 (multiple shooting:
-every arc keeps its own numbers, so that an early error does not grow through later impacts).  A hypothesis is the
-impact steps k_j, the vertex that hits on a polygon, and under a contact law the mode of each impact.  More rows:
+with η = (m/I, ε, μ) and g the rows (1).  It is solved by Newton steps on the linearised rows G du + G_η dη + g = 0.  As
+in multiple shooting every arc keeps its own numbers, so that an early error does not grow through later impacts.  A
+hypothesis gives the impact steps k_j, the vertex of a polygon that hits, and under a contact law the mode of each
+impact.  Two kinds of rows may be added:
 
-Gap (optional).  The time stepper applies an impulse in the first step that would end in the surface: the gap at its
-start, φ_j = y + r_y at k_j, lies between 0 and the way h |v_n| of the step.  That is knowledge of geometry, not of a
-contact law.  It is uniform there over drops, and enters as a normal variable of the same mean and variance,
+Gap.  The time stepper applies an impulse in the first step that would end in the surface.  The gap at the start of
+that step, φ_j = y + r_y at k_j, therefore lies between 0 and the travel h |v_n| of the contact point in the step.  This
+is geometry, not a contact law.  Over drops φ_j is uniform there; it enters as a normal variable of equal mean and
+variance,
 
     √12 (φ_j / (h |v_n|_j) - 1/2) ~ N(0, 1),   with 2 log(h |v_n|_j) in -2 log likelihood.                        (3)
 
-Contact law (optional).  Newton's restitution and Coulomb's friction with unknown ε and μ, the same at all impacts of
+Contact law.  Newton's restitution and Coulomb's friction with unknown ε and μ, the same at all impacts of
 the drop; v- is v_k, v+ is v_{k+1}:
 
     J_n v+ + ε J_n v- = 0;     J_t v+ = 0 (stick)   or   Δv_x = ± μ Δv_y (slide).                               (4)
@@ -28,7 +31,7 @@ the drop; v- is v_k, v+ is v_{k+1}:
 |----------|------------|--------|---------|---------------------------------------------------------|
 | η        | `eta`      | 1/m², 1, 1 | (B, 3) | m/I, ε, μ                                             |
 | r, r_x'  | `r`, `dr_x` | m, m/rad | (n, 2), (n,) | contact point, derivative of r_x by θ; that of r_y is r_x |
-| u        | `u`        | m, rad, m/s, rad/s | (B, 3, 2+J) | arcs, see `arc_statistics`                 |
+| u        | `u`        | m, rad, m/s, rad/s | (B, 3, 2+J) | arcs, see `sufficient_statistics`               |
 | G, G_η   | `G`, `G_eta` |      | (B, n_g, 3, 2+J), (B, n_g, 3) | derivatives of the rows               |
 | S        | `S`        |        | (B, n_g, n_g) | G N⁻¹ G', plus the variance of soft rows (3)        |
 
@@ -49,33 +52,25 @@ BodyShape = Polygon | Ellipse | Disk | Rod
 MAX_ITERATIONS = 30
 CONVERGED = 1e-6  # Newton step in standard deviations of the arcs
 SPEED_FLOOR = 0.05  # m/s; |v_n| in the gap's scale: a trial value of zero would make (3) infinite
+RATIO, EPSILON, MU = range(3)  # columns of η
 SLIDE_FORWARD, STICK, SLIDE_BACK = 1, 0, -1  # modes: sign of c_t of an impact that slides
 _BACKTRACK = (1.0, 0.5, 0.2, 0.05)  # fractions of a Newton step that are tried
-# information added to η, of its own: an unknown that no row holds (μ if all stick) stays put
+# information added to η: an unknown that no row holds (μ if all impacts stick) stays where it started
 _SOFT_PRIOR = 1e-12
 
 
 @dataclass(frozen=True)
 class ArcFit:
-    """Fits of B hypotheses.
+    """Fits of B hypotheses."""
 
-    Attributes:
-        u: (B, 3, 2+J) arcs.
-        eta: (B, 3) m/I in 1/m², ε, μ; the last two as they started where no law is assumed.
-        chi2: (B,) -2 log likelihood, up to a constant.
-        misfit: (B,) χ² of what links the arcs: of (2) without χ²_free, and of (3) without its logarithm.
-        dof: (B,) degrees of freedom of `misfit`.
-        std: (B, 3) standard deviations of η; infinite where the drop says nothing about it.
-        converged: (B,) bool.
-    """
-
-    u: np.ndarray
-    eta: np.ndarray
-    chi2: np.ndarray
+    u: np.ndarray  # (B, 3, 2+J) arcs
+    eta: np.ndarray  # (B, 3) m/I in 1/m², ε, μ; the last two as they started where no law is assumed
+    chi2: np.ndarray  # (B,) -2 log likelihood, up to a constant
+    # (B,) χ² of what links the arcs: of (2) without χ²_free, and of (3) without its logarithm
     misfit: np.ndarray
-    dof: np.ndarray
-    std: np.ndarray
-    converged: np.ndarray
+    dof: np.ndarray  # (B,) degrees of freedom of `misfit`
+    std: np.ndarray  # (B, 3) standard deviations of η; infinite where the drop says nothing about it
+    converged: np.ndarray  # (B,) bool
 
     @property
     def ratio(self) -> np.ndarray:
@@ -110,8 +105,39 @@ def contact_offset(shape: BodyShape, theta: np.ndarray, vertex: np.ndarray) -> t
     return r, dr_x
 
 
+@dataclass(frozen=True)
+class ImpactMotion:
+    """Motion of a body at the J impacts of B hypotheses, arrays (B, J)."""
+
+    r_x: np.ndarray  # r_x, r_y: m, contact point from the centre of mass
+    r_y: np.ndarray
+    dr_x: np.ndarray  # m/rad, derivative of r_x by θ; that of r_y is r_x
+    dv_x: np.ndarray  # dv_x, dv_y, d_omega: change of velocity by the impulse
+    dv_y: np.ndarray
+    d_omega: np.ndarray
+    v_y_before: np.ndarray  # m/s, of the centre before the impulse, gravity included
+    omega_before: np.ndarray  # rad/s
+
+    @property
+    def lever(self) -> np.ndarray:
+        """r_x Δv_y - r_y Δv_x in m²/s, see (1)."""
+        return self.r_x * self.dv_y - self.r_y * self.dv_x
+
+    @property
+    def v_n_before(self) -> np.ndarray:
+        """Normal velocity of the contact point before the impulse, m/s."""
+        return self.v_y_before + self.r_x * self.omega_before
+
+    @property
+    def omega_after(self) -> np.ndarray:
+        """Angular velocity after the impulse, rad/s."""
+        return self.omega_before + self.d_omega
+
+
 class ArcModel:
     """The rows g of (1), (3) and (4) and their derivatives, for B hypotheses.
+
+    The rows stand in that order, J of each kind; those of (4) are J of restitution, then J of friction.
 
     Args:
         statistics: of the samples, B hypotheses of J impacts.
@@ -135,90 +161,91 @@ class ArcModel:
         self.s, self.vertices, self.h, self.shape, self.gravity = statistics, vertices, h, shape, gravity
         self.modes, self.use_gap = modes, use_gap
         self.B, self.J = statistics.steps.shape
-        # linear maps from u to what happens at each impact: position at k_j, velocity before it and after it
+        # linear maps (B, J, 2+J) from a channel of u to the impacts: position, velocity change, before and after
         self.time = h * statistics.steps.astype(float)
         delay = np.maximum(self.time[:, :, None] - self.time[:, None, :], 0.0)
         ones = np.ones((self.B, self.J, 1))
-        self.at = np.concatenate([ones, self.time[:, :, None], delay], axis=2)  # (B, J, 2+J)
-        own = np.broadcast_to(np.eye(self.J), (self.B, self.J, self.J))
-        before = np.broadcast_to(np.tri(self.J, k=-1), (self.B, self.J, self.J))
-        self.own = np.concatenate([0.0 * ones, 0.0 * ones, own], axis=2)
-        self.before = np.concatenate([0.0 * ones, ones, before], axis=2)
-        self.after = self.before + self.own
+        each = np.broadcast_to(np.eye(self.J), (self.B, self.J, self.J))
+        earlier = np.broadcast_to(np.tri(self.J, k=-1), (self.B, self.J, self.J))
+        self.position = np.concatenate([ones, self.time[:, :, None], delay], axis=2)
+        self.change = np.concatenate([0.0 * ones, 0.0 * ones, each], axis=2)
+        self.before = np.concatenate([0.0 * ones, ones, earlier], axis=2)
+        self.after = self.before + self.change
 
     def angles(self, u: np.ndarray) -> np.ndarray:
-        """Angles (B, J) at the impacts."""
-        return np.einsum("bji,bi->bj", self.at, u[:, 2])
+        """Angles (B, J) in rad at the impacts of arcs u (B, 3, 2+J)."""
+        return _apply(self.position, u[:, 2])
 
-    def rows(
-        self, u: np.ndarray, eta: np.ndarray, way: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Rows g (B, n_g) at `u`, `eta`, G (B, n_g, 3, 2+J), G_η (B, n_g, 3), and the way h |v_n| (B, J) in (3).
+    def motion(self, u: np.ndarray) -> ImpactMotion:
+        """Motion at the impacts of arcs u (B, 3, 2+J)."""
+        r, dr_x = contact_offset(self.shape, self.angles(u).ravel(), self.vertices.ravel())
+        r_x, r_y, dr_x = (a.reshape(self.B, self.J) for a in (r[:, 0], r[:, 1], dr_x))
+        v_y_before = _apply(self.before, u[:, 1]) - self.gravity * self.time
+        changes = (u[:, 0, 2:], u[:, 1, 2:], u[:, 2, 2:])
+        return ImpactMotion(r_x, r_y, dr_x, *changes, v_y_before, _apply(self.before, u[:, 2]))
 
-        The rows are (1), then (3) if used, then (4) if a law is assumed: J each, restitution before friction.  With
-        `way` given it is held at that, and both G are empty.
-        """
-        derivatives = way is None
-        B, J = self.B, self.J
-        theta = self.angles(u)
-        r, dr_x = contact_offset(self.shape, theta.ravel(), self.vertices.ravel())
-        r_x, r_y, dr_x = r[:, 0].reshape(B, J), r[:, 1].reshape(B, J), dr_x.reshape(B, J)
-        dv_x, dv_y, d_omega = u[:, 0, 2:], u[:, 1, 2:], u[:, 2, 2:]
+    def travel(self, motion: ImpactMotion) -> np.ndarray:
+        """Distance h |v_n| (B, J) in m of the contact point in a step, the scale of (3); 1 where (3) is not used."""
+        if not self.use_gap:
+            return np.ones((self.B, self.J))
+        return self.h * np.maximum(self.gravity * self.h - motion.v_n_before, SPEED_FLOOR)
+
+    def rows(self, u: np.ndarray, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray) -> np.ndarray:
+        """Rows g (B, n_g) at arcs u (B, 3, 2+J) with their motion, η (B, 3), and the scale `travel` (B, J) of (3)."""
         ratio, epsilon, mu = eta.T[:, :, None]
-        lever = r_x * dv_y - r_y * dv_x
-        g, G, G_eta = [d_omega - ratio * lever], [], []
-
-        def add(x: np.ndarray, y: np.ndarray, angle: np.ndarray, by_eta: dict[int, np.ndarray]) -> None:
-            G.append(np.stack([x, y, angle], axis=2))
-            column = np.zeros((B, J, 3))
-            for i, value in by_eta.items():
-                column[:, :, i] = value
-            G_eta.append(column)
-
-        at, own, zero = self.at, self.own, np.zeros_like(self.at)
-        if derivatives:
-            d_lever = dr_x * dv_y - r_x * dv_x
-            add(
-                (ratio * r_y)[:, :, None] * own,
-                -(ratio * r_x)[:, :, None] * own,
-                own - (ratio * d_lever)[:, :, None] * at,
-                {0: -lever},
-            )
-        if self.use_gap or self.modes is not None:
-            omega_before = np.einsum("bji,bi->bj", self.before, u[:, 2])
-            omega_after = omega_before + d_omega
-            v_y_before = np.einsum("bji,bi->bj", self.before, u[:, 1]) - self.gravity * self.time
-            v_n_before = v_y_before + r_x * omega_before
+        g = [motion.d_omega - ratio * motion.lever]
         if self.use_gap:
-            y = np.einsum("bji,bi->bj", at, u[:, 1]) - self.gravity * self.time * (self.time + self.h) / 2.0
-            if derivatives:
-                way = self.h * np.maximum(self.gravity * self.h - v_n_before, SPEED_FLOOR)
-            g.append(np.sqrt(12.0) * ((y + r_y) / way - 0.5))
-            if derivatives:
-                scale = (np.sqrt(12.0) / way)[:, :, None]
-                add(zero, scale * at, scale * r_x[:, :, None] * at, {})
+            y = _apply(self.position, u[:, 1]) - self.gravity * self.time * (self.time + self.h) / 2.0
+            g.append(np.sqrt(12.0) * ((y + motion.r_y) / travel - 0.5))
         if self.modes is not None:
-            v_y_after = v_y_before + dv_y - self.gravity * self.h
-            g.append(v_y_after + r_x * omega_after + epsilon * v_n_before)
-            v_t_after = np.einsum("bji,bi->bj", self.after, u[:, 0]) - r_y * omega_after
-            slide = self.modes != STICK
-            g.append(np.where(slide, dv_x - self.modes * mu * dv_y, v_t_after))
-            if derivatives:
-                both = self.after + epsilon[:, :, None] * self.before
-                turn = dr_x * (omega_after + epsilon * omega_before)
-                add(zero, both, r_x[:, :, None] * both + turn[:, :, None] * at, {1: v_n_before})
-                stick_turn = -r_y[:, :, None] * self.after - (r_x * omega_after)[:, :, None] * at
-                add(
-                    np.where(slide[:, :, None], own, self.after),
-                    np.where(slide[:, :, None], -(self.modes * mu)[:, :, None] * own, 0.0),
-                    np.where(slide[:, :, None], 0.0, stick_turn),
-                    {2: np.where(slide, -self.modes * dv_y, 0.0)},
+            v_y_after = motion.v_y_before + motion.dv_y - self.gravity * self.h
+            g.append(v_y_after + motion.r_x * motion.omega_after + epsilon * motion.v_n_before)
+            sticks = _apply(self.after, u[:, 0]) - motion.r_y * motion.omega_after
+            slides = motion.dv_x - self.modes * mu * motion.dv_y
+            g.append(np.where(self.modes != STICK, slides, sticks))
+        return np.concatenate(g, axis=1)
+
+    def derivatives(
+        self, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the rows by u and by η, G (B, n_g, 3, 2+J) and G_η (B, n_g, 3); `travel` is held."""
+        ratio, epsilon, mu = eta.T[:, :, None]
+        m, none = motion, np.zeros_like(self.position)
+        d_lever = m.dr_x * m.dv_y - m.r_x * m.dv_x
+        # each block: derivatives by the arcs of x, y and θ
+        blocks = [
+            (
+                (ratio * m.r_y)[:, :, None] * self.change,
+                -(ratio * m.r_x)[:, :, None] * self.change,
+                self.change - (ratio * d_lever)[:, :, None] * self.position,
+            )
+        ]
+        by_eta = [{RATIO: -m.lever}]
+        if self.use_gap:
+            scale = (np.sqrt(12.0) / travel)[:, :, None]
+            blocks.append((none, scale * self.position, scale * m.r_x[:, :, None] * self.position))
+            by_eta.append({})
+        if self.modes is not None:
+            both = self.after + epsilon[:, :, None] * self.before
+            turn = m.dr_x * (m.omega_after + epsilon * m.omega_before)
+            blocks.append((none, both, m.r_x[:, :, None] * both + turn[:, :, None] * self.position))
+            by_eta.append({EPSILON: m.v_n_before})
+            slides = self.modes != STICK
+            stick_turn = -m.r_y[:, :, None] * self.after - (m.r_x * m.omega_after)[:, :, None] * self.position
+            blocks.append(
+                (
+                    np.where(slides[:, :, None], self.change, self.after),
+                    np.where(slides[:, :, None], -(self.modes * mu)[:, :, None] * self.change, 0.0),
+                    np.where(slides[:, :, None], 0.0, stick_turn),
                 )
-        g = np.concatenate(g, axis=1)
-        if not derivatives:
-            return g, np.empty((B, 0)), np.empty((B, 0)), way
-        way = np.ones((B, J)) if way is None else way
-        return g, np.concatenate(G, axis=1), np.concatenate(G_eta, axis=1), way
+            )
+            by_eta.append({MU: np.where(slides, -self.modes * m.dv_y, 0.0)})
+        G = np.concatenate([np.stack(block, axis=2) for block in blocks], axis=1)
+        G_eta = np.zeros((self.B, len(blocks), self.J, 3))
+        for i, columns in enumerate(by_eta):
+            for column, value in columns.items():
+                G_eta[:, i, :, column] = value
+        return G, G_eta.reshape(self.B, -1, 3)
 
     @property
     def variance(self) -> np.ndarray:
@@ -227,19 +254,20 @@ class ArcModel:
         return np.repeat(blocks, self.J)
 
     def start(self) -> np.ndarray:
-        """Start η (B, 3): m/I by least squares on (1), ε the median over the impacts, μ what |Δv_x| / Δv_y reaches."""
-        u = self.s.u
-        r, _ = contact_offset(self.shape, self.angles(u).ravel(), self.vertices.ravel())
-        r_x, r_y = r[:, 0].reshape(self.B, self.J), r[:, 1].reshape(self.B, self.J)
-        lever = r_x * u[:, 1, 2:] - r_y * u[:, 0, 2:]
-        square = (lever**2).sum(axis=1)
-        ratio = (lever * u[:, 2, 2:]).sum(axis=1) / np.where(square > 0, square, 1.0)
-        v_n = np.einsum("bji,bi->bj", self.before, u[:, 1]) - self.gravity * self.time
-        v_n = v_n + r_x * np.einsum("bji,bi->bj", self.before, u[:, 2])
-        change = u[:, 1, 2:] + r_x * u[:, 2, 2:]
+        """Start η (B, 3): m/I by least squares on (1), ε the median over impacts, μ the largest |Δv_x| / Δv_y."""
+        m = self.motion(self.s.u)
+        square = (m.lever**2).sum(axis=1)
+        ratio = (m.lever * m.d_omega).sum(axis=1) / np.where(square > 0, square, 1.0)
+        v_n = m.v_n_before
+        change = m.dv_y + m.r_x * m.d_omega
         epsilon = np.median(np.clip(-change / np.where(v_n < 0, v_n, -1.0) - 1.0, 0.0, 1.0), axis=1)
-        mu = np.clip(np.abs(u[:, 0, 2:]) / np.maximum(u[:, 1, 2:], 0.1), 0.0, 2.0).max(axis=1)
+        mu = np.clip(np.abs(m.dv_x) / np.maximum(m.dv_y, 0.1), 0.0, 2.0).max(axis=1)
         return np.stack([ratio, epsilon, mu], axis=1)
+
+
+def _apply(linear: np.ndarray, channel: np.ndarray) -> np.ndarray:
+    """A linear map (B, J, 2+J) of `ArcModel` applied to one channel (B, 2+J) of u."""
+    return np.einsum("bji,bi->bj", linear, channel)
 
 
 def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | None = None) -> ArcFit:
@@ -254,37 +282,42 @@ def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | Non
     P = np.linalg.inv(s.N)
     converged = np.zeros(model.B, dtype=bool)
     for _ in range(MAX_ITERATIONS):
-        g, G, G_eta, way = model.rows(u, eta)
+        motion = model.motion(u)
+        travel = model.travel(motion)
+        g = model.rows(u, motion, eta, travel)
+        G, G_eta = model.derivatives(motion, eta, travel)
         S, PG = _spread_of_rows(P, G, variance)
         # least (du - e)'N(du - e) on the linearised rows: λ = S⁻¹ (g + G e + G_η dη), du = e - P G' λ
         e = s.u - u
         w = g + np.einsum("bgci,bci->bg", G, e)
         solved = np.linalg.solve(S, np.concatenate([w[:, :, None], G_eta], axis=2))
-        information = _information(G_eta, solved[:, :, 1:])
-        d_eta = -np.linalg.solve(information, np.einsum("bge,bg->be", G_eta, solved[:, :, 0])[..., None])[
-            ..., 0
-        ]
-        multiplier = solved[:, :, 0] + np.einsum("bge,be->bg", solved[:, :, 1:], d_eta)
+        by_w, by_eta = solved[:, :, 0], solved[:, :, 1:]
+        slope = np.einsum("bge,bg->be", G_eta, by_w)
+        d_eta = -np.linalg.solve(_information(G_eta, by_eta), slope[..., None])[..., 0]
+        multiplier = by_w + np.einsum("bge,be->bg", by_eta, d_eta)
         du = e - np.einsum("bcig,bg->bci", PG, multiplier)
         size = np.sqrt(np.einsum("bcij,bcj->bci", s.root, du) ** 2).max(axis=(1, 2))
-        fraction = _line_search(model, u, eta, way, du, d_eta, multiplier)
+        fraction = _line_search(model, u, eta, travel, du, d_eta, multiplier)
         move = np.where(converged, 0.0, fraction)
         u = u + move[:, None, None] * du
         eta = eta + move[:, None] * d_eta
         converged |= size < CONVERGED
         if converged.all():
             break
-    g, G, G_eta, way = model.rows(u, eta)
+    motion = model.motion(u)
+    travel = model.travel(motion)
+    g = model.rows(u, motion, eta, travel)
+    G, G_eta = model.derivatives(motion, eta, travel)
     S, _ = _spread_of_rows(P, G, variance)
     information = _information(G_eta, np.linalg.solve(S, G_eta))
     known = np.einsum("bee->be", information) > 2.0 * _SOFT_PRIOR
     std = np.where(known, np.sqrt(np.abs(np.einsum("bee->be", np.linalg.inv(information)))), np.inf)
     soft = variance > 0
-    misfit = (np.einsum("bcij,bcj->bci", s.root, u - s.u) ** 2).sum(axis=(1, 2)) + (g[:, soft] ** 2).sum(
-        axis=1
-    )
+    misfit = _chi2(s, u - s.u) + (g[:, soft] ** 2).sum(axis=1)
     dof = g.shape[1] - known.sum(axis=1)
-    return ArcFit(u, eta, misfit + s.chi2_free + 2.0 * np.log(way).sum(axis=1), misfit, dof, std, converged)
+    return ArcFit(
+        u, eta, misfit + s.chi2_free + 2.0 * np.log(travel).sum(axis=1), misfit, dof, std, converged
+    )
 
 
 def _spread_of_rows(P: np.ndarray, G: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -303,16 +336,28 @@ def _information(G_eta: np.ndarray, solved: np.ndarray) -> np.ndarray:
     return information
 
 
-def _line_search(model, u, eta, way, du, d_eta, multiplier) -> np.ndarray:
+def _line_search(
+    model: ArcModel,
+    u: np.ndarray,
+    eta: np.ndarray,
+    travel: np.ndarray,
+    du: np.ndarray,
+    d_eta: np.ndarray,
+    multiplier: np.ndarray,
+) -> np.ndarray:
     """Fraction (B,) of the Newton step with the least exact-penalty merit ½ χ² + Σ 2 |λ g| (½ g² for soft rows)."""
     soft = model.variance > 0
     merits = []
     for fraction in _BACKTRACK:
         trial = u + fraction * du
-        g = model.rows(trial, eta + fraction * d_eta, way)[0]
-        chi2 = (np.einsum("bcij,bcj->bci", model.s.root, trial - model.s.u) ** 2).sum(axis=(1, 2))
+        g = model.rows(trial, model.motion(trial), eta + fraction * d_eta, travel)
         penalty = np.where(soft, 0.5 * g**2, 2.0 * np.abs(multiplier * g)).sum(axis=1)
-        merits.append(0.5 * chi2 + penalty)
+        merits.append(0.5 * _chi2(model.s, trial - model.s.u) + penalty)
     merits = np.array(merits)
     best = np.argmin(np.where(np.isfinite(merits), merits, np.inf), axis=0)
     return np.array(_BACKTRACK)[best]
+
+
+def _chi2(statistics: ArcStatistics, du: np.ndarray) -> np.ndarray:
+    """du' N du (B,) of changes du (B, 3, 2+J)."""
+    return (np.einsum("bcij,bcj->bci", statistics.root, du) ** 2).sum(axis=(1, 2))

@@ -27,21 +27,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ArcStatistics:
-    """Sufficient statistics of B hypotheses of J impacts each.
+    """Sufficient statistics of B hypotheses of J impacts each."""
 
-    Attributes:
-        steps: (B, J).
-        u: (B, 3, 2+J) best free arcs.
-        N: (B, 3, 2+J, 2+J) information.
-        root: (B, 3, 2+J, 2+J) R with R'R = N.
-        chi2_free: (B,).
-    """
-
-    steps: np.ndarray
-    u: np.ndarray
-    N: np.ndarray
-    root: np.ndarray
-    chi2_free: np.ndarray
+    steps: np.ndarray  # (B, J)
+    u: np.ndarray  # (B, 3, 2+J) best free arcs
+    N: np.ndarray  # (B, 3, 2+J, 2+J) information
+    root: np.ndarray  # (B, 3, 2+J, 2+J) R with R'R = N
+    chi2_free: np.ndarray  # (B,)
 
     def take(self, rows: np.ndarray) -> "ArcStatistics":
         """The hypotheses with the given row numbers."""

@@ -61,20 +61,13 @@ _MAX_BATCHES = 100
 
 
 @dataclass(frozen=True)
-class Drops:
-    """Drops of one body that are kept.
+class KeptDrops:
+    """Drops of one body that are kept."""
 
-    Attributes:
-        body: what fell.
-        records: windows of the simulation.
-        impacts: of each record.
-        left_out: number of drops left out for each reason of `LEFT_OUT`.
-    """
-
-    body: PlanarFreeBody
-    records: tuple[Record, ...]
-    impacts: tuple[TrueImpacts, ...]
-    left_out: dict[str, int]
+    body: PlanarFreeBody  # what fell
+    records: tuple[Record, ...]  # windows of the simulation
+    impacts: tuple[TrueImpacts, ...]  # of each record
+    left_out: dict[str, int]  # number of drops left out for each reason of `LEFT_OUT`
 
 
 def make_drops(
@@ -83,7 +76,7 @@ def make_drops(
     rng: np.random.Generator,
     settings: Table21 | None = None,
     bodies: Chapter2Bodies = DEFAULT,
-) -> Drops:
+) -> KeptDrops:
     """Simulate drops of "block" or "ellipse" until n are kept.
 
     Raises:
@@ -103,7 +96,7 @@ def make_drops(
             records.append(record)
             impacts.append(found)
             if len(records) == n:
-                return Drops(body, tuple(records), tuple(impacts), dict(reasons))
+                return KeptDrops(body, tuple(records), tuple(impacts), dict(reasons))
     raise RuntimeError(
         f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {dict(reasons)}"
     )
@@ -127,7 +120,7 @@ def _window(record: Record, mu: float, settings: Table21) -> tuple[Record, TrueI
     return record, found, ""
 
 
-def left_out_table(kind: str, drops: Drops) -> pd.DataFrame:
+def left_out_table(kind: str, drops: KeptDrops) -> pd.DataFrame:
     """Numbers of drops that were left out, a row per reason of `LEFT_OUT`."""
     reasons = list(drops.left_out)
     return pd.DataFrame({"shape": kind, "reason": reasons, "drops": [drops.left_out[r] for r in reasons]})
@@ -135,7 +128,7 @@ def left_out_table(kind: str, drops: Drops) -> pd.DataFrame:
 
 def study(
     kind: str,
-    drops: Drops,
+    drops: KeptDrops,
     rng: np.random.Generator,
     settings: Table21 | None = None,
     bodies: Chapter2Bodies = DEFAULT,

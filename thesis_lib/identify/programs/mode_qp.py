@@ -50,16 +50,11 @@ SUPPORT = 1e-7  # of the force scale: Clarabel's zeros end below it
 
 @dataclass(frozen=True)
 class Edges:
-    """Edges of the friction cones that may carry force; symbols as in the module's table.
+    """Edges of the friction cones that may carry force; symbols as in the module's table."""
 
-    Attributes:
-        step, pair: (E,) to which contact of the window an edge belongs.
-        sign: (E,) s_e of its friction.
-    """
-
-    step: np.ndarray
+    step: np.ndarray  # step, pair: (E,) to which contact of the window an edge belongs
     pair: np.ndarray
-    sign: np.ndarray
+    sign: np.ndarray  # (E,) s_e of its friction
     direction: np.ndarray
     price: np.ndarray
 

@@ -19,7 +19,7 @@ acts on the data: see `projection.py`.  The start is the convex program's answer
 
 | on paper    | in code        | unit | shape  |                                                                      |
 |-------------|----------------|------|--------|----------------------------------------------------------------------|
-| Θ, c, λ     | `Point`        | 1    |        | in units of T, F and V, which make them about 1                      |
+| Θ, c, λ     | `ProgramPoint` | 1    |        | in units of T, F and V, which make them about 1                      |
 | φ, v_rel    | `gap`, `v`     | 1    | (K,)   | of the contacts within reach, per L and V                            |
 | w_n, w_t    | `w_n`, `w_t`   | 1    |        | weights of the products against the squared dynamics residual        |
 
@@ -58,7 +58,7 @@ SOLVER_TOLERANCE = 1e-10  # of feasibility and optimality, on variables of about
 
 
 @dataclass(frozen=True)
-class Point:
+class ProgramPoint:
     """Values of the unknowns in scaled units: theta (n_Θ,), and c_n, c_plus, c_minus, lam of the K contacts (K,)."""
 
     theta: np.ndarray
@@ -154,16 +154,18 @@ class ContactProgram:
         self.gap = window.gap[self.step, self.pair] / window.gap_scale
         self.v = window.v_t[self.step, self.pair] / window.speed_scale
 
-    def warm_point(self, tolerance: float = RESIDUAL_TOLERANCE) -> Point:
+    def warm_point(self, tolerance: float = RESIDUAL_TOLERANCE) -> ProgramPoint:
         """The convex program's answer."""
         found = solve_mode_qp(
             self.window, self.program, reach=self.reach, w_n=self.w_n, w_t=self.w_t, tolerance=tolerance
         )
         c_t = found.c_t[self.step, self.pair] / self.F
         c_n = found.c_n[self.step, self.pair] / self.F
-        return Point(found.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v))
+        return ProgramPoint(
+            found.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v)
+        )
 
-    def random_point(self, rng: np.random.Generator, theta_guess: np.ndarray | None = None) -> Point:
+    def random_point(self, rng: np.random.Generator, theta_guess: np.ndarray | None = None) -> ProgramPoint:
         """Parameters scattered by a factor of ten either way, forces of about the largest known one, λ = |v_rel|.
 
         λ is not scattered, because it is known: with a random λ a contact without force keeps it, as nothing moves λ
@@ -173,16 +175,16 @@ class ContactProgram:
         guess = np.ones(len(self.T)) if theta_guess is None else np.asarray(theta_guess, dtype=float) / self.T
         theta = guess * np.exp(rng.uniform(-START_RANGE, START_RANGE, len(guess)))
         c = rng.exponential(1.0, (3, K))
-        return Point(theta, *c, np.abs(self.v))
+        return ProgramPoint(theta, *c, np.abs(self.v))
 
-    def unscaled(self, point: Point) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def unscaled(self, point: ProgramPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Θ (n_Θ,), c_n and c_t (m, p) in N of a point."""
         c_n, c_t = np.zeros(self.window.gap.shape), np.zeros(self.window.gap.shape)
         c_n[self.step, self.pair] = self.F * point.c_n
         c_t[self.step, self.pair] = self.F * (point.c_plus - point.c_minus)
         return self.T * point.theta, c_n, c_t
 
-    def solve(self, point: Point, solver: str) -> tuple[bool, float, Point]:
+    def solve(self, point: ProgramPoint, solver: str) -> tuple[bool, float, ProgramPoint]:
         """Solves from a point: whether the solver claims success, the cost, and the answer."""
         constrained = self.program in ("2.12", "2.13")
         bounds = RELAXATION if constrained and self.products == "relaxed" else (0.0,)
@@ -194,7 +196,7 @@ class ContactProgram:
 
     def answer(
         self,
-        point: Point,
+        point: ProgramPoint,
         solver: str,
         *,
         tolerance: float = RESIDUAL_TOLERANCE,
@@ -215,7 +217,7 @@ class ContactProgram:
             dynamics_tolerance=dynamics_tolerance,
         )
 
-    def _solve_once(self, point: Point, solver: str, bound: float) -> tuple[bool, float, Point]:
+    def _solve_once(self, point: ProgramPoint, solver: str, bound: float) -> tuple[bool, float, ProgramPoint]:
         from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver
 
         prog = MathematicalProgram()
@@ -231,14 +233,14 @@ class ContactProgram:
         if solver == "ipopt" and n_equations >= prog.num_vars():
             # IPOPT needs more unknowns than equations; asked all the same it may end the whole process
             nothing = [np.full(len(group), np.nan) for group in (theta, *groups)]
-            return False, np.nan, Point(*nothing)
+            return False, np.nan, ProgramPoint(*nothing)
         engine = SnoptSolver() if solver == "snopt" else IpoptSolver()
         for scale in SCALINGS[self.program == "2.14"] if solver == "snopt" else (0,):
             result = engine.Solve(prog, point.stacked, solver_options(solver, scale))
             if result.is_success():
                 break
         values = [result.GetSolution(group) if len(group) else group for group in (theta, *groups)]
-        return result.is_success(), float(result.get_optimal_cost()), Point(*values)
+        return result.is_success(), float(result.get_optimal_cost()), ProgramPoint(*values)
 
     def _add_dynamics(self, prog: "MathematicalProgram", theta, c_n, c_plus, c_minus) -> None:
         """Y Θ − J' c − f in units of F, as a cost for each step, or as a constraint."""

@@ -40,34 +40,23 @@ class SolveStatus(StrEnum):
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """Answer of one program from its best start; symbols as in the module's table.
+    """Answer of one program from its best start; symbols as in the module's table."""
 
-    Attributes:
-        program: "2.12", "2.13", "2.14" or "2.14 soft".
-        solver: which solver was used.
-        claimed: what the solver itself said about success; `status` is our judgement.
-        cost: value of the program's cost, dimensionless.
-        cpu_s: CPU seconds of all starts.
-        start: index of the start that the answer comes from.
-        n_solved, n_starts: starts that ended SOLVED, and all of them.
-        names: (n_Θ,) of the parameters.
-    """
-
-    program: str
-    solver: str
+    program: str  # "2.12", "2.13", "2.14" or "2.14 soft"
+    solver: str  # which solver was used
     status: SolveStatus
-    claimed: bool
+    claimed: bool  # what the solver itself said about success; `status` is our judgement
     theta: np.ndarray
     c_n: np.ndarray
     c_t: np.ndarray
     dynamics: float
     complementarity: float
-    cost: float
-    cpu_s: float
-    start: int = 0
-    n_solved: int = 0
+    cost: float  # value of the program's cost, dimensionless
+    cpu_s: float  # CPU seconds of all starts
+    start: int = 0  # index of the start that the answer comes from
+    n_solved: int = 0  # n_solved, n_starts: starts that ended SOLVED, and all of them
     n_starts: int = 1
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # (n_Θ,) of the parameters
 
     @property
     def solved(self) -> bool:

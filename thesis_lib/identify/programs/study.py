@@ -53,7 +53,7 @@ ARM_BODIES = ("link_1", "link_2", "disk")
 
 
 @dataclass(frozen=True)
-class Case:
+class TrueWindow:
     """A window with its truth: `theta` (n_Θ,), `c_n` and `c_t` (m, p) in N."""
 
     window: ContactWindow
@@ -61,8 +61,8 @@ class Case:
     c_n: np.ndarray
     c_t: np.ndarray
 
-    def __getitem__(self, steps: slice) -> "Case":
-        return Case(self.window[steps], self.theta, self.c_n[steps], self.c_t[steps])
+    def __getitem__(self, steps: slice) -> "TrueWindow":
+        return TrueWindow(self.window[steps], self.theta, self.c_n[steps], self.c_t[steps])
 
     def errors(self, found: ProgramResult) -> tuple[float, float]:
         """Largest relative error of the parameters, and relative rms error of the forces."""
@@ -73,7 +73,7 @@ class Case:
 
 def cases(
     kind: str, n_steps: int, n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT
-) -> list[Case]:
+) -> list[TrueWindow]:
     """n noise-free windows of n_steps around the first impact of motions of a kind, all of them identifiable.
 
     Args:
@@ -93,7 +93,7 @@ def cases(
     if kind == "arm_disk":
         arm = settings.arm.model_copy(update={"mu": ARM_MU, "steps": max(settings.arm.steps, n_steps)})
         settings = settings.model_copy(update={"arm": arm})
-    found: list[Case] = []
+    found: list[TrueWindow] = []
     refused = ""
     for tried, record in enumerate(makers[kind](kind, n_steps, rng, settings)):
         if tried >= 5 * n + 20:
@@ -138,16 +138,16 @@ def _arm_motions(
         yield arm_trajectories(1, rng, settings).records[0]
 
 
-def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> Case:
+def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> TrueWindow:
     """The whole motion as one case, from which windows are cut."""
     if kind == "arm_disk":
         window, theta = _arm_window(record, settings)
-        return Case(window, theta, record.c_n, record.c_t)
+        return TrueWindow(window, theta, record.c_n, record.c_t)
     body = BODIES[kind](settings)
     mu = settings.wheel.mu if kind == "wheel" else settings.mu
     gravity = tuple(body.gravity(record.q[0])[:2] / body.mass)
     window = free_body_window(record, mu, gravity=gravity, known={"m": body.mass})
-    return Case(window, np.array([body.inertia]), record.c_n, record.c_t)
+    return TrueWindow(window, np.array([body.inertia]), record.c_n, record.c_t)
 
 
 def _arm_window(record: Record, settings: Chapter2Bodies) -> tuple[ContactWindow, np.ndarray]:
@@ -175,7 +175,7 @@ def _arm_window(record: Record, settings: Chapter2Bodies) -> tuple[ContactWindow
 
 
 @dataclass(frozen=True)
-class Study:
+class ProgramRun:
     """What to run: a program on a solver ("snopt", "ipopt" or "mode_qp", which needs no start)."""
 
     program: Program
@@ -185,19 +185,19 @@ class Study:
 
 
 STUDIES = {
-    "qp": Study("2.12", "mode_qp"),
-    "2.14": Study("2.14", "snopt"),
-    "2.14 ipopt": Study("2.14", "ipopt"),
-    "2.14 soft": Study("2.14 soft", "snopt"),
-    "2.13": Study("2.13", "snopt"),
-    "2.12": Study("2.12", "snopt"),
-    "2.12 strict": Study("2.12", "snopt", "strict"),
+    "qp": ProgramRun("2.12", "mode_qp"),
+    "2.14": ProgramRun("2.14", "snopt"),
+    "2.14 ipopt": ProgramRun("2.14", "ipopt"),
+    "2.14 soft": ProgramRun("2.14 soft", "snopt"),
+    "2.13": ProgramRun("2.13", "snopt"),
+    "2.12": ProgramRun("2.12", "snopt"),
+    "2.12 strict": ProgramRun("2.12", "snopt", "strict"),
 }
 MAIN = ("qp", "2.14", "2.14 ipopt")
 
 
 def study(
-    what: Study, kind: str, windows: Sequence[Case], starts: int, rng: np.random.Generator
+    what: ProgramRun, kind: str, windows: Sequence[TrueWindow], starts: int, rng: np.random.Generator
 ) -> dict[str, float | str]:
     """One row of the table: successes, errors and CPU seconds of a program over windows and starts."""
     theta_error, force_error, cpu = [], [], []
@@ -236,7 +236,7 @@ def study(
 
 
 def _answers(
-    what: Study, window: ContactWindow, starts: int, rng: np.random.Generator
+    what: ProgramRun, window: ContactWindow, starts: int, rng: np.random.Generator
 ) -> Iterator[ProgramResult]:
     if what.solver == "mode_qp":
         yield solve_mode_qp(window, what.program, reach=what.reach)

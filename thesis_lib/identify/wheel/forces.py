@@ -74,28 +74,17 @@ class WheelStatus(StrEnum):
 
 @dataclass(frozen=True)
 class WheelFit:
-    """Maximum-likelihood motion of a wheel and its forces; symbols as in the module's table.
+    """Maximum-likelihood motion of a wheel and its forces; symbols as in the module's table."""
 
-    Attributes:
-        record: the fitted motion with its forces; `record.c_n`, `record.c_t` (m, p) are the estimate.
-        inertia, inertia_std: kg m², about the hub.
-        sigma: (2, 3) noise, from the residuals.
-        covariance: (4, 4) of η = (x_0, θ_0, ω_0, log I / (m l²)).
-        deviations: (8, 2, m, p) c_n and c_t at the sigma points minus the estimate, N.
-        chi2_n: χ²/n of the residuals with the noise of the differences.
-        p_white: probability of residuals less white than these, if the wheel rolled as fitted.
-        status: whether to believe it.
-    """
-
-    record: Record
-    inertia: float
+    record: Record  # the fitted motion with its forces; `record.c_n`, `record.c_t` (m, p) are the estimate
+    inertia: float  # inertia, inertia_std: kg m², about the hub
     inertia_std: float
-    sigma: np.ndarray
-    covariance: np.ndarray
-    deviations: np.ndarray
-    chi2_n: float
-    p_white: float
-    status: WheelStatus
+    sigma: np.ndarray  # (2, 3) noise, from the residuals
+    covariance: np.ndarray  # (4, 4) of η = (x_0, θ_0, ω_0, log I / (m l²))
+    deviations: np.ndarray  # (8, 2, m, p) c_n and c_t at the sigma points minus the estimate, N
+    chi2_n: float  # χ²/n of the residuals with the noise of the differences
+    p_white: float  # probability of residuals less white than these, if the wheel rolled as fitted
+    status: WheelStatus  # whether to believe it
 
     @property
     def std_n(self) -> np.ndarray:

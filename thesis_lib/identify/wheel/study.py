@@ -42,24 +42,15 @@ ERRORS = ("error_n", "error_t", "impulse_error_n", "impulse_error_t")
 
 @dataclass(frozen=True)
 class WheelForces:
-    """Forces of one spoke after another by every method, on one record.
+    """Forces of one spoke after another by every method, on one record."""
 
-    Attributes:
-        truth: the simulated motion.
-        pairs: (≤ 3,) contact pairs in the order in which they touch.
-        c_n, c_t: method -> (m, p) in N.
-        status: method -> what became of it.
-        inertia: method -> kg m².
-        fit: the fit with its standard errors.
-    """
-
-    truth: Record
-    pairs: tuple[int, ...]
-    c_n: dict[str, np.ndarray]
+    truth: Record  # the simulated motion
+    pairs: tuple[int, ...]  # (≤ 3,) contact pairs in the order in which they touch
+    c_n: dict[str, np.ndarray]  # c_n, c_t: method -> (m, p) in N
     c_t: dict[str, np.ndarray]
-    status: dict[str, str]
-    inertia: dict[str, float]
-    fit: WheelFit
+    status: dict[str, str]  # method -> what became of it
+    inertia: dict[str, float]  # method -> kg m²
+    fit: WheelFit  # the fit with its standard errors
 
 
 def touched_pairs(c_n: np.ndarray, count: int = SPOKES) -> tuple[int, ...]:

@@ -33,7 +33,7 @@ LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
 
 
 @dataclass(frozen=True)
-class Outcome:
+class PrimitiveOutcome:
     """How a primitive ended: success, why not, largest displacement (m) and rotation (rad) of any other block."""
 
     success: bool
@@ -57,7 +57,7 @@ class Gripper:
         self._body = model.body("hand").id
         self.held: int | None = None
 
-    def extract(self, block: int) -> Outcome:
+    def extract(self, block: int) -> PrimitiveOutcome:
         """Grasp a block that stands out and pull it from the tower; it is held afterwards if that succeeded.
 
         Raises:
@@ -72,7 +72,7 @@ class Gripper:
             )
         before = tower.poses()
         if block in tower.settings.hidden.glued:  # the jaws pull in vain: three blocks do not come out as one
-            return Outcome(False, "it does not come out", *tower.perturbation(block, before), False)
+            return PrimitiveOutcome(False, "it does not come out", *tower.perturbation(block, before), False)
         self._grasp(block)
         distance = tower.sizes[block, 0] - out + BEYOND
         inside = self._in_hand()
@@ -83,12 +83,12 @@ class Gripper:
             reason = self._damage(block, before)
         # a block that hangs askew in the jaws is not one that fell; all others are judged
         ends = tower.toppled(block) or (reason == LOST and tower.dropped(block))
-        outcome = Outcome(reason == "", reason, *tower.perturbation(block, before), ends)
+        outcome = PrimitiveOutcome(reason == "", reason, *tower.perturbation(block, before), ends)
         if reason == LOST:
             self._let_go()
         return outcome
 
-    def place(self, rng: np.random.Generator) -> Outcome:
+    def place(self, rng: np.random.Generator) -> PrimitiveOutcome:
         """Put the held block on a random free place of the top layer; errors as in `extract`."""
         if self.held is None:
             raise UserError("no block is held: extract one before placing it.")
@@ -108,7 +108,7 @@ class Gripper:
         low = pose[2] - tower.position(block)[2]
         reason = FELL_FROM_TOP if low > tower.settings.topple_drop / 2 else self._damage(block, before)
         tower.reference[block] = tower.poses()[block]
-        return Outcome(
+        return PrimitiveOutcome(
             reason == "",
             reason,
             *tower.perturbation(block, before),

@@ -30,7 +30,7 @@ import pandas as pd
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.residual.belief.settings import DiceDataSettings
+from thesis_lib.residual.dice.settings import DiceDataSettings
 from thesis_lib.statistics.spread import robust_std
 
 ROBUST = 4.0  # standard deviations beyond which a sample counts as lost
@@ -60,8 +60,8 @@ class Releases:
 
 
 @dataclass(frozen=True)
-class Contacts:
-    """Contacts between two flights: states (q, v) before and after, `span` apart; `first` marks each throw's first."""
+class MeasuredContacts:
+    """Contacts between two flights: states before and after, `span` apart; `first` marks the first of a throw."""
 
     trial: np.ndarray
     first: np.ndarray
@@ -74,26 +74,26 @@ class Contacts:
     def __len__(self) -> int:
         return len(self.trial)
 
-    def select(self, rows: np.ndarray) -> "Contacts":
+    def select(self, rows: np.ndarray) -> "MeasuredContacts":
         """The contacts at `rows` (mask or indices)."""
         names = ("trial", "first", "q", "v", "q_after", "v_after", "span")
-        return Contacts(*(getattr(self, name)[rows] for name in names))
+        return MeasuredContacts(*(getattr(self, name)[rows] for name in names))
 
 
 @dataclass(frozen=True)
-class Flights:
+class LongFlights:
     """Long flights: change of pose and velocity (n, 3) between an early sample and the last one."""
 
     trial: np.ndarray
     dq: np.ndarray
     dv: np.ndarray
 
-    def select(self, rows: np.ndarray) -> "Flights":
+    def select(self, rows: np.ndarray) -> "LongFlights":
         """The flights at `rows`."""
-        return Flights(self.trial[rows], self.dq[rows], self.dv[rows])
+        return LongFlights(self.trial[rows], self.dq[rows], self.dv[rows])
 
 
-def flight_drag(flights: Flights) -> tuple[float, float]:
+def flight_drag(flights: LongFlights) -> tuple[float, float]:
     """Linear drag (c_v, c_w) in 1/s of translation (along x) and spin.
 
     With linear drag Δv_x = −c_v Δx and Δω = −c_w Δθ exactly, for a flight of any length: the line through the origin
@@ -112,7 +112,7 @@ def flight_drag(flights: Flights) -> tuple[float, float]:
 
 def read_throws(
     dataset: Dataset, hits: pd.DataFrame, settings: DiceDataSettings
-) -> tuple[Releases, Contacts, Flights]:
+) -> tuple[Releases, MeasuredContacts, LongFlights]:
     """States, contacts and long flights of all throws.
 
     Args:
@@ -181,10 +181,10 @@ def read_throws(
             left_out,
             sigma,
         ),
-        Contacts(
+        MeasuredContacts(
             c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14]
         ),
-        Flights(f[:, 0].astype(int), f[:, 1:4], f[:, 4:7]),
+        LongFlights(f[:, 0].astype(int), f[:, 1:4], f[:, 4:7]),
     )
 
 

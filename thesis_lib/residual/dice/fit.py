@@ -32,11 +32,12 @@ import numpy as np
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.residual.belief.compliant_contact import PARAMETERS, CompliantContact, compliant_path
-from thesis_lib.residual.belief.flight import ThrownBody
-from thesis_lib.residual.belief.settings import DiceFitSettings, ThrowSettings
-from thesis_lib.residual.belief.throw import LawImpact, state_at
-from thesis_lib.residual.dice.data import Contacts
+from thesis_lib.residual.dice.data import MeasuredContacts
+from thesis_lib.residual.dice.settings import DiceFitSettings
+from thesis_lib.residual.throwing.compliant_contact import PARAMETERS, CompliantContact, compliant_path
+from thesis_lib.residual.throwing.flight import ThrownBody
+from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.residual.throwing.throw import LawImpact, state_at
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # first step of each parameter: a few times what a rig is off by, and what changes a contact visibly
@@ -135,7 +136,7 @@ def contact_path(
 
 
 def fit_dice(
-    start: DiceModel, contacts: Contacts, rng: np.random.Generator, settings: DiceFitSettings
+    start: DiceModel, contacts: MeasuredContacts, rng: np.random.Generator, settings: DiceFitSettings
 ) -> tuple[DiceModel, float]:
     """The body with a compliant contact that follows training contacts best, and its mean capped error in m/s."""
     quick = ThrowSettings(snapshots=0)

@@ -11,11 +11,11 @@ model whose throws are less sensitive than the true ones gives too low a limit.)
 import numpy as np
 import pandas as pd
 
-from thesis_lib.residual.belief.belief import covariance_root
-from thesis_lib.residual.belief.settings import ThrowSettings
-from thesis_lib.residual.belief.throw import ImpactModel, simulate_throws
 from thesis_lib.residual.dice.data import Releases
 from thesis_lib.residual.dice.fit import DiceModel
+from thesis_lib.residual.throwing.belief import covariance_root
+from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.residual.throwing.throw import ImpactModel, simulate_throws
 
 
 def perturbed(releases: Releases, copies: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -41,15 +41,15 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.belief.belief import WIDE, GaussianMixture
-from thesis_lib.residual.belief.calibration import LEVELS, crps_of_mixture
-from thesis_lib.residual.belief.flight import ThrownBody, first_touch, fly
-from thesis_lib.residual.belief.propagation import Sampled, Tally, draw
-from thesis_lib.residual.belief.settings import DiceStudySettings
-from thesis_lib.residual.dice.data import Contacts, Releases
+from thesis_lib.residual.dice.data import MeasuredContacts, Releases
 from thesis_lib.residual.dice.limit import perturbed
 from thesis_lib.residual.dice.models import Thrower
+from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.tables import spread
+from thesis_lib.residual.throwing.belief import WIDE, GaussianMixture
+from thesis_lib.residual.throwing.calibration import LEVELS, crps_of_mixture
+from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
+from thesis_lib.residual.throwing.propagation import Sampled, Tally, draw
 
 SAMPLES = 200  # of a belief, for its regions of highest density
 MOST = 100  # hits of a throw before the instant asked for: more are micro-hops that move nothing any more
@@ -183,7 +183,7 @@ def widened(mean: np.ndarray, cov: np.ndarray) -> GaussianMixture:
 def first_contact_scores(
     throwers: Sequence[Thrower],
     releases: Releases,
-    contacts: Contacts,
+    contacts: MeasuredContacts,
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:

@@ -27,7 +27,14 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
-from thesis_lib.residual.belief.contact_map import (
+from thesis_lib.residual.dice.data import MeasuredContacts, Releases
+from thesis_lib.residual.dice.double_hits import hit_again
+from thesis_lib.residual.dice.fit import DiceModel, contact_path
+from thesis_lib.residual.dice.settings import DiceStudySettings
+from thesis_lib.residual.learners.bases import LawBase
+from thesis_lib.residual.learners.gaussian_process import fit_gaussian_process
+from thesis_lib.residual.learners.learners import ImpulseLearner
+from thesis_lib.residual.throwing.contact_map import (
     ContactMap,
     Regime,
     contact_features,
@@ -36,16 +43,9 @@ from thesis_lib.residual.belief.contact_map import (
     split,
     student,
 )
-from thesis_lib.residual.belief.double_hits import hit_again
-from thesis_lib.residual.belief.flight import first_touch, fly
-from thesis_lib.residual.belief.propagation import LearnedImpact, Sampled, ScatteredLaw
-from thesis_lib.residual.belief.settings import DiceStudySettings
-from thesis_lib.residual.belief.throw import Throws, simulate_throws
-from thesis_lib.residual.dice.data import Contacts, Releases
-from thesis_lib.residual.dice.fit import DiceModel, contact_path
-from thesis_lib.residual.learners.bases import LawBase
-from thesis_lib.residual.learners.gaussian_process import fit_gaussian_process
-from thesis_lib.residual.learners.learners import ImpulseLearner
+from thesis_lib.residual.throwing.flight import first_touch, fly
+from thesis_lib.residual.throwing.propagation import LearnedImpact, Sampled, ScatteredLaw
+from thesis_lib.residual.throwing.throw import Throws, simulate_throws
 from thesis_lib.statistics.spread import robust_std
 
 FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
@@ -95,7 +95,7 @@ def critique_model(saved: SavedModel, side: float) -> DiceModel:
 def law_models(
     believed: DiceModel,
     impacts: Impacts,
-    contacts: Contacts,
+    contacts: MeasuredContacts,
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> tuple[list[Thrower], pd.DataFrame]:
@@ -125,7 +125,7 @@ def single_hits(model: DiceModel, impacts: Impacts, settings: DiceStudySettings)
 
 
 def contact_residuals(
-    model: DiceModel, contacts: Contacts, settings: DiceStudySettings
+    model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What a model misses of measured contacts, at `duration` after the first touch.
 
@@ -155,7 +155,9 @@ def contact_residuals(
     return rows, q_0, v_0, residual, c_n
 
 
-def scattered(name: str, model: DiceModel, contacts: Contacts, settings: DiceStudySettings) -> Thrower:
+def scattered(
+    name: str, model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings
+) -> Thrower:
     """A law with the scatter of its training residuals: (Δv_x, Δv_y, k Δω)/c_n, robust against lost contacts."""
     _, _, v_0, residual, c_n = contact_residuals(model, contacts, settings)
     relative = residual[:, 3:] * (velocity_error(v_0, model.k_g) / np.maximum(c_n, settings.slowest))[:, None]
@@ -182,7 +184,7 @@ class Missed:
 
 def train_missed(
     model: DiceModel,
-    contacts: Contacts,
+    contacts: MeasuredContacts,
     settings: DiceStudySettings,
     rng: np.random.Generator,
     learned: bool = True,

@@ -16,16 +16,16 @@ Source: own, found in the residuals of the dice's first contacts.
 import numpy as np
 import pandas as pd
 
-from thesis_lib.residual.belief.flight import first_touch, fly
-from thesis_lib.residual.belief.settings import ThrowSettings
-from thesis_lib.residual.dice.data import Contacts
+from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.fit import DiceModel, contact_path
+from thesis_lib.residual.throwing.flight import first_touch, fly
+from thesis_lib.residual.throwing.settings import ThrowSettings
 
 ASKEW = 0.75  # 24 degrees from a side: the neighbour touches much later, if at all
 FAST = 0.5  # m/s; slower ones say little of restitution
 
 
-def restitution(model: DiceModel, contacts: Contacts, settings: ThrowSettings) -> pd.DataFrame:
+def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:
     """Columns x (m), measured, model (1), speed (m/s of approach), first (0 or 1), trial, a row per contact shown."""
     body = model.body
     q = model.seen(contacts.q)

@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.belief.calibration import coverage_table, pit_histogram
-from thesis_lib.residual.belief.settings import DiceStudySettings
 from thesis_lib.residual.dice.restitution import restitution
+from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.study import DiceStudy, first_contacts
 from thesis_lib.residual.dice.tables import easy_and_hard
+from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
 
 BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
 PLAIN = "law"

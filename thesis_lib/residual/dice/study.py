@@ -33,6 +33,7 @@ contacts of all of them.  To that extent the numbers of these models are not tho
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -43,9 +44,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.belief.propagation import LearnedImpact
-from thesis_lib.residual.belief.settings import DiceStudySettings
-from thesis_lib.residual.dice.data import Contacts, Flights, Releases, flight_drag, read_throws
+from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, Releases, flight_drag, read_throws
 from thesis_lib.residual.dice.fit import DiceModel, fit_dice
 from thesis_lib.residual.dice.limit import noise_limit, perturbed
 from thesis_lib.residual.dice.mixture_belief import first_contact_scores, first_contact_summary
@@ -60,51 +59,39 @@ from thesis_lib.residual.dice.models import (
     throw_starts,
     train_missed,
 )
+from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.tables import (
-    Outcome,
+    HeldOutThrows,
     contact_pits,
     difficulty,
     impact_pits,
     summary,
     throw_rows,
 )
+from thesis_lib.residual.throwing.propagation import LearnedImpact
 
 
 @dataclass(frozen=True)
 class DiceStudy:
-    """Everything that one split says.
+    """Everything that one split says."""
 
-    Attributes:
-        releases, contacts: all that were measured, training and held out.
-        train: trials of the training throws, ascending.
-        outcomes: held-out throws of each model, by its name.
-        table: a row per model and quantity.
-        throws: a row per model and held-out throw.
-        limit: the same for the limit of noise.
-        difficulty: a row per model and spread.
-        rates: samples drawn and rejected, a row per model.
-        parameters: of all models.
-        laws: training errors of the six laws on isolated impacts, of which the least was taken.
-        contact_pits: a row per held-out contact (isolated impacts for the learned impacts) with its PIT and misfit.
-        first, first_table: scores of the beliefs over the state after the first contact, and their summary.
-        counts: throws, contacts and impacts used and left out.
-    """
-
-    releases: Releases
-    contacts: Contacts
-    train: np.ndarray
-    outcomes: dict[str, Outcome]
-    table: pd.DataFrame
-    throws: pd.DataFrame
-    limit: pd.DataFrame
-    difficulty: pd.DataFrame
-    rates: pd.DataFrame
-    parameters: pd.DataFrame
-    laws: pd.DataFrame
+    releases: Releases  # releases, contacts: all that were measured, training and held out
+    contacts: MeasuredContacts
+    train: np.ndarray  # trials of the training throws, ascending
+    outcomes: dict[str, HeldOutThrows]  # held-out throws of each model, by its name
+    table: pd.DataFrame  # a row per model and quantity
+    throws: pd.DataFrame  # a row per model and held-out throw
+    limit: pd.DataFrame  # the same for the limit of noise
+    difficulty: pd.DataFrame  # a row per model and spread
+    rates: pd.DataFrame  # samples drawn and rejected, a row per model
+    parameters: pd.DataFrame  # of all models
+    laws: pd.DataFrame  # training errors of the six laws on isolated impacts, of which the least was taken
+    # a row per held-out contact (isolated impacts for the learned impacts) with its PIT and misfit
     contact_pits: pd.DataFrame
+    # first, first_table: scores of the beliefs over the state after the first contact, and their summary
     first: pd.DataFrame
     first_table: pd.DataFrame
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)  # throws, contacts and impacts used and left out
 
 
 def dice_study(
@@ -131,118 +118,146 @@ def dice_study(
         UserError: the shape is no square, or the critique's model has effects that throws do not know.
     """
     side = side_of(dataset)
-    read = read_throws(dataset, hits, settings.data)
+    measured = Measured(*read_throws(dataset, hits, settings.data), impacts)
     studies = []
-    for i, own in enumerate(rng.spawn(settings.splits)):
-        studies.append(_one_split(dataset, read, impacts, critique, side, settings, own))
+    for i, split_rng in enumerate(rng.spawn(settings.splits)):
+        studies.append(_one_split(dataset, measured, critique, side, settings, split_rng))
         say(f"split {i}: {studies[-1].counts}")
     return studies
 
 
+@dataclass(frozen=True)
+class Measured:
+    """What was recorded of some throws."""
+
+    releases: Releases
+    contacts: MeasuredContacts
+    flights: LongFlights
+    impacts: Impacts
+
+    def of(self, trials: np.ndarray) -> "Measured":
+        """What was recorded of the throws of `trials` (n,)."""
+        return Measured(
+            *(
+                part.select(np.isin(part.trial, trials))
+                for part in (self.releases, self.contacts, self.flights)
+            ),
+            self.impacts.select(np.isin(self.impacts.trial, trials)),
+        )
+
+
 def _one_split(
     dataset: Dataset,
-    read: tuple[Releases, Contacts, Flights],
-    impacts: Impacts,
+    measured: Measured,
     critique: SavedModel | None,
     side: float,
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> DiceStudy:
-    releases, contacts, flights = read
-    split_rng, law_rng, boot_rng, first_rng, own_rng = rng.spawn(5)
-    stream = streams(own_rng)
-    trials = np.unique(releases.trial)
+    """Draw the training throws, train all models on them, and judge each on the other throws."""
+    split_rng, law_rng, bootstrap_rng, first_rng, named_rng = rng.spawn(5)
+    stream = streams(named_rng)
+    trials = np.unique(measured.releases.trial)
     train = np.sort(split_rng.permutation(trials)[: round(settings.train_share * len(trials))])
-    known = contacts.select(np.isin(contacts.trial, train))
+    training, held = measured.of(train), measured.of(np.setdiff1d(trials, train))
+
     believed = DiceModel(side / 2, 0.0, dataset.height, dataset.k_g, "mirtich", 0.1, 0.5, dataset.gravity)
-    own = impacts.select(np.isin(impacts.trial, train))
-    throwers, law_errors = law_models(believed, own, known, settings, law_rng)
+    throwers, law_errors = law_models(believed, training.impacts, training.contacts, settings, law_rng)
+    law_model = throwers[0].model
     if critique is not None:
-        throwers.append(scattered("critique", critique_model(critique, side), known, settings))
-    c_v, c_w = flight_drag(flights.select(np.isin(flights.trial, train)))
-    start = replace(believed, law=throwers[0].model.law, c_v=c_v, c_w=c_w)
-    fitted, _ = fit_dice(start, known, stream("fit"), settings.fit)
-    train_releases = releases.select(np.isin(releases.trial, train))
-    left_out = 0
-    for name, learned in (("compliant", False), ("compliant_residual", True)):
-        missed = train_missed(fitted, known, settings, stream("missed", name), learned)
-        left_out = missed.left_out
-        throwers.append(
-            slide_fitted(
-                lambda model, name=name, missed=missed: contact_map(name, model, missed, settings),
-                fitted,
-                train_releases,
-                side,
-                settings,
-            )
-        )
-    held = releases.select(~np.isin(releases.trial, train))
-    outcomes, rows, rates = {}, [], []
-    for thrower in throwers:
-        outcome = throw_held_out(thrower, held, settings, stream("throw", thrower.name))
-        outcomes[thrower.name] = outcome
-        rows.append(throw_rows(outcome, held, side, stream("rows", thrower.name)))
-        t = thrower.contact.tally
-        rates.append(
-            {
-                "model": thrower.name,
-                **vars(t),
-                "rejection_rate": t.rejection_rate,
-                "first_rejection_rate": t.first_rejection_rate,
-            }
-        )
-    throws = pd.concat(rows, ignore_index=True)
-    fresh = contacts.select(np.isin(contacts.trial, held.trial))
-    isolated = single_hits(throwers[0].model, impacts.select(np.isin(impacts.trial, held.trial)), settings)
+        throwers.append(scattered("critique", critique_model(critique, side), training.contacts, settings))
+    compliant, outliers = _compliant_models(
+        replace(believed, law=law_model.law), training, side, settings, stream
+    )
+    throwers += compliant
+
+    outcomes = {t.name: throw_held_out(t, held.releases, settings, stream("throw", t.name)) for t in throwers}
+    throws = pd.concat(
+        [throw_rows(o, held.releases, side, stream("rows", name)) for name, o in outcomes.items()],
+        ignore_index=True,
+    )
+    isolated = single_hits(law_model, held.impacts, settings)
     pits = [
-        impact_pits(t, isolated) if isinstance(t.contact, LearnedImpact) else contact_pits(t, fresh, settings)
+        impact_pits(t, isolated)
+        if isinstance(t.contact, LearnedImpact)
+        else contact_pits(t, held.contacts, settings)
         for t in throwers
     ]
-    first = first_contact_scores(throwers, held, contacts, settings, first_rng)
     limits = [
         noise_limit(
-            held, t.model, t.certain, side, settings.limit_copies, settings.throw, stream("limit", t.name)
+            held.releases,
+            t.model,
+            t.certain,
+            side,
+            settings.limit_copies,
+            settings.throw,
+            stream("limit", t.name),
         ).assign(model=t.name)
         for t in throwers
     ]
     limit = pd.concat(limits, ignore_index=True)
-    parameters = pd.DataFrame(
-        [(t.name, k, v) for t in throwers for k, v in _numbers(t.model)],
-        columns=["model", "parameter", "value"],
-    )
-    counts = {
-        "throws": int(dataset.trials.size),
-        "used": len(releases.trial),
-        **releases.left_out,
-        "train": len(train),
-        "held_out": len(held.trial),
-        "contacts": len(contacts),
-        "contact_outliers": left_out,
-        "training_impacts": len(own),
-        "training_single_hits": len(single_hits(throwers[0].model, own, settings)),
-    }
+    first = first_contact_scores(throwers, held.releases, held.contacts, settings, first_rng)
     return DiceStudy(
-        releases,
-        contacts,
-        train,
-        outcomes,
-        summary(throws, limit, settings.bootstrap, boot_rng),
-        throws,
-        limit,
-        difficulty(throws, settings.bootstrap, boot_rng),
-        pd.DataFrame(rates),
-        parameters,
-        law_errors,
-        pd.concat(pits, ignore_index=True),
-        first,
-        first_contact_summary(first, settings.bootstrap, first_rng),
-        counts,
+        releases=measured.releases,
+        contacts=measured.contacts,
+        train=train,
+        outcomes=outcomes,
+        table=summary(throws, limit, settings.bootstrap, bootstrap_rng),
+        throws=throws,
+        limit=limit,
+        difficulty=difficulty(throws, settings.bootstrap, bootstrap_rng),
+        rates=pd.DataFrame([_rejections(t) for t in throwers]),
+        parameters=pd.DataFrame(
+            [(t.name, name, value) for t in throwers for name, value in _numbers(t.model)],
+            columns=["model", "parameter", "value"],
+        ),
+        laws=law_errors,
+        contact_pits=pd.concat(pits, ignore_index=True),
+        first=first,
+        first_table=first_contact_summary(first, settings.bootstrap, first_rng),
+        counts={
+            "throws": int(dataset.trials.size),
+            "used": len(measured.releases.trial),
+            **measured.releases.left_out,
+            "train": len(train),
+            "held_out": len(held.releases.trial),
+            "contacts": len(measured.contacts),
+            "contact_outliers": outliers,
+            "training_impacts": len(training.impacts),
+            "training_single_hits": len(single_hits(law_model, training.impacts, settings)),
+        },
     )
+
+
+def _compliant_models(
+    start: DiceModel,
+    training: Measured,
+    side: float,
+    settings: DiceStudySettings,
+    stream: Callable[..., np.random.Generator],
+) -> tuple[list[Thrower], int]:
+    """The compliant contact fitted from `start`, without and with what it misses, and the outliers left out of that."""
+    c_v, c_w = flight_drag(training.flights)
+    fitted, _ = fit_dice(replace(start, c_v=c_v, c_w=c_w), training.contacts, stream("fit"), settings.fit)
+    throwers, outliers = [], 0
+    for name, learned in (("compliant", False), ("compliant_residual", True)):
+        missed = train_missed(fitted, training.contacts, settings, stream("missed", name), learned)
+        outliers = missed.left_out
+        make = partial(contact_map, name, missed=missed, settings=settings)
+        throwers.append(slide_fitted(make, fitted, training.releases, side, settings))
+    return throwers, outliers
+
+
+def _rejections(thrower: Thrower) -> dict[str, object]:
+    """Samples that a thrower drew and rejected."""
+    tally = thrower.contact.tally
+    rates = {name: getattr(tally, name) for name in ("rejection_rate", "first_rejection_rate")}
+    return {"model": thrower.name, **vars(tally), **rates}
 
 
 def throw_held_out(
     thrower: Thrower, releases: Releases, settings: DiceStudySettings, rng: np.random.Generator
-) -> Outcome:
+) -> HeldOutThrows:
     """All held-out throws of one model, with belief and without."""
     certain = throw_starts(thrower, thrower.certain, releases.q, releases.v, settings, rng)
     q, v = perturbed(releases, settings.particles, rng)
@@ -251,13 +266,7 @@ def throw_held_out(
     metric = np.array([1.0, 1.0, thrower.model.k_g])
     velocity = (out.snapshot_v[0] * metric).reshape(*shape, 3)
     spread = np.sqrt(np.nanvar(velocity, axis=1).sum(-1))
-    return Outcome(
-        thrower,
-        out.q[:, 0].reshape(shape),
-        out.face.reshape(shape),
-        certain,
-        spread,
-    )
+    return HeldOutThrows(thrower, out.q[:, 0].reshape(shape), out.face.reshape(shape), certain, spread)
 
 
 def first_contacts(
@@ -270,7 +279,7 @@ def first_contacts(
 ) -> pd.DataFrame:
     """Samples of the belief over one throw's measured pose: contact (0: at the start, 1, 2, ...), t (s), x, y, theta.
 
-    Contacts are where the throw is when each is over; particles that have come to rest before are left out.
+    A row stands at the end of its contact; particles that have come to rest earlier are left out.
     """
     row = np.flatnonzero(releases.trial == trial)
     q, v = perturbed(releases.select(row), count, rng)

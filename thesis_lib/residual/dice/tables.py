@@ -16,20 +16,20 @@ import pandas as pd
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.belief.belief import RestBelief
-from thesis_lib.residual.belief.calibration import crps, pit_of_gaussian, pit_of_samples, pit_of_student
-from thesis_lib.residual.belief.contact_map import ContactMap
-from thesis_lib.residual.belief.settings import DiceStudySettings
-from thesis_lib.residual.belief.throw import Throws
-from thesis_lib.residual.dice.data import Contacts, Releases
+from thesis_lib.residual.dice.data import MeasuredContacts, Releases
 from thesis_lib.residual.dice.models import Thrower, contact_residuals
+from thesis_lib.residual.dice.settings import DiceStudySettings
+from thesis_lib.residual.throwing.belief import RestBelief
+from thesis_lib.residual.throwing.calibration import crps, pit_of_gaussian, pit_of_samples, pit_of_student
+from thesis_lib.residual.throwing.contact_map import ContactMap
+from thesis_lib.residual.throwing.throw import Throws
 from thesis_lib.statistics.bootstrap import central_95, resampled
 
 FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
 
 
 @dataclass(frozen=True)
-class Outcome:
+class HeldOutThrows:
     """A model's held-out throws: particles (n, M) in m, and the same throw without uncertainty.
 
     `after_first` (n,) is the spread of the velocity after the first contact in the kinetic norm, m/s.
@@ -42,7 +42,7 @@ class Outcome:
     after_first: np.ndarray
 
 
-def contact_pits(thrower: Thrower, contacts: Contacts, settings: DiceStudySettings) -> pd.DataFrame:
+def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStudySettings) -> pd.DataFrame:
     """Held-out contacts under a law with scatter or a contact map: trial, model, pit, misfit (a row per contact).
 
     What is compared is the velocity `duration` after the first touch, in the kinetic metric: `pit` is the probability
@@ -92,7 +92,9 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
     return pd.DataFrame({"trial": impacts.trial, "model": thrower.name, "pit": pit, "misfit": misfit})
 
 
-def throw_rows(outcome: Outcome, releases: Releases, side: float, rng: np.random.Generator) -> pd.DataFrame:
+def throw_rows(
+    outcome: HeldOutThrows, releases: Releases, side: float, rng: np.random.Generator
+) -> pd.DataFrame:
     """A row for each held-out throw; see foundation/columns.yaml."""
     model = outcome.thrower.model
     face = model.face(releases.end[:, 2])

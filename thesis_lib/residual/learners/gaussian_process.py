@@ -58,17 +58,11 @@ def device_of(settings: GaussianProcessSettings) -> "torch.device":
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A trained process: data, standardisation and hyperparameters (module's table); arrays are NumPy's.
+    """A trained process: data, standardisation and hyperparameters (module's table); arrays are NumPy's."""
 
-    Attributes:
-        x, y: (n, d) and (n, p) standardised training data.
-        x_mean, x_scale, y_mean, y_scale: (d,) and (p,) of the standardisation.
-        n_hyper: training points that the hyperparameters were found with.
-    """
-
-    x: np.ndarray
+    x: np.ndarray  # x, y: (n, d) and (n, p) standardised training data
     y: np.ndarray
-    x_mean: np.ndarray
+    x_mean: np.ndarray  # x_mean, x_scale, y_mean, y_scale: (d,) and (p,) of the standardisation
     x_scale: np.ndarray
     y_mean: np.ndarray
     y_scale: np.ndarray
@@ -77,7 +71,7 @@ class GaussianProcess:
     noise: np.ndarray
     weight: np.ndarray
     log_likelihood: np.ndarray
-    n_hyper: int
+    n_hyper: int  # training points that the hyperparameters were found with
     device: str = "cpu"
 
     def predict(

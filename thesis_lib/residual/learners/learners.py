@@ -55,23 +55,17 @@ IDENTITY = LawBase("")  # the frame of a learner without a base
 
 @dataclass(frozen=True)
 class Prediction:
-    """Prediction of n impacts.
+    """Prediction of n impacts."""
 
-    Attributes:
-        v_post: (n, 3) mean velocity after impact as measured, m/s and rad/s; NaN where the base has none.
-        impulse, covariance, jacobian: see the module's table; NaN covariance where it was not asked for.
-        feasible: (n,) whether v_post neither penetrates nor gains energy.
-        v_projected: (n, 3) the nearest feasible velocity, v_post itself where that is feasible.
-        in_range: (n,) whether the impact lies within the range of training.
-    """
-
+    # (n, 3) mean velocity after impact as measured, m/s and rad/s; NaN where the base has none
     v_post: np.ndarray
+    # impulse, covariance, jacobian: see the module's table; NaN covariance where it was not asked for
     impulse: np.ndarray
     covariance: np.ndarray
     jacobian: np.ndarray
-    feasible: np.ndarray
-    v_projected: np.ndarray
-    in_range: np.ndarray
+    feasible: np.ndarray  # (n,) whether v_post neither penetrates nor gains energy
+    v_projected: np.ndarray  # (n, 3) the nearest feasible velocity, v_post itself where that is feasible
+    in_range: np.ndarray  # (n,) whether the impact lies within the range of training
 
 
 class Trained(Protocol):

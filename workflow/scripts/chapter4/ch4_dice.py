@@ -12,8 +12,8 @@ from thesis_lib.figures.chapter4 import belief, dice
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.residual.belief.settings import DiceStudySettings
 from thesis_lib.residual.dice import results
+from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.study import dice_study, side_of
 
 params, source, name = snakemake.params, snakemake.input, snakemake.wildcards.dataset

@@ -37,8 +37,8 @@ import numpy as np
 
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import contact_space
-from thesis_lib.residual.belief.flight import ThrownBody, first_touch, fly
-from thesis_lib.residual.belief.settings import ThrowSettings
+from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
+from thesis_lib.residual.throwing.settings import ThrowSettings
 
 
 class ImpactModel(Protocol):
@@ -87,27 +87,18 @@ def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.nd
 
 @dataclass(frozen=True)
 class Throws:
-    """Where n particles end, and on the way.
+    """Where n particles end, and on the way."""
 
-    Attributes:
-        q: (n, 3) pose at rest; θ keeps its whole turns.
-        face: (n,) side on which it lies.
-        hits: (n,) hits of single corners.
-        settled: (n,) whether the criterion was met (else: laid down after `max_contacts`).
-        contacts: (n,) contacts, nearby hits merged.
-        snapshot_q, snapshot_v: (snapshots, n, 3) pose and velocity just after each of the first contacts (of the last
-            of its hits); NaN where there was none.
-        snapshot_t: (snapshots, n) s, its instant.
-    """
-
-    q: np.ndarray
-    face: np.ndarray
-    hits: np.ndarray
-    settled: np.ndarray
-    contacts: np.ndarray
+    q: np.ndarray  # (n, 3) pose at rest; θ keeps its whole turns
+    face: np.ndarray  # (n,) side on which it lies
+    hits: np.ndarray  # (n,) hits of single corners
+    settled: np.ndarray  # (n,) whether the criterion was met (else: laid down after `max_contacts`)
+    contacts: np.ndarray  # (n,) contacts, nearby hits merged
+    # snapshot_q, snapshot_v: (snapshots, n, 3) pose and velocity just after each of the first contacts (of
+    # the last of its hits); NaN where there was none
     snapshot_q: np.ndarray
     snapshot_v: np.ndarray
-    snapshot_t: np.ndarray
+    snapshot_t: np.ndarray  # (snapshots, n) s, its instant
 
 
 def simulate_throws(

@@ -21,8 +21,8 @@ Source: own choice; the thesis (section 4.4, figure 4-9) names double hits as wh
 import numpy as np
 
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.belief.flight import ThrownBody, first_touch
-from thesis_lib.residual.belief.throw import LawImpact
+from thesis_lib.residual.throwing.flight import ThrownBody, first_touch
+from thesis_lib.residual.throwing.throw import LawImpact
 
 
 def hit_again(body: ThrownBody, law: LawImpact, impacts: Impacts, within: float) -> np.ndarray:

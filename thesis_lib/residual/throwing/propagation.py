@@ -27,10 +27,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.belief.belief import covariance_root, through_dynamics
-from thesis_lib.residual.belief.flight import ThrownBody
-from thesis_lib.residual.belief.throw import LawImpact, push
 from thesis_lib.residual.learners.learners import Trained
+from thesis_lib.residual.throwing.belief import covariance_root, through_dynamics
+from thesis_lib.residual.throwing.flight import ThrownBody
+from thesis_lib.residual.throwing.throw import LawImpact, push
 
 PENETRATION = (
     1e-3  # m; a pose this deep is rejected, a shallower one is lifted: contacts dent by a millimetre
@@ -67,20 +67,15 @@ class Tally:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Outcome of n uncertain contacts: their Gaussians, and a feasible sample of each.
+    """Outcome of n uncertain contacts: their Gaussians, and a feasible sample of each."""
 
-    Attributes:
-        mean, cov: (n, 6) and (n, 6, 6) of pose and velocity; where no sample was feasible, the law's outcome.
-        q, v: (n, 3) the samples.
-        took: (n,) s.
-        in_range: (n,) whether the state lies within the range of training, if the contact is a learned one.
-    """
-
+    # mean, cov: (n, 6) and (n, 6, 6) of pose and velocity; where no sample was feasible, the law's outcome
     mean: np.ndarray
     cov: np.ndarray
-    q: np.ndarray
+    q: np.ndarray  # q, v: (n, 3) the samples
     v: np.ndarray
-    took: np.ndarray
+    took: np.ndarray  # (n,) s
+    # (n,) whether the state lies within the range of training, if the contact is a learned one
     in_range: np.ndarray
 
 
@@ -133,20 +128,14 @@ def draw(
 
 @dataclass
 class Sampled:
-    """Base of uncertain contacts: an `ImpactModel` that draws from its distribution.
+    """Base of uncertain contacts: an `ImpactModel` that draws from its distribution."""
 
-    Attributes:
-        body: thrown.
-        law: resolves what the model was not trained for, and takes over where no feasible sample is found.
-        draws: samples tried for a state; 0 would be the law.
-        deterministic: take the mean instead of a sample.
-        freedom: degrees of freedom of Student's t of which samples are drawn, with the covariance given; ∞ a Gaussian.
-    """
-
-    body: ThrownBody
+    body: ThrownBody  # thrown
+    # resolves what the model was not trained for, and takes over where no feasible sample is found
     law: LawImpact
-    draws: int = 20
-    deterministic: bool = False
+    draws: int = 20  # samples tried for a state; 0 would be the law
+    deterministic: bool = False  # take the mean instead of a sample
+    # degrees of freedom of Student's t of which samples are drawn, with the covariance given; ∞ a Gaussian
     freedom: float = np.inf
     tally: Tally = field(default_factory=Tally)
 

@@ -32,8 +32,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.residual.belief.propagation import Sampled
 from thesis_lib.residual.learners.gaussian_process import GaussianProcess
+from thesis_lib.residual.throwing.propagation import Sampled
 
 FREEDOMS = (2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
 _EM = 30  # iterations; scales change by less than a per cent after ten

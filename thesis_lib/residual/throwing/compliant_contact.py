@@ -32,7 +32,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from thesis_lib.residual.belief.flight import ThrownBody, first_touch, fly
+from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 
 # s; a contact of 3 ms has 30 steps, which halving changes by less than the contacts scatter (tests)
 DT = 1e-4

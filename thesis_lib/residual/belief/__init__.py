@@ -1,1 +1,0 @@
-"""Throws of many particles, and beliefs over where they come to rest (thesis 4.3.3)."""
