@@ -25,7 +25,7 @@ from thesis_lib.critique.mechanisms.windows import WeakForm, measured
 from thesis_lib.critique.mechanisms.world import Windows
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.report.mechanisms import mechanism_page
+from thesis_lib.report.critique.mechanisms import mechanism_page
 from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import (
     TRUTHS,

@@ -24,8 +24,11 @@ from thesis_lib.report.batch_index import INDEX_FILES, plain, row_of_failure, ro
 
 STATE = ".batch"
 # any one of them makes a folder a dataset, if a bad one
-FILES = tuple(f"{stem}{suffix}" for stem in ("trajectories", "impacts") for suffix in (".csv", ".parquet"))
-INPUTS = ("dataset.yaml", *FILES)
+STEMS = ("trajectories", "impacts", "states")
+INPUTS = (
+    *("dataset.yaml", "recording.yaml"),
+    *(f"{stem}{suffix}" for stem in STEMS for suffix in (".csv", ".parquet")),
+)
 PRELOAD = (
     "thesis_lib.report.critique.folder",
     "thesis_lib.report.critique.page",
@@ -78,11 +81,10 @@ def criticise_folder(path: str, folder: str, seed: int, effects: Sequence[str] |
     """The work on one dataset, in its own process."""
     from threadpoolctl import threadpool_limits
 
-    from thesis_lib.datasets.read import read_dataset
-    from thesis_lib.report.critique.folder import critique_folder
+    from thesis_lib.report.critique.folder import criticise_path
 
     with threadpool_limits(limits=1):  # the cores are taken by other datasets
-        critique_folder(read_dataset(path), folder, seed, effects=effects, say=print)
+        criticise_path(path, folder, seed, effects=effects, say=print)
     return {}
 
 
@@ -112,9 +114,11 @@ def run_batch(
     Raises:
         UserError: names collide, an effect is unknown, or another batch writes into `out`.
     """
+    from thesis_lib.datasets.recordings.recording import is_recording
     from thesis_lib.effects import require_known
 
-    require_known(effects or ())
+    if not all(map(is_recording, paths)):  # a mechanism has effects of its own
+        require_known(effects or ())
     out = Path(out)
     named = _names(paths, out)
     with _only_one(out):
@@ -255,9 +259,10 @@ def _written(folder: Path) -> dict[str, str]:
         OSError: one of them is not there.
     """
     from thesis_lib.foundation.provenance import file_sha256
-    from thesis_lib.report.critique.folder import LAST
+    from thesis_lib.report.critique.whole_folder import LAST, MODEL_FILE
 
-    return {name: file_sha256(folder / name) for name in LAST}
+    wanted = [name for name in LAST if name != MODEL_FILE or (folder / name).exists()]
+    return {name: file_sha256(folder / name) for name in wanted}
 
 
 def _mark(out: Path, name: str, key: str) -> None:

@@ -14,7 +14,7 @@ import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json
-from thesis_lib.report.critique.folder import VERDICT_FILE, is_unfinished
+from thesis_lib.report.critique.whole_folder import VERDICT_FILE, is_unfinished
 from thesis_lib.statistics.intervals import Z95
 
 FAR = 3.0  # standard errors beyond which a difference is pointed out
@@ -27,7 +27,7 @@ COLUMNS = ("quantity", "a", "a_low", "a_high", "b", "b_low", "b_high", "differen
 
 def is_run(path: str | Path) -> bool:
     """Whether a folder is what a critique wrote, whole or not, rather than a dataset."""
-    if (Path(path) / "dataset.yaml").exists():
+    if any((Path(path) / name).exists() for name in ("dataset.yaml", "recording.yaml")):
         return False
     return (Path(path) / VERDICT_FILE).is_file() or is_unfinished(path)
 
@@ -65,7 +65,12 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
     Returns:
         Columns quantity, a, b with the ends of their 95 % intervals, difference (b − a), sigmas (difference over its
         standard error), unit.
+
+    Raises:
+        UserError: they are critiques of different things, as of drops and of a wheel.
     """
+    if (kinds := [content.get("mechanism", "drops") for content in (a, b)])[0] != kinds[1]:
+        raise UserError(f"A critique of {kinds[0]} cannot be compared with one of {kinds[1]}.")
     same_law = _law(a, "augmented_model") == _law(b, "augmented_model")
     same_models = same_law and _law(a) == _law(b) and _effects(a) == _effects(b)
     rows = [
@@ -82,7 +87,7 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
                 f"error, {key.replace('_', ' ')}",
                 one.get(key),
                 two.get(key),
-                "m/s",
+                one.get("unit", "m/s"),
                 one.get(ends),
                 two.get(ends),
             )

@@ -1,4 +1,4 @@
-"""`python -m thesis_lib critique`: one dataset, two side by side, or many."""
+"""`python -m thesis_lib critique`: one dataset or recording, two side by side, or many."""
 
 import argparse
 import json
@@ -23,9 +23,10 @@ STAGES = {  # share of the time that had passed by then, on the example of the R
 DESCRIPTION = """\
 Fit all impact laws to a dataset, see where the best one fails, name the physical effects that are missing, and add
 them. Effects are chosen on 70 % of the trials; every error told is that of the other 30 %. 300 drops take half a
-minute.
+minute. The recording of a mechanism (an arm that pushes a disk, a rimless wheel) is criticised likewise: which force is
+missing from its believed equations of motion.
 
-  one PATH              a dataset: what its models miss
+  one PATH              a dataset of drops, or a recording: what its model misses
   two PATHs             two datasets, or two folders that a critique wrote, side by side
   --batch PATH...       each dataset on its own, however many, and an index of them
 
@@ -34,6 +35,7 @@ What it writes into DIR:
   diagnosis.json   the same for programs: verdict (adequate, effects or unexplained), effects, what could not be told
   model.json       the law with its effects, for python -m thesis_lib predict
   comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the pictures
+  of a recording: report.html, diagnosis.json, misfit.csv, mechanism_residuals.csv, and the picture
 With --batch each dataset has a folder like that, and a log, in DIR, beside
   index.html       start here: a line a dataset with verdict, effects and errors; those that failed, with the reason
   batch.csv        the same as a table; batch.json: for programs
@@ -41,8 +43,8 @@ With --batch each dataset has a folder like that, and a log, in DIR, beside
 Exit code: 0; 1 if a dataset of a batch failed; 2 if the command or the dataset is wrong; 130 if interrupted (Ctrl-C).
 """
 EXAMPLES = """\
-A dataset is a folder with dataset.yaml and trajectories.csv or impacts.csv; python -m thesis_lib datasets makes one
-from a rig's logs and checks it.
+A dataset is a folder with dataset.yaml and trajectories.csv or impacts.csv, a recording one with recording.yaml and
+states.csv; python -m thesis_lib datasets makes one from a rig's logs, or an example, and checks it.
 
 examples:
   python -m thesis_lib critique data/my_drops -o results/critique/my_drops
@@ -51,6 +53,7 @@ examples:
   python -m thesis_lib critique data/before data/after -o results/critique/repair
   python -m thesis_lib critique results/critique/before results/critique/after       runs that are done already
   python -m thesis_lib critique --batch data/rigs -o results/rigs --jobs 8
+  python -m thesis_lib critique data/wheel -o results/critique/wheel       a recording with recording.yaml
 """
 
 
@@ -60,7 +63,8 @@ def build_parser() -> Parser:
         "paths",
         nargs="+",
         metavar="PATH",
-        help="dataset folder (dataset.yaml and trajectories.csv or impacts.csv); with --batch also a folder of them",
+        help="folder of a dataset (dataset.yaml and trajectories.csv or impacts.csv) or of a recording (recording.yaml "
+        "and states.csv); with --batch also a folder of them",
     )
     parser.add_argument(
         "-o",
@@ -73,7 +77,8 @@ def build_parser() -> Parser:
         action="append",
         dest="effects",
         metavar="NAME",
-        help="switch this effect on instead of the automatic choice; may be given several times",
+        help="switch this effect on instead of the automatic choice; of a recording, try no other; may be given "
+        "several times",
     )
     parser.add_argument(
         "--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s"
@@ -139,14 +144,13 @@ def _one(args: argparse.Namespace) -> int:
 def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[dict, Path]:
     with Progress(path, quiet=args.quiet, stages=STAGES) as say:
         say("loading")
-        from thesis_lib.datasets.read import read_dataset
-        from thesis_lib.report.critique.folder import critique_folder
+        from thesis_lib.report.critique.folder import criticise_path
 
-        dataset = read_dataset(path)
-        folder = Path(out) if out else Path("results/critique") / dataset.name
-        if folder.resolve() == Path(path).resolve():
+        # realpath, unlike Path.resolve, bears a loop of links, which reading then refuses
+        folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
+        if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
-        return critique_folder(dataset, folder, args.seed, effects=_chosen(args), say=say), folder
+        return criticise_path(path, folder, args.seed, effects=_chosen(args), say=say), folder
 
 
 def _chosen(args: argparse.Namespace) -> tuple[str, ...] | None:

@@ -1,4 +1,4 @@
-"""`python -m thesis_lib datasets`: fetch published sets, check a dataset, convert a rig's logs, make an example."""
+"""`python -m thesis_lib datasets`: fetch published sets, check data, convert a rig's logs, make an example."""
 
 import argparse
 import json
@@ -17,6 +17,7 @@ examples:
   python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
       --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06 --mass 0.05
   python -m thesis_lib datasets example -o data/example --hidden com_offset_x
+  python -m thesis_lib datasets example -o data/wheel --mechanism wheel
 """
 FETCH_EXAMPLES = """\
 examples:
@@ -47,12 +48,15 @@ What it writes into DIR:
   new_impacts.csv                  first impacts of 40 further drops: x,y,theta,vx,vy,omega just before, for
                                    python -m thesis_lib predict, and vx_seen,vy_seen,omega_seen just after, both
                                    without noise, so that what differs is the error of the model
+With --mechanism a rimless wheel or an arm that pushes a disk moves instead of falling:
+  recording.yaml, states.csv       a recording of its motion, as its owner believes it to be
 """
 EXAMPLE_EXAMPLES = """\
 examples:
   python -m thesis_lib datasets example -o data/example                       centre of mass 0.5 mm off
   python -m thesis_lib datasets example -o data/tilted --hidden tilt --size 0.02
   python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
+  python -m thesis_lib datasets example -o data/arm --mechanism arm --hidden payload --size 0.1
 
 what can be hidden, its default size (about 3 times the error of a perfect model) and meaning:
 """
@@ -61,7 +65,8 @@ what can be hidden, its default size (about 3 times the error of a perfect model
 def build_parser() -> Parser:
     parser = Parser(
         prog="python -m thesis_lib datasets",
-        description="Datasets of measured drops: a folder with dataset.yaml and trajectories.csv or impacts.csv.",
+        description="Datasets of measured drops (a folder with dataset.yaml and trajectories.csv or impacts.csv), and "
+        "recordings of a mechanism (recording.yaml and states.csv).",
         epilog=EXAMPLES,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="{fetch,check,init,example}")
@@ -82,9 +87,9 @@ def build_parser() -> Parser:
 
     check = commands.add_parser(
         "check",
-        help="say what is in a dataset and what is wrong with it",
-        description="Read a dataset, print what it holds and which impacts are found in its trajectories, and list "
-        "everything that is wrong. Exit code 0 or 2.",
+        help="say what is in a dataset or a recording and what is wrong with it",
+        description="Read a dataset or the recording of a mechanism, print what it holds and which impacts are found "
+        "in a dataset's trajectories, and list everything that is wrong. Exit code 0 or 2.",
         epilog=CHECK_EXAMPLES,
     )
     check.add_argument("folder", metavar="DIR")
@@ -118,16 +123,21 @@ def build_parser() -> Parser:
 
     example = commands.add_parser(
         "example",
-        help="simulate drops with a hidden cause, to try the critique on",
+        help="simulate drops or a mechanism with a hidden cause, to try the critique on",
         description=EXAMPLE,
         add_help=False,
     )
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
     example.add_argument(
-        "--hidden", default="com_offset_x", metavar="NAME", help="see below; default: %(default)s"
+        "--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped"
+    )
+    example.add_argument(
+        "--hidden",
+        metavar="NAME",
+        help="see below; default: com_offset_x, in a mechanism rolling_resistance",
     )
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
-    example.add_argument("--drops", type=int, default=150, help="releases; default: %(default)s")
+    example.add_argument("--drops", type=int, help="releases; default: 150, of a mechanism 16 trials")
     example.add_argument(
         "--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s"
     )
@@ -140,9 +150,10 @@ class _ExampleHelp(argparse.Action):
     """Help that ends with the list of hidden causes, which needs the simulator: other commands must not wait for it."""
 
     def __call__(self, parser, namespace, values, option_string=None) -> None:
+        from thesis_lib.simulate.chapter2.recording import hidden_text
         from thesis_lib.simulate.compliant.example import causes_text
 
-        parser.epilog = EXAMPLE_EXAMPLES + causes_text()
+        parser.epilog = f"{EXAMPLE_EXAMPLES}{causes_text()}\n{hidden_text()}"
         parser.print_help()
         parser.exit()
 
@@ -166,13 +177,21 @@ def _fetch(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.format.validate import DatasetError
+    from thesis_lib.datasets.recordings.read import read_recording
+    from thesis_lib.datasets.recordings.recording import is_recording, recording_facts, recording_text
     from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
 
+    moves = is_recording(args.folder)
+    as_text, as_facts = (recording_text, recording_facts) if moves else (summary_text, summarise)
+
+    def read() -> tuple:
+        return (read_recording(args.folder),) if moves else check_dataset(args.folder)
+
     if not args.json:
-        print(summary_text(*check_dataset(args.folder)))
+        print(as_text(*read()))
         return 0
     try:
-        facts = summarise(*check_dataset(args.folder))
+        facts = as_facts(*read())
         print(json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False))
         return 0
     except DatasetError as error:
@@ -228,8 +247,14 @@ def _example(args: argparse.Namespace) -> int:
 
     out = Path(args.out)
     _refuse_existing(out, args.force)
+    if args.mechanism:
+        return _example_recording(args, out)
     example = simulate_example(
-        out.resolve().name, args.hidden, size=args.size, drops=args.drops, seed=args.seed
+        out.resolve().name,
+        args.hidden or "com_offset_x",
+        size=args.size,
+        drops=150 if args.drops is None else args.drops,
+        seed=args.seed,
     )
     write_example(example, out)
     print(summary_text(*check_dataset(out)))
@@ -240,8 +265,24 @@ def _example(args: argparse.Namespace) -> int:
     return 0
 
 
+def _example_recording(args: argparse.Namespace, out: Path) -> int:
+    from thesis_lib.datasets.recordings.read import read_recording
+    from thesis_lib.datasets.recordings.recording import recording_text, write_recording
+    from thesis_lib.simulate.chapter2.recording import TRIALS, simulate_recording
+
+    hidden, trials = args.hidden or "rolling_resistance", TRIALS if args.drops is None else args.drops
+    name = out.resolve().name
+    recording = simulate_recording(
+        name, args.mechanism, hidden, size=args.size, trials=trials, seed=args.seed
+    )
+    write_recording(recording, out)
+    print(recording_text(read_recording(out)))
+    print(f"written to {out}. Next: python -m thesis_lib critique {out}")
+    return 0
+
+
 def _refuse_existing(out: Path, force: bool) -> None:
-    if (out / "dataset.yaml").exists() and not force:
+    if any((out / name).exists() for name in ("dataset.yaml", "recording.yaml")) and not force:
         raise UserError(
             f"{out} already holds a dataset; choose another folder, or give --force to replace it."
         )

@@ -20,33 +20,53 @@ examples:
 def diagnosis_text(content: Mapping) -> str:
     """The content of diagnosis.json for a terminal."""
     lines = [f"{content['dataset']}: {content['verdict']}", *(f"  {s}" for s in content["summary"])]
-    error = content["error"]
-    lines.append("")
-    lines.append(f"  {content['n_impacts']} impacts of {content['n_trials']} trials; held-out error in m/s:")
-    names = {"no_impact": "no impact", "base": "base law", "augmented": "with effects"}
-    names |= {"noise_floor": "noise floor", "irb_bound": "IRB bound"}
-    for key, name in names.items():
-        value = error[key]
-        lines.append(f"    {name:<14}{'unknown' if value is None else f'{value:.4g}'}")
+    lines += ["", *(_mechanism_errors(content) if "mechanism" in content else _errors(content))]
+    width = max((14, *(len(key) + 2 for key in content["augmented_model"]["parameters"])))
     for key, p in content["augmented_model"]["parameters"].items():
-        lines.append(f"    {key:<14}{_value(p)}")
+        lines.append(f"    {key:<{width}}{_value(p)}")
     for effect in content["effects"]:
         for key, p in effect["parameters"].items():
             lines.append(f"    {effect['name']}.{key} = {_value(p)}")
         gain = effect["gain"]
         low, high = gain["interval"]
+        unit = next(unit for unit in ("impact", "window") if f"held_out_log_score_per_{unit}" in gain)
         lines.append(
-            f"      gains {gain['held_out_log_score_per_impact']:.3g} nats an impact (95 %: {low:.3g} to {high:.3g}), "
-            f"p = {gain['p_value']:.2g}"
+            f"      gains {gain[f'held_out_log_score_per_{unit}']:.3g} nats {'an' if unit == 'impact' else 'a'} {unit} "
+            f"(95 %: {low:.3g} to {high:.3g}), p = {gain['p_value']:.2g}"
         )
     step = content["next_experiment"]
-    lines += ["", f"  next experiment: {step['why']}"]
-    for state, sigmas in zip(step["states"], step["sigmas"]):
-        lines.append(
-            f"    vx {state['vx']:g} m/s, vy {state['vy']:g} m/s, omega {state['omega']:g} rad/s, "
-            f"theta {state['theta']:g} rad ({sigmas:.2g} sigma)"
-        )
+    if step["why"] or "mechanism" not in content:
+        lines += ["", f"  next experiment: {step['why']}"]
+    for state, sigmas in zip(step["states"], step.get("sigmas", ())):
+        values = ", ".join(f"{name} {state[name]:g}{unit}" for name, unit in _state_units(content, state))
+        lines.append(f"    {values} ({sigmas:.2g} sigma)")
     return "\n".join(lines)
+
+
+def _errors(content: Mapping) -> list[str]:
+    names = {"no_impact": "no impact", "base": "base law", "augmented": "with effects"}
+    names |= {"noise_floor": "noise floor", "irb_bound": "IRB bound"}
+    values = {name: content["error"][key] for key, name in names.items()}
+    return [
+        f"  {content['n_impacts']} impacts of {content['n_trials']} trials; held-out error in m/s:",
+        *(f"    {name:<14}{'unknown' if v is None else f'{v:.4g}'}" for name, v in values.items()),
+    ]
+
+
+def _mechanism_errors(content: Mapping) -> list[str]:
+    names = {"base": "believed model", "augmented": "with effects", "noise_floor": "noise alone"}
+    return [
+        f"  {content['mechanism']}: {content['n_windows']} windows of {content['n_trials']} trials; "
+        "held-out misfit in standard deviations of noise:",
+        *(f"    {name:<16}{content['error'][key]:.4g}" for key, name in names.items()),
+    ]
+
+
+def _state_units(content: Mapping, state: Mapping) -> list[tuple[str, str]]:
+    """Names of the state that is shown, in their order, with units where names alone do not tell them."""
+    if "mechanism" in content:
+        return [(name, "") for name in state]
+    return [("vx", " m/s"), ("vy", " m/s"), ("omega", " rad/s"), ("theta", " rad")]
 
 
 def _value(p: Mapping) -> str:

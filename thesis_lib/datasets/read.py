@@ -7,12 +7,12 @@ from thesis_lib.datasets.checks import impacts as plausible_impacts
 from thesis_lib.datasets.checks import trajectories as plausible
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
+from thesis_lib.datasets.format.folder import checked_folder
 from thesis_lib.datasets.format.header_file import load_header, salvage_shape
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
 from thesis_lib.datasets.format.tables import load_table
 from thesis_lib.datasets.format.validate import (
     DatasetError,
-    Problem,
     Report,
     check_impacts,
     check_trajectories,
@@ -29,21 +29,8 @@ def read_dataset(path: str | Path) -> Dataset:
     Raises:
         DatasetError: something is wrong; its `problems` list everything that is.
     """
-    folder = Path(path)
+    folder, name = checked_folder(path, "dataset.yaml and the tables")
     report = Report()
-    try:
-        name, is_folder, there = folder.resolve().name, folder.is_dir(), folder.exists()
-    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a name that no file can have
-        what = f"cannot be opened ({getattr(error, 'strerror', None) or error})"
-        raise DatasetError(folder.name, [Problem(str(path), "", what, "check the path")]) from error
-    if not is_folder:
-        what = "is a file, expected a folder" if there else "the folder does not exist"
-        remedy = "give the folder that holds dataset.yaml and the tables"
-        raise DatasetError(name, [Problem(str(path), "", what, remedy)])
-    if not name.isprintable():
-        # results carry the name: JSON and HTML cannot hold what is no text, and a terminal obeys what it prints
-        what = f"the folder's name {name!a} holds characters that do not print"
-        raise DatasetError(ascii(name)[1:-1], [Problem(ascii(str(path)), "", what, "rename the folder")])
     try:
         dataset = _read(folder, name, report)
     except OSError as error:

@@ -1,6 +1,9 @@
-"""The keys of dataset.yaml as a table, from the model that checks it."""
+"""The keys of dataset.yaml and recording.yaml as tables, from the models that check them."""
 
+import json
 from collections.abc import Iterator
+
+from pydantic.fields import FieldInfo
 
 from thesis_lib.docs.configuration import kind
 from thesis_lib.docs.markdown import code, table
@@ -12,6 +15,22 @@ def text() -> str:
     from thesis_lib.datasets.format.header import Header
 
     return table(("key", "needed", "kind", "meaning"), _rows("", Header))
+
+
+def recording_text() -> str:
+    """Every key of recording.yaml with its default, those of arm and wheel after each other."""
+    from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, StateNoise, Wheel
+
+    rows: list[tuple[str, str, str, str]] = []
+    for name, field in RecordingHeader.model_fields.items():
+        if name == "mechanism":
+            for section in (Arm, Wheel):
+                rows += _rows("mechanism.", section)
+        elif name == "noise":
+            rows += _rows("noise.", StateNoise)
+        else:
+            rows.append(_row("", name, field))
+    return table(("key", "needed", "kind", "meaning"), rows)
 
 
 def _rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, str]]:
@@ -31,7 +50,13 @@ def _rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, st
                 "m, in the frame of the body, whose origin is the believed centre of mass",
             )
         else:
-            needed = "yes" if field.is_required() else "no"
-            if not field.is_required() and field.default not in (None, ""):
-                needed += f", default {field.default:g}"
-            yield code(key), needed, kind(field).removesuffix(" or null"), field.description or ""
+            yield _row(path, name, field)
+
+
+def _row(path: str, name: str, field: FieldInfo) -> tuple[str, str, str, str]:
+    needed = "yes" if field.is_required() else "no"
+    if not field.is_required() and field.default not in (None, ""):
+        number = isinstance(field.default, (int, float)) and not isinstance(field.default, bool)
+        needed += f", default {f'{field.default:g}' if number else json.dumps(field.default)}"
+    key = code(f"{path}{field.alias or name}")
+    return key, needed, kind(field).removesuffix(" or null"), field.description or ""

@@ -20,6 +20,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "effects": effects.text,
     "laws": laws.text,
     "dataset keys": dataset_keys.text,
+    "recording keys": dataset_keys.recording_text,
     "columns": columns.text,
 }
 _BLOCK = re.compile(

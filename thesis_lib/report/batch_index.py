@@ -9,29 +9,32 @@ One row a dataset, in the order given, with no times: a batch that was interrupt
 | verdict             | adequate, effects or unexplained                                                    |
 | effects             | effects named, joined by +; those that the data cannot tell apart joined by /       |
 | base_law, final_law | law alone, and law with the effects                                                 |
-| n_impacts           | impacts used                                                                        |
-| base, augmented     | held-out error of the law alone and with the effects, m/s                           |
-| noise_floor         | the error that a perfect model would show, m/s; empty where the noise is unknown    |
+| n_impacts           | impacts used; empty for a mechanism                                                 |
+| base, augmented     | held-out error of the law alone and with the effects, in `unit`                     |
+| noise_floor         | the error that a perfect model would show; empty where the noise is unknown         |
 | reason              | why a dataset failed                                                                |
+| mechanism           | arm or wheel; empty for drops                                                       |
+| unit                | of the errors: m/s, of a mechanism sigma (standard deviations of noise)             |
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
 import pandas as pd
+from markupsafe import Markup
 
 from thesis_lib.foundation.files import write_json, write_result, write_text
 from thesis_lib.foundation.terminal import visible
-from thesis_lib.pages import page, table
+from thesis_lib.pages import element, page
 
 COLUMNS = (
     *("dataset", "status", "verdict", "effects", "base_law", "final_law"),
-    *("n_impacts", "base", "augmented", "noise_floor", "reason"),
+    *("n_impacts", "base", "augmented", "noise_floor", "reason", "mechanism", "unit"),
 )
 INDEX_FILES = ("index.html", "batch.csv", "batch.json")
+TEMPLATE = Path(__file__).with_name("batch_index.html")
 SHOWN = 500  # characters of a reason; the dataset's log has all of it
 
 
@@ -46,8 +49,9 @@ def row_of_verdict(name: str, diagnosis: Mapping) -> dict:
         "effects": " + ".join(groups),
         "base_law": diagnosis["base_model"]["name"],
         "final_law": diagnosis.get("augmented_model", diagnosis["base_model"])["name"],
-        "n_impacts": diagnosis["n_impacts"],
-        **{key: error.get(key) for key in ("base", "augmented", "noise_floor")},
+        "n_impacts": diagnosis.get("n_impacts"),
+        **{key: error.get(key) for key in ("base", "augmented", "noise_floor", "unit")},
+        "mechanism": diagnosis.get("mechanism"),
     }
 
 
@@ -89,45 +93,35 @@ def summary_text(rows: Sequence[Mapping], total: int) -> str:
 
 def _page(rows: Sequence[Mapping], total: int) -> str:
     done = [row for row in rows if row["status"] == "done"]
-    failed = [row for row in rows if row["status"] == "failed"]
     named = Counter(group for row in done for group in (row["effects"] or "").split(" + ") if group)
-    effects = "; ".join(
-        f"{name}: {count}" for name, count in sorted(named.items(), key=lambda x: (-x[1], x[0]))
-    )
-    verdicts = table(
-        "Verdicts; held-out errors of the law alone and with the effects, against noise, in m/s",
-        ("dataset", "verdict", "effects", "impacts", "law alone", "with effects", "noise floor"),
-        [
-            [
-                _link(row["dataset"], f"{row['dataset']}/report.html"),
-                escape(row["verdict"]),
-                escape(row["effects"].replace("_", " ")),
-                *(_cell(row[key]) for key in ("n_impacts", "base", "augmented", "noise_floor")),
-            ]
-            for row in done
+    ranked = sorted(named.items(), key=lambda x: (-x[1], x[0]))
+    return page(
+        TEMPLATE,
+        f"Critique of {total} datasets",
+        summary=summary_text(rows, total),
+        effects="; ".join(f"{name}: {count}" for name, count in ranked).replace("_", " "),
+        drops=[_cells(row, "n_impacts") for row in done if row["mechanism"] is None],
+        mechanisms=[_cells(row, "mechanism") for row in done if row["mechanism"] is not None],
+        failed=[
+            (_link(row["dataset"], f"{row['dataset']}.log"), row["reason"])
+            for row in rows
+            if row["status"] == "failed"
         ],
-        numeric=range(3, 7),
     )
-    failures = table(
-        "Datasets without a verdict; each links to its log",
-        ("dataset", "reason"),
-        [[_link(row["dataset"], f"{row['dataset']}.log"), escape(row["reason"])] for row in failed],
-    )
-    content = "\n".join(
-        [
-            f'<p class="summary">{escape(summary_text(rows, total))}.</p>',
-            f"<p>Effects named: {escape(effects.replace('_', ' '))}.</p>" if effects else "",
-            failures,
-            verdicts,
-        ]
-    )
-    return page(f"Critique of {total} datasets", content)
 
 
-def _link(name: str, path: str) -> str:
-    # "./": a name with a colon would read as a scheme
-    return f'<a href="./{escape(quote(path))}">{escape(plain(name))}</a>'
+def _cells(row: Mapping, what: str) -> tuple[str, ...]:
+    """Cells of a dataset that has a verdict, the first of which links to its report."""
+    numbers = (_cell(row[key]) for key in (what, "base", "augmented", "noise_floor"))
+    link = _link(row["dataset"], f"{row['dataset']}/report.html")
+    return link, row["verdict"], row["effects"].replace("_", " "), *numbers
 
 
-def _cell(value: float | None) -> str:
+def _link(name: str, path: str) -> Markup:
+    return element(
+        "link", f"./{quote(path)}", plain(name)
+    )  # "./": a name with a colon would read as a scheme
+
+
+def _cell(value: float | str | None) -> str:
     return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)

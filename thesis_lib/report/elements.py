@@ -1,28 +1,27 @@
-"""Pieces of the page that the critique writes: numbers, sentences, tables and pictures as HTML, all text escaped."""
+"""Pieces of the page that the critique writes: numbers, sentences, tables and pictures as HTML."""
 
 import base64
 import io
 import re
-from collections.abc import Iterable, Sequence
-from html import escape
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from thesis_lib import pages
 from thesis_lib.critique.results.numbers import handy_unit
 from thesis_lib.figures.style import house_style
+from thesis_lib.pages import element
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.wording import number
 
 _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigma)(?![\w]))")
 
 
-def paragraph(*sentences: str, kind: str = "") -> str:
-    """Escaped sentences as one paragraph; '' where there are none."""
+def paragraph(*sentences: str, kind: str = "") -> Markup:
+    """Sentences as one paragraph; empty where there are none."""
     text = " ".join(sentence.strip() for sentence in sentences if sentence and sentence.strip())
-    attribute = f' class="{kind}"' if kind else ""
-    return f"<p{attribute}>{_bound(escape(text))}</p>" if text else ""
+    return element("paragraph", _bound(text), kind) if text else Markup()
 
 
 def _bound(text: str) -> str:
@@ -30,46 +29,34 @@ def _bound(text: str) -> str:
     return _UNIT.sub("\u00a0", text)
 
 
-def bullets(items: Iterable[str]) -> str:
-    """Escaped items as a list; '' where there are none."""
-    rows = "".join(f"<li>{escape(item)}</li>" for item in items)
-    return f"<ul>{rows}</ul>" if rows else ""
+def bullets(items: Iterable[str]) -> Markup:
+    """A list; empty where there are no items."""
+    shown = list(items)
+    return element("bullets", shown) if shown else Markup()
 
 
-def section(name: str, title: str, *content: str) -> str:
-    """A section with a heading of the second level, which its name links to; '' where it has no content."""
-    inner = "\n".join(part for part in content if part)
-    if not inner:
-        return ""
-    return f'<section aria-labelledby="{name}">\n<h2 id="{name}">{escape(title)}</h2>\n{inner}\n</section>'
-
-
-def heading(title: str) -> str:
+def heading(title: str) -> Markup:
     """A heading of the third level."""
-    return f"<h3>{escape(title)}</h3>"
+    return element("heading", title)
 
 
 def table(
-    caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()
-) -> str:
-    """A table of text whose first column heads its rows; `numeric` columns are set to the right.
+    caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Collection[int] = ()
+) -> Markup:
+    """A table in a frame that scrolls by itself; empty where there are no rows.
 
-    '' where there are no rows.
+    The first cell of a row heads it; `numeric` columns are set to the right.
     """
-    cells = ([escape(str(first)), *(_bound(escape(str(one))) for one in rest)] for first, *rest in rows)
-    return pages.table(caption, columns, cells, numeric)
+    cells = [[str(first), *(_bound(str(cell)) for cell in rest)] for first, *rest in rows]
+    return element("table", caption, columns, cells, numeric) if cells else Markup()
 
 
-def picture(figure: Figure, caption: str) -> str:
+def picture(figure: Figure, caption: str) -> Markup:
     """A figure as an embedded PNG; its own title and the caption make the alternative text."""
     title = " ".join(figure.get_suptitle().split())
-    alt = escape(f"{title}. {caption}" if title else caption)
     data = base64.b64encode(_png(figure)).decode("ascii")
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
-    return (
-        f'<figure><img src="data:image/png;base64,{data}" alt="{alt}" width="{width}" height="{height}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+    return element("picture", data, f"{title}. {caption}" if title else caption, width, height, caption)
 
 
 @house_style

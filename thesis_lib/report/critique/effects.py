@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
@@ -27,11 +28,11 @@ from thesis_lib.report.elements import amount, bullets, interval, paragraph, per
 from thesis_lib.statistics.wording import listed, number
 
 
-def faults(d: Mapping) -> str:
+def faults(d: Mapping) -> Markup:
     clear = [effect for effect in d["effects"] if effect["clears"]]
     found = [effect for effect in clear if effect["family"] == "measurement"]
     doubtful = [effect for effect in clear if possible_faults(effect)]
-    maybe = "".join(
+    maybe = Markup().join(
         paragraph(
             f"What is told below as “{effect_title(effect['name'])}” may be a fault of the measurement: these data "
             f"cannot tell it from “{alternatives_listed([effect_title(n) for n in possible_faults(effect)])}”. Rule "
@@ -55,13 +56,13 @@ def faults(d: Mapping) -> str:
     return paragraph(*sentences) + paragraph(advice) + maybe
 
 
-def effects(d: Mapping) -> str:
+def effects(d: Mapping) -> Markup:
     if not d["effects"]:
         return paragraph(
             "No candidate passes all three tests: a gain of log score beyond what the best of all candidates gains by "
             "chance, a gain on trials it was not fitted to, and a fall of the error that matters."
         )
-    return "".join(
+    return Markup().join(
         paragraph(_by_hand(effect), _effect_sentence(effect))
         if not effect["clears"]
         else paragraph(f"{capital(effect_title(effect['name']))} is a fault of the measurement; see above.")
@@ -111,7 +112,7 @@ def _doubt(effect: Mapping) -> str:
     return f"These data cannot tell it from {named}."
 
 
-def remaining(critique: Critique, d: Mapping) -> str:
+def remaining(critique: Critique, d: Mapping) -> Markup:
     """What is left after the last effect: structure, scatter beyond the noise, or nothing that matters."""
     left = d["remaining"]
     p = number(left["p_value"], 2)
@@ -150,9 +151,9 @@ def remaining(critique: Critique, d: Mapping) -> str:
     return paragraph(*sentences)
 
 
-def _worst(error: Mapping) -> str:
+def _worst(error: Mapping) -> Markup:
     if not error["worst"]:
-        return ""
+        return Markup()
     rows = [
         (f"{r['trial']}", number(r["t"], 4) if r["t"] is not None else "–", number(r["error"]))
         for r in error["worst"]
@@ -164,7 +165,7 @@ def _worst(error: Mapping) -> str:
     ) + table("Largest held-out errors", ("trial", "t (s)", "error (m/s)"), rows, numeric=(1, 2))
 
 
-def ladder_text(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> str:
+def ladder_text(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     error, unit = d["error"], d["error"]["unit"]
     if not d["effects"]:
         return paragraph("No effect was added, so the ladder has a single rung.")
@@ -198,9 +199,9 @@ def way(share: float) -> str:
     return "all the way" if share >= 0.995 else f"{percent(share)} of the way"
 
 
-def moved(critique: Critique) -> str:
+def moved(critique: Critique) -> Markup:
     if len(critique.ladder) < 2:
-        return ""
+        return Markup()
     first, last = (law_title(critique.ladder[i][1].model.law.name) for i in (0, -1))
     if first != last:
         return paragraph(
@@ -232,7 +233,7 @@ def moved(critique: Critique) -> str:
     return paragraph(*sentences)
 
 
-def untold(d: Mapping) -> str:
+def untold(d: Mapping) -> Markup:
     groups = [
         f"{effect_title(e['name'])}, or "
         f"{alternatives_listed([effect_title(n) for n in e['indistinguishable_from']])}: on these data they predict "
@@ -245,7 +246,7 @@ def untold(d: Mapping) -> str:
         ("effect", "why"),
         [(effect_title(e["name"]), e["why"]) for e in d["not_testable"]],
     )
-    told = ""
+    told = Markup()
     if groups:
         told = bullets(groups)
     elif d["effects"] and all(e["clears"] for e in d["effects"]):

@@ -1,16 +1,15 @@
 """The folder that a critique writes: the same bytes from the command line and from the pipeline.
 
+Of drops:
+
     impacts.csv  comparison.csv  errors.csv  ladder.csv  budget.csv   tables, explained in foundation/columns.yaml
     where.json  diagnosis.json  model.json                            schema 1 each; model.json predicts
     <picture>.png .pdf .csv                                           with the numbers drawn
     report.html                                                       one page, readable offline
 
-All is written into a folder beside it first, `.<name>.part`, so that a run that dies leaves an earlier one as it was.
-Then the old diagnosis.json, model.json and report.html are taken away, with what this run does not make, the new files
-are moved in, and diagnosis.json last: a folder that has one is whole.
+Of a mechanism: misfit.csv, mechanism_residuals.png .pdf .csv, diagnosis.json and report.html (`mechanisms`).
 """
 
-import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -24,21 +23,71 @@ from thesis_lib.critique.results.saved_model import save_model, saved
 from thesis_lib.critique.results.tables import tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.recordings.recording import Recording, is_recording
 from thesis_lib.foundation.files import write_json, write_result, write_text
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.report.critique.whole_folder import MODEL_FILE, REGIONS, VERDICT_FILE, whole_folder
 
-VERDICT_FILE = "diagnosis.json"
-LAST = ("model.json", "report.html", VERDICT_FILE)  # moved in last, in this order
-# all that any critique writes: what an earlier one made and this one does not is taken away
-TABLES = ("comparison", "errors", "ladder", "impacts", "budget", "flights")
+Say = Callable[[str], None]
 
 
-def is_unfinished(folder: str | Path) -> bool:
-    """Whether a folder holds files of a critique but not the one that is written last."""
-    folder = Path(folder)
-    return not (folder / VERDICT_FILE).exists() and all(
-        (folder / name).is_file() for name in ("where.json", "comparison.csv", "ladder.csv")
-    )
+def criticise_path(
+    path: str | Path,
+    folder: str | Path,
+    seed: int,
+    *,
+    effects: Sequence[str] | None = None,
+    say: Say = lambda text: None,
+) -> dict:
+    """Criticise what lies in `path`, drops or the recording of a mechanism, and write everything into `folder`.
+
+    Args:
+        path: folder with dataset.yaml, or with recording.yaml.
+        folder, seed, effects, say: as for `critique_folder` and `recording_folder`.
+
+    Returns:
+        The content of diagnosis.json.
+
+    Raises:
+        UserError: the data cannot be read or criticised.
+    """
+    if is_recording(path):
+        from thesis_lib.datasets.recordings.read import read_recording
+
+        return recording_folder(read_recording(path), folder, seed, effects=effects, say=say)
+    from thesis_lib.datasets.read import read_dataset
+
+    return critique_folder(read_dataset(path), folder, seed, effects=effects, say=say)
+
+
+def recording_folder(
+    recording: Recording,
+    folder: str | Path,
+    seed: int,
+    *,
+    effects: Sequence[str] | None = None,
+    say: Say = lambda text: None,
+) -> dict:
+    """Criticise a recording, write everything into `folder`, and return the content of diagnosis.json.
+
+    Args:
+        recording: measured motion of a mechanism.
+        folder: made if needed; files of an earlier critique are replaced.
+        seed: of the configuration; the stream derives from it and from the recording's content.
+        effects: the only ones that are tried; None tries all of the mechanism.
+        say: told what is being done.
+
+    Raises:
+        UserError: the recording is too short, or an effect is unknown.
+    """
+    from thesis_lib.critique.mechanisms.recorded import criticise_recording
+    from thesis_lib.report.critique.mechanisms import write_mechanism_critique
+
+    rng = generator(seed, "critique", recording.digest())
+    say("fitting the equations of motion")
+    critique = criticise_recording(recording, rng, effects=effects)
+    say("writing tables, pictures and report")
+    return write_mechanism_critique(critique, recording.name, folder, rng)
 
 
 def critique_folder(
@@ -49,7 +98,7 @@ def critique_folder(
     effects: Sequence[str] | None = None,
     settings: CritiqueSettings | None = None,
     arcs: ArcSettings | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    say: Say = lambda text: None,
 ) -> dict:
     """Criticise a dataset, write everything into `folder`, and return the content of diagnosis.json.
 
@@ -73,45 +122,25 @@ def critique_folder(
 def write_critique(critique: Critique, folder: str | Path, rng: np.random.Generator) -> dict:
     """Write all files of a critique into `folder` and return the content of diagnosis.json."""
     # pictures and page are drawn from what is found here: nothing of the critique needs them
-    from thesis_lib.figures.critique.pictures import NAMES, pictures
+    from thesis_lib.figures.critique.pictures import pictures
     from thesis_lib.figures.style import save_figure
     from thesis_lib.report.critique.page import report_html
 
-    folder = Path(folder)
     regions = where(critique, rng)
     made = tables(critique, rng)
     content = diagnosis(critique, rng, made["ladder"])
     drawn = pictures(critique, made, regions)
     page = report_html(critique, content, regions, made, drawn)
 
-    part = folder.resolve().with_name(f".{folder.resolve().name}.part")
-    shutil.rmtree(part, ignore_errors=True)  # of a run that was killed
-    try:
-        part.mkdir(parents=True)
+    with whole_folder(folder) as part:
         for name, (figure, numbers) in drawn.items():
             # a picture of a table has that table beside it
             save_figure(figure, made.get(name, numbers), part / name)
         for name, table in made.items():
             write_result(table, part / f"{name}.csv")
-        write_json(regions, part / "where.json")
+        write_json(regions, part / REGIONS)
         final = critique.ladder[-1][1]
-        save_model(saved(final, critique.observations.rig, critique.dataset), part / "model.json")
+        save_model(saved(final, critique.observations.rig, critique.dataset), part / MODEL_FILE)
         write_text(page, part / "report.html")
         write_json(content, part / VERDICT_FILE)
-        _replace(folder, part, {*NAMES, *TABLES})
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return content
-
-
-def _replace(folder: Path, part: Path, stems: set[str]) -> None:
-    """Move the files of `part` into `folder`, and take away those of an earlier critique that it does not make."""
-    new = {path.name for path in part.iterdir()}
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in reversed(LAST):
-        (folder / name).unlink(missing_ok=True)
-    for path in folder.iterdir():
-        if path.name not in new and path.stem in stems and path.suffix in (".csv", ".png", ".pdf"):
-            path.unlink()
-    for name in (*sorted(new - set(LAST)), *LAST):
-        (part / name).replace(folder / name)

@@ -1,7 +1,7 @@
 """The map of single impacts in report.html: point at one, or move to it with the keyboard, to see its energy ellipse.
 
-The map is drawn here, as SVG; the ellipse of the chosen impact is drawn in the browser, by thesis_lib/pages/impacts.js,
-from numbers that stand in the page as JSON.
+The map is drawn in impacts.html, as SVG; the ellipse of the chosen impact is drawn in the browser, by
+thesis_lib/pages/impacts.js, from numbers that stand in the page as JSON.
 
 | on paper         | in the JSON               | unit              | |
 |------------------|---------------------------|-------------------|-------------------------------------------------|
@@ -13,11 +13,11 @@ from numbers that stand in the page as JSON.
 
 import json
 from collections.abc import Mapping
-from html import escape
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from markupsafe import Markup
 from matplotlib.colors import to_hex
 from matplotlib.ticker import MaxNLocator
 
@@ -29,11 +29,12 @@ from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
-from thesis_lib.pages import FOLDER
-from thesis_lib.report.elements import heading, percent
+from thesis_lib.pages import FOLDER, render
+from thesis_lib.report.elements import percent
 from thesis_lib.statistics.wording import number
 
 SCRIPT: Path = FOLDER / "impacts.js"
+TEMPLATE = Path(__file__).with_name("impacts.html")
 MOST = 2000  # impacts drawn: a page of 2 MB at most, and points that can still be told apart
 WORST = 0.1  # share of the impacts whose part of all errors is told
 EDGE = 0.005  # quantile at which the map ends; what lies beyond is drawn on its edge
@@ -46,8 +47,8 @@ KEYS = (
 )
 
 
-def explorer(critique: Critique, where: Mapping) -> str:
-    """Map of the impacts and the panel of one energy ellipse; '' where no impact has a prediction."""
+def explorer(critique: Critique, where: Mapping) -> Markup:
+    """Map of the impacts and the panel of one energy ellipse; empty where no impact has a prediction."""
     o, base, final = critique.observations, critique.ladder[0][1], critique.ladder[-1][1]
     residuals = {"base": impact_residuals(base.model, base.values, o)[:, :3]}
     if len(critique.ladder) > 1:
@@ -55,28 +56,26 @@ def explorer(critique: Critique, where: Mapping) -> str:
     errors = {name: velocity_error(R, o.rig.k_g) for name, R in residuals.items()}
     known = np.flatnonzero(np.all([np.isfinite(e) for e in errors.values()], axis=0))
     if not len(known):
-        return ""
+        return Markup()
     shown = drawn_impacts(errors["base"], known)
     over = map_axes(list(where.get("regions", [])))
     table = features(base, o)
     x, y = (table[name].to_numpy(float)[shown] for name in over)
-    text = _finding(errors, known)
-    caption = f"{text} {_reading(len(shown), len(o))}"
+    finding = _finding(errors, known)
     numbers = _numbers(critique, base, residuals, errors, shown)
     labels = [
         f"trial {one['trial']}, impact {one['impact']}, error {number(one['errors'][0])} m/s"
         for one in numbers["impacts"]
     ]
-    data = json.dumps(numbers, separators=(",", ":"), allow_nan=False)  # no text of strangers is in it
-    return (
-        f"{heading('Single impacts')}\n"
-        f'<figure class="impacts">\n<p class="keys">{escape(KEYS)}</p>\n<div class="panels">\n'
-        f"{_map(x, y, errors['base'][shown], labels, [axis_label(name) for name in over], text)}\n"
-        '<div><svg viewBox="0 0 420 380" role="img" aria-label="Energy ellipse of the chosen impact"></svg>'
-        '<p class="told" role="status" aria-live="polite"></p></div>\n</div>\n'
-        "<noscript><p>The ellipses are drawn by this page's script, which your browser does not run.</p></noscript>\n"
-        f"<figcaption>{escape(caption)}</figcaption>\n"
-        f'<script type="application/json">{data}</script>\n</figure>'
+    return render(
+        TEMPLATE,
+        keys=KEYS,
+        map=_map(x, y, errors["base"][shown], labels),
+        axes=[_plain(axis_label(name)) for name in over],
+        finding=finding,
+        caption=f"{finding} {_reading(len(shown), len(o))}",
+        # no text of strangers is in it
+        numbers=Markup(json.dumps(numbers, separators=(",", ":"), allow_nan=False)),
     )
 
 
@@ -168,46 +167,33 @@ def _rounded(value: np.ndarray) -> list | float:
     return float(f"{value:.4g}")
 
 
-def _map(
-    x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str], axes: list[str], title: str
-) -> str:
-    """The impacts over two features, as a list from which one is chosen; the largest errors are drawn last."""
+def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> dict:
+    """What impacts.html draws of the map, in pixels: frame, ticks, key, and a point an impact, the worst last."""
     top = max(float(np.quantile(error, DARK)), 1e-12)
     right, low = WIDTH - MARGIN, HEIGHT - BOTTOM
     px, x_ticks = _scale(x, LEFT, right)
     py, y_ticks = _scale(y, low, TOP)
     share = np.sqrt(np.clip(error / top, 0.0, 1.0))
-    points = [
-        f'<circle role="option" aria-label="{escape(label)}" aria-selected="false" tabindex="-1" cx="{a:.1f}" '
-        f'cy="{b:.1f}" r="{SMALL + (LARGE - SMALL) * s:.1f}" fill="{_color(s)}"/>'
-        for a, b, s, label in zip(px, py, share, labels)
-    ]
-    ticks = [
-        f'<path class="axis" d="M{at:.1f} {low}v4"/>'
-        f'<text x="{at:.1f}" y="{low + 17}" text-anchor="middle">{text}</text>'
-        for at, text in x_ticks
-    ] + [
-        f'<path class="axis" d="M{LEFT} {at:.1f}h-4"/>'
-        f'<text x="{LEFT - 7}" y="{at + 4:.1f}" text-anchor="end">{text}</text>'
-        for at, text in y_ticks
-    ]
     steps = ((0.0, "0"), (0.5, number(0.5 * top, 2)), (1.0, f"≥ {number(top, 2)} m/s"))
-    key = "".join(
-        f'<circle cx="{at}" cy="14" r="{SMALL + (LARGE - SMALL) * s**0.5:.1f}" fill="{_color(s**0.5)}"/>'
-        f'<text x="{at + 11}" y="18">{text}</text>'
-        for at, (s, text) in zip((LEFT + 138, LEFT + 180, LEFT + 245), steps)
-    )
-    across, up = (escape(_plain(label)) for label in axes)
-    return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}">\n<g aria-hidden="true">'
-        f'<text x="{LEFT}" y="18">error of the base law:</text>{key}'
-        f'<path class="axis" d="M{LEFT} {TOP}V{low}H{right}"/>{"".join(ticks)}'
-        f'<text x="{(LEFT + right) / 2:.0f}" y="{HEIGHT - 8}" text-anchor="middle">{across}</text>'
-        f'<text transform="translate(13 {(TOP + low) / 2:.0f}) rotate(-90)" text-anchor="middle">{up}</text></g>\n'
-        f'<g role="listbox" aria-label="{escape(f"Impacts over {_plain(axes[0])} and {_plain(axes[1])}. {title}")}">\n'
-        + "\n".join(points)
-        + '\n</g>\n<circle class="ring" r="0"/></svg>'
-    )
+    return {
+        "width": WIDTH,
+        "height": HEIGHT,
+        "left": LEFT,
+        "top": TOP,
+        "right": right,
+        "low": low,
+        "x_ticks": x_ticks,
+        "y_ticks": y_ticks,
+        "key": [
+            (at, _radius(s**0.5), _color(s**0.5), text)
+            for at, (s, text) in zip((LEFT + 138, LEFT + 180, LEFT + 245), steps)
+        ],
+        "points": [(a, b, _radius(s), _color(s), label) for a, b, s, label in zip(px, py, share, labels)],
+    }
+
+
+def _radius(share: float) -> float:
+    return SMALL + (LARGE - SMALL) * share
 
 
 def _scale(values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, list[tuple[float, str]]]:

@@ -7,16 +7,15 @@ The page needs no network, its text no script, and equal content gives equal byt
 """
 
 from collections.abc import Mapping
-from html import escape
 
 import pandas as pd
+from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.results.numbers import ladder_table
 from thesis_lib.critique.results.summary import possible_faults
 from thesis_lib.figures.style import Drawn
 from thesis_lib.foundation.terminal import visible
-from thesis_lib.pages import page
 from thesis_lib.report.critique import (
     effects as report_effects,
 )
@@ -26,6 +25,7 @@ from thesis_lib.report.critique import (
 from thesis_lib.report.critique import (
     text as report_text,
 )
+from thesis_lib.report.critique.skeleton import critique_page
 from thesis_lib.report.critique.tables import (
     captions,
     comparison_table,
@@ -36,7 +36,7 @@ from thesis_lib.report.critique.tables import (
     regions_table,
     tests_table,
 )
-from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, picture, section
+from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, picture
 
 WORDS = {
     "adequate": "✓ adequate: no effect is missing that these data could show",
@@ -64,12 +64,12 @@ def report_html(
     text = captions(critique)
     shown = {name: picture(figure, text[name]) for name, (figure, _) in pictures.items() if name in text}
 
-    def draw(name: str) -> str:
-        return shown.get(name, "")
+    def draw(name: str) -> Markup:
+        return shown.get(name, Markup())
 
     d = diagnosis
     ladder = ladder_table(critique, tables)
-    parts = [
+    sections = [
         ("faults", "First: the measurements themselves", [report_effects.faults(d)]),
         (
             "compare",
@@ -122,41 +122,27 @@ def report_html(
         ("tables", "Tables", [comparison_table(tables), left_out_table(d)]),
         ("sources", "Sources", [bullets(report_text.sources(d))]),
     ]
-    sections = [(name, title, section(name, title, *content)) for name, title, content in parts]
-    sections = [one for one in sections if one[2]]
-    links = "".join(f'<li><a href="#{name}">{escape(title)}</a></li>' for name, title, _ in sections)
-    content = "\n".join(
-        [
-            _verdict(d),
-            _description(critique),
-            _key_numbers(d, ladder),
-            f'<nav aria-label="Contents"><ul>{links}</ul></nav>',
-            *(content for *_, content in sections),
-        ]
-    )
-    return page(
-        f"Critique of {d['dataset']}", content, script=report_impacts.SCRIPT.read_text(encoding="utf-8")
-    )
-
-
-def _verdict(d: Mapping) -> str:
-    verdict = str(d["verdict"])
     fault = any(e["clears"] and (e["family"] == "measurement" or possible_faults(e)) for e in d["effects"])
-    kind = f"verdict {'fault' if fault else verdict}"
-    sentences = "".join(f"<p>{escape(str(s))}</p>" for s in d.get("summary", []))
     by_hand = any(not e["clears"] for e in d["effects"])
-    word = escape(BY_HAND if by_hand and verdict == "adequate" else WORDS.get(verdict, verdict))
-    return f'<div class="{escape(kind)}" role="note" aria-label="Verdict"><p class="word">{word}</p>{sentences}</div>'
+    return critique_page(
+        d,
+        sections,
+        BY_HAND if by_hand and d["verdict"] == "adequate" else WORDS[d["verdict"]],
+        kind="fault" if fault else "",
+        about=_description(critique),
+        key_numbers=_key_numbers(d, ladder),
+        script=report_impacts.SCRIPT.read_text(encoding="utf-8"),
+    )
 
 
-def _description(critique: Critique) -> str:
+def _description(critique: Critique) -> Markup:
     text = "" if critique.source is None else (critique.source.header.description or "")
     return paragraph(
         f"What the dataset says of itself: {visible(text)}" if text.strip() else "", kind="about"
     )
 
 
-def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> str:
+def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]:
     error, first, last = d["error"], ladder.iloc[0], ladder.iloc[-1]
     unit = error["unit"]
     cells = [
@@ -183,8 +169,4 @@ def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> str:
                 "of the way from base law to noise floor",
             )
         )
-    inner = "".join(
-        f'<div><dt>{escape(name)}</dt><dd>{escape(value)}<span class="small">{escape(note)}</span></dd></div>'
-        for name, value, note in cells
-    )
-    return f'<dl class="key">{inner}</dl>'
+    return cells

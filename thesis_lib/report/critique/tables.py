@@ -7,6 +7,7 @@
 from collections.abc import Mapping
 
 import pandas as pd
+from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
@@ -97,7 +98,7 @@ def sizes(effect: Mapping) -> list[str]:
     ]
 
 
-def effects_table(d: Mapping) -> str:
+def effects_table(d: Mapping) -> Markup:
     """What was found, with sizes and gains."""
     rows = []
     for e in d["effects"]:
@@ -119,7 +120,7 @@ def effects_table(d: Mapping) -> str:
     return table("Effects in the order in which they were selected", columns, rows, numeric=(3, 4))
 
 
-def regions_table(where: Mapping) -> str:
+def regions_table(where: Mapping) -> Markup:
     """Regions in which the base law fails, and those that are left with the effects."""
     rows = []
     after = where.get("after") or {"regions": []}
@@ -148,7 +149,7 @@ def regions_table(where: Mapping) -> str:
     return table(caption, columns, rows, numeric=range(2, 8))
 
 
-def tests_table(where: Mapping) -> str:
+def tests_table(where: Mapping) -> Markup:
     """Tests of whole classes of models."""
     rows = []
     for name, test in where.get("class_tests", {}).items():
@@ -173,7 +174,7 @@ def tests_table(where: Mapping) -> str:
     return table("Tests of the whole class of laws, before any effect is tried", columns, rows, numeric=(1,))
 
 
-def parameters_table(critique: Critique) -> str:
+def parameters_table(critique: Critique) -> Markup:
     """Each parameter without effects and with all of them."""
     first, last = critique.ladder[0][0], critique.ladder[-1][0]
     found = parameter_table(critique)
@@ -192,10 +193,10 @@ def parameters_table(critique: Critique) -> str:
     return table("Parameters before and after [95 % interval]", columns, rows, numeric=(2, 3))
 
 
-def comparison_table(tables: Mapping[str, pd.DataFrame]) -> str:
+def comparison_table(tables: Mapping[str, pd.DataFrame]) -> Markup:
     """Held-out errors of laws, bounds and baseline."""
     if "comparison" not in tables:
-        return ""
+        return Markup()
     rows = []
     for r in tables["comparison"].itertuples():
         name = BOUND_WORDS.get(r.model) or law_title(r.model)
@@ -214,7 +215,7 @@ def comparison_table(tables: Mapping[str, pd.DataFrame]) -> str:
     return table(caption, columns, rows, numeric=range(1, 9))
 
 
-def left_out_table(d: Mapping) -> str:
+def left_out_table(d: Mapping) -> Markup:
     """Impacts left out, by reason."""
     reasons = d["left_out"]["reasons"]
     total = sum(reasons.values()) + d["n_impacts"]
@@ -227,7 +228,7 @@ def left_out_table(d: Mapping) -> str:
     return table("Impacts detected, left out and used", ("reason", "impacts", "share"), rows, numeric=(1, 2))
 
 
-def detectable_table(d: Mapping) -> str:
+def detectable_table(d: Mapping) -> Markup:
     """Smallest size of each effect that would have shown."""
     rows = []
     for e in d["detectable"]:
@@ -257,7 +258,7 @@ def _set_by(entry: Mapping) -> tuple[str, str]:
     return "; ".join(dict.fromkeys(by)) or "–", "–" if drops is None else str(drops)
 
 
-def states_table(following: Mapping) -> str:
+def states_table(following: Mapping) -> Markup:
     """Proposed states before impact."""
     sigmas = following.get("sigmas") or []
     rows = []

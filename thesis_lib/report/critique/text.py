@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.criticise import Critique
@@ -27,7 +28,7 @@ METHOD_SOURCES = (
 )
 
 
-def data(critique: Critique, d: Mapping) -> str:
+def data(critique: Critique, d: Mapping) -> Markup:
     train, held = critique.training, critique.held_out
     share = d["left_out"]["share"]
     first = f"{d['n_impacts']} impacts of {d['n_trials']} trials are used; "
@@ -58,7 +59,7 @@ def data(critique: Critique, d: Mapping) -> str:
     return paragraph(first, second, third) + bullets(critique.observations.found.warnings)
 
 
-def laws(critique: Critique, d: Mapping, tables: Mapping[str, pd.DataFrame], ladder: pd.DataFrame) -> str:
+def laws(critique: Critique, d: Mapping, tables: Mapping[str, pd.DataFrame], ladder: pd.DataFrame) -> Markup:
     errors, best = law_errors(critique)
     base, unit, error = d["base_model"], d["error"]["unit"], d["error"]
     values = listed(
@@ -85,9 +86,9 @@ def laws(critique: Critique, d: Mapping, tables: Mapping[str, pd.DataFrame], lad
     )
 
 
-def budget(tables: Mapping[str, pd.DataFrame]) -> str:
+def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
     if "budget" not in tables:
-        return ""
+        return Markup()
     share = tables["budget"].set_index("part")["share"]
     noise = (
         f"{percent(share['noise'])} is noise and {percent(share['parameters'])} the uncertainty of its parameters. "
@@ -102,7 +103,7 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> str:
     )
 
 
-def where_it_fails(where: Mapping) -> str:
+def where_it_fails(where: Mapping) -> Markup:
     regions = where.get("regions", [])
     if not regions:
         text = (
@@ -142,7 +143,7 @@ def where_it_fails(where: Mapping) -> str:
     return paragraph(text, in_flight, then) + paragraph(used)
 
 
-def residuals(critique: Critique) -> str:
+def residuals(critique: Critique) -> Markup:
     return paragraph(
         "The pictures below show what the error depends on: measured minus predicted velocity of the contact point, "
         "and the couple about it that the error needs. A point contact cannot give a couple; one that depends on the "
@@ -150,16 +151,16 @@ def residuals(critique: Critique) -> str:
     )
 
 
-def following(d: Mapping) -> str:
+def following(d: Mapping) -> Markup:
     proposed = d.get("next_experiment")
     if not proposed or not proposed.get("why"):
-        return ""
+        return Markup()
     return heading("The next experiment") + paragraph(str(proposed["why"])) + states_table(proposed)
 
 
-def power(d: Mapping) -> str:
+def power(d: Mapping) -> Markup:
     if not d["detectable"]:
-        return ""
+        return Markup()
     return paragraph(
         "An effect of the size below would have been found with a chance of about 80 % or more, with all other "
         "parameters fitted and all candidates counted. Two things can set that size. Evidence: a smaller effect would "

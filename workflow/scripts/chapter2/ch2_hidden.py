@@ -12,7 +12,7 @@ from thesis_lib.figures.chapter2.hidden import figure_hidden
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.report.mechanisms import write_mechanism_critique
+from thesis_lib.report.critique.mechanisms import write_mechanism_critique
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 params, out = snakemake.params, snakemake.output
@@ -24,4 +24,5 @@ for path in out.tables:
 save_figure(*figure_hidden(tables["effects"], tables["forces"]), Path(out[0]).with_suffix(""))
 for name, found in shown.items():
     name = name.replace("/", "_")
-    write_mechanism_critique(found, name, f"{out.pages}/{name}", params.seed)
+    rng = generator(params.seed, "mechanism critique", name)
+    write_mechanism_critique(found, name, f"{out.pages}/{name}", rng)

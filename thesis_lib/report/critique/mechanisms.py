@@ -5,16 +5,19 @@ does; what could not be told; what the data could have shown.  The page needs no
 """
 
 from collections.abc import Mapping
-from html import escape
 from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
 from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, WHEEL_EFFECTS
 from thesis_lib.critique.results.numbers import symbol
 from thesis_lib.figures.style import Drawn, save_figure
-from thesis_lib.foundation.files import write_json, write_text
-from thesis_lib.foundation.randomness import generator
-from thesis_lib.pages import page
+from thesis_lib.foundation.files import write_json, write_result, write_text
+from thesis_lib.report.critique.skeleton import critique_page
+from thesis_lib.report.critique.whole_folder import VERDICT_FILE, whole_folder
 from thesis_lib.report.elements import (
     amount,
     bullets,
@@ -23,7 +26,6 @@ from thesis_lib.report.elements import (
     paragraph,
     percent,
     picture,
-    section,
     table,
 )
 from thesis_lib.statistics.wording import listed, number
@@ -71,50 +73,46 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
         for e in d["effects"]
         if e["indistinguishable_from"]
     ) + paragraph(d["next_experiment"]["why"])
-    parts = [
-        ("compare", "1. How far the believed model is from the measurements", compare),
-        ("where", "2. Where it fails", where + shown.get("residuals", "")),
-        ("which", "3. Which effect is missing", _effects(d)),
+    sections = [
+        ("compare", "1. How far the believed model is from the measurements", [compare]),
+        ("where", "2. Where it fails", [where, shown.get("residuals", Markup())]),
+        ("which", "3. Which effect is missing", [_effects(d)]),
         (
             "added",
             "4. What adding it does" if d["effects"] else "4. Nothing was added",
-            _added(d) + shown.get("forces", ""),
+            [_added(d)],
         ),
-        ("untold", "What could not be told, and what would tell", untold),
-        ("power", "What these data could have shown", _detectable(d)),
+        ("untold", "What could not be told, and what would tell", [untold]),
+        ("power", "What these data could have shown", [_detectable(d)]),
     ]
-    sections = [(n, t, section(n, t, content)) for n, t, content in parts]
-    links = "".join(f'<li><a href="#{n}">{escape(t)}</a></li>' for n, t, html in sections if html)
-    sentences = "".join(f"<p>{escape(s)}</p>" for s in d["summary"])
-    content = "\n".join(
-        [
-            f'<div class="verdict {d["verdict"]}" role="note" aria-label="Verdict">'
-            f'<p class="word">{escape(WORDS[d["verdict"]])}</p>{sentences}</div>',
-            f'<nav aria-label="Contents"><ul>{links}</ul></nav>',
-            *(html for *_, html in sections),
-        ]
-    )
-    return page(f"Critique of {d['dataset']}", content)
+    return critique_page(d, sections, WORDS[d["verdict"]])
 
 
-def write_mechanism_critique(found: MechanismCritique, name: str, folder: str | Path, seed: int) -> None:
-    """Write report.html, mechanism_residuals.{png,pdf,csv} and, last, diagnosis.json into `folder`.
+def write_mechanism_critique(
+    critique: MechanismCritique, name: str, folder: str | Path, rng: np.random.Generator
+) -> dict:
+    """Write all files of a mechanism's critique into `folder` and return the content of diagnosis.json.
 
     Args:
-        found: the critique.
-        name: of the dataset, as told in the page.
-        folder: made if it is not there.
-        seed: of the permutation test; the same seed gives the same bytes.
+        critique: what was found.
+        name: of the recording, as told in the page.
+        folder: made if needed; files of an earlier critique are replaced.
+        rng: permutes windows; an equal stream gives equal bytes.
     """
     from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, residual_tables
     from thesis_lib.figures.chapter2.hidden import figure_residuals
 
-    folder = Path(folder)
-    d = mechanism_diagnosis(found, name, generator(seed, "mechanism critique", name))
-    drawn = figure_residuals(*residual_tables(found))
-    save_figure(*drawn, folder / "mechanism_residuals")
-    write_text(mechanism_page(d, {"residuals": (drawn, RESIDUALS)}), folder / "report.html")
-    write_json(dict(d), folder / "diagnosis.json")
+    d = mechanism_diagnosis(critique, name, rng)
+    drawn = figure_residuals(*residual_tables(critique))
+    labels = ["believed_parameters", *(step.effect.name for step in critique.steps)]
+    columns = ["label", "misfit", "misfit_low", "misfit_high"]
+    misfit = pd.DataFrame([(label, *rung) for label, rung in zip(labels, critique.ladder)], columns=columns)
+    with whole_folder(folder) as part:
+        save_figure(*drawn, part / "mechanism_residuals")
+        write_result(misfit, part / "misfit.csv")
+        write_text(mechanism_page(d, {"residuals": (drawn, RESIDUALS)}), part / "report.html")
+        write_json(d, part / VERDICT_FILE)
+    return d
 
 
 def _reasons(left: Mapping) -> str:
@@ -122,7 +120,7 @@ def _reasons(left: Mapping) -> str:
     return f" ({'; '.join(words)} {left['unit']})" if words else ""
 
 
-def _effects(d: Mapping) -> str:
+def _effects(d: Mapping) -> Markup:
     if not d["effects"]:
         return paragraph(
             "No candidate passes all three tests: a gain of log score beyond what the best of all candidates gains by "
@@ -148,9 +146,9 @@ def _effects(d: Mapping) -> str:
     return table("Effects, in the order in which they were found", columns, rows)
 
 
-def _added(d: Mapping) -> str:
+def _added(d: Mapping) -> Markup:
     if not d["effects"]:
-        return ""
+        return Markup()
     error = d["error"]
     rungs = [number(x) for x in error["ladder"]]
     text = paragraph(
@@ -174,7 +172,7 @@ def _added(d: Mapping) -> str:
     return text + table("Base inertial parameters", columns, rows, numeric=(1, 2, 3))
 
 
-def _detectable(d: Mapping) -> str:
+def _detectable(d: Mapping) -> Markup:
     rows = []
     for e in d["detectable"]:
         sizes = [

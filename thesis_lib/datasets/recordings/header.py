@@ -1,0 +1,121 @@
+"""recording.yaml as typed, checked data (recording format, schema 1).
+
+A recording is a folder with recording.yaml, which says what is believed of a mechanism, and states.csv, a row a sample:
+
+    arm     trial,t,q_1,q_2,x,y,theta,dq_1,dq_2,vx,vy,omega,u_1,u_2        u only if the arm is driven
+    wheel   trial,t,x,y,theta,vx,vy,omega
+
+q_1 is the angle of link 1 against the horizontal, q_2 of link 2 against link 1; x, y, theta are the pose of the disk or
+of the wheel's hub.  The wheel's x points down its slope and y away from it.  The torques u act from the time of their
+row until the next; those of a trial's last row are not used.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from thesis_lib.bodies.body import Positive
+from thesis_lib.foundation.settings import Section
+
+FINITE = Field(allow_inf_nan=False)
+Pair = tuple[Positive, Positive]
+
+
+class Arm(Section):
+    """A two-link arm that pushes a disk over the ground y = 0."""
+
+    kind: Literal["arm"]
+    link_lengths: Pair = Field(description="m, joint to joint and joint to tip")
+    link_masses: Pair = Field(description="kg")
+    link_coms: tuple[Annotated[float, FINITE], Annotated[float, FINITE]] = Field(
+        description="m, centre of mass of each link along it, from its joint"
+    )
+    link_inertias: Pair = Field(description="kg m², about the centre of mass")
+    base: tuple[Annotated[float, FINITE], Annotated[float, FINITE]] = Field(
+        (0.0, 0.0), description="m, x and y of the first joint"
+    )
+    disk_radius: Positive = Field(description="m")
+    disk_mass: Positive = Field(description="kg")
+    disk_inertia: Positive = Field(description="kg m², about the centre, which is the centre of mass")
+    driven: bool = Field(True, description="whether states.csv holds the torques u_1 and u_2 in N m")
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Columns of q in rad and m."""
+        return ("q_1", "q_2", "x", "y", "theta")
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """Columns of v in rad/s and m/s."""
+        return ("dq_1", "dq_2", "vx", "vy", "omega")
+
+    @property
+    def torques(self) -> tuple[str, ...]:
+        """Columns of u in N m, on the first coordinates."""
+        return ("u_1", "u_2") if self.driven else ()
+
+
+class Wheel(Section):
+    """A rimless wheel on a slope; its centre of mass is believed to be the hub."""
+
+    kind: Literal["wheel"]
+    spokes: int = Field(ge=3, le=100, description="their number; spoke 0 points along theta")
+    length: Positive = Field(description="m, hub to tip")
+    mass: Positive = Field(description="kg")
+    inertia: Positive = Field(description="kg m², about the hub")
+    slope: float = Field(ge=0, lt=1.5, description="rad, of the ground, downhill along +x")
+    payload_radius: float = Field(
+        0.0, ge=0, allow_inf_nan=False, description="m along spoke 0, where a payload would be"
+    )
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Columns of q in m and rad."""
+        return ("x", "y", "theta")
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """Columns of v in m/s and rad/s."""
+        return ("vx", "vy", "omega")
+
+    @property
+    def torques(self) -> tuple[str, ...]:
+        """None: a wheel rolls freely."""
+        return ()
+
+
+class StateNoise(Section):
+    """One-sigma noise of the samples, independent for each column."""
+
+    position: Positive = Field(description="m, each x and y")
+    angle: Positive = Field(description="rad, each theta, q_1 and q_2")
+    velocity: Positive = Field(description="m/s, each vx and vy")
+    angular_velocity: Positive = Field(description="rad/s, each omega, dq_1 and dq_2")
+
+
+class RecordingHeader(Section):
+    """The content of recording.yaml."""
+
+    schema_: Literal[1] = Field(alias="schema", description="version of this format")
+    description: str = ""
+    mechanism: Annotated[Arm | Wheel, Field(discriminator="kind")] = Field(
+        description="what is believed of it: geometry, masses and inertias"
+    )
+    gravity: Positive = Field(9.81, description="m/s²")
+    rate: Positive = Field(description="Hz, of the samples; the same throughout")
+    noise: StateNoise
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of states.csv."""
+        m = self.mechanism
+        return ("trial", "t", *m.coordinates, *m.velocities, *m.torques)
+
+    @property
+    def sigmas(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Noise of each coordinate and of each velocity, in their order."""
+        n, straight = self.noise, [name in ("x", "y") for name in self.mechanism.coordinates]
+        return (
+            tuple(n.position if s else n.angle for s in straight),
+            tuple(n.velocity if s else n.angular_velocity for s in straight),
+        )
