@@ -144,6 +144,9 @@ class TestCheck:
         said = []
         assert check([WEAR], store, tell=said.append) and "augmented 0.01 → 0.0101" in said[0]
         assert not check([replace(WEAR, seed=SEEDS + 1)], store, tell=said.append)
+        drake = Case("drake", "tilt", SEEDS)
+        self.stored[drake] = put(store, drake, code=code_hash())
+        assert check([drake], store, tell=said.append) and "moved" in said[-1]
         # the next time they are those of today's code
         check([WEAR], store, stamp=True, tell=list)
         assert read_rows("law", store)[WEAR].errors == error(after=1.01)

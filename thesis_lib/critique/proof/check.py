@@ -1,9 +1,9 @@
 """Whether today's code still says what is stored: a sample of rows is computed again, or all of them over night.
 
 A row agrees if the verdict and the groups of effects that it names are the same, and its numbers are within `MOVED` of
-the stored ones.  A row whose verdict or groups differ fails the check.  So do numbers that moved, if it is known which
-code made the row; rows from before hashes were kept answer for their verdicts alone.  The p-value of what remains is
-drawn, and not compared.
+the stored ones.  A row whose verdict or groups differ fails the check.  Numbers that moved fail it in the sources
+`HELD`, and only if it is known which code made the row: rows from before hashes were kept answer for their verdicts
+alone.  The p-value of what remains is drawn, and not compared.
 """
 
 import math
@@ -21,6 +21,8 @@ from thesis_lib.foundation.randomness import generator
 
 MOVED = 1e-3  # relative; searches that end elsewhere in the last digits differ by less than 1e-5
 FLOOR_MOVED = 0.05  # of the floor, which was drawn once: by up to 2 % from one stream to another
+# the last digits of Drake's drops depend on the processor, and which trials are held out depends on every digit
+HELD = ("law", "mechanism")
 
 AGREES, MOVES, DIFFERS = "agrees", "moved", "differs"
 
@@ -51,7 +53,8 @@ def check(
     for case in cases:
         stored, again = read_rows(case.source, store)[case], compute(case)
         status, what = compare(stored, again)
-        passed &= status == AGREES or (status == MOVES and not stored.code)
+        held = stored.code and case.source in HELD
+        passed &= status == AGREES or (status == MOVES and not held)
         tell(f"{case}: {status}{f' ({what})' if what else ''}")
         if stamp and status != DIFFERS:
             put_row(again, store, replace=True)
