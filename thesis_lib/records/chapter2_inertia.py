@@ -29,9 +29,25 @@ HYPOTHESES = {  # as in the figure of the measured m/I
     "earlier_vy_post": "earlier v_y⁺",
 }
 GATHER = Job("ch2_gather", "chapter2", group="programs")
-TABLE_2_1 = Job("ch2_table_2_1", "chapter2", group="noise")
+NOISE = Job("ch2_table_2_1", "chapter2", group="noise")
 MEASURED_RATIOS = Job("ch2_measured_ratios", "chapter2", group="measured data")
 HIDDEN = Job("ch2_hidden", "chapter2", group="hidden effects")
+ESTIMATES = {  # said of the table and of its figure
+    "title": "Estimates of m/I from noisy drops of block and ellipse",
+    "caption": """The thesis's mean errors, a plain program (eq. 2.23), least squares at the true impact steps, and
+our maximum likelihood over arcs with free impulses, with gaps, and with the contact law, beside the Cramér-Rao
+bound. The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of
+0.8.
+
+What to look for: bias, which does not fall with more drops, and how near our errors come to the bound.""",
+}
+RATIOS = {  # said of the table and of its figure
+    "title": "m/I = 1/k² from the measured impacts, under each hypothesis about the measurement",
+    "caption": """With bootstrap intervals over trials and the range that any ratio of noises allows, against the
+value of the dataset's header. The thesis's own 280 drops are not public.
+
+What to look for: the hypotheses whose interval holds the value of the header.""",
+}
 
 
 def programs(table: "pd.DataFrame") -> str:
@@ -83,14 +99,8 @@ def _span(values: "pd.Series") -> str:
 
 FIGURE_TABLE_2_1 = Figure(
     name="figure_table_2_1",
-    job=TABLE_2_1,
-    title="Estimates of m/I from noisy drops of block and ellipse",
-    caption="""The thesis's mean errors, a plain program (eq. 2.23), least squares at the true impact steps, and
-our maximum likelihood over arcs with free impulses, with gaps, and with the contact law, beside the Cramér-Rao
-bound. The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of
-0.8.
-
-What to look for: bias, which does not fall with more drops, and how near our errors come to the bound.""",
+    job=NOISE,
+    **ESTIMATES,
     finding=figure_table_2_1,
     reads=("figure_table_2_1.csv",),
     keys="shape method snr",
@@ -128,14 +138,8 @@ def table_2_1(table: "pd.DataFrame") -> str:
 
 TABLE_2_1 = Table(
     name="table_2_1",
-    job=TABLE_2_1,
-    title="Estimates of m/I from noisy drops of block and ellipse",
-    caption="""The thesis's mean errors, a plain program (eq. 2.23), least squares at the true impact steps, and
-our maximum likelihood over arcs with free impulses, with gaps, and with the contact law, beside the Cramér-Rao
-bound. The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of
-0.8.
-
-What to look for: bias, which does not fall with more drops, and how near our errors come to the bound.""",
+    job=NOISE,
+    **ESTIMATES,
     finding=table_2_1,
     reads=("table_2_1.csv",),
 )
@@ -177,11 +181,7 @@ def _measured(dataset: str, rows: "pd.DataFrame") -> str:
 MEASURED_RATIO = Table(
     name="measured_ratio",
     job=MEASURED_RATIOS,
-    title="m/I = 1/k² from the measured impacts, under each hypothesis about the measurement",
-    caption="""With bootstrap intervals over trials and the range that any ratio of noises allows, against the
-value of the dataset's header. The thesis's own 280 drops are not public.
-
-What to look for: the hypotheses whose interval holds the value of the header.""",
+    **RATIOS,
     finding=measured_ratio,
     reads=("measured_ratio.csv",),
 )
@@ -190,11 +190,7 @@ What to look for: the hypotheses whose interval holds the value of the header.""
 FIGURE_MEASURED_RATIO = Figure(
     name="figure_measured_ratio",
     job=MEASURED_RATIOS,
-    title="m/I = 1/k² from the measured impacts, under each hypothesis about the measurement",
-    caption="""With bootstrap intervals over trials and the range that any ratio of noises allows, against the
-value of the dataset's header. The thesis's own 280 drops are not public.
-
-What to look for: the hypotheses whose interval holds the value of the header.""",
+    **RATIOS,
     keys="dataset variant",
     tolerances={
         "ratio std low high published lower upper scale velocity_noise": Tolerance(

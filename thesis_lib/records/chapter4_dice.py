@@ -25,7 +25,7 @@ SHOWN_LEVEL = 0.8
 FEWEST = 3  # points for a slope with an interval
 # thesis, figure 4-8: mean and standard deviation of the error at rest; section 4.4: share of right sides
 PUBLISHED = {"law": (-0.97, 4.44, 0.23), "residual_wrench": (0.83, 1.83, 0.43)}
-DICE = Job("ch4_dice", "chapter4/{dataset}", datasets=THROWN)
+THROWING = Job("ch4_dice", "chapter4/{dataset}", datasets=THROWN)
 PARTICLES = Tolerance(
     (
         "random particles of a seeded stream, each an exact solution; a contact that goes the "
@@ -65,7 +65,7 @@ def _error(mean: "pd.DataFrame", std: "pd.DataFrame", model: str) -> str:
 
 FIGURE_4_8 = Figure(
     name="figure_4_8",
-    job=DICE,
+    job=THROWING,
     title="Densities of the error in resting position, for each contact model",
     caption="""Over the held-out throws of all splits, with mean and standard deviation. The error is measured
 minus expected position, in sides of the die; the expected position is the mean of the belief. The thesis has
@@ -106,7 +106,7 @@ def figure_calibration(coverage: "pd.DataFrame") -> str:
 
 FIGURE_CALIBRATION = Figure(
     name="figure_calibration",
-    job=DICE,
+    job=THROWING,
     title="Calibration of the beliefs over resting positions on held-out throws",
     caption="""Histogram of the probability integral transform with the band that chance allows a right belief,
 and coverage of central regions with 95 % intervals. dice_calibration.csv has the same for single contacts.
@@ -159,7 +159,7 @@ def _per_10_cm(slope: Mapping[str, float]) -> str:
 
 FIGURE_RESTITUTION = Figure(
     name="figure_restitution",
-    job=DICE,
+    job=THROWING,
     title="Restitution of held-out contacts against the place of the contact on the surface",
     caption="""Measured, and by the compliant contact fitted to training contacts. Impact laws have one number
 for it.
@@ -223,7 +223,7 @@ def dice(table: "pd.DataFrame") -> str:
 
 DICE = Table(
     name="dice",
-    job=DICE,
+    job=THROWING,
     title="Thrown dice: how far each contact model misses the end",
     caption="""Each model is simulated to rest from the measured starts of held-out throws. Given are the error
 in resting position in sides (mean, standard deviation, median of its size), share of throws on the right side,

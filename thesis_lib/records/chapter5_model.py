@@ -27,6 +27,15 @@ MODEL = Job("ch5_model", "chapter5")
 SHOWCASE = Job("ch5_showcase", "chapter5")
 HIDDEN = Job("ch5_hidden", "chapter5")
 GEOMETRY = Tolerance("closed-form geometry; only rounding", abs=1e-08)
+DIAGRAM = {
+    "panel": ("", "part of the picture, as lettered or titled in it"),
+    "series": (
+        "",
+        "what is drawn: a part, a plate or box (two corners), or `a to b`, an arrow (start, end)",
+    ),
+    "x": ("1", "place in the picture"),
+    "y": ("1", "place in the picture"),
+}  # columns of what is drawn by hand
 
 
 FIGURE_5_2 = Figure(
@@ -38,15 +47,7 @@ FIGURE_5_2 = Figure(
 What to look for: the force, which rises at once against the heavy block and stays low against the light one.""",
     keys="panel series",
     tolerances={"x y": GEOMETRY},
-    columns={
-        "panel": ("", "part of the picture, as lettered or titled in it"),
-        "series": (
-            "",
-            "what is drawn: a part, a plate or box (two corners), or `a to b`, an arrow (start, end)",
-        ),
-        "x": ("1", "place in the picture"),
-        "y": ("1", "place in the picture"),
-    },
+    columns=DIAGRAM,
 )
 
 
@@ -58,15 +59,7 @@ FIGURE_5_3 = Figure(
 network.""",
     keys="panel series",
     tolerances={"x y": GEOMETRY},
-    columns={
-        "panel": ("", "part of the picture, as lettered or titled in it"),
-        "series": (
-            "",
-            "what is drawn: a part, a plate or box (two corners), or `a to b`, an arrow (start, end)",
-        ),
-        "x": ("1", "place in the picture"),
-        "y": ("1", "place in the picture"),
-    },
+    columns=DIAGRAM,
 )
 
 
@@ -77,15 +70,7 @@ FIGURE_5_4 = Figure(
     caption="""Sensing, inference on the learned physics, game play, control.""",
     keys="panel series",
     tolerances={"x y": GEOMETRY},
-    columns={
-        "panel": ("", "part of the picture, as lettered or titled in it"),
-        "series": (
-            "",
-            "what is drawn: a part, a plate or box (two corners), or `a to b`, an arrow (start, end)",
-        ),
-        "x": ("1", "place in the picture"),
-        "y": ("1", "place in the picture"),
-    },
+    columns=DIAGRAM,
 )
 
 
@@ -95,15 +80,7 @@ FIGURE_5_5C = Figure(
     title="Structure of the mixture of regressions and of the hierarchical model",
     keys="panel series",
     tolerances={"x y": GEOMETRY},
-    columns={
-        "panel": ("", "part of the picture, as lettered or titled in it"),
-        "series": (
-            "",
-            "what is drawn: a part, a plate or box (two corners), or `a to b`, an arrow (start, end)",
-        ),
-        "x": ("1", "place in the picture"),
-        "y": ("1", "place in the picture"),
-    },
+    columns=DIAGRAM,
 )
 
 

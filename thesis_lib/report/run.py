@@ -15,7 +15,7 @@ from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.foundation.regular_file import read_bytes
 from thesis_lib.pages import element, page
 from thesis_lib.records.catalogue import figures, records
-from thesis_lib.records.record import FOUND_HERE, Figure
+from thesis_lib.records.record import FOUND_HERE, Figure, Record
 
 TEMPLATE = Path(__file__).with_name("run.html")
 TITLE = "Contact models in robotic manipulation: what the thesis computed, computed again"
@@ -178,5 +178,5 @@ def _image(file: Path, alt: str) -> Markup:
     return element("image", base64.b64encode(content).decode("ascii"), " ".join(alt.split()), width, height)
 
 
-def _anchor(figure: Figure, dataset: str) -> str:
+def _anchor(figure: Record, dataset: str) -> str:
     return "-".join(filter(None, ("figure", figure.short.replace("_", "-"), dataset)))
