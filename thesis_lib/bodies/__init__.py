@@ -1,1 +1,1 @@
-"""Planar rigid bodies: shapes, inertia, gap and contact Jacobians."""
+"""Planar rigid bodies: their shapes, their inertia, and what is believed of the rig that drops them."""

@@ -1,4 +1,4 @@
-"""What is known of a rig: the body that is dropped, the surface that it meets, the noise of what is measured."""
+"""What is known of a rig: the body that is dropped, the surface that it meets, the noise of its measurements."""
 
 from typing import Annotated
 

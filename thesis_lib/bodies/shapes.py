@@ -7,8 +7,8 @@
 | φ_n      | `phi_n`     | m    | (n,)   | gap between body and surface                                      |
 | k        | `k_g`       | m    |        | radius of gyration                                                |
 
-The body origin is the believed centre of mass.  Shapes are pydantic models, because they are part of
-dataset.yaml; all their geometry is vectorised over angles.
+The body origin is the believed centre of mass.  Shapes are sections of dataset.yaml; their geometry takes n angles at
+once.
 """
 
 from typing import Annotated, Literal
@@ -95,9 +95,15 @@ class Polygon(_Shape):
 
     @model_validator(mode="after")
     def _has_area(self) -> "Polygon":
-        if abs(_polygon_area(np.array(self.vertices))) < 1e-12:
+        if abs(self._cross().sum() / 2.0) < 1e-12:
             raise ValueError("the polygon has no area: its vertices lie on a line or cross each other")
         return self
+
+    def _cross(self) -> np.ndarray:
+        """Cross product of each vertex with the next (k,) in m²; half their sum is the signed area."""
+        p = np.array(self.vertices)
+        q = np.roll(p, -1, axis=0)
+        return p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         theta = np.asarray(theta, dtype=float)
@@ -115,8 +121,7 @@ class Polygon(_Shape):
     @property
     def radius_of_gyration(self) -> float:
         p = np.array(self.vertices)
-        q = np.roll(p, -1, axis=0)
-        cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
+        q, cross = np.roll(p, -1, axis=0), self._cross()
         area = cross.sum() / 2.0
         centroid = ((p + q) * cross[:, None]).sum(axis=0) / (6.0 * area)
         # polar second moment of area about the origin, moved to the centroid (parallel axes)
@@ -125,8 +130,3 @@ class Polygon(_Shape):
 
 
 Shape = Annotated[Ellipse | Disk | Polygon, Field(discriminator="kind")]
-
-
-def _polygon_area(p: np.ndarray) -> float:
-    q = np.roll(p, -1, axis=0)
-    return float((p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]).sum() / 2.0)

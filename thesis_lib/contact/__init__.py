@@ -1,7 +1,8 @@
 """Rigid impact laws for one planar contact: `LAWS[name](v_pre, r, mass=, k_g=, mu=, epsilon=)`.
 
-The six of the thesis stand in the list below, with a `LAW_AS_PUBLISHED` where published code differs.  Any further file
-of this folder with a `LAW` is a law of one's own: the critique tries it beside the six, and `LAWS` holds it.
+The six of the thesis stand in the list below, with a `LAW_AS_PUBLISHED` where the authors' code differs from the law as
+defined.  Any further file of this folder with a `LAW` adds a law: `LAWS` holds it, and the critique tries it beside the
+six.
 """
 
 import pkgutil
@@ -29,16 +30,9 @@ _MODULES = (
 
 SIX_LAWS: tuple[str, ...] = tuple(module.LAW.name for module in _MODULES)
 
-LAWS: dict[str, Law] = {module.LAW.name: module.LAW for module in _MODULES}
-LAWS.update(
-    (module.LAW_AS_PUBLISHED.name, module.LAW_AS_PUBLISHED)
-    for module in _MODULES
-    if hasattr(module, "LAW_AS_PUBLISHED")
-)
 
-
-def _own_laws() -> dict[str, Law]:
-    found = {}
+def _further_laws() -> dict[str, Law]:
+    laws = {}
     for item in pkgutil.iter_modules(__path__):
         law = getattr(import_module(f"{__name__}.{item.name}"), "LAW", None)
         if law is not None and item.name not in SIX_LAWS:
@@ -46,12 +40,20 @@ def _own_laws() -> dict[str, Law]:
                 raise ImportError(
                     f"the law in {item.name}.py calls itself {law.name!r}; name it like its file"
                 )
-            found[law.name] = law
-    return found
+            laws[law.name] = law
+    return laws
 
 
-LAWS.update(_own_laws())
-# what the critique fits to a dataset
-CANDIDATE_LAWS: tuple[str, ...] = (*SIX_LAWS, *_own_laws())
+_FURTHER = _further_laws()
+LAWS: dict[str, Law] = {
+    **{module.LAW.name: module.LAW for module in _MODULES},
+    **{
+        module.LAW_AS_PUBLISHED.name: module.LAW_AS_PUBLISHED
+        for module in _MODULES
+        if hasattr(module, "LAW_AS_PUBLISHED")
+    },
+    **_FURTHER,
+}
+CANDIDATE_LAWS: tuple[str, ...] = (*SIX_LAWS, *_FURTHER)  # what the critique fits to a dataset
 
 __all__ = ["CANDIDATE_LAWS", "LAWS", "SIX_LAWS", "Law", "Outcome", "Promise", "Status"]

@@ -21,7 +21,7 @@ from thesis_lib.contact.space import ContactSpace
 
 
 def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) for the target normal velocity −ε v_n."""
+    """Impulse (c_t, c_n), each (n,) in N s, for the target normal velocity −ε v_n."""
     target = (-1.0 - epsilon) * space.v_n
     return impulse_to_normal_velocity(space, mu, target)
 
@@ -29,7 +29,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
 def impulse_to_normal_velocity(
     space: ContactSpace, mu: np.ndarray, dv_n: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse that changes the normal contact velocity by `dv_n` ≥ 0 under Coulomb's law on final slip."""
+    """Impulse (n,) in N s that changes v_n by `dv_n` ≥ 0 (n,) in m/s, with Coulomb's law on the final slip."""
     c_t = -(space.K_nn * space.v_t + space.K_tn * dv_n) / space.det
     c_n = (space.K_tt * dv_n + space.K_tn * space.v_t) / space.det
     slope = np.copysign(mu, c_t)  # c_t / c_n on the cone's edge, −s μ

@@ -26,7 +26,7 @@ from thesis_lib.contact.space import ContactSpace
 
 
 def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) of compression and decompression together."""
+    """Impulse (c_t, c_n), each (n,) in N s, of compression and decompression together."""
     c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
     normal = epsilon * c_n
     limit = mu * normal
@@ -38,7 +38,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
 def impulse_as_published(
     space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) of the authors' code."""
+    """Impulse (c_t, c_n), each (n,) in N s, of the authors' code."""
     c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
     return c_t, (1.0 + epsilon) * c_n
 

@@ -17,12 +17,12 @@ import numpy as np
 
 from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change, velocity_error
 
-TOLERANCE = 1e-10  # of the disc's radius: candidates sit on the lines only up to rounding
+TOLERANCE = 1e-10  # of the disc's radius: candidates lie on the boundaries only up to rounding
 
 
 @dataclass(frozen=True)
 class Bound:
-    """Post-hoc best of n impacts: impulse (n, 2) in N s, v_post (n, 3), error (n,) in m/s (kinetic norm)."""
+    """Post-hoc best of n impacts: impulse (n, 2) in N s, v_post (n, 3) in m/s and rad/s, kinetic error (n,) in m/s."""
 
     impulse: np.ndarray
     v_post: np.ndarray
@@ -102,7 +102,7 @@ def project_on_cut_disc(
 
 
 def best_post_hoc(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Best Post Hoc: index and error of the best law for each impact, from errors (n, laws).
+    """Best Post Hoc: index and error (n,) of the best law for each impact, from errors (n, laws) in m/s.
 
     Raises:
         ValueError: an impact has no finite error at all.

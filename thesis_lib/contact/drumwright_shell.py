@@ -25,7 +25,7 @@ from thesis_lib.contact.space import ContactSpace
 
 
 def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) with the bound on the normal impulse."""
+    """Impulse (c_t, c_n), each (n,) in N s, with the bound on the normal impulse."""
     stick_t, stick_n = space.impulse_to(0.0, 0.0)
     kappa = -space.v_n / space.K_nn
     limit = mu * kappa
@@ -49,7 +49,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
 def impulse_as_published(
     space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) of the authors' code: without the bound."""
+    """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: without the bound."""
     stick_t, stick_n = space.impulse_to(0.0, 0.0)
     energies, ts = [], []
     for slope in (mu, -mu):

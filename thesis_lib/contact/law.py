@@ -1,7 +1,7 @@
 """What an impact law is: a name, an impulse for (contact space, μ, ε), and the promises that it keeps.
 
-A law never fails in silence: every impact gets a status.  `Law.impulse` broadcasts, so that a whole grid of
-parameters (G, 1) against n impacts (n,) is one call; `Law.__call__` is the public face, with checks.
+A law never fails in silence: every impact gets a status.  `Law.impulse` broadcasts, so that a whole grid of parameters
+(G, 1) against n impacts (n,) is one call; calling the law itself checks its input first.
 """
 
 import enum
@@ -15,7 +15,7 @@ from thesis_lib.contact.space import ContactSpace, contact_space
 
 
 class Status(enum.IntEnum):
-    """What became of one impact."""
+    """What a law made of an impact."""
 
     OK = 0
     NOT_APPROACHING = 1  # v_n ≥ 0 before impact: there is nothing to resolve, the impulse is zero
@@ -61,10 +61,9 @@ class Law:
     Attributes:
         name: key in `LAWS`.
         title: as in tables and figures.
-        impulse: (space, mu, epsilon) -> (c_t, c_n), arrays that broadcast; for approaching contacts (v_n < 0).
-        promises: what the law keeps in every case.
-        breaks: promises that it breaks, with the share of random impacts in which it does (reference draw of the
-            test suite), so that the exception is as well specified as the rule.
+        impulse: (space, mu, epsilon) -> (c_t, c_n) in N s, arrays that broadcast; for approaching contacts (v_n < 0).
+        promises: what holds for every impact.
+        breaks: promises that it breaks, with the share of impacts in which it does (in the tests' reference draw).
         reference: where the law is defined.
         mu_unit: unit of μ; "1" except for the viscous variant.
     """
@@ -108,11 +107,11 @@ class Law:
         v_pre, r = np.asarray(v_pre, dtype=float), np.asarray(r, dtype=float)
         mu, epsilon = np.asarray(mu, dtype=float), np.asarray(epsilon, dtype=float)
         _check(v_pre, r, mass, k_g, mu, epsilon)
-        with np.errstate(all="ignore"):  # what goes wrong is in the status
+        with np.errstate(all="ignore"):  # the status says what went wrong
             space = contact_space(v_pre, r, mass=mass, k_g=k_g)
             c_t, c_n = self.impulse(space, mu, epsilon)
             status = np.zeros(len(v_pre), dtype=np.int8)
-            # an infinite velocity can give a finite impulse, so the input is looked at too
+            # an infinite velocity can give a finite impulse: look at the input, too
             if not np.isfinite(c_t.sum() + c_n.sum() + v_pre.sum() + r.sum()):
                 status[~(np.isfinite(c_t) & np.isfinite(c_n))] = Status.NO_SOLUTION
                 valid = np.isfinite(v_pre).all(axis=1) & np.isfinite(r).all(axis=1)

@@ -33,7 +33,7 @@ RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of φ₃; Newt
 def impulse(
     space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray, mu_after: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) at the end of restitution; `mu_after` as in `slip_path`."""
+    """Impulse (c_t, c_n), each (n,) in N s, at the end of restitution; `mu_after` as in `slip_path`."""
     path = slip_path(space, mu, mu_after)
     p, u = path.p_slip, path.v_slip
     c_n = (1.0 + epsilon) * path.p_c
@@ -53,7 +53,7 @@ def impulse(
 def impulse_as_published(
     space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) of the authors' code: viscous tangential rate."""
+    """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: viscous tangential rate; μ in s/m."""
     kappa = mu * space.K_tt
 
     def integrals(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -97,9 +97,9 @@ def impulse_as_published(
 def _increasing_root(
     value, slope, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0
 ) -> np.ndarray:
-    """Batched root above `low` of a function that is negative before it and positive after: bracketed Newton.
+    """Roots (n,) above `low` of functions that are negative before and positive after: Newton's method, bracketed.
 
-    Steps below `floor` count as none.
+    A step below `floor` ends the search.
     """
     p, high = start, np.full(np.shape(start), np.inf)
     for _ in range(MAX_STEPS):

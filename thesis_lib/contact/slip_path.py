@@ -34,9 +34,9 @@ class SlipPath(NamedTuple):
 
 
 def slip_path(space: ContactSpace, mu: np.ndarray, mu_after: np.ndarray | None = None) -> SlipPath:
-    """The path of each impact; every b₂ is positive because det M_C⁻¹ > 0, so p_c always exists.
+    """The path of each impact; b₂ > 0 because det M_C⁻¹ > 0, so p_c always exists.
 
-    `mu_after` is the coefficient after the first slip has ended, `mu` if not given.
+    `mu_after` (n,) is the coefficient once the first slip has ended, `mu` (n,) if not given.
     """
     mu_after = mu if mu_after is None else mu_after
     slope = -np.copysign(mu, space.v_t)
@@ -54,6 +54,6 @@ def slip_path(space: ContactSpace, mu: np.ndarray, mu_after: np.ndarray | None =
 
 
 def tangential_impulse(path: SlipPath, p_f: np.ndarray) -> np.ndarray:
-    """c_t at the final normal impulse p_f."""
+    """c_t (n,) in N s at the final normal impulse `p_f` (n,) in N s."""
     first = np.minimum(path.p_slip, p_f)
     return path.slope * first + path.slope2 * (p_f - first)

@@ -43,14 +43,14 @@ class ContactSpace:
         return np.moveaxis(np.array(rows) / self.det, -1, 0)
 
     def velocity_after(self, c_t: np.ndarray, c_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity (v_t, v_n) of the contact point after the impulse: v_C⁺ = v_C + M_C⁻¹ c (eq. 3.4)."""
+        """Velocity (v_t, v_n) of the contact point in m/s after the impulse: v_C⁺ = v_C + M_C⁻¹ c (eq. 3.4)."""
         return (
             self.v_t + self.K_tt * c_t + self.K_tn * c_n,
             self.v_n + self.K_tn * c_t + self.K_nn * c_n,
         )
 
     def impulse_to(self, v_t: np.ndarray | float, v_n: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Impulse (c_t, c_n) that brings the contact point to (v_t, v_n): c = M_C (v_C⁺ − v_C)."""
+        """Impulse (c_t, c_n) in N s that brings the contact point to (v_t, v_n) in m/s: c = M_C (v_C⁺ − v_C)."""
         d_t, d_n = v_t - self.v_t, v_n - self.v_n
         return (
             (self.K_nn * d_t - self.K_tn * d_n) / self.det,
@@ -71,7 +71,7 @@ class ContactSpace:
 
 
 def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> ContactSpace:
-    """Contact space of impacts with velocity `v_pre` (n, 3) and contact point `r` (n, 2) (eq. 3.4).
+    """Contact space of impacts with velocity `v_pre` (..., 3) and contact point `r` (..., 2) in m (eq. 3.4).
 
     K_tt = 1/m + r_y²/I,  K_nn = 1/m + r_x²/I,  K_tn = −r_x r_y/I,  with I = m k².
     """
@@ -91,7 +91,7 @@ def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) 
 def velocity_change(
     c_t: np.ndarray, c_n: np.ndarray, r: np.ndarray, *, mass: float, k_g: float
 ) -> np.ndarray:
-    """Velocity change Δv = M⁻¹ Jᵀ c of the centre of mass, (..., 3) (eq. 3.2)."""
+    """Velocity change Δv = M⁻¹ Jᵀ c (..., 3) of the centre of mass, in m/s and rad/s (eq. 3.2)."""
     dv = np.empty(np.broadcast_shapes(np.shape(c_t), r.shape[:-1]) + (3,))
     dv[..., 0] = c_t / mass
     dv[..., 1] = c_n / mass
@@ -102,10 +102,10 @@ def velocity_change(
 def measured_impulse(
     dv: np.ndarray, r: np.ndarray, *, mass: float, k_g: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) that explains a measured velocity change best: c_irb = M_C J Δv (eq. 3.7).
+    """Impulse (c_t, c_n) in N s that explains a measured velocity change (..., 3) best: c_irb = M_C J Δv (eq. 3.7).
 
     The least squares of eq. 3.7 is taken in the kinetic metric √(Δv_x² + Δv_y² + (k Δω)²), in which an error of
-    ω counts by the velocity it gives to the rim; the thesis leaves the units of its norm open (our choice).
+    ω counts by the velocity that it gives at distance k; our choice, because the thesis leaves the norm's units open.
     """
     return contact_space(-dv, r, mass=mass, k_g=k_g).impulse_to(0.0, 0.0)
 
@@ -138,7 +138,7 @@ class EnergyEllipse:
     angle: np.ndarray
 
     def outline(self, alpha: float = 1.0, points: int = 181) -> np.ndarray:
-        """Points (n, points, 2) of the ellipse at level `alpha`."""
+        """Points (n, points, 2) in N s of the ellipse at level `alpha`."""
         phase = np.linspace(0.0, 2.0 * np.pi, points)
         axes = np.sqrt(alpha) * self.semi_axes
         x, y = axes[:, :1] * np.cos(phase), axes[:, 1:] * np.sin(phase)
@@ -157,15 +157,15 @@ def energy_ellipse(space: ContactSpace) -> EnergyEllipse:
 
 
 def line_of_sticking(space: ContactSpace, c_n: np.ndarray) -> np.ndarray:
-    """c_t on the line of sticking v_t⁺ = 0 at the given c_n."""
+    """c_t (n,) in N s on the line of sticking v_t⁺ = 0 at the given c_n (n,)."""
     return -(space.v_t + space.K_tn * c_n) / space.K_tt
 
 
 def beyond_sticking(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """Distance in N s by which impulses lie beyond the line of sticking; negative on the side of c_t = 0.
+    """Distance (n,) in N s of impulses beyond the line of sticking; negative on the side of c_t = 0.
 
-    That is farther than friction can go that stops at sticking.  It is not the same as a change of sign of v_t: in a
-    skewed contact the normal impulse alone can reverse the slip.
+    Friction that stops at sticking cannot go beyond it.  That is not the same as a change of sign of v_t: in a skewed
+    contact the normal impulse alone can reverse the slip.
     """
     without_friction = space.v_t + space.K_tn * c_n
     after = without_friction + space.K_tt * c_t
@@ -173,12 +173,12 @@ def beyond_sticking(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np
 
 
 def line_of_maximum_compression(space: ContactSpace, c_t: np.ndarray) -> np.ndarray:
-    """c_n on the line of maximum compression v_n⁺ = 0 at the given c_t."""
+    """c_n (n,) in N s on the line of maximum compression v_n⁺ = 0 at the given c_t (n,)."""
     return -(space.v_n + space.K_tn * c_t) / space.K_nn
 
 
 def admissible(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
-    """Whether an impulse pushes, does not penetrate and does not gain energy (thesis, figure 3-2).
+    """Whether each impulse (n,) pushes, does not penetrate and does not gain energy (thesis, figure 3-2).
 
     `tolerance` is relative to the impulse, velocity and energy before the impact.
     """

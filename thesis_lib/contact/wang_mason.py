@@ -13,7 +13,7 @@ from thesis_lib.contact.space import ContactSpace
 
 
 def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) at the end of restitution."""
+    """Impulse (c_t, c_n), each (n,) in N s, at the end of restitution."""
     path = slip_path(space, mu)
     c_n = (1.0 + epsilon) * path.p_c
     return tangential_impulse(path, c_n), c_n

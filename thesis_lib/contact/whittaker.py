@@ -6,7 +6,7 @@ Without initial slip the contact sticks.
 
 As published (the authors' code): the stick impulse; where it leaves the cone, c_t = ±μ c_n against the resulting
 slip, *without* solving c_n again.  The normal impulse then does not depend on μ, and the contact may penetrate.
-The code tries c_t = +μ c_n first and keeps −μ c_n unseen; where the impulse pulls (c_n < 0) both may point along the
+The code tries c_t = +μ c_n first and takes −μ c_n unchecked; where the impulse pulls (c_n < 0) both may point along the
 slip, and the outcome is then not mirror symmetric (0.2 % of the reference draw).
 
 Sources: Whittaker, Analytical Dynamics, 1904; reviewed by Chatterjee and Ruina 1998, doi:10.1115/1.2791929;
@@ -22,7 +22,7 @@ from thesis_lib.contact.space import ContactSpace
 
 
 def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n): slide with the initial slip, or stick."""
+    """Impulse (c_t, c_n), each (n,) in N s: slide with the initial slip, or stick."""
     dv_n = (-1.0 - epsilon) * space.v_n
     slope = -np.copysign(mu, space.v_t)
     reach = space.K_nn + slope * space.K_tn
@@ -38,7 +38,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
 def impulse_as_published(
     space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n) of the authors' code."""
+    """Impulse (c_t, c_n), each (n,) in N s, of the authors' code."""
     c_t, c_n = space.impulse_to(0.0, -epsilon * space.v_n)
     limit = mu * c_n
     v_t = space.v_t + space.K_tt * limit + space.K_tn * c_n  # slip if friction were +μ c_n

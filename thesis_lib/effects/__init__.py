@@ -1,6 +1,6 @@
 """Candidate physical effects, one file each: `EFFECTS[name]`.
 
-To add one, add a file with a class derived from `Effect` and an instance of it named EFFECT; nothing else.
+A new one is a file with a class derived from `Effect` and an instance of it named EFFECT; nothing else is registered.
 """
 
 import pkgutil
@@ -12,7 +12,7 @@ from thesis_lib.foundation.errors import UserError
 
 
 def _load() -> dict[str, Effect]:
-    found = {}
+    effects = {}
     for module in pkgutil.iter_modules(__path__):
         effect = getattr(import_module(f"{__name__}.{module.name}"), "EFFECT", None)
         if effect is not None:
@@ -20,15 +20,19 @@ def _load() -> dict[str, Effect]:
                 raise ImportError(
                     f"the effect in {module.name}.py calls itself {effect.name!r}; name it like its file"
                 )
-            found[effect.name] = effect
-    return dict(sorted(found.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0])))
+            effects[effect.name] = effect
+    return dict(sorted(effects.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0])))
 
 
 EFFECTS: dict[str, Effect] = _load()
 
 
 def require_known(names: Iterable[str]) -> None:
-    """Raises UserError if one of the names is no effect's."""
+    """Refuse names that are no effect's.
+
+    Raises:
+        UserError: the first of them, with the names of all effects.
+    """
     for name in names:
         if name not in EFFECTS:
             raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")

@@ -19,7 +19,7 @@ SLOWEST = 1e-3  # m/s, below every impact that a camera sees; keeps the quotient
 
 
 class Adhesion(Effect):
-    """Energy offset of the restitution."""
+    """Restitution less a fixed energy."""
 
     name = "adhesion"
     family = "contact_law"

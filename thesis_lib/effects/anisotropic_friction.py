@@ -1,9 +1,10 @@
-"""Anisotropic friction: slip to the right and to the left meet different friction (print direction, scratches).
+"""Anisotropic friction: slip to the right meets another friction than slip to the left (print direction, scratches).
 
     μ ← μ (1 + a_t sign(v_t)),   so that μ_± = μ (1 ± a_t)
 
-The sign is that of the slip at each instant of the impact.  The law gets the μ of the first slip; where slip ends and
-may go on the other way, what the other μ changes is added as the difference of two impulse paths (Stronge's):
+The sign is that of the slip at each instant of the impact.  The law gets the μ of the first slip.  Where slip ends and
+may go on the other way, the change by the other μ is added as the difference of two impulse paths (Stronge's), so that
+all else is as the law has it:
 
     c ← c_law + c_path(μ of the first slip, then of the second) − c_path(μ of the first slip)
 
@@ -16,8 +17,8 @@ Breaks mirror symmetry.  Source: Zmitrowicz 1981 (constitutive equations of anis
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
-from thesis_lib.effects.path_friction import second_slip
+from thesis_lib.contact.mirtich import impulse as path_impulse
+from thesis_lib.effects.effect import Effect, Impulse, Parameter
 
 
 class AnisotropicFriction(Effect):
@@ -36,7 +37,10 @@ class AnisotropicFriction(Effect):
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
         # a second slip goes the way of K_tn; `mu` is that of the first
         ratio = (1.0 + p["a_t"] * np.sign(space.K_tn)) / (1.0 + p["a_t"] * np.sign(space.v_t))
-        return second_slip(impulse, space, mu, ratio * mu, epsilon)
+        with np.errstate(all="ignore"):
+            changed, plain = path_impulse(space, mu, epsilon, ratio * mu), path_impulse(space, mu, epsilon)
+        d_t, d_n = (np.where(np.isfinite(a - b), a - b, 0.0) for a, b in zip(changed, plain))
+        return Impulse(impulse.c_t + d_t, impulse.c_n + d_n, impulse.tau)
 
 
 EFFECT = AnisotropicFriction()

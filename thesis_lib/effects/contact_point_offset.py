@@ -1,4 +1,4 @@
-"""Contact point offset: the impulse acts beside the lowest point (bent surface, contact that lasts while it moves).
+"""Contact point offset: the impulse acts beside the lowest point (bent surface, a contact that moves while it lasts).
 
     r_x ← r_x + d_r
 

@@ -41,7 +41,7 @@ class ContactTorque(Effect):
 def _paths(space, mu, epsilon, r, omega, m_r) -> Impulse:
     """Impulses and couples (2, n) at the ends of the paths with rolling resistance and without."""
     r_x, r_y = r
-    # K_tt + K_nn − 2 = |r|² / k²: the k of this impact, whatever other effects made of it
+    # K_tt + K_nn − 2 = |r|² / k²: the k of this impact, other effects included
     k2 = (r_x * r_x + r_y * r_y) / (space.K_tt + space.K_nn - 2.0)
     turn_t, turn_n = r_y / k2, r_x / k2
     dp = whole_impulse(space, mu, epsilon) / STEPS
@@ -49,7 +49,7 @@ def _paths(space, mu, epsilon, r, omega, m_r) -> Impulse:
     most = np.stack([m_r * dp, 0.0 * dp])
     v_t, couple, path = space.v_t, np.zeros_like(most), NormalPath(space, turn_n)
     for _ in range(STEPS):
-        # friction foresees the couple of the step before, so that what sticks goes on sticking while it rolls
+        # friction expects the couple of the step before, so that a sticking contact goes on sticking while it rolls
         kicked = v_t + kick - turn_t * couple
         d_t = friction(kicked, limit, space.K_tt)
         omega = omega + spin - turn_t * d_t

@@ -1,7 +1,7 @@
-"""What a candidate physical effect is: a name, an equation, parameters, and the places in which it acts.
+"""What a candidate physical effect is: a name, an equation, parameters, and the stages at which it acts.
 
-The prediction of one impact goes through these stages; an effect overrides the hooks of the stages in which it acts,
-so that any set of effects can be on at once (null parameters change nothing):
+The prediction of an impact goes through these stages.  An effect overrides the hooks of those at which it acts, so that
+any set of effects can be on at once; at its null parameters it changes nothing:
 
     measured state ── to_true ──► true state ── to_contact ──► state as the contact sees it
         contact_point, radius_of_gyration        where and on what the impulse acts
@@ -9,7 +9,8 @@ so that any set of effects can be on at once (null parameters change nothing):
     v_post as measured ◄── to_measured ── v_post ◄── from_contact ── v⁺ = v + M⁻¹ Jᵀ c
 
 and between impacts `acceleration` gives the flight, `gap` the distance of body and surface at an impact.
-Up to `to_contact` a state is that of the body origin; `contact_point`, `coefficients` and `impulse` get the contact's.
+Up to `to_contact` a state is that of the body origin; `contact_point`, `coefficients` and `impulse` get the state as
+the contact sees it.
 A measurement effect changes the prediction of what is measured, never the measurement itself.
 
 | on paper        | in code               | unit        | shape |                                                 |
@@ -79,21 +80,21 @@ class State:
 
     @classmethod
     def of(cls, q: np.ndarray, v: np.ndarray, trial: np.ndarray, t: np.ndarray) -> "State":
-        """The state with poses q and velocities v (n, 3)."""
+        """The state with poses q (n, 3) in m, m, rad and velocities v (n, 3) in m/s, m/s, rad/s."""
         return cls(q[:, 0], q[:, 1], q[:, 2], v[:, 0], v[:, 1], v[:, 2], trial, t)
 
     @property
     def q(self) -> np.ndarray:
-        """Poses (n, 3)."""
+        """Poses (n, 3) in m, m, rad."""
         return np.stack([self.x, self.y, self.theta], axis=1)
 
     @property
     def v(self) -> np.ndarray:
-        """Velocities (n, 3)."""
+        """Velocities (n, 3) in m/s, m/s, rad/s."""
         return np.stack([self.vx, self.vy, self.omega], axis=1)
 
     def moved(self, **changes: np.ndarray) -> "State":
-        """The same with some arrays replaced."""
+        """The same state with some arrays replaced."""
         return replace(self, **changes)
 
     def with_velocity(self, v: np.ndarray) -> "State":
@@ -101,7 +102,7 @@ class State:
         return self.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2])
 
     def flown(self, a: np.ndarray, h: np.ndarray | float) -> "State":
-        """The state after times h (n,) of constant acceleration a (n, 3)."""
+        """The state after times h (n,) in s of constant acceleration a (n, 3) in m/s², m/s², rad/s²."""
         return State(
             x=self.x + h * self.vx + 0.5 * h * h * a[:, 0],
             y=self.y + h * self.vy + 0.5 * h * h * a[:, 1],
@@ -138,10 +139,10 @@ class Impulse:
 
 
 class Effect:
-    """Base of all effects.  Override the class attributes and the hooks of the stages in which the effect acts.
+    """Base of all effects.  Override the class attributes, and the hooks of the stages at which the effect acts.
 
-    Hooks take arrays (n,) and the effect's own parameters `p` (name -> value) and return new arrays; they must be the
-    identity at the null parameters, and must not change their arguments.
+    Hooks take arrays (n,) and the effect's own parameters `p` (name -> value) and return new arrays.  They are the
+    identity at the null parameters, and never change their arguments.
 
     Attributes:
         name: file name and key, a standard term.
@@ -193,13 +194,13 @@ class Effect:
     def contact_point(
         self, r_x: np.ndarray, r_y: np.ndarray, state: State, p: Parameters, rig: Rig
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Contact point from the true centre of mass."""
+        """Contact point (r_x, r_y), each (n,) in m, from the true centre of mass."""
         return r_x, r_y
 
     def gap(self, gap: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
         """Gap φ_n (n,) in m between believed shape, at its true pose `state`, and believed surface at contact.
 
-        Effects add their parts to `gap`; those of the measurement need none, because the pose is the true one.
+        Effects add their parts to `gap`.  Effects of the measurement have none, because the pose is the true one.
         """
         return gap
 
@@ -210,7 +211,7 @@ class Effect:
     def coefficients(
         self, mu: np.ndarray, epsilon: np.ndarray, space: ContactSpace, state: State, p: Parameters, rig: Rig
     ) -> tuple[np.ndarray, np.ndarray]:
-        """μ and ε of each impact."""
+        """μ and ε (n,) of each impact, given those of the law."""
         return mu, epsilon
 
     def impulse(
@@ -224,7 +225,7 @@ class Effect:
         p: Parameters,
         rig: Rig,
     ) -> Impulse:
-        """Impulse and couple, given those of the law."""
+        """Impulse and couple (n,) of each impact, given those of the law; `r` is the contact point in m."""
         return impulse
 
     # flight -----------------------------------------------------------------------------------------------------
@@ -235,6 +236,6 @@ class Effect:
     def arc(self, tau: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray | None:
         """What the path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
 
-        (n, W, 3) in m, m, rad; None if the acceleration is as good as constant over a tenth of a second.
+        (n, W, 3) in m, m, rad; None if the acceleration is practically constant over a tenth of a second.
         """
         return None

@@ -4,14 +4,14 @@ Shared by effects; not an effect itself.  With the normal impulse p as "time" (R
 
     dv_t = K_tt dc_t + K_tn dp − (r_y / k²) dτ,   dv_n = K_nn dp + K_tn dc_t + (r_x / k²) dτ
 
-Within a step friction is what would end the slip, at most μ dp; so a constant μ is followed exactly but for the one
-step in which the slip turns round.  Restitution ends by Stronge's energetic coefficient: W = ∫ v_n dp has its least
-value W_c at maximum compression, and the impact ends at W = (1 − ε²) W_c.  v_n is linear in p within a step, so both
-have closed forms; the last step is drawn out, or cut, to where the impact ends.
+Within a step friction is what would end the slip, at most μ dp; a constant μ is thus followed exactly, but for the one
+step in which the slip reverses.  Restitution ends by Stronge's energetic coefficient: W = ∫ v_n dp has its least value
+W_c at maximum compression, and the impact ends at W = (1 − ε²) W_c.  v_n is linear in p within a step, so both have
+closed forms; the last step is extended, or cut, to where the impact ends.
 
 An effect takes the *difference* of two such paths, with it and without it (rows 0 and 1 of arrays (2, n)), and adds it
-to the impulse of whatever law is in use (`added`): errors of the steps cancel, a null effect changes nothing, and the
-law keeps its say on the rest.
+to the impulse of the law in use (`added`): errors of the steps cancel, a null effect changes nothing, and all else is
+as the law has it.
 
 | on paper | in code   | unit      | shape  |                                                       |
 |----------|-----------|-----------|--------|-------------------------------------------------------|
@@ -37,13 +37,13 @@ _FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
 
 
 def whole_impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
-    """Normal impulse (n,) of the path with constant μ, the length to divide into steps."""
+    """Normal impulse (n,) in N s/kg of the path with constant μ: the length that is divided into steps."""
     with np.errstate(all="ignore"):
         return exact_impulse(space, mu, epsilon)[1]
 
 
 def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndarray:
-    """Friction impulse of a step: what ends the slip `kicked`, at most `limit`; (n,) or (2, n)."""
+    """Friction impulse of a step in N s/kg: what ends the slip `kicked` (m/s), at most `limit`; (n,) or (2, n)."""
     return np.maximum(np.minimum(kicked / -K_tt, limit), -limit)
 
 
@@ -54,7 +54,7 @@ def walk(
     factor: Callable[[np.ndarray], np.ndarray] | None = None,
     steps: int = STEPS,
 ) -> Impulse:
-    """Impulses (2, n) at the ends of two paths: on the first friction is μ `factor`(v_t), on the second μ."""
+    """Impulses (2, n) at the ends of two paths: the friction of the first is μ `factor`(v_t), of the second μ."""
     dp = whole_impulse(space, mu, epsilon) / steps
     kick, path = space.K_tn * dp, NormalPath(space)
     limit = np.stack([mu * dp, mu * dp])
@@ -62,7 +62,7 @@ def walk(
     with np.errstate(all="ignore"):
         for _ in range(steps):
             if factor is not None:
-                # the slip in the middle of the step, drawn out from the step before
+                # the slip in the middle of the step, extrapolated from the step before
                 limit[0] = limit[1] * factor(1.5 * v_t[0] - 0.5 * before[0])
             before, kicked = v_t, v_t + kick
             d_t = friction(kicked, limit, space.K_tt)
@@ -72,7 +72,7 @@ def walk(
 
 
 class NormalPath:
-    """Normal velocity, its work and the impulses on the way of two paths; `end` says where restitution stops.
+    """Normal velocity, its work and the impulses along two paths; `end` says where restitution stops.
 
     Attributes:
         v_n: (2, n) m/s at the end of the last step.
@@ -81,8 +81,8 @@ class NormalPath:
 
     def __init__(self, space: ContactSpace, lift: np.ndarray | float = 0.0) -> None:
         self.space, self.lift = space, lift
-        self.v_n = self._low = space.v_n  # _low is v_n while it compresses, then 0
-        # twice the work of compression and of all; sums of the steps
+        self.v_n = self._low = space.v_n  # _low is v_n during compression, then 0
+        # twice the work of compression and of the whole path; sums over the steps
         self._compression = self._work = self._c_t = self._c_n = self._tau = 0.0
         self._last = (space.v_n,) * 4
 
@@ -104,7 +104,7 @@ class NormalPath:
     def end(self, epsilon: np.ndarray) -> Impulse:
         """Impulses (2, n) where restitution has given back the share ε² of the work of compression.
 
-        The last step is drawn out to there, or cut.
+        The last step is extended to there, or cut.
         """
         dp, d_t, d_tau, rise = self._last
         b = np.maximum(rise / dp, _FLATTEST * self.space.K_nn)
@@ -121,10 +121,10 @@ class NormalPath:
 def added(
     impulse: Impulse, paths: Impulse, mu: np.ndarray, highest: float | np.ndarray = 1.0, lever: float = 0.0
 ) -> Impulse:
-    """`impulse` plus what the first of two paths (2, n) has over the second.
+    """`impulse` (n,) plus the difference of two `paths` (2, n), the first less the second.
 
-    The contact still pushes, friction stays inside the cone of μ `highest`, the couple within the `lever` (m) times
-    c_n.  A law that leaves the cone by itself may go on doing so, as far as it did.
+    The contact still pushes, friction stays inside the cone of μ `highest`, and the couple within `lever` (m) times
+    c_n.  Where the law itself leaves the cone, the sum may leave it as far.
     """
     d_t, d_n, d_tau = (
         np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0)

@@ -1,11 +1,11 @@
-"""Length scale: the camera reports lengths, and so velocities, by a factor too large or too small.
+"""Length scale: the lengths that the camera reports, and so the velocities, are too large or too small by a factor.
 
-    x_measured = (1 + s_L) x,   y_measured − H = (1 + s_L) (y − H),   v_measured = (1 + s_L) v;   θ and ω are right
+    x_measured = (1 + s_L) x,   y_measured − H = (1 + s_L) (y − H),   v_measured = (1 + s_L) v;   θ and ω are correct
 
 | on paper | in code      | unit | shape |                                                            |
 |----------|--------------|------|-------|------------------------------------------------------------|
 | s_L      | `s_L`        | 1    |       | relative error of the camera's scale                       |
-| H        | `rig.height` | m    |       | height of the surface, where the camera is right           |
+| H        | `rig.height` | m    |       | height of the surface, where y is correct                  |
 
 Source: camera calibration.
 """

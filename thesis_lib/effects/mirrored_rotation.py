@@ -2,7 +2,7 @@
 
     θ_measured = −θ,   ω_measured = −ω          on or off, no size
 
-The contact point follows from the true angle.  Looks like a huge contact torque, τ ≈ −2 r_y c_t.
+The contact point follows from the true angle.  It looks like a huge contact torque, τ ≈ −2 r_y c_t.
 
 | on paper | in code    | unit | shape |                            |
 |----------|------------|------|-------|----------------------------|

@@ -8,7 +8,7 @@ The body is the polygon shrunk by ρ and grown by a disk of radius ρ.  With u_i
 
 | on paper | in code | unit | shape |                                                               |
 |----------|---------|------|-------|---------------------------------------------------------------|
-| ρ        | `rho`   | m    |       | radius of the corners; beyond the largest that fits it is that |
+| ρ        | `rho`   | m    |       | radius of the corners, at most the largest that fits           |
 | v_i, u_i | `corners`, `inner` | m | (k, 2) | corners of the convex hull, in the body frame           |
 
 Ellipses and disks have no corners.  Source: Minkowski sums, e.g. de Berg et al., Computational Geometry, 2008.

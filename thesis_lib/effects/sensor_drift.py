@@ -5,7 +5,7 @@
 | on paper | in code   | unit | shape |                                                         |
 |----------|-----------|------|-------|---------------------------------------------------------|
 | d_x      | `d_x`     | m/s  |       | velocity that the camera adds                           |
-| t        | `state.t` | s    | (n,)  | since the first sample; where unknown, x is left alone  |
+| t        | `state.t` | s    | (n,)  | since the first sample; where unknown, x stays as it is |
 
 A body at rest would show it.  Impacts alone cannot tell it from a moving surface.  Breaks mirror symmetry.
 Source: Galilean invariance.

@@ -2,7 +2,8 @@
 
     gravity g (sin φ, −cos φ) in place of g (0, −1):   a ← a + g (sin φ, 1 − cos φ)
 
-Contact frame and impact stay as they are, so the effect shows in flight only.  Positive φ: downhill is to the right.
+The contact frame and the impact stay as they are, so the effect shows in flight only.  For φ > 0 downhill is
+to the right.
 
 | on paper | in code       | unit | shape |                              |
 |----------|---------------|------|-------|------------------------------|

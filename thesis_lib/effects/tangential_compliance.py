@@ -8,8 +8,8 @@ Lumped planar model in the phase s = Ω t of the normal spring, with f = force /
 p_c and b = dv_n/dp are those of the rigid path, so that Ω² = k_n b.  A contact that never slips is an oscillator of
 frequency w = √(κ K_tt) and damping ratio ζ: the slip comes back with the sign of cos(w π), which no rigid law can do.
 Each step has the exact propagator of the stuck contact at constant f_n; its friction impulse and its spring are then
-cut to what the slider bears.  η → 0 is the rigid contact.  The friction impulse of the path, against that of the rigid
-path, also changes v_n and the end of restitution (impulse_path.py).
+limited to what the slider bears.  η → 0 is the rigid contact.  The friction impulse of the path, against that of the
+rigid path, also changes v_n and the end of restitution (impulse_path.py).
 
 | on paper      | in code | unit | shape |                                                                         |
 |---------------|---------|------|-------|-------------------------------------------------------------------------|
@@ -84,7 +84,7 @@ def _paths(space, mu, epsilon, eta: float, zeta: float) -> Impulse:
             middle, most = rest * _MEAN[i], bears * _END[i]
             off = z - middle
             kicked = v + K_tn * dp
-            slip = kicked.copy()  # what friction has to take: all, or what the oscillator loses
+            slip = kicked.copy()  # what friction has to end: all of it, or what the oscillator loses
             slip[0] -= vz * off + vv * v[0]
             z = np.maximum(np.minimum(middle + zz * off + zv * v[0], most), -most)
             d_t = friction(slip, mu * dp, K_tt)

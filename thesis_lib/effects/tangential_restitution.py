@@ -15,7 +15,9 @@ import numpy as np
 
 from thesis_lib.effects.effect import Effect, Impulse, Parameter
 
-TOLERANCE = 1e-9  # relative: above the rounding of laws that search a root, far below any slip that matters
+TOLERANCE = (
+    1e-9  # relative: above the rounding of laws that search for a root, far below any slip that matters
+)
 
 
 class TangentialRestitution(Effect):
@@ -29,7 +31,7 @@ class TangentialRestitution(Effect):
     reference = "Walton 1993; Chatterjee and Ruina 1998, doi:10.1115/1.2791929"
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        # a law that leaves the cone by itself is not cut back to it
+        # where the law itself leaves the cone, it is not cut back
         limit = np.maximum(mu * np.abs(impulse.c_n), np.abs(impulse.c_t))
         wanted = np.clip((1.0 + p["e_t"]) * impulse.c_t, -limit, limit)
         return Impulse(

@@ -2,8 +2,8 @@
 
     θ_measured(t) = θ(t − T) = θ − ω T          while ω is constant
 
-At an impact the angle before it is seen ω T too small, the angle after it ω⁺ T, so the measured angle jumps there by
-−(ω⁺ − ω) T, although no body turns in no time.
+At an impact the angle is reported ω T too small before it and ω⁺ T too small after it, so the measured angle jumps by
+−(ω⁺ − ω) T, which no body does.
 
 | on paper | in code | unit | shape |                                              |
 |----------|---------|------|-------|----------------------------------------------|

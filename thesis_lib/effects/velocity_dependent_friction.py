@@ -2,8 +2,8 @@
 
     μ(v_t) = μ (1 + s exp(−(v_t / v_s)²)),   along the path of the impact: dc_t = −μ(v_t) sign(v_t) dp while it slips
 
-μ is that of fast slip.  The slip changes during the impact, and with it its friction; a contact holds without slip
-as long as μ (1 + s) can.  s > 0 is the Stribeck curve of dry and lubricated metals, s < 0 friction that rises with
+μ is that of fast slip.  The slip changes during the impact, and with it its friction; a contact sticks
+as long as μ (1 + s) bears it.  s > 0 is the Stribeck curve of dry and lubricated metals, s < 0 friction that rises with
 speed (polymers); with v_s above all speeds both are a parabola in the speed.
 
 | on paper | in code | unit | shape |                                                     |

@@ -24,7 +24,7 @@ class WrongSize(Effect):
     channels = ("impact", "touch")
     reference = "similarity of shapes"
 
-    # the change is added, not multiplied: r may by now hold a shift that does not grow with the body
+    # the change is added, not multiplied: r may hold another effect's shift, which does not grow with the body
     def contact_point(self, r_x, r_y, state, p, rig):
         r = rig.shape.contact_point(state.theta)
         return r_x + p["s"] * r[:, 0], r_y + p["s"] * r[:, 1]
