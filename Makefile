@@ -43,7 +43,7 @@ reproduce: setup  ## run the main job: every table, figure and claim; an interru
 	$(BIN)/python -m thesis_lib.pipeline --scale $(SCALE) --cores $(CORES)
 
 test: setup  ## run the tests (TESTS='-m "not slow"' for the fast ones)
-	$(BIN)/python -m pytest -n 2 $(TESTS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 test-fuzz: setup  ## read 10,000 spoilt inputs (INPUTS, SEED): nothing but results and clear refusals may come out
 	$(BIN)/python -m tests.fuzz.mutate --inputs $(INPUTS) --seed $(SEED) --jobs $(CORES)

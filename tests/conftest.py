@@ -1,4 +1,9 @@
-"""Measured data for tests: found beside the repository, skipped elsewhere (they may not be redistributed)."""
+"""One thread a process, and measured data: found beside the repository, skipped elsewhere (not ours to pass on)."""
+
+import os
+
+# as in the pipeline, and before numpy reads it; on a busy machine threads of BLAS and torch wait for each other
+os.environ["OMP_NUM_THREADS"] = "1"
 
 from collections.abc import Callable
 from pathlib import Path

@@ -263,16 +263,3 @@ def test_the_public_face_is_the_function_whatever_was_imported_before():
         "import sys, thesis_lib.critique\nassert 'scipy' not in sys.modules and 'pandas' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", light], check=True)
-
-
-@pytest.mark.slow
-def test_the_whole_folder_with_pictures_has_the_same_bytes_twice(dataset_folder, tmp_path):
-    for name in ("one", "two"):
-        assert main(["critique", str(dataset_folder), "-o", str(tmp_path / name), "-q"]) == 0
-    first, second = (
-        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two")
-    )
-    assert set(first) == set(second) and len(first) > len(FILES)
-    assert [name for name in first if first[name] != second[name]] == []
-    for name in ("ladder", "where"):
-        assert f"{name}.png" in first

@@ -240,7 +240,7 @@ def test_bad_data_are_refused(records):
 
 @pytest.mark.slow
 def test_forces_and_parameters_at_40_db_from_blind_starts():
-    tables = arm_force_study(3, np.random.default_rng(11))
+    tables = arm_force_study(2, np.random.default_rng(11))
     summary = arm_force_summary(tables.forces, tables.parameters).set_index(["quantity", "method"])
     ours = summary.xs("ours", level="method")
     assert (ours["error_median"] <= 0.05).all()  # the target

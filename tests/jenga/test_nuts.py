@@ -52,16 +52,15 @@ def _push(learner: Hma, abstraction: int, steps: int):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("steps", [1, 4])
-def test_sampler_agrees_with_the_exact_filter(steps: int) -> None:
+def test_sampler_agrees_with_the_exact_filter() -> None:
     learner = linear_learner()
-    readings, actions, context = _push(learner, 1, steps)
+    readings, actions, context = _push(learner, 1, 2)
     settings = NutsSettings(warm_up=300, draws=500)
     posterior = Sampler(learner, settings).sample(readings, actions, context, np.random.default_rng(1))
     assert posterior.r_hat < 1.02 and posterior.ess > 200 and posterior.divergences == 0
     apart = agreement(learner, posterior, readings, actions, context)
     assert apart["belief"] < 0.05 and apart["state"] < 0.2
-    assert 0.02 < posterior.belief.max() < 0.98 or steps > 1
+    assert 0.02 < posterior.belief.max() < 0.98  # neither abstraction is certain
 
 
 def test_readings_and_actions_must_fit() -> None:
