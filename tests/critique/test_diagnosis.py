@@ -289,7 +289,10 @@ def test_single_impacts_that_spoil_the_mean_are_listed(nothing_hidden):
 
 def test_errors_have_the_intervals_of_the_ladder(hidden_impacts):
     rungs = ladder_table(hidden_impacts, np.random.default_rng(4))
-    error = diagnosis(hidden_impacts, np.random.default_rng(0), rungs)["error"]
+    content = diagnosis(hidden_impacts, np.random.default_rng(0), rungs)
+    error, laws = content["error"], content["laws"]
+    assert laws[content["base_model"]["name"]]["interval"] == error["base_interval"]
+    assert all(law["interval"][0] < law["error"] < law["interval"][1] for law in laws.values())
     for which, row in (("base", rungs.iloc[0]), ("augmented", rungs.iloc[-1])):
         low, high = error[f"{which}_interval"]
         assert low < error[which] < high

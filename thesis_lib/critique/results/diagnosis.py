@@ -21,7 +21,7 @@
 import numpy as np
 import pandas as pd
 
-from thesis_lib.statistics.intervals import clustered_mean
+from thesis_lib.statistics.bootstrap import bootstrap_mean
 from thesis_lib.critique.drops.criticise import Critique, gain_of
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.fit import Fit
@@ -29,7 +29,7 @@ from thesis_lib.critique.drops.held_out import CHANNELS, is_material
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.critique.results.summary import summary
-from thesis_lib.critique.results.tables import ladder, left_out_impacts
+from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
 
 WORST = 5  # impacts that are listed where single ones spoil the mean
 
@@ -56,7 +56,6 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
             "parameters": _parameters(final, ("mu", "epsilon")),
         },
         "effects": [_effect(critique, i, rng) for i in range(len(found.steps))],
-        "laws": {name: _law(critique, name) for name in critique.laws},
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,
@@ -74,6 +73,9 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     rungs = ladder(critique, rng) if rungs is None else rungs
     for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
         content["error"][key] = [float(row["error_low"]), float(row["error_high"])]
+    content["laws"] = {name: _law(critique, name, rng) for name in critique.laws}
+    # the base law's error has one interval, that of the ladder
+    content["laws"][found.base]["interval"] = content["error"]["base_interval"]
     content["summary"] = summary(content)
     return six_digits(content)
 
@@ -86,14 +88,14 @@ def _parameters(fitted: Fit, names: tuple[str, ...]) -> dict:
     }
 
 
-def _law(critique: Critique, name: str) -> dict:
+def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
     """One law without effects: what two runs that chose different laws can be compared by."""
     fitted, _ = critique.discovery.bases[name]
-    error, low, high = clustered_mean(critique.laws[name].error, critique.laws[name].trial)
+    judged = critique.laws[name]
     return {
         "parameters": _parameters(fitted, ("mu", "epsilon")),
-        "error": error,
-        "interval": [low, high],
+        "error": float(judged.error.mean()),
+        "interval": list(bootstrap_mean(judged.error, judged.trial, DRAWS, rng)),
         "unit": "m/s",
     }
 
