@@ -119,7 +119,7 @@ def impact_steps(
 ) -> np.ndarray:
     """Steps k (n_impacts,), ascending, at which the velocity changes from v_k to v_{k+1}.
 
-    Flights are not yet held to meet at the impacts; `arcs_ml` does that and moves the steps.
+    Flights are not yet held to meet at the impacts; `mass_ratio.estimate` does that and moves the steps.
 
     Args:
         h: time step, s.

@@ -62,7 +62,7 @@ def figure_2_11(forces: WheelForces) -> Drawn:
     """Normal forces of the first spokes while the wheel rolls, and the impulses of their touchdowns.
 
     Args:
-        forces: of one record by every method, see `wheel_study.identify`.
+        forces: of one record by every method, see `wheel.study.identify`.
     """
     truth, fit = forces.truth, forces.fit
     # a force acts over its step: it stands at the middle

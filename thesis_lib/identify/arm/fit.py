@@ -1,13 +1,13 @@
 """Base parameters and contact forces of arm and disk from noisy states and torques, from blind starts (thesis 2.4).
 
-What is known: lengths, radius, gravity, torques, μ and ε.  What is not: the base parameters, of which a prior of two
-decades of mass is drawn (`ArmPrior`), the start and the noise level.  The way to the maximum likelihood:
+Lengths, radius, gravity, torques, μ and ε are known.  The base parameters, the start and the noise level are not; base
+parameters are drawn from a prior over two decades of mass (`ArmPrior`).  The likelihood is maximised in five stages:
 
 1. screen: draws of the prior predict short segments from the measured states; the best few go on;
-2. segments: 10, 25 and 60 steps, each with a start of its own (`arm_shooting`);
+2. segments: 10, 25 and 60 steps, each with a start of its own (`shooting`);
 3. growth: one motion from the first sample on, over a horizon that grows to the whole record;
-4. kicks: the best answer is shaken by some of its standard errors and fitted again, with differences taken over a
-   standard error, until χ² falls no more: what is left are kinks where a contact event moves by a step;
+4. kicks: the best answer is moved by some of its standard errors and fitted again, with differences taken over a
+   standard error, until χ² falls no more.  Contact events that move by a step make kinks, which this passes;
 5. gate: χ²/n of the residuals over their own white part must stay below `gate`, or the fit is tried from new draws, and
    in the end counted as failed.
 
@@ -16,11 +16,11 @@ with differences over a standard error for derivatives; forces have theirs from 
 
 | on paper | in code     | unit            | shape   |                                                           |
 |----------|-------------|-----------------|---------|-----------------------------------------------------------|
-| Θ        | `theta`     | kg, kg m, kg m² | (6,)    | base parameters in the order of `arm_parameters.NAMES`    |
+| Θ        | `theta`     | kg, kg m, kg m² | (6,)    | base parameters in the order of `parameters.NAMES`    |
 | ψ        | `psi`       | mixed           | (k,)    | parameters of an extra force                              |
 | c_n, c_t | `c_n`, `c_t` | N              | (m, 2)  | contact forces, pairs ("arm", "ground")                   |
 
-Sources: as `arm_shooting`; J. von Neumann, Ann. Math. Statist. 12 (1941), doi 10.1214/aoms/1177731677 (ratio of
+Sources: as `shooting`; J. von Neumann, Ann. Math. Statist. 12 (1941), doi 10.1214/aoms/1177731677 (ratio of
 the mean square successive difference to the variance).
 """
 
@@ -66,7 +66,7 @@ class ArmFit:
     c_t: np.ndarray
     c_n_std: np.ndarray  # c_n_std, c_t_std: (m, 2) standard errors of the forces in N
     c_t_std: np.ndarray
-    mode: np.ndarray  # (m, 2) contact modes of the estimated motion, codes of `arm_stepping`
+    mode: np.ndarray  # (m, 2) contact modes of the estimated motion, codes of `stepping`
     sigma: np.ndarray  # (2, 5) noise of q and v, from the residuals
     chi2: float  # χ²/n against that noise
     accepted: bool  # whether χ²/n passes the gate
@@ -91,7 +91,7 @@ def fit(
 
     Args:
         arm: its lengths, base, radius and gravity are used; its inertia is not.
-        data: see `arm_shooting.measured`.
+        data: see `shooting.measured`.
         rng: draws starts and kicks.
         settings: how to search.
         extra: force with parameters ψ of its own, which start at 0; its scale is the size of the kicks' first steps.

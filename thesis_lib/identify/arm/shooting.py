@@ -1,7 +1,7 @@
 """Maximum likelihood of arm and disk by shooting through the contact simulator (thesis 2.4, beyond eqs. 2.12 to 2.14).
 
 Given known torques, the motion from a start x_0 = (q_0, v_0) with base parameters Θ(ξ) and further parameters ψ (none,
-or those of an `Extra` force) is simulated with the step of `arm_stepping`, contact modes and all, and
+or those of an `Extra` force) is simulated with the step of `stepping`, contact modes and all, and
 
     χ²(x_0, ξ, ψ) = Σ_k |W (z_k - z(k; x_0, ξ, ψ))|²,     W = 1/σ per channel,  z = (q, v),
 

@@ -1,7 +1,7 @@
 """Time stepping of many copies of arm and disk at once, each with its own base parameters and start.
 
-The step is that of `simulate.stepping`, for contact pairs ("arm", "ground"), with the closed-form dynamics of
-`arm_parameters`.  In each step a copy's contacts are in one mode each,
+The step is that of `simulate.stepping.stepping`, for contact pairs ("arm", "ground"), with the closed-form dynamics of
+`parameters`.  In each step a copy's contacts are in one mode each,
 
     off     c_n = 0,  c_t = 0                 needs v_n⁺ >= b, or no contact
     stick   v_n⁺ = b, v_t⁺ = 0                needs c_n >= 0, |c_t| <= μ c_n
@@ -17,7 +17,7 @@ it does not hold go through all sixteen pairs of modes.  A copy whose step has n
 | c_n, c_t | `c_n`, `c_t` | N              | (n, m, 2)     | contact forces                                        |
 | K        | `K`          | 1/kg           | (n, 4, 4)     | J M⁻¹ J', rows J_t of both pairs, then J_n            |
 
-Sources: as `simulate.stepping`.
+Sources: as `simulate.stepping.stepping`.
 """
 
 from collections.abc import Callable

@@ -4,7 +4,7 @@ Three ways on the same trajectories, none of which is told the base parameters o
 
     exact    the mode-wise program (2.12, `mode_qp`) on states without noise
     plain    the same on noisy states, where a gap or a sliding velocity within a few standard deviations counts as zero
-    ours     maximum likelihood by shooting from blind starts (`arm_fit`)
+    ours     maximum likelihood by shooting from blind starts (`fit`)
 
 The error of a pair's force c = (c_t, c_n) is relative, over its contact steps without and with impact apart,
 

@@ -111,8 +111,8 @@ def base_parameters(Y: np.ndarray, names: Sequence[str], tolerance: float = RANK
     null_space[dependent, np.arange(n - r)] = 1.0
     null_space /= np.abs(null_space).max(axis=0, initial=1.0)
     values = np.zeros(n)
-    found = np.linalg.svd(A, compute_uv=False)
-    values[: len(found)] = found
+    nonzero = np.linalg.svd(A, compute_uv=False)
+    values[: len(nonzero)] = nonzero
     return BaseParameters(tuple(names), columns, combination, null_space, values)
 
 

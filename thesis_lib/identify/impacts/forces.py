@@ -1,11 +1,11 @@
 """Force at impact (thesis section 2.5, figure 2-15): impulses from 250 Hz poses against those of a force sensor.
 
-Ellipses fall onto a plate in Drake, with compliant contact of about 1.4 ms (`simulate.drake_drops`).  The force on the
+Ellipses fall onto a plate in Drake, with compliant contact of about 1.4 ms (`simulate.drake.drops`).  The force on the
 body is known at every instant f(t); a sensor under the plate answers it as a resonance and is read 1000 times a second,
 
     s̈/ω² + 2ζ ṡ/ω + s = f,    so that  ∫ s dt = ∫ f dt,  but max s ≠ max f.                                  (1)
 
-The estimator sees noisy poses only, and states no noise: arcs on either side of the hit (`datasets.arcs`) give
+The estimator sees noisy poses only, and states no noise: arcs on either side of the hit (`datasets.impacts.arcs`) give
 velocities just before and after, with covariance, and
 
     c = m (Δv_x, Δv_y),     cov c = m² cov Δv                                                               (2)
@@ -13,7 +13,7 @@ velocities just before and after, with covariance, and
 (`arcs`).  With k known, `arcs_link` adds that one impulse at the contact point and no couple did it,
 g = Δω − (r_x Δv_y − r_y Δv_x)/k² = 0, by x ← x − C ∇g (∇g' C ∇g)⁻¹ g for x = (q, v−, v+) of covariance C.  That is
 the thesis's assumption of rigid contact; the body turns while this one lasts, and the stated intervals do not know it.
-In flight nothing but gravity acts, as in the thesis: the allowance of `datasets.arcs` for more is off.
+In flight nothing but gravity acts, as in the thesis: the allowance of `datasets.impacts.arcs` for more is off.
 
 A force is not in such data: the samples are 4 ms apart, the contact lasts a third of that.  A peak follows from an
 impulse only with a *declared* duration T_c and pulse shape, here the half-sine

@@ -2,15 +2,14 @@
 
 No unbiased estimator has a smaller variance than the inverse of the Fisher information at the truth.  With impact
 steps and vertices known, the arcs are linear in their numbers u (information N) and linked by the rows g(u, η) = 0 of
-`arc_likelihood`; the information on η that is left when u is estimated too is
+`likelihood`; the information on η that is left when u is estimated too is
 
     I_η = G_η' (G N⁻¹ G')⁻¹ G_η,     std(m/I) >= √(I_η⁻¹)_{00}.
 
-Without a contact law (impulses free, η = m/I) it bounds every estimator that knows nothing of friction and
-restitution; with the law, η = (m/I, ε, μ).  Two things it leaves out, so that it is no strict bound for an estimator
-that uses them: the steps at which the impacts fall say something about the gap, which is geometry, and are not
-differentiable; and at a low signal-to-noise ratio the steps themselves are uncertain, which makes the true limit
-larger.
+Without a contact law (free impulses, η = m/I) it bounds every estimator that knows nothing of friction and restitution;
+with the law, η = (m/I, ε, μ).  Two things are left out.  The steps of the impacts tell something about the gap; they
+are not differentiable, and an estimator that uses them may fall below the bound.  At a low signal-to-noise ratio the
+steps are uncertain, and the true limit lies above the bound.
 
 | on paper | in code  | unit               | shape    |                                            |
 |----------|----------|--------------------|----------|--------------------------------------------|
@@ -50,9 +49,9 @@ def true_impacts(record: Record, mu: float) -> TrueImpacts:
     steps = np.flatnonzero((record.c_n > 0).any(axis=1))
     c_n, c_t = record.c_n[steps], record.c_t[steps]
     vertices = c_n.argmax(axis=1)
-    own_n, own_t = (np.take_along_axis(c, vertices[:, None], axis=1)[:, 0] for c in (c_n, c_t))
-    slides = (np.abs(own_t) >= SLIDE_SHARE * mu * own_n) & (own_t != 0.0)
-    modes = np.where(slides, np.sign(own_t), STICK).astype(int)
+    largest_n, largest_t = (np.take_along_axis(c, vertices[:, None], axis=1)[:, 0] for c in (c_n, c_t))
+    slides = (np.abs(largest_t) >= SLIDE_SHARE * mu * largest_n) & (largest_t != 0.0)
+    modes = np.where(slides, np.sign(largest_t), STICK).astype(int)
     return TrueImpacts(steps, vertices, modes, (c_n > 0).sum(axis=1) == 1)
 
 

@@ -1,19 +1,19 @@
 """The mass-to-inertia ratio m/I of a body from the noisy states of one drop.
 
-The samples are noisy in position and velocity, and m/I multiplies noisy quantities; the programs that take the samples
-as the truth (thesis eq. 2.12, 2.23) are therefore biased, see `plain_program`.  Here the truth is unknown too:
+m/I multiplies quantities that are measured with noise.  Programs that take the samples as the truth (thesis eqs. 2.12
+and 2.23) are therefore biased, see `plain_program`.  Here the true states are unknown as well:
 
 1. noise from differences, flights by dynamic programming (`segmentation`);
 2. noise again, from the residuals of the arcs;
-3. every hypothesis that the samples leave open about steps, vertices and modes is fitted (`arc_hypotheses`) by maximum
-   likelihood (`arc_likelihood`);
+3. every hypothesis that the samples leave open about steps, vertices and modes is fitted (`hypotheses`) by maximum
+   likelihood (`likelihood`);
 4. the estimate is the mean over the hypotheses with weights exp(-χ²/2), its variance theirs plus that between them;
 5. a χ² test of what links the arcs, and one of the noise of the arcs against that of differences, decide whether the
    drop is believed; a drop that fails is first tried with one impact more, two vertices that hit within few steps.
 
-With `law=True` the hypotheses share ε and μ over the drop, both unknown, and start from what the free impulses say; if
-the samples reject the law, the estimate is that with free impulses.  The bias that is left, of second order in the
-noise, is taken out by refitting around the estimate (`arc_hypotheses`).
+With `law=True` all impacts of a drop share an unknown ε and μ, and the fit starts from the free impulses; if the
+samples reject the law, the estimate with free impulses stands.  The remaining bias is of second order in the noise and
+is removed by refitting around the estimate (`hypotheses`).
 
 | on paper | in code | unit   |                                             |
 |----------|---------|--------|---------------------------------------------|

@@ -3,7 +3,7 @@
 The samples leave open what a drop consisted of: impact steps up to `STEP_WINDOW` away from those of the segmentation,
 vertices of nearly equal height, two vertices that hit within a few steps instead of one, and under the contact law
 the mode of each impact.  χ²_free, which costs next to nothing, bounds χ² of a hypothesis from below and rules out
-most; the rest are fitted together (`arc_likelihood`).
+most; the rest are fitted together (`likelihood`).
 
 | on paper  | in code     | unit | shape  |                                       |
 |-----------|-------------|------|--------|---------------------------------------|

@@ -1,20 +1,19 @@
 """Table 2.1 of the thesis: m/I of block and ellipse from drops at four signal-to-noise ratios, with bounds.
 
-Drops are simulated (`simulate.chapter2`: releases, time step, coefficients), cut before the fourth impact, and left
-out, with a count, when two corners hit in one step (the impulse is then shared in a way no state shows), when fewer
-than two impacts happen, or when fewer than `min_after` samples follow the last one.  Each ratio adds fresh noise
-(`simulate.noise_snr`). Methods on the same noisy states:
+Drops are simulated (`simulate.chapter2.motions`) and cut before the fourth impact.  Left out, and counted, are drops
+in which two corners hit in one step (no state shows how they share the impulse), drops with fewer than two impacts, and
+drops with fewer than `min_after` samples after the last one.  Each ratio adds fresh noise.  Methods on the same states:
 
 - plain: eq. 2.23 on the samples, noise level and μ given (`plain_program.plain_ratio`)
 - least_squares: Δω against lever at the true impact steps (`plain_program.impact_least_squares`)
-- arcs: maximum likelihood over arcs and impulses, noise estimated (`arcs_ml.estimate_ratio`), impulses free, no gap
+- arcs: maximum likelihood over arcs and impulses, noise estimated (`estimate.estimate_ratio`), impulses free, no gap
 - arcs_gap: the same, with the gap at the impacts
 - arcs_law: the same, with the contact law, μ and ε unknown
 
-The bound of a row is the root mean square of the Cramér-Rao bounds of its drops, without contact law for all methods,
-so that errors of arcs_gap and arcs_law below it are what geometry and the law add; `law_bound` is that with the law.
-Bounds differ much between drops (an ellipse that hardly turns says little), and the root mean square is that of the
-worst: `error_over_bound` divides each error by its own drop's bound and is 1 for an efficient estimator.
+The bound of a row is the root mean square of the Cramér-Rao bounds of its drops.  It assumes no contact law for any
+method: where arcs_gap and arcs_law fall below it, geometry and the law add information.  `law_bound` is the bound with
+the law.  The worst drops dominate a root mean square (an ellipse that hardly turns says little); `error_over_bound`
+therefore divides each error by the bound of the same drop, and is 1 for an efficient estimator.
 
 The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.
 
@@ -89,12 +88,12 @@ def make_drops(
     for _ in range(_MAX_BATCHES):
         for q, v in zip(*releases(kind, _BATCH, rng, bodies)):
             record = simulate(body, q, v, None, bodies.h, bodies.steps, bodies.mu, bodies.epsilon)
-            record, found, reason = _window(record, bodies.mu, settings)
+            record, window_impacts, reason = _window(record, bodies.mu, settings)
             if reason:
                 reasons[reason] += 1
                 continue
             records.append(record)
-            impacts.append(found)
+            impacts.append(window_impacts)
             if len(records) == n:
                 return KeptDrops(body, tuple(records), tuple(impacts), dict(reasons))
     raise RuntimeError(
@@ -110,14 +109,14 @@ def _window(record: Record, mu: float, settings: Table21) -> tuple[Record, TrueI
         if steps[settings.max_impacts] == 0:
             return record, None, "few impacts"
         record = record.window(0, int(steps[settings.max_impacts]))
-    found = true_impacts(record, mu)
-    if len(found.steps) < settings.min_impacts:
+    impacts = true_impacts(record, mu)
+    if len(impacts.steps) < settings.min_impacts:
         return record, None, "few impacts"
-    if not found.alone.all():
+    if not impacts.alone.all():
         return record, None, "two corners at once"
-    if record.steps - found.steps[-1] < settings.min_after:
+    if record.steps - impacts.steps[-1] < settings.min_after:
         return record, None, "short end"
-    return record, found, ""
+    return record, impacts, ""
 
 
 def left_out_table(kind: str, drops: KeptDrops) -> pd.DataFrame:

@@ -14,7 +14,7 @@ where π_e a_e is what the complementarity products of the edge add up to.  With
     2.14 soft  min ‖Y Θ − B a − f‖² + π'a         over all edges
 
 are convex (three quadratic programs and a linear one): their minimum is global, and the nonlinear programs of
-`programs.py` can be measured on it.  (In 2.14 both friction products weigh w_t.)
+`nonlinear.py` can be measured on it.  (In 2.14 both friction products weigh w_t.)
 
 When the least-squares solution over edges of price 0 already has a ≥ 0, it is the answer; it takes time linear in the
 window, eliminating the forces step by step.  Else Clarabel solves the program, and least squares on the edges in use
@@ -104,7 +104,7 @@ def solve_mode_qp(
     tolerance: float = RESIDUAL_TOLERANCE,
     dynamics_tolerance: float | None = None,
 ) -> ProgramResult:
-    """Global minimum of a program on a window; arguments as in `edges_of` and `program_result.judged`."""
+    """Global minimum of a program on a window; arguments as in `edges_of` and `result.judged`."""
     begin = time.process_time()
     edges = edges_of(window, program, reach=reach, w_n=w_n, w_t=w_t)
     free = edges[edges.price == 0.0]

@@ -49,9 +49,9 @@ Products = Literal["relaxed", "strict"]
 RELAXATION = (1e-1, 1e-3, 1e-5, 1e-7, 1e-10)
 START_RANGE = np.log(10.0)  # a random start of Θ is within a factor of ten of the typical size
 VANISHING = 1e-12  # of the force scale: equations with smaller coefficients say nothing
-# SNOPT's "Scale option" to try in turn, for products and for dynamics as constraints.  Without scaling by nonlinear
-# terms (2) it takes the dynamics of two contacts for contradictory (exit 14) from a quarter of random starts; with it,
-# those of contacts that are far; products as constraints cost it ten times the iterations
+# SNOPT's "Scale option" to try in turn, for products and for dynamics as constraints.  With option 1
+# it reports infeasible constraints (exit 14) for two contacts from a quarter of the random starts; with option 2 for
+# contacts that are far away, and products as constraints then need ten times the iterations
 SCALINGS = {False: (1,), True: (2, 0)}
 MAX_ITERATIONS = 500  # of a solver; starts that succeed need fewer than a hundred
 SOLVER_TOLERANCE = 1e-10  # of feasibility and optimality, on variables of about 1
@@ -99,7 +99,7 @@ def identify(
         theta_guess: (n_Θ,) sizes around which random starts scatter; default: that whose effect is the largest force.
         products: how 2.12 and 2.13 hold the products at zero.
         reach, w_n, w_t: as in `mode_qp.edges_of`.
-        tolerance, dynamics_tolerance: as in `program_result.judged`.
+        tolerance, dynamics_tolerance: as in `result.judged`.
 
     Raises:
         UserError: the window cannot identify its parameters, the program or solver does not exist or is not available.

@@ -1,8 +1,9 @@
 """Success of the identification programs on noise-free windows from random starts (thesis sections 2.3.2 and 2.4).
 
 For each program, mechanism and window length m, windows of m steps around the first impact of several simulated motions
-are identified from random starts (`programs.ContactProgram.random_point`: parameters within a factor of ten of the size
-whose effect is the largest force, forces of that size).  A start succeeds when its residuals are below tolerance, and
+are identified from random starts (`nonlinear.ContactProgram.random_point`: parameters within a factor of ten of the
+size whose effect is the largest force, forces of that size).  A start succeeds when its residuals are below tolerance,
+and
 
     |Θ_j/Θ_j,true − 1| <= 1e-6 for every parameter,        ‖c − c_true‖ <= 1e-6 ‖c_true‖ over the window,
 
@@ -265,8 +266,7 @@ def programs_table(
             for length in lengths:
                 windows = cases(kind, length, n_windows, stream(kind, length, "windows"), bodies)
                 for name in names:
-                    own = stream(kind, length, name)
-                    rows.append({"name": name, **study(STUDIES[name], kind, windows, n_starts, own)})
-                    done = rows[-1]
-                    print(f"{kind}, {length} steps, {name}: {done['n_success']} of {done['n_starts']}")
+                    row = study(STUDIES[name], kind, windows, n_starts, stream(kind, length, name))
+                    rows.append({"name": name, **row})
+                    print(f"{kind}, {length} steps, {name}: {row['n_success']} of {row['n_starts']}")
     return pd.DataFrame(rows).drop(columns=["cpu_s_median", "cpu_s_max"])

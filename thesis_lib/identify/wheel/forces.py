@@ -12,8 +12,8 @@ has three numbers at the start, and the time stepper predicts all samples, the s
 
 The minimum is continuous in η, because a dead impact takes two steps that share its impulse (see `stepping`).  The
 start is blind: a parabola through the first samples, and every inertia of `INERTIAS`, first on a short stretch.  Where
-that fit is not believed, the best of a grid of angles, speeds and inertias are tried.  A window that begins within a
-touchdown, which no standing wheel explains, is not believed either: begin it elsewhere.
+that fit is rejected, the best of a grid of angles, speeds and inertias are tried.  A window that begins within a
+touchdown is rejected too, since no standing wheel explains it: begin it elsewhere.
 
 σ is estimated, first from third differences d = Δ³ of each channel, σ = median |d| / (0.6745 √20), which see neither
 the smooth motion nor the few impacts, then from the residuals r of the fit.  Two tests decide whether the fit is

@@ -3,9 +3,9 @@
 Each record is one start of the wheel; the same motion is identified three ways, always with mass, geometry, slope and
 contact law known and the inertia unknown:
 
-- noise_free: eq. 2.12 on the exact states (`wheel_forces.plain_forces`)
+- noise_free: eq. 2.12 on the exact states (`forces.plain_forces`)
 - plain: the same on noisy states, the tolerances set by the true noise level
-- fit: maximum likelihood on the same noisy states, noise level estimated (`wheel_forces.fit_wheel`)
+- fit: maximum likelihood on the same noisy states, noise level estimated (`forces.fit_wheel`)
 
 The wheel is exactly the one that the estimators assume, so that the errors of the fit are what noise alone costs.
 

@@ -23,7 +23,7 @@ like noise to differences, so the networks' own error, which holds the noise of 
 One-shot (ablation; `one_shot`): responsibilities start at random and alternate with the networks, windows play no part;
 the thesis recommends two steps where this fails.
 
-Source: thesis, sections 5.3.1 and 5.3.2; own choices in `learner_settings`.
+Source: thesis, sections 5.3.1 and 5.3.2; own choices in `settings`.
 """
 
 from copy import copy

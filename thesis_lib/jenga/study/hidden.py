@@ -76,14 +76,14 @@ def hidden_study(
     rng: np.random.Generator,
 ) -> HiddenResult:
     """The whole procedure for one effect; `reference` are held-out samples of towers without it."""
-    hidden, own = hidden_of(effect, choice)
+    hidden, affected_blocks = hidden_of(effect, choice)
     tower = setup.tower.model_copy(update={"hidden": hidden})
     with_effect = setup.model_copy(update={"tower": tower})
     halves: list[list[Samples]] = [[], []]
     for i in range(choice.towers):
         # few blocks have some effects, all have others
-        affected = rng.permutation(own)[: -(-choice.pushes // choice.towers)]
-        rest = [block for block in REACHABLE if block not in own]
+        affected = rng.permutation(affected_blocks)[: -(-choice.pushes // choice.towers)]
+        rest = [block for block in REACHABLE if block not in affected_blocks]
         others = rng.permutation(rest)[: -(-choice.others // choice.towers)] if rest else []
         blocks = tuple(int(block) for block in (*affected, *others))
         samples, _ = explore_tower(first_seed + i, base_seed, with_effect, blocks=blocks)
@@ -96,16 +96,16 @@ def hidden_study(
     seen, fresh = (join(parts) for parts in halves)
     check = predictive_check(learner, seen, reference, rng)
     pushes = check.pushes.assign(
-        affected=check.pushes["block"].isin(own).astype(int),
+        affected=check.pushes["block"].isin(affected_blocks).astype(int),
         abstraction=np.array(learner.names)[check.pushes["abstraction"]],
     )
     failing = seen.select(np.isin(seen.push, pushes.loc[pushes["fails"] == 1, "push"]))
     relearned = None
     if check.new_abstraction and len(failing) >= MIN_SAMPLES:
         relearned = with_new_abstraction(learner, failing, rng)
-    errors = [error_rows(learner, fresh, own).assign(stage="before")]
+    errors = [error_rows(learner, fresh, affected_blocks).assign(stage="before")]
     if relearned is not None:
-        errors.append(error_rows(relearned, fresh, own).assign(stage="relearned"))
+        errors.append(error_rows(relearned, fresh, affected_blocks).assign(stage="relearned"))
     table = pd.concat(errors, ignore_index=True).assign(effect=effect)
     return HiddenResult(
         _summary(effect, check, pushes, len(failing) if relearned is not None else 0),
@@ -114,15 +114,15 @@ def hidden_study(
     )
 
 
-def error_rows(learner: Hma, samples: Samples, own: tuple[int, ...]) -> pd.DataFrame:
-    """Rows of group, error, low, high, n: pushes of blocks with the effect (`own`), and of others."""
+def error_rows(learner: Hma, samples: Samples, affected_blocks: tuple[int, ...]) -> pd.DataFrame:
+    """Rows of group, error, low, high, n: pushes of blocks with the effect (`affected_blocks`), and of others."""
     belief = filtered(learner, samples)
     mean, _ = learner.predict(samples.state, samples.action, samples.context, belief).moments()
     dims = list(SEEN)
     off = (np.abs(samples.next_state - mean) / learner.scaling.change)[:, dims].mean(axis=1)
     groups = push_groups(samples)
     per_push = np.array([off[rows].mean() for rows in groups])
-    affected = np.array([samples.block[rows[0]] in own for rows in groups])
+    affected = np.array([samples.block[rows[0]] in affected_blocks for rows in groups])
     rows = []
     for name, part in (("affected", per_push[affected]), ("others", per_push[~affected])):
         if len(part):

@@ -39,9 +39,9 @@ def filtered(learner: Learner, samples: Samples) -> np.ndarray:
         now = learner.initial_belief(samples.context[rows[:1]])
         for row in rows:
             belief[row] = now[0]
-            one = slice(row, row + 1)
-            step = (samples.state[one], samples.action[one], samples.context[one])
-            now = learner.update(now, *step, samples.next_state[one])
+            at = slice(row, row + 1)
+            step = (samples.state[at], samples.action[at], samples.context[at])
+            now = learner.update(now, *step, samples.next_state[at])
     return belief
 
 
@@ -98,7 +98,7 @@ def looks(learners: Mapping[tuple[int, int], Hma], samples: Samples) -> pd.DataF
     label is stuck (NaN where none does).
     """
     parts = []
-    for (size, one), learner in learners.items():
+    for (size, number), learner in learners.items():
         ends = [rows[-1] for rows in push_groups(samples)]
         last = filtered(learner, samples)[ends].argmax(axis=1)
         truth = samples.truth[ends]
@@ -106,7 +106,7 @@ def looks(learners: Mapping[tuple[int, int], Hma], samples: Samples) -> pd.DataF
             float((truth[last == k] == STUCK).mean()) if (last == k).any() else np.nan
             for k in range(learner.n_abstractions)
         ]
-        parts.append(abstraction_table(learner).assign(size=size, set=one, stuck_share=share))
+        parts.append(abstraction_table(learner).assign(size=size, set=number, stuck_share=share))
     table = pd.concat(parts, ignore_index=True)
     return table[["size", "set", *(name for name in table.columns if name not in ("size", "set"))]]
 
@@ -131,12 +131,12 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
             lambda rows: float(spearmanr(*rows.T)[0]),
         ),
     }
-    found = []
+    rows = []
     for name, (values, statistic) in quantities.items():
         drawn = resampled(values, statistic, BOOTSTRAP, rng)
         low, high = np.nanpercentile(drawn, [2.5, 97.5])
-        found.append((name, statistic(values), float(np.nanstd(drawn)), low, high, len(values)))
-    return pd.DataFrame(found, columns=["quantity", "value", "std", "low", "high", "n"])
+        rows.append((name, statistic(values), float(np.nanstd(drawn)), low, high, len(values)))
+    return pd.DataFrame(rows, columns=["quantity", "value", "std", "low", "high", "n"])
 
 
 def of_one(looks: pd.DataFrame) -> pd.DataFrame:
@@ -153,13 +153,12 @@ def agreements(
     the greatest set), rand_index, n_stuck, n_free, n_abstractions, n_stuck_abstractions.
     """
     rows = []
-    for (size, one), learner in learners.items():
-        found = agreement(learner, samples, rng, steps)
+    for (size, number), learner in learners.items():
         rows.append(
             {
                 "size": size,
-                "set": one,
-                **vars(found),
+                "set": number,
+                **vars(agreement(learner, samples, rng, steps)),
                 "n_abstractions": learner.n_abstractions,
                 "n_stuck_abstractions": int(stuck_group(learner).sum()),
             }

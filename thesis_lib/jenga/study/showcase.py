@@ -25,9 +25,9 @@ from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import FREE, STUCK
 from thesis_lib.jenga.robot.sensing import Sensor
 from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
-from thesis_lib.jenga.tower.health import check
+from thesis_lib.jenga.tower.health import settled_tower
 from thesis_lib.jenga.tower.settings import Setup
-from thesis_lib.jenga.tower.tower import REACHABLE, Tower
+from thesis_lib.jenga.tower.tower import REACHABLE
 
 SHOWN = 1  # seed of the development tower whose game is drawn
 PICTURES = 6
@@ -42,8 +42,7 @@ def straight_pushes(
     Raises:
         UserError: the tower has no stuck or no free block.
     """
-    tower = Tower(seed, setup.tower, setup.robot).settle()
-    check(tower, setup.health)
+    tower = settled_tower(seed, setup)
     settled = tower.save()
     found: dict[str, dict[str, np.ndarray]] = {}
     for block in rng.permutation(REACHABLE):

@@ -24,7 +24,7 @@ from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.robot import Robot
 from thesis_lib.jenga.robot.samples import FREE
 from thesis_lib.jenga.robot.sensing import MM, Sensor
-from thesis_lib.jenga.tower.health import check
+from thesis_lib.jenga.tower.health import settled_tower
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower
 
@@ -45,8 +45,7 @@ def steering_pushes(
         UserError: the tower has fewer free blocks.
         TowerError: it does not stand.
     """
-    tower = Tower(seed, setup.tower, setup.robot).settle()
-    check(tower, setup.health)
+    tower = settled_tower(seed, setup)
     settled = tower.save()
     steps, ends, shown = [], [], 0
     for block in map(int, rng.permutation(REACHABLE)):

@@ -7,7 +7,7 @@ them included); with e the kinetic norm of the velocity error,
 
 by CMA-ES from the believed body and a contact that is the same at every place and angle, seeded.  The cap keeps
 contacts that the camera lost from bending everything.  Drag is no part of it: contacts are too short for it, flights
-tell it directly (`dice_data.flight_drag`).  Unlike a fit to isolated impacts this one uses double hits, and it counts
+tell it directly (`data.flight_drag`).  Unlike a fit to isolated impacts this one uses double hits, and it counts
 geometry by what it does.
 
 | on paper | in code   | unit | meaning                                                                      |

@@ -28,7 +28,7 @@ that of each coordinate in closed form, and its mean over (v_x, v_y, k ω), and 
 
 Own choices: R is the covariance of the measured start (the flight after a contact is read like that before it), and
 what is compared is the state at the instant of the measured flight after the first contact, further hits until then
-included (hits that follow each other too fast are one contact: `dice_data`).
+included (hits that follow each other too fast are one contact: `data`).
 
 Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; regions of highest density: Hyndman 1996,
 doi:10.1080/00031305.1996.10474359.
@@ -206,15 +206,15 @@ def first_contact_scores(
     measured = np.hstack([first.q_after, first.v_after])
     tables, stream = [], streams(rng)
     for thrower in throwers:
-        model, own = thrower.model, stream(thrower.name)
-        q, v = perturbed(known, settings.particles, own)
+        model, draws = thrower.model, stream(thrower.name)
+        q, v = perturbed(known, settings.particles, draws)
         shape = (len(first), settings.particles, 3)
         contact = replace(thrower.contact, tally=Tally())
         start = model.seen(q).reshape(shape), v.reshape(shape)
-        belief = propagate(model.body, *start, contact, first.span, settings.throw.micro, own)
+        belief = propagate(model.body, *start, contact, first.span, settings.throw.micro, draws)
         true = measured - [0.0, 0.0, model.d_theta, 0.0, 0.0, 0.0]
-        for name, one in (("mixture", belief), ("particles", belief.particles)):
-            scores = state_scores(one, true, known.cov, model.k_g, own)
+        for name, form in (("mixture", belief), ("particles", belief.particles)):
+            scores = state_scores(form, true, known.cov, model.k_g, draws)
             labels = {"trial": first.trial, "model": thrower.name, "belief": name}
             tables.append(pd.concat([pd.DataFrame(labels), scores], axis=1))
     return pd.concat(tables, ignore_index=True)

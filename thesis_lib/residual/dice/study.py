@@ -8,8 +8,8 @@ Throws are split by trial and seed, `splits` times; what is fitted is fitted on 
 | residual            | as believed, no drag  | that law + rigid residual on X1                                      |
 | residual_wrench     | as believed, no drag  | that law + wrench residual on X1                                     |
 | critique            | model.json            | the critique's law with its effects                                  |
-| compliant           | `dice_fit`            | body and springs fitted to training contacts by simulation           |
-| compliant_residual  | `dice_fit`            | those over 12 ms + what they miss (`contact_map`)                    |
+| compliant           | `fit`            | body and springs fitted to training contacts by simulation           |
+| compliant_residual  | `fit`            | those over 12 ms + what they miss (`contact_map`)                    |
 
 Every model has a belief: its start is drawn from the covariance of the measured start, and its contacts are uncertain
 (laws scatter in proportion to c_n, the compliant models in proportion to the speed, by training residuals).  Each is
@@ -23,12 +23,11 @@ Published: 750 throws, of which 500 are public.  Friction of the slowest contact
 models only, is the value with the least mean |error| of training throws, from a grid; the other models slide with
 their law's μ.
 
-Two settings are fixed for a reason that no throw enters: `slowest` = g T, and a process is conditioned on all training
-contacts.  (Cross-validation within each split would repeat fits, processes and throws for each fold and value.)  That
-is not the whole story: while this study was written, variants of the learned models, `slowest` and the number of
-contacts among them, were compared on held-out throws of some splits of these same 500 throws, and that contacts take
-time, and that restitution depends on the place and on the angle of landing, was read from the residuals of the first
-contacts of all of them.  To that extent the numbers of these models are not those of throws that were never looked at.
+Two settings have reasons that do not depend on the throws: `slowest` = g T, and processes are conditioned on all
+training contacts.  Yet the held-out throws were not wholly unseen.  While this study was written, variants of the
+learned models, including `slowest` and the number of contacts, were compared on held-out throws of some splits of these
+500 throws.  And the residuals of the first contacts of all throws showed that contacts take time, and that restitution
+depends on the place and on the angle of landing.
 """
 
 from collections.abc import Callable

@@ -7,8 +7,8 @@
     v⁺ ~ N(v + A c̄, A Σ Aᵀ),  A = M⁻¹ Jᵀ           equations 4.14 and 4.15 (whose factors are printed transposed)
 
 One interface: `learner.fit(impacts, rng)` gives a trained model, `model.predict(impacts)` a `Prediction` with velocity,
-impulse and its covariance.  What is not feasible is said, and its projection stands beside it; what lies outside the
-range of training is flagged.  Neither is repaired in silence.
+impulse and its covariance.  Predictions that are not feasible are flagged, with their projection beside them; so are
+impacts outside the range of training.  Neither is repaired in silence.
 
 | on paper | in code      | unit            | shape               |                                                    |
 |----------|--------------|-----------------|---------------------|----------------------------------------------------|
@@ -159,14 +159,14 @@ class ParameterLearner:
     ) -> "TrainedParameters":
         """Train on the individual parameters of impacts (n ≥ 2)."""
         target = target_of(impacts)
-        own = fit_individual(LAWS[self.law], target, "velocity")
-        left = np.sqrt(np.maximum(own.error**2 - target.unreachable**2, 0.0))
-        solved = np.isfinite(own.error)
-        known = solved & (left <= RANGE)
+        individual = fit_individual(LAWS[self.law], target, "velocity")
+        misfit = np.sqrt(np.maximum(individual.error**2 - target.unreachable**2, 0.0))
+        solved = np.isfinite(individual.error)
+        known = solved & (misfit <= RANGE)
         known = known if known.sum() >= FEWEST else solved
         process = fit_gaussian_process(
             features(impacts, self.feature_set)[known],
-            np.stack([own.mu, own.epsilon], axis=1)[known],
+            np.stack([individual.mu, individual.epsilon], axis=1)[known],
             rng,
             self.settings,
             start=None if start is None else start.process,

@@ -57,7 +57,7 @@ def learning_curves(
     """All laws, bounds and learners on random splits.
 
     Args:
-        impacts: approaching impacts, see `identify.impact_study.select_impacts`.
+        impacts: approaching impacts, see `impact_study.study.select_impacts`.
         settings: sizes and splits.
         rng: of the splits and of the searches.
 

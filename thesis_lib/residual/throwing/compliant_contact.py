@@ -1,7 +1,7 @@
 """Contacts that take time: each corner of a thrown body is a spring with damping, and friction has a spring of its own.
 
-Two corners that hit within the few milliseconds of a contact press at once, which no sequence of impulses says: here
-they do.  With the indentation δ = −φ of a corner, per unit mass of the body,
+Two corners that hit within the few milliseconds of a contact press together, which no sequence of impulses describes.
+With the indentation δ = −φ of a corner, per unit mass of the body,
 
     f_n = max(0, Ω² δ (1 − D v_n) − 2 Z Ω v_n)                    Hunt and Crossley's damping, and a dashpot
     f_t = −τ Ω² z − 2 ζ_t √τ Ω v_t,   |f_t| ≤ μ f_n,   ż = v_t    while it sticks; a sliding spring keeps its length
@@ -9,9 +9,9 @@ they do.  With the indentation δ = −φ of a corner, per unit mass of the body
     p(x; g) = 1 + g (1 − exp(−((x − x_0)/w)²)),                   x the place of the contact on the surface
     o(θ; b) = 1 − b cos² 2θ                                       1 on the corner, 1 − b flat on a side
 
-p is a surface that gives back most at one place (x_0), as a plate above its support does; o a body that gives back more
-when it lands flat.  All is integrated with the step `DT` by symplectic Euler, all bodies at once; between contacts
-flight is in closed form.
+p describes a surface whose restitution is largest at one place x_0, as that of a plate above its support; o a body
+whose restitution is larger when it lands flat.  All bodies are integrated at once by symplectic Euler with the step
+`DT`; between contacts flight is in closed form.
 
 | on paper  | in code             | unit | meaning                                                          |
 |-----------|---------------------|------|------------------------------------------------------------------|
