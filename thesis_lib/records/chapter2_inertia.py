@@ -191,6 +191,8 @@ FIGURE_MEASURED_RATIO = Figure(
     name="figure_measured_ratio",
     job=MEASURED_RATIOS,
     **RATIOS,
+    finding=measured_ratio,
+    reads=("measured_ratio.csv",),
     keys="dataset variant",
     tolerances={
         "ratio std low high published lower upper scale velocity_noise": Tolerance(
