@@ -1,8 +1,8 @@
 """Reading and writing result files: atomic, deterministic, and with errors that name the file.
 
-Every result is written under a temporary name and renamed, so that an interrupted run leaves either the old
-file or the whole new one.  Tables are CSV with a fixed float format; JSON has sorted keys; neither holds
-times or paths, so that equal inputs give equal bytes.
+Every result is written under a temporary name and renamed, so that an interrupted run leaves either the old file or the
+whole new one.  Tables are CSV with a fixed float format, JSON has sorted keys, and neither holds times or paths, so
+that equal inputs give equal bytes.
 """
 
 import contextlib
@@ -53,7 +53,7 @@ def write_table(table: pd.DataFrame, path: str | Path) -> None:
 
 
 def write_result(table: pd.DataFrame, path: str | Path) -> None:
-    """Write a table of results, all of whose columns are explained in columns.yaml.
+    """Write a table of results whose columns are all explained in columns.yaml.
 
     Raises:
         KeyError: a column is not explained.
@@ -81,7 +81,7 @@ def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def _read_csv(path: Path, size: int) -> pd.DataFrame:
-    # pandas fills a row that is too short with NaN, so that a table that was cut off would pass for a whole one
+    # pandas fills a short row with NaN, so that a truncated table would pass for a whole one
     with path.open("rb") as file:
         head = file.readline(MAX_HEADER)
         if len(head) == MAX_HEADER:
@@ -124,7 +124,7 @@ def _read_parquet(path: Path) -> pd.DataFrame:
 
 @contextlib.contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Whatever goes wrong while one of our own files is read becomes an error that names it and the remedy."""
+    """Turn whatever fails while one of our own files is read into an error that names it and the remedy."""
     try:
         yield
     except MissingFile as error:
@@ -148,7 +148,7 @@ def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.
 def column_dictionary(
     paths: Iterable[str | Path], recorded: Mapping[str, Mapping[str, tuple[str, str]]]
 ) -> pd.DataFrame:
-    """The explanations of all columns in the given CSV files, one set of rows a kind of table.
+    """The explanations of all columns in the given CSV files, one set of rows for each kind of table.
 
     Args:
         paths: tables with all columns explained in columns.yaml, or in `recorded` under the file's stem.
@@ -177,7 +177,7 @@ def read_json(path: str | Path) -> dict:
 
     Raises:
         UserError: the file is missing.
-        CorruptFileError: it is not JSON, holds NaN or a key twice, or is no object.
+        CorruptFileError: it is not JSON, holds NaN or the same key twice, or is no object.
     """
     path = Path(path)
     with _named(path):

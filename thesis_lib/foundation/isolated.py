@@ -1,9 +1,9 @@
-"""Tasks in processes of their own: one that crashes, hangs or takes all memory ends alone, and memory stays flat.
+"""Tasks, each in a process of its own: one that crashes, hangs or takes all memory ends alone.
 
 Processes are forked from a server that has imported the heavy packages once (`forkserver`), so that a task pays no
-start-up; and as its process ends with it, whatever a task leaves in memory is given back.
+start-up.  A process ends with its task, which gives back whatever the task left in memory.
 
-Tasks answer in JSON.  A process ends when its parent does, however that ended; where memory runs out, the kernel takes
+Tasks answer in JSON.  A process ends when its parent does, however that ended; where memory runs out, the kernel kills
 a task before the parent.
 """
 
@@ -29,7 +29,7 @@ from pathlib import Path
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.terminal import VisibleStream
 
-POLL = 0.25  # s between looks at time and memory; what is allocated faster overshoots the limit by that much
+POLL = 0.25  # s between checks of time and memory; within it a task may exceed its limits
 GRACE = 5.0  # s for a process to end after it has answered
 MIB = 2**20
 KILLED_FIRST = 800  # oom_score_adj, -1000 to 1000
@@ -41,8 +41,8 @@ class Task:
 
     Attributes:
         name: for the outcome.
-        arguments: of the work; they are pickled to our own process.
-        log: file that takes what the process prints; replaced.
+        arguments: of the work; they are pickled for the process.
+        log: file for what the process prints; replaced.
     """
 
     name: str
@@ -91,7 +91,7 @@ def run_isolated(
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(preload))
-    # Ctrl-C reaches all processes of a terminal; ours are ended by this one, and inherit that they wait for it
+    # Ctrl-C reaches all processes of a terminal; the tasks inherit that it is blocked, and are ended by this process
     multiprocessing.resource_tracker.ensure_running()  # its start would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -107,15 +107,15 @@ def run_isolated(
                     running.append(_Running(context, work, task))
                 except (OSError, EOFError) as error:
                     yield Outcome(task.name, None, f"its process could not be started: {error}", 0.0)
-            multiprocessing.connection.wait([one.channel for one in running], POLL)
-            for one in list(running):
-                outcome = one.look(time_limit, memory_limit)
+            multiprocessing.connection.wait([process.channel for process in running], POLL)
+            for process in list(running):
+                outcome = process.look(time_limit, memory_limit)
                 if outcome:
-                    running.remove(one)
+                    running.remove(process)
                     yield outcome
     finally:
-        for one in running:
-            one.end()
+        for process in running:
+            process.end()
 
 
 class _Running:
@@ -131,7 +131,7 @@ class _Running:
         theirs.close()  # so that the end of the process ends the channel
 
     def look(self, time_limit: float | None, memory_limit: float | None) -> Outcome | None:
-        """The outcome if the task has ended, or has been ended for its limits; else None."""
+        """The outcome if the task has ended, or was ended because it exceeded a limit; else None."""
         wall = time.monotonic() - self.start
         if self.channel.poll():
             try:
@@ -163,7 +163,7 @@ class _Running:
 
 
 def _child(work: Callable[..., dict], arguments: tuple, log: str, channel) -> None:
-    """Do the work, print into the log, and answer with the result or the reason of the failure, and what it took."""
+    """Do the work with its output in the log; answer with the result or the reason of failure, and time and memory."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(KILLED_FIRST))
@@ -209,7 +209,7 @@ def _resident(pid: int) -> int:
 
 
 def _exit_text(code: int | None) -> str:
-    """How a process ended that said nothing."""
+    """How a process ended that gave no answer."""
     if code is None or code >= 0:
         return f"ended without an answer (exit code {code})"
     name = signal.Signals(-code).name

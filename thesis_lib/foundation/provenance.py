@@ -21,7 +21,7 @@ from pathlib import Path
 
 PACKAGE = "thesis_lib"
 REGISTRIES = ("contact", "effects", "records")
-# what BLAS and torch choose their kernels by
+# instructions by which BLAS and torch choose their kernels
 VECTOR = {"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512bw"}
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
 
@@ -29,7 +29,7 @@ DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that
 def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
     """Hash (16 hex digits) of a script and of every module of thesis_lib that it uses.
 
-    It depends on what modules say, not on where they stand: a module that moves, with the imports that name it, changes
+    It depends on the code of modules, not on their place: moving a module, and the imports that name it, changes
     nothing.
 
     Args:
@@ -58,7 +58,7 @@ def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
 
 @dataclass(frozen=True)
 class _Module:
-    """What a module says.
+    """The code of a module, ready to be hashed.
 
     Attributes:
         code: without docstrings, comments and layout; an import from the package is `_IMPORT`, its path left out.
@@ -94,9 +94,9 @@ def _read_module(text: str, filename: str) -> _Module:
 
 
 def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> list[ast.stmt]:
-    """A block whose imports from the package hold only the names that they bind; paths go into `imports`.
+    """The block with imports from the package reduced to the names that they bind; their paths go into `imports`.
 
-    Neighbouring imports are put into one order, because that in the file follows the paths.
+    Neighbouring imports are sorted by these names, because their order in the file follows the paths.
     """
     out: list[ast.stmt] = []
     run: list[tuple[str, str, str]] = []  # name that is bound, name in the module, its path
@@ -122,10 +122,12 @@ def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> lis
 
 
 def _hash_with_imports(module: _Module, root: Path) -> str:
-    """Hash of a module's code, and of the code of each module that it imports from, in the place of its path."""
+    """Hash of a module's code, where the path of each import is replaced by the code that it leads to."""
     digest = hashlib.sha256(module.code.encode())
     for path, name in module.imports:
-        inner = _module_file(f"{path}.{name}", root)  # a module is imported, whose own name is a place, too
+        inner = _module_file(
+            f"{path}.{name}", root
+        )  # where a module is imported, its name is part of its path
         file = inner or _module_file(path, root)
         code = _read_module(file.read_text(encoding="utf-8"), str(file)).code if file else path
         digest.update(f"\n{'' if inner else name}:{hashlib.sha256(code.encode()).hexdigest()}".encode())
@@ -133,7 +135,7 @@ def _hash_with_imports(module: _Module, root: Path) -> str:
 
 
 def _module_file(name: str, root: Path) -> Path | None:
-    """The file of a module or a package; None where the name is that of something within a module."""
+    """The file of a module or a package; None for a name within a module."""
     path = root.joinpath(*name.split("."))
     return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
 
@@ -188,7 +190,7 @@ def value_sha256(value: object) -> str:
 
 
 def environment(requirements: str | Path) -> dict:
-    """What else decides the bits of a result: versions, processor, BLAS, commit.
+    """What else determines the bits of a result: versions, processor, BLAS, commit.
 
     Args:
         requirements: file with a line `name==version` for each direct dependency, in the root of the checkout.
@@ -201,7 +203,7 @@ def environment(requirements: str | Path) -> dict:
     root = Path(requirements).resolve().parent
     lines = Path(requirements).read_text(encoding="utf-8").splitlines()
     pinned = [line.split("==")[0].strip() for line in lines if "==" in line and not line.startswith("#")]
-    installed = {found.metadata["Name"]: found.version for found in metadata.distributions()}
+    installed = {package.metadata["Name"]: package.version for package in metadata.distributions()}
     return {
         "python": sys.version.split()[0],
         "platform": platform.platform(),
@@ -238,17 +240,17 @@ def _blas() -> list[dict]:
     import scipy.linalg  # noqa: F401
     from threadpoolctl import threadpool_info
 
-    found = [
+    libraries = [
         {
-            "of": Path(one["filepath"]).parent.name.removesuffix(".libs"),
-            "library": one["internal_api"],
-            "version": one["version"],
-            "kernel": one.get("architecture"),
+            "of": Path(library["filepath"]).parent.name.removesuffix(".libs"),
+            "library": library["internal_api"],
+            "version": library["version"],
+            "kernel": library.get("architecture"),
         }
-        for one in threadpool_info()
-        if one["user_api"] == "blas"
+        for library in threadpool_info()
+        if library["user_api"] == "blas"
     ]
-    return sorted(found, key=lambda one: (one["of"], str(one["version"])))
+    return sorted(libraries, key=lambda library: (library["of"], str(library["version"])))
 
 
 def _commit(folder: Path) -> dict:

@@ -24,7 +24,7 @@ def generator(seed: int, *key: str) -> np.random.Generator:
 def streams(rng: np.random.Generator) -> Callable[..., np.random.Generator]:
     """Function from a name (words or numbers) to a stream of its own, all derived from one draw of `rng`.
 
-    What loops over models or programs takes one for each, so that a further one shifts no draw of another.
+    A loop over models or programs takes one for each, so that a further model shifts no draw of another.
 
     >>> a, b = (streams(np.random.default_rng(0)) for _ in range(2))
     >>> _ = b("another").random()

@@ -1,7 +1,7 @@
-"""What a reader asks before it opens a file: a regular file, of bounded size, inside its folder.
+"""What is checked before a file is opened: that it is a regular file, of bounded size, inside its folder.
 
-A folder, a pipe or a device under the name of a file would fail oddly or never end, a huge file would fill the memory,
-and a link in a stranger's folder can lead anywhere.
+Reading a folder, a pipe or a device would fail oddly or never end, a huge file would fill the memory, and a link in
+a user's folder can lead anywhere.
 """
 
 import os
@@ -12,7 +12,7 @@ from thesis_lib.foundation.errors import UserError
 
 
 class FileProblem(UserError):
-    """A path that is not read: `what` is wrong with it, and the `remedy`."""
+    """A path that is refused: `what` is wrong with it, and the `remedy`."""
 
     def __init__(self, path: str | Path, what: str, remedy: str):
         self.what, self.remedy = what, remedy
@@ -27,12 +27,12 @@ def regular_size(path: str | Path, limit: int, within: str | Path | None = None)
     """Size in bytes of a regular file.
 
     Args:
-        limit: most bytes that the reader takes.
-        within: folder that links must not leave; None where any place will do.
+        limit: largest size in bytes that is read.
+        within: folder that links must not leave; None: any.
 
     Raises:
         MissingFile: there is none.
-        FileProblem: it is something else, is larger than `limit`, or lies outside `within`.
+        FileProblem: it is no regular file, is larger than `limit`, or lies outside `within`.
     """
     try:
         status = os.stat(path)  # noqa: PTH116  (Path.stat says the same)
@@ -56,7 +56,7 @@ def regular_size(path: str | Path, limit: int, within: str | Path | None = None)
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether there is a regular file; False, too, for names that no file can have."""
+    """Whether there is a regular file of this name; False also for names that no file can have."""
     try:
         return Path(path).is_file()
     except OSError:

@@ -1,7 +1,7 @@
-"""YAML of a stranger: plain values only, bounded in size, nesting and use of aliases, with the line of every key.
+"""YAML from users: plain values only, bounded in size, nesting and use of aliases, with the line of every key.
 
-The library recurses into what is nested, and aliases make a few lines unfold into gigabytes, so both are bounded before
-any value is built.  Keys that stand twice, of which YAML silently keeps the last, are listed for the caller to refuse.
+The library recurses into nested values, and aliases can unfold a few lines into gigabytes, so both are bounded before
+any value is built.  Of keys that stand twice YAML silently keeps the last; they are listed for the caller to refuse.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ Key = tuple[str | int, ...]
 
 
 class YamlProblem(UserError):
-    """YAML that is not used: `where` in the file, `what` is wrong, and the `remedy`."""
+    """YAML that is refused: `where` in the file, `what` is wrong, and the `remedy`."""
 
     def __init__(self, path: str | Path, where: str, what: str, remedy: str):
         self.where, self.what, self.remedy = where, what, remedy
@@ -47,25 +47,25 @@ class Document:
     nodes: int = 0
 
     def refuse_repeated(self, path: str | Path) -> None:
-        """Refuse what YAML would take the last of without a word.
+        """Refuse keys that stand twice, of which YAML would silently keep the last.
 
         Raises:
             UserError: keys stand twice, with their lines.
         """
         if self.repeated:
-            found = [
+            repeats = [
                 f"the key '{key[-1]}' stands in line {self.lines[key]} and again in line {line}"
                 for key, line in self.repeated
             ]
-            more = f"; and {len(found) - 20} more" if len(found) > 20 else ""
-            raise UserError(f"{path}: {'; '.join(found[:20])}{more}. Keep one of them.")
+            more = f"; and {len(repeats) - 20} more" if len(repeats) > 20 else ""
+            raise UserError(f"{path}: {'; '.join(repeats[:20])}{more}. Keep one of them.")
 
 
 def read_yaml(path: str | Path, within: str | Path | None = None, aliases: bool = True) -> Document:
     """The content of a YAML file; `within` as in `regular_size`, `aliases`: whether they may be used.
 
     Raises:
-        FileProblem: there is no such file, or it is none that can be read.
+        FileProblem: there is no such file, or it cannot be read.
         YamlProblem: it is not YAML of plain values in UTF-8, or exceeds the bounds.
     """
     try:
@@ -117,7 +117,7 @@ def _locate(path: str | Path, node: yaml.Node, at: Key, document: Document) -> N
     if document.nodes > MAX_NODES:
         what = f"holds more than {MAX_NODES:,} keys and values, aliases written out"
         raise YamlProblem(path, "", what, "follow the documented format")
-    if len(at) > MAX_DEPTH:  # an alias inside of what it stands for
+    if len(at) > MAX_DEPTH:  # an alias within the value that it stands for
         _refuse_nesting(path, node)
     if isinstance(node, yaml.MappingNode):
         seen = set()
