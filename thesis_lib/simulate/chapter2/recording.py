@@ -77,25 +77,19 @@ def simulate_recording(
 
 
 def _header(kind: MechanismKind, bodies: Chapter2Bodies) -> RecordingHeader:
-    a, w = bodies.arm, bodies.wheel
-    sections = {
-        "arm": lambda: Arm(
-            kind="arm",
-            **{name: getattr(a, name) for name in Arm.model_fields if name not in ("kind", "driven")},
-        ),
-        "wheel": lambda: Wheel(
-            kind="wheel",
-            payload_radius=HiddenSizes().payload_radius,
-            **{name: getattr(w, name) for name in ("spokes", "length", "mass", "inertia", "slope")},
-        ),
-    }
-    return RecordingHeader(
-        schema=1,
-        description=DESCRIPTION.format(kind=kind),
-        mechanism=sections[kind](),
-        gravity=bodies.gravity,
-        rate=1.0 / bodies.h,
-        noise=NOISE,
+    section, believed = (Arm, bodies.arm) if kind == "arm" else (Wheel, bodies.wheel)
+    mechanism = {name: getattr(believed, name) for name in section.model_fields if hasattr(believed, name)}
+    if kind == "wheel":
+        mechanism["payload_radius"] = HiddenSizes().payload_radius
+    return RecordingHeader.model_validate(
+        {
+            "schema": 1,
+            "description": DESCRIPTION.format(kind=kind),
+            "mechanism": {"kind": kind, **mechanism},
+            "gravity": bodies.gravity,
+            "rate": 1.0 / bodies.h,
+            "noise": NOISE,
+        }
     )
 
 
