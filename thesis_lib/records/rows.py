@@ -27,10 +27,10 @@ def row_of(table: "pd.DataFrame", **where: object) -> Any:
     return table.iloc[0]
 
 
-def compared(own: Row, other: Row, words: tuple[str, str, str] = THAN) -> str:
+def compared(row: Row, other: Row, words: tuple[str, str, str] = THAN) -> str:
     """The word for a row whose interval, low to high, lies below, across or above that of another."""
     below, around, above = words
-    return below if own["high"] < other["low"] else above if own["low"] > other["high"] else around
+    return below if row["high"] < other["low"] else above if row["low"] > other["high"] else around
 
 
 def share(row: Row, column: str = "value") -> str:
@@ -38,6 +38,6 @@ def share(row: Row, column: str = "value") -> str:
     return interval(100.0 * row[column], 100.0 * row["low"], 100.0 * row["high"], "%")
 
 
-def counted(n: float, one: str, ending: str = "s") -> str:
+def counted(n: float, noun: str, ending: str = "s") -> str:
     """1 tower, 3 towers, 1,000 impacts."""
-    return f"{n:,.0f} {one}{'' if n == 1 else ending}"
+    return f"{n:,.0f} {noun}{'' if n == 1 else ending}"
