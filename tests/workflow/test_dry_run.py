@@ -115,16 +115,16 @@ class TestReruns:
         assert done.returncode == 0, done.stdout
         assert (checkout / self.TARGET).is_file()
         assert not self.is_due(checkout, snakemake)
-        self.edit(checkout, "files.py", "\n\n# a comment\n")
+        self.edit(checkout, "foundation/files.py", "\n\n# a comment\n")
         self.edit(checkout, "contact/mirtich.py", "\nEDITED = True\n")
         assert not self.is_due(checkout, snakemake)
-        self.edit(checkout, "files.py", "\nEDITED = True\n")
+        self.edit(checkout, "foundation/files.py", "\nEDITED = True\n")
         assert self.is_due(checkout, snakemake)
 
 
 @pytest.mark.slow
 def test_a_failing_job_leaves_its_error_in_its_log_and_no_output(checkout, snakemake):
-    module = checkout / "thesis_lib" / "files.py"
+    module = checkout / "thesis_lib" / "foundation" / "files.py"
     broken = '\n\ndef write_json(*_):\n    raise RuntimeError("broken on purpose")\n'
     module.write_text(module.read_text(encoding="utf-8") + broken, encoding="utf-8")
     done = snakemake(checkout, "--cores", "1", "results/datasets/present.json")
