@@ -16,7 +16,6 @@ the other effects: a few linear fits, each at the last one's values, cover that.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from thesis_lib.critique.mechanisms.effects import MechanismEffect
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.selection.scan import RANK
 
+BASE = "believed"
 ROUNDS = 3  # linear fits
 
 
@@ -38,12 +38,16 @@ class ForceFit:
         columns: (N, sum n_p) U.
     """
 
-    base: ClassVar[str] = "believed"
     effects: tuple[MechanismEffect, ...]
     values: dict[str, np.ndarray]
     std: dict[str, np.ndarray]
     z: np.ndarray
     columns: np.ndarray
+
+    @property
+    def base(self) -> str:
+        """Of all fits the equations of motion as believed."""
+        return BASE
 
     @property
     def score(self) -> float:

@@ -6,12 +6,11 @@ parameters follow to first order from those of all trials, and refits gain what 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from thesis_lib.critique.mechanisms.effects import MechanismEffect
-from thesis_lib.critique.mechanisms.fit import ForceFit, columns_of, fit_effects, solve, total_force
+from thesis_lib.critique.mechanisms.fit import BASE, ForceFit, columns_of, fit_effects, solve, total_force
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
@@ -25,7 +24,7 @@ class ForceJudgement:
     z: np.ndarray
     weak: WeakForm
 
-    @cached_property
+    @property
     def trials(self) -> np.ndarray:
         """Numbers of the trials with a window, ascending."""
         return np.unique(self.weak.trial)
@@ -62,7 +61,7 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
     """Window equations of some trials, and the forces that may be missing from them."""
 
     unit = "window"
-    bases = (ForceFit.base,)
+    bases = (BASE,)
 
     def __init__(self, weak: WeakForm, candidates: Sequence[MechanismEffect], resamples: int) -> None:
         self.weak, self.resamples = weak, resamples
