@@ -92,6 +92,8 @@ class Critique:
         return self.remaining.is_structured(self.settings, floor if np.isfinite(floor) else 0.0)
 
 
+# matrices here are small: threads of BLAS would only wait for each other, and change last bits with their number
+@threadpool_limits.wrap(limits=1)
 def criticise(
     dataset: Dataset,
     *,
@@ -108,24 +110,12 @@ def criticise(
         rng: the split, the folds and the resamples; seed it from the dataset's content for reproducible results.
         settings: thresholds; arcs: detection of impacts.
         effects: names of effects to switch on instead of the automatic choice.
-        say: told what is being done.
+        say: is given a line on each step.
 
     Raises:
         UserError: too few trials or impacts, or an effect that is unknown or cannot be tested.
     """
-    # matrices here are small: threads of BLAS would only wait for each other, and change last bits with their number
-    with threadpool_limits(limits=1):
-        return _criticise(dataset, rng, settings or CritiqueSettings(), arcs, effects, say)
-
-
-def _criticise(
-    dataset: Dataset,
-    rng: np.random.Generator,
-    settings: CritiqueSettings,
-    arcs: ArcSettings | None,
-    effects: Sequence[str] | None,
-    say: Callable[[str], None],
-) -> Critique:
+    settings = settings or CritiqueSettings()
     require_known(effects or ())
     _refuse_constant(dataset)
     say("finding impacts")
@@ -143,7 +133,7 @@ def _criticise(
     laws = {name: unseen.judge(fitted) for name, (fitted, _) in discovery.bases.items()}
     base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")
-    left = remaining(final, training, rng)
+    structure = remaining(final, training, rng)
     # as measured, and with geometry, inertia and camera as the final model has them
     before, after = states_at_impact(base.model, base.values, held_out)
     no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
@@ -157,7 +147,7 @@ def _criticise(
         ladder,
         laws,
         without,
-        left,
+        structure,
         _irb(base, held_out),
         _irb(final, held_out),
         float(np.linalg.norm(no_impact, axis=0).mean()),

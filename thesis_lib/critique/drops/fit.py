@@ -125,11 +125,14 @@ def fit(
                 )
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options[:2]]
     if "mu" not in tries[0]:
-        tries = [{**t, **one} for t in tries for one in _basins(model, observations, t)]
-        best = max((_fit_from(model, observations, one, 1) for one in tries), key=lambda one: one.score)
+        tries = [{**t, **attempt} for t in tries for attempt in _basins(model, observations, t)]
+        best = max(
+            (_fit_from(model, observations, attempt, 1) for attempt in tries),
+            key=lambda attempt: attempt.score,
+        )
         return _fit_from(model, observations, best.values, rounds)
-    fits = [_fit_from(model, observations, one, rounds) for one in tries[:4]]
-    return max(fits, key=lambda one: one.score)
+    fits = [_fit_from(model, observations, attempt, rounds) for attempt in tries[:4]]
+    return max(fits, key=lambda attempt: attempt.score)
 
 
 def _fit_from(model: Model, observations: Observations, start: dict[str, float], rounds: int) -> Fit:
@@ -233,8 +236,8 @@ def _covariance(
             continue
         J, m = np.stack(part, axis=1), z.shape[1]
         normal = _curvature_and_variance(chi2.ppf((np.arange(2000) + 0.5) / 2000, m), m)
-        own = _curvature_and_variance(np.einsum("nm,nm->n", z, z), m)
-        a, b = max(own, normal, key=lambda one: one[1] / one[0] ** 2)
+        measured = _curvature_and_variance(np.einsum("nm,nm->n", z, z), m)
+        a, b = max(measured, normal, key=lambda pair: pair[1] / pair[0] ** 2)
         information = J.T @ J
         H += a * information
         B += b * information
@@ -287,10 +290,10 @@ def _best_sigma(
         z = np.linalg.solve(L, R[:, :, None])[:, :, 0]
         return -_log_t(z, 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)).sum()
 
-    found = minimize_scalar(
+    best = minimize_scalar(
         loss, bounds=(np.log(SIGMA_LOW), np.log(SIGMA_HIGH)), method="bounded", options={"xatol": 0.05}
     )
-    return float(np.exp(found.x))
+    return float(np.exp(best.x))
 
 
 def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
@@ -314,7 +317,7 @@ def _rough_start(model: Model, observations: Observations, values: dict[str, flo
         return float(error[: max(1, round(0.9 * len(error)))].mean())
 
     grid = [(mu, epsilon) for mu in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8) for epsilon in (0.2, 0.4, 0.6, 0.8)]
-    mu, epsilon = min(grid, key=lambda one: cost(*one))
+    mu, epsilon = min(grid, key=lambda pair: cost(*pair))
     mu = min((mu * 2.0 ** (i / 4.0) for i in range(-4, 5)), key=lambda finer: cost(finer, epsilon))
     return {"mu": mu, "epsilon": epsilon}
 

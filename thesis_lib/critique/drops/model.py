@@ -148,10 +148,10 @@ class Model:
 
     def gap(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Gap (n,) m between the true body and surface: that of the believed shape, less what effects take of it."""
-        left = np.zeros(len(true.x))
+        taken = np.zeros(len(true.x))
         for effect, p in self.active(values):
-            left = effect.gap(left, true, p, rig)
-        return rig.shape.gap(true.y, true.theta, rig.height) - left
+            taken = effect.gap(taken, true, p, rig)
+        return rig.shape.gap(true.y, true.theta, rig.height) - taken
 
     def camera_and_body(self) -> tuple["Model", "Model"]:
         """The model of the camera (measurement effects only), and that of what happens (all others)."""

@@ -81,13 +81,13 @@ def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
                 "of the camera has none. The body leaves its plane or tumbles out of it, x is not measured along the "
                 "surface, or something holds it. Film along the surface, and keep the body in its plane."
             )
-    for kind, found in (("touch", touch_groups(o)), ("balance", balance_groups(o))):
-        if found is not None and found.told_apart:
-            raise UserError(_two_bodies(name, kind, found, o))
+    for kind, groups in (("touch", touch_groups(o)), ("balance", balance_groups(o))):
+        if groups is not None and groups.told_apart:
+            raise UserError(_two_bodies(name, kind, groups, o))
 
 
-def _two_bodies(name: str, kind: str, found: Groups, o: Observations) -> str:
-    a, b = found.coefficients
+def _two_bodies(name: str, kind: str, groups: Groups, o: Observations) -> str:
+    a, b = groups.coefficients
     sizes = f"{1.0 + a[0]:.3g} and {1.0 + b[0]:.3g} times"
     offset = 1e3 * float(np.hypot(*(b[1:3] - a[1:3])))
     differ = f"centres of mass {offset:.2g} mm apart"
@@ -97,11 +97,11 @@ def _two_bodies(name: str, kind: str, found: Groups, o: Observations) -> str:
         )
     else:
         what = f"they turn differently under the same impulse (k² {sizes} that of dataset.yaml, {differ})"
-    first, second = (_runs(found.trials[mask]) for mask in (~found.second, found.second))
+    first, second = (_runs(groups.trials[mask]) for mask in (~groups.second, groups.second))
     return (
-        f"{name} holds two bodies, or one that was changed: {np.sum(~found.second)} trials (trial {first}) "
-        f"and {found.second.sum()} trials (trial {second}) each fit one body, but not the same: {what}. Two explain "
-        f"{found.one / found.two:.0f} times as much as one. Make a dataset of each group, with its own dataset.yaml; "
+        f"{name} holds two bodies, or one that was changed: {np.sum(~groups.second)} trials (trial {first}) "
+        f"and {groups.second.sum()} trials (trial {second}) each fit one body, but not the same: {what}. Two explain "
+        f"{groups.one / groups.two:.0f} times as much as one. Make a dataset of each group, with its own dataset.yaml; "
         "if it was the same body, the camera or the surface was moved between them."
     )
 
@@ -159,19 +159,22 @@ def two_groups(
         return None
     y, X = value / std, X / std[:, None]
     single = _fit(y, X, np.ones(len(y), bool))
-    left = y - X @ single
-    one = _scale(left)
+    residual = y - X @ single
+    scale = _scale(residual)
     count = np.bincount(of)
-    mean, size = np.bincount(of, left) / count, np.bincount(of, np.minimum(np.abs(left), WILD * one)) / count
+    mean, size = (
+        np.bincount(of, residual) / count,
+        np.bincount(of, np.minimum(np.abs(residual), WILD * scale)) / count,
+    )
     number = np.arange(len(trials))
     raw = np.bincount(of, y) / count
     starts = [number >= len(trials) // 2, number % 2 == 1, mean > np.median(mean), size > np.median(size)]
     starts += [raw > np.quantile(raw, share) for share in (0.3, 0.5, 0.7)]
     best = None
     for second in starts:
-        found = _alternate(trials, of, y, X, second, one, noise_known)
-        if found is not None and (best is None or found.two < best.two):
-            best = found
+        groups = _alternate(trials, of, y, X, second, scale, noise_known)
+        if groups is not None and (best is None or groups.two < best.two):
+            best = groups
     return best
 
 
@@ -181,30 +184,30 @@ def _alternate(
     y: np.ndarray,
     X: np.ndarray,
     second: np.ndarray,
-    one: float,
+    scale_of_one: float,
     noise_known: bool,
 ) -> Groups | None:
-    scale = one
+    scale = scale_of_one
     for _ in range(ROUNDS):
         masks = (~second[of], second[of])
         if min(mask.sum() for mask in masks) <= 2 * X.shape[1]:
             return None
         sets = [_fit(y, X, mask) for mask in masks]
-        left = np.stack([y - X @ c for c in sets])
-        own = np.where(second[of], left[1], left[0])
-        scale = max(_scale(own), 1e-9 * one, 1e-300)
-        square = np.minimum(np.abs(left) / scale, WILD) ** 2
+        residual = np.stack([y - X @ c for c in sets])
+        nearest = np.where(second[of], residual[1], residual[0])
+        scale = max(_scale(nearest), 1e-9 * scale_of_one, 1e-300)
+        square = np.minimum(np.abs(residual) / scale, WILD) ** 2
         cost = np.stack([np.bincount(of, row) for row in square])
         new = cost[1] < cost[0]
         if (new == second).all():
             break
         second = new
     unclear = float(np.mean(np.abs(cost[0] - cost[1]) < CLEAR))
-    return Groups(trials, second, np.array(sets), one, scale, unclear, noise_known)
+    return Groups(trials, second, np.array(sets), scale_of_one, scale, unclear, noise_known)
 
 
-def _scale(left: np.ndarray) -> float:
-    return float(robust_std(left, axis=None))
+def _scale(residual: np.ndarray) -> float:
+    return float(robust_std(residual, axis=None))
 
 
 def _fit(y: np.ndarray, X: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -215,6 +218,6 @@ def _fit(y: np.ndarray, X: np.ndarray, rows: np.ndarray) -> np.ndarray:
     for _ in range(6):
         weighted = (X * weight[:, None]).T
         c = np.linalg.lstsq(weighted @ X, weighted @ y, rcond=1e-9)[0]
-        left = np.abs(y - X @ c)
-        weight = 1.0 / np.maximum(left, 0.1 * np.median(left) + 1e-12)
+        distance = np.abs(y - X @ c)
+        weight = 1.0 / np.maximum(distance, 0.1 * np.median(distance) + 1e-12)
     return c / scale

@@ -65,14 +65,14 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
         draws[:, :, c] = y[order] - (inverse @ y[order].T / diagonal[:, None]).T
         signal = process.kernel_.k1.k1.constant_value  # pyright: ignore[reportAttributeAccessIssue]
         scales.append(signal * scale**2 / process.kernel_.k1.k2.length_scale**2)  # pyright: ignore[reportAttributeAccessIssue]
-    own = Y[second]
+    truth_of_second = Y[second]
 
-    def left(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    def mean_error(prediction: np.ndarray, truth: np.ndarray) -> np.ndarray:
         return velocity_error(truth - prediction, 1.0).mean(axis=-1)
 
-    after = float(left(learned, own))
-    null = np.array([left(draws[i], own[order[i]]) for i in range(PERMUTATIONS)])
+    after = float(mean_error(learned, truth_of_second))
+    null = np.array([mean_error(draws[i], truth_of_second[order[i]]) for i in range(PERMUTATIONS)])
     p_value = float((1 + np.sum(null <= after)) / (1 + PERMUTATIONS))
     relevance = np.sum(scales, axis=0)
     ranked = [names[i] for i in np.argsort(-relevance) if relevance[i] > relevance.max() / RELEVANT**2]
-    return Remaining(p_value, float(velocity_error(own, 1.0).mean()), after, tuple(ranked[:4]))
+    return Remaining(p_value, float(velocity_error(truth_of_second, 1.0).mean()), after, tuple(ranked[:4]))

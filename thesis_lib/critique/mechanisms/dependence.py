@@ -42,17 +42,17 @@ def dependence(
     def strengths(permuted: np.ndarray) -> np.ndarray:
         out = np.zeros(len(cells))
         for r in rows:
-            own = cells[:, permuted[weak.window[r]]]
-            for j, cell in enumerate(own):
+            cells_of_rows = cells[:, permuted[weak.window[r]]]
+            for j, cell in enumerate(cells_of_rows):
                 n = np.maximum(np.bincount(cell, minlength=BINS), 1)
                 out[j] += np.sum(np.bincount(cell, z[r], minlength=BINS) ** 2 / n)
         return out
 
-    found = strengths(np.arange(len(features)))
+    measured = strengths(np.arange(len(features)))
     null = np.array([strengths(rng.permutation(len(features))) for _ in range(PERMUTATIONS)])
     # each feature in units of its own null, so that the largest of all is a fair maximum
     centre, width = null.mean(axis=0), null.std(axis=0)
-    score, best = (found - centre) / width, ((null - centre) / width).max(axis=1)
+    score, best = (measured - centre) / width, ((null - centre) / width).max(axis=1)
     p = (1 + (best[:, None] >= score).sum(axis=0)) / (1 + len(best))
     ranked = [int(j) for j in np.argsort(-score) if p[j] <= alpha]
     return tuple(names[j] for j in ranked[:3]), float(p.min())

@@ -91,10 +91,10 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
     return six_digits(content)
 
 
-def _parameters(found: Identified) -> dict:
+def _parameters(identified: Identified) -> dict:
     return {
         name: {"value": v, "std": s, "believed": b, "unit": _unit(name)}
-        for name, v, s, b in zip(found.names, found.value, found.std, found.believed)
+        for name, v, s, b in zip(identified.names, identified.value, identified.std, identified.believed)
     }
 
 
@@ -134,12 +134,12 @@ def _where(critique: MechanismCritique, before: np.ndarray) -> list[dict]:
         pairs = ["one spoke" if p != "none" else p for p in pairs]
     key = [(names[c], pairs[w]) for c, w in zip(held.coordinate, held.window)]
     rows = []
-    for one in sorted(set(key)):
-        at = np.array([k == one for k in key])
+    for group in sorted(set(key)):
+        at = np.array([k == group for k in key])
         rows.append(
             {
-                "coordinate": one[0],
-                "contacts": one[1],
+                "coordinate": group[0],
+                "contacts": group[1],
                 "rows": int(at.sum()),
                 "before": float(np.sqrt(np.mean(before[at] ** 2))),
                 "after": float(np.sqrt(np.mean(after[at] ** 2))),

@@ -75,9 +75,9 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
     scale = np.linalg.norm(B, axis=0)
     B, r = B / scale, base.rank
     change = -np.linalg.lstsq(B, fitted.z, rcond=None)[0]
-    left = fitted.z + B @ change
+    rest = fitted.z + B @ change
     # where the model fails, its scatter and not the noise says how far the estimate may be off
-    scatter = max(1.0, float(np.sqrt(left @ left / max(len(left) - len(change), 1))))
+    scatter = max(1.0, float(np.sqrt(rest @ rest / max(len(rest) - len(change), 1))))
     std = scatter * np.sqrt(np.diag(np.linalg.inv(B.T @ B))) / scale
     return Identified(base, columns, believed + (change / scale)[:r], std[:r], believed)
 

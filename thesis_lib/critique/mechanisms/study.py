@@ -102,27 +102,27 @@ def hidden_effect_study(
     named = streams(rng)
     for kind in TRUTHS:
         model = believed(kind, bodies, settings.sizes)
-        for seed, own in enumerate(named(kind).spawn(settings.seeds)):
-            plans = planned(kind, settings.trials, own, bodies, settings.sizes)
-            stream = streams(own)
+        for seed, rng_of_seed in enumerate(named(kind).spawn(settings.seeds)):
+            plans = planned(kind, settings.trials, rng_of_seed, bodies, settings.sizes)
+            stream = streams(rng_of_seed)
             for truth in TRUTHS[kind]:
                 say(f"{kind} {truth} {seed}")
                 records = run_with(kind, truth, plans, bodies, settings.sizes)
                 for db in ratios:
                     noise, choices = (stream(truth, db, what) for what in ("noise", "choices"))
                     trials = measured(records, db, noise, settings.critique.windows)
-                    found = criticise_mechanism(
+                    critique = criticise_mechanism(
                         trials, model, candidates_of(kind), choices, settings.critique
                     )
                     exact = exact_form(records, model, settings)
                     key = {"mechanism": kind, "truth": truth, "snr_db": db, "seed": seed}
                     row, frame = _effects_row(
-                        found, exact, records, truth, loaded(kind, model, settings, truth)
+                        critique, exact, records, truth, loaded(kind, model, settings, truth)
                     )
                     effects.append(key | {"trials": len(records)} | row)
-                    parameters += [key | r for r in _parameter_rows(kind, truth, found, settings.sizes)]
+                    parameters += [key | r for r in _parameter_rows(kind, truth, critique, settings.sizes)]
                     if seed == 0 and db == main:
-                        shown[f"{kind}/{truth}"] = found
+                        shown[f"{kind}/{truth}"] = critique
                         if (kind, truth) == settings.forces_of:
                             forces = frame
     table = pd.DataFrame(effects)
@@ -146,32 +146,32 @@ def loaded(kind: MechanismKind, model: BelievedModel, settings: HiddenStudy, tru
 
 
 def _effects_row(
-    found: MechanismCritique, exact: WeakForm, records: tuple[Record, ...], truth: str, true: np.ndarray
+    critique: MechanismCritique, exact: WeakForm, records: tuple[Record, ...], truth: str, true: np.ndarray
 ) -> tuple[dict, "pd.DataFrame"]:
-    first, tests = found.steps[0] if found.steps else None, found.discovery.first_scan
+    first, tests = critique.steps[0] if critique.steps else None, critique.discovery.first_scan
     before, estimate, reference = force_error(exact, records[-1:], None)
-    after, with_it, _ = force_error(exact, records[-1:], found.fitted)
-    without = identify_parameters(found.training, fit_effects(found.training, ()))
-    identified = identify_parameters(found.training, found.fitted)
+    after, with_it, _ = force_error(exact, records[-1:], critique.fitted)
+    without = identify_parameters(critique.training, fit_effects(critique.training, ()))
+    identified = identify_parameters(critique.training, critique.fitted)
     # a payload changes the parameters themselves: what was wrong is what was believed
-    start = without.believed if PAYLOAD.name in found.fitted.values else without.value
+    start = without.believed if PAYLOAD.name in critique.fitted.values else without.value
     goal = identified.of(true)
     row = {
-        "verdict": found.verdict,
+        "verdict": critique.verdict,
         "first_effect": first.effect.name if first else "",
-        "group": "; ".join(found.found[1:]),
-        "n_effects": len(found.steps),
-        "right": int(is_right(truth, found)),
+        "group": "; ".join(critique.found[1:]),
+        "n_effects": len(critique.steps),
+        "right": int(is_right(truth, critique)),
         "p_value": first.p_value if first else tests.p_value(max(tests.gain.values())),
-        "gain": found.gains[first.effect.name][0] if first else 0.0,
-        "misfit_before": found.ladder[0][0],
-        "misfit_after": found.ladder[-1][0],
+        "gain": critique.gains[first.effect.name][0] if first else 0.0,
+        "misfit_before": critique.ladder[0][0],
+        "misfit_after": critique.ladder[-1][0],
         "force_error_before": before,
         "force_error_after": after,
         "theta_error_before": _relative(start, without.of(true)),
         "theta_error_after": _relative(identified.value, goal),
     }
-    return row, force_rows(found.model, exact, estimate, with_it, reference)
+    return row, force_rows(critique.model, exact, estimate, with_it, reference)
 
 
 def _relative(value: np.ndarray, true: np.ndarray) -> float:
@@ -179,13 +179,13 @@ def _relative(value: np.ndarray, true: np.ndarray) -> float:
 
 
 def _parameter_rows(
-    kind: MechanismKind, truth: str, found: MechanismCritique, sizes: HiddenSizes
+    kind: MechanismKind, truth: str, critique: MechanismCritique, sizes: HiddenSizes
 ) -> list[dict]:
-    effect = next((s.effect for s in found.steps if s.effect.name == truth), None)
+    effect = next((s.effect for s in critique.steps if s.effect.name == truth), None)
     if effect is None:
         return []
     true = true_sizes(kind, truth, sizes)
-    values, std = found.fitted.values[truth], found.fitted.std[truth]
+    values, std = critique.fitted.values[truth], critique.fitted.std[truth]
     return [
         {"parameter": p.name, "unit": p.unit, "true": true[p.name], "estimate": x, "std": s}
         for p, x, s in zip(effect.parameters, values, std)
@@ -217,10 +217,10 @@ def summary_table(effects: "pd.DataFrame") -> "pd.DataFrame":
     medians = [
         name for name in effects.columns if name.startswith(("misfit_", "force_error_", "theta_error_"))
     ]
-    for key, own in effects.groupby(["mechanism", "truth", "snr_db"], sort=False):
-        low, high = wilson(int(own["right"].sum()), len(own))
-        row = dict(zip(("mechanism", "truth", "snr_db"), key)) | {"datasets": len(own)}
-        row |= {"right": own["right"].mean(), "right_low": low, "right_high": high}
-        row |= {"group_size": (1 + own["group"].str.count(";") + (own["group"] != "")).mean()}
-        rows.append(row | {name: own[name].median() for name in medians})
+    for key, datasets in effects.groupby(["mechanism", "truth", "snr_db"], sort=False):
+        low, high = wilson(int(datasets["right"].sum()), len(datasets))
+        row = dict(zip(("mechanism", "truth", "snr_db"), key)) | {"datasets": len(datasets)}
+        row |= {"right": datasets["right"].mean(), "right_low": low, "right_high": high}
+        row |= {"group_size": (1 + datasets["group"].str.count(";") + (datasets["group"] != "")).mean()}
+        rows.append(row | {name: datasets[name].median() for name in medians})
     return pd.DataFrame(rows)

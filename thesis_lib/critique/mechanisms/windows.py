@@ -118,8 +118,10 @@ class WeakForm:
         self.active_pairs = tuple(w.active for w in windows)
         self._group(windows)
         q, v, v_next, f = (
-            np.concatenate([getattr(trials[w.trial], name)[w.start + one : w.stop + one] for w in windows])
-            for name, one in (("q", 0), ("v", 0), ("v", 1), ("f_ext", 0))
+            np.concatenate(
+                [getattr(trials[w.trial], name)[w.start + later : w.stop + later] for w in windows]
+            )
+            for name, later in (("q", 0), ("v", 0), ("v", 1), ("f_ext", 0))
         )
         self.f, self._v_next = f, v_next
         self.step, self.step_trial = step, of_trial
@@ -140,7 +142,7 @@ class WeakForm:
         # and a step before, because a driven arm closes a gap faster than gravity
         active[:-1] |= active[1:]
         cuts = (np.flatnonzero((active[1:] != active[:-1]).any(axis=1)) + 1).tolist()
-        found = []
+        windows = []
         for a, b in zip([0, *cuts], [*cuts, len(q)]):
             if b - a < settings.min_window:
                 self.left_out["too short"] += b - a
@@ -154,8 +156,8 @@ class WeakForm:
                 if why:
                     self.left_out[why] += stop - start
                 else:
-                    found.append(_Window(i, start, stop, pairs, dependent))
-        return found
+                    windows.append(_Window(i, start, stop, pairs, dependent))
+        return windows
 
     def _group(self, windows: list[_Window]) -> None:
         """Steps of one set of contacts and dependent coordinates together: their algebra is one batch."""
@@ -200,8 +202,8 @@ class WeakForm:
     def contact_forces(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """c_n, c_t (n, p) in N that the motion needs when `force` (n, nv) acts besides the believed model."""
         m = self.motion
-        left = self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force
-        c = np.einsum("kcv,kv->kc", self._to_contact, left)
+        rest = self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force
+        c = np.einsum("kcv,kv->kc", self._to_contact, rest)
         p = c.shape[1] // 2
         return c[:, :p], c[:, p:]
 
@@ -228,8 +230,8 @@ class WeakForm:
         n, nv = q.shape
 
         def balance(q: np.ndarray, v: np.ndarray, v_next: np.ndarray) -> np.ndarray:
-            left = self.model.inverse_dynamics(q, v, (v_next - v) / self.h) - self.f
-            return np.einsum("krv,kv->kr", self._basis(q), self.h * left)
+            rest = self.model.inverse_dynamics(q, v, (v_next - v) / self.h) - self.f
+            return np.einsum("krv,kv->kr", self._basis(q), self.h * rest)
 
         slopes = np.zeros((3, n, nv, nv))  # of q_k, v_k, v_{k+1}; row, channel
         for which in range(3):

@@ -111,13 +111,13 @@ def momentum_balance(fitted: Fit, observations: Observations) -> dict:
     shared = _noise(terms, fitted, observations)[:, :2, 2].sum(axis=0)[seen]
     coefficients = 1.0 + coefficients - np.linalg.pinv(X.T @ X, hermitian=True) @ shared
     p = _p_of(coefficients - 1.0, covariance, len(tau) - X.shape[1])
-    found: dict = {"p_value": p}
+    result: dict = {"p_value": p}
     std = np.sqrt(np.diag(covariance))
     for i, name in enumerate(np.array(["a", "b"])[seen]):
-        found[str(name)] = {"value": float(coefficients[i]), "std": float(std[i]), "unit": "1"}
+        result[str(name)] = {"value": float(coefficients[i]), "std": float(std[i]), "unit": "1"}
     for name in np.array(["a", "b"])[~seen]:
-        found[str(name)] = None
-    return found
+        result[str(name)] = None
+    return result
 
 
 def parity(fitted: Fit, observations: Observations) -> dict:
@@ -142,13 +142,13 @@ def homogeneity(fitted: Fit, observations: Observations) -> dict:
     spread = float(np.quantile(speed, 0.9) / np.quantile(speed, 0.1))
     # a law of degree 1 sees the direction of the contact velocity and the lever arm, nothing else
     a, r = v_t / np.hypot(v_t, v_n), r_x / observations.rig.k_g
-    one = np.ones_like(a)
-    shapes = [one, a, np.abs(a), a * a, a * np.abs(a)], [one, r, r * r]
+    constant = np.ones_like(a)
+    shapes = [constant, a, np.abs(a), a * a, a * np.abs(a)], [constant, r, r * r]
     if len(a) < FEW:
         shapes = shapes[0][:3], shapes[1][:2]
     direction = np.stack([f * g for f in shapes[0] for g in shapes[1]], axis=1)
     relative = speed / speed.mean() - 1.0
-    trend = np.stack([one, a, np.abs(a), r], axis=1) * relative[:, None]
+    trend = np.stack([constant, a, np.abs(a), r], axis=1) * relative[:, None]
     R, std = _residual(fitted, observations)
     keep, breaks = speed[:, None] * direction, speed[:, None] * trend
     if spread < 1.2:
@@ -178,12 +178,12 @@ def _extra(y: np.ndarray, keep: np.ndarray, breaks: np.ndarray, std: np.ndarray)
     """p-value of `breaks` beside `keep` in a regression of y, whose noise is `std`."""
     X, y = np.concatenate([keep, breaks], axis=1) / std[:, None], y / std
     scale = np.sqrt(np.mean(X**2, axis=0))
-    own = np.r_[np.zeros(keep.shape[1], bool), np.ones(breaks.shape[1], bool)]
-    X, own = (X / np.where(scale > 0, scale, 1.0))[:, scale > 0], own[scale > 0]
-    if not own.any():
+    added = np.r_[np.zeros(keep.shape[1], bool), np.ones(breaks.shape[1], bool)]
+    X, added = (X / np.where(scale > 0, scale, 1.0))[:, scale > 0], added[scale > 0]
+    if not added.any():
         return 1.0
     coefficients, covariance = _regress(y, X)
-    return _p_of(coefficients[own], covariance[np.ix_(own, own)], len(y) - X.shape[1])
+    return _p_of(coefficients[added], covariance[np.ix_(added, added)], len(y) - X.shape[1])
 
 
 def _regress(y: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -49,21 +49,24 @@ def detectable(critique: Critique) -> list[dict]:
     for name in testable:
         if name not in significant:
             continue
-        one, two = significant[name], material[name]
-        smallest = {p: None if None in (one[p], two[p]) else max(one[p], two[p]) for p in one}  # pyright: ignore[reportArgumentType]
+        by_score, by_error = significant[name], material[name]
+        smallest = {
+            p: None if None in (by_score[p], by_error[p]) else max(by_score[p], by_error[p])  # pyright: ignore[reportArgumentType]
+            for p in by_score
+        }
         discrete = any(p.discrete is not None for p in testable[name].parameters)
         known = [p for p, size in smallest.items() if size is not None and not discrete]
         halves = {p: 0.5 * smallest[p] for p in known}  # pyright: ignore[reportOperatorIssue]
         # the information grows with the number of drops, so that the significant size falls with its root
         drops = None
-        if known and all(halves[p] >= two[p] for p in known):
-            drops = max(int(np.ceil(trials * (one[p] / halves[p]) ** 2)) for p in known)
+        if known and all(halves[p] >= by_error[p] for p in known):
+            drops = max(int(np.ceil(trials * (by_score[p] / halves[p]) ** 2)) for p in known)
         rows.append(
             {
                 "name": name,
                 "smallest": smallest,
-                "significant": one,
-                "material": two,
+                "significant": by_score,
+                "material": by_error,
                 "drops_for_half": drops,
             }
         )
@@ -72,13 +75,13 @@ def detectable(critique: Critique) -> list[dict]:
 
 def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
     """By effect and parameter, the size that both tests of the log score would have seen with a chance of 80 %."""
-    found, final = critique.discovery, critique.ladder[-1][1]
+    discovery, final = critique.discovery, critique.ladder[-1][1]
     testable, _ = testable_effects(critique.training)
-    scan = found.last_scan
+    scan = discovery.last_scan
     null = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
     limit = max(float(null), 2.0 * (Z95 + POWER))  # the latter: 95 % intervals of gains above zero
     sizes: dict[str, dict[str, float | None]] = {}
-    for step in found.steps:  # the fit itself says how well what is in the model is known
+    for step in discovery.steps:  # the fit itself says how well what is in the model is known
         name = step.effect.name
         sizes[name] = {
             p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in step.effect.parameters
@@ -122,18 +125,18 @@ def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
         moved = at(model, {**values, name: values[name] + step})
         return {key: (moved[key] - here[key]) / step for key in here}
 
-    own = {}
+    slopes = {}
     for name, p in final.model.parameters.items():
         if p.discrete is None:
             step = 1e-3 * p.scale if final.values[name] + 1e-3 * p.scale <= p.high else -1e-3 * p.scale
-            own[name] = slope(final.model, final.values, name, p, step)
-    found: dict[str, dict[str, float | None]] = {}
+            slopes[name] = slope(final.model, final.values, name, p, step)
+    sizes: dict[str, dict[str, float | None]] = {}
     for name, effect in testable_effects(o)[0].items():
         inside = effect in final.model.effects
         model = final.model if inside else final.model.with_effect(effect)
         nulls = {} if inside else {f"{name}.{p.name}": p.null for p in effect.parameters}
         values = {**final.values, **nulls}
-        found[name] = {}
+        sizes[name] = {}
         for p in effect.parameters:
             key = f"{name}.{p.name}"
             if inside and p.discrete is not None:
@@ -143,15 +146,15 @@ def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
             else:
                 step = p.scale if values[key] + p.scale <= p.high else -p.scale
             shift = slope(model, values, key, p, step) if step else {k: 0.0 * v for k, v in here.items()}
-            others = [one for other, one in own.items() if not other.startswith(f"{name}.")]
+            others = [column for other, column in slopes.items() if not other.startswith(f"{name}.")]
             shift = _compensated(shift, others)
-            found[name][p.name] = _material(here, shift, effect.channels, floors, critique, p)
-    return found
+            sizes[name][p.name] = _material(here, shift, effect.channels, floors, critique, p)
+    return sizes
 
 
 def _compensated(shift: Parts, others: list[Parts]) -> Parts:
     """The part of a shift that the other parameters, refitted, do not take up."""
-    B = np.stack([one["all"] for one in others], axis=1)
+    B = np.stack([other["all"] for other in others], axis=1)
     size = np.linalg.norm(B, axis=0)
     use = np.flatnonzero(size > 0)
     share = np.linalg.lstsq(B[:, use] / size[use], shift["all"], rcond=1e-8)[0] / size[use]
@@ -175,8 +178,8 @@ def _material(
             without = _error(here[channel], channel)
             # the effect may have either sign
             moved = [here[channel] + sign * size * shift[channel] for sign in (1.0, -1.0)]
-            left_out = float(np.mean([_error(one, channel) for one in moved]))
-            unsure = float(np.mean([_rise_std(here[channel], one, channel) for one in moved]))
+            left_out = float(np.mean([_error(residual, channel) for residual in moved]))
+            unsure = float(np.mean([_rise_std(here[channel], residual, channel) for residual in moved]))
             least = max(s.material_share * left_out, s.material_floor * floors.get(channel, 1.0))
             if left_out - without >= least + POWER * unsure:
                 return True

@@ -52,13 +52,13 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     final = critique.ladder[-1][1]
     pairs = _pairs(critique)
     if pairs:
-        found: dict = {}
+        first_try: dict = {}
         for chosen, other in pairs:
             tried = _told_apart(critique, final, chosen, other, rng)
             if tried["states"]:
                 return tried
-            found = found or tried
-        return found
+            first_try = first_try or tried
+        return first_try
     scan = critique.discovery.last_scan
     ranked = [
         name

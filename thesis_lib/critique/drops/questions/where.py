@@ -161,12 +161,12 @@ def regions(
         return []
     score, null = _scores(z, masks, rng)
     score = score * np.where([len(rule) == 1 for rule in rules], 1.0, SIMPLER)
-    found, taken = [], np.zeros(len(z), bool)
+    worst, taken = [], np.zeros(len(z), bool)
     for i in np.argsort(-score, kind="stable"):
         inside = masks[i]
         plain = score[i] / (1.0 if len(rules[i]) == 1 else SIMPLER)
         p_value = float((1 + np.sum(null >= plain)) / (1 + len(null)))
-        if p_value > LEVEL or len(found) == MOST_REGIONS:
+        if p_value > LEVEL or len(worst) == MOST_REGIONS:
             break
         enough = min(np.sum(held_out & inside), np.sum(held_out & ~inside)) >= FEWEST_HELD_OUT
         told = held_out if enough else np.ones(len(z), bool)
@@ -177,7 +177,7 @@ def regions(
         if np.mean(taken[inside]) > OVERLAP or mean_in <= mean_out:
             continue
         taken |= inside
-        found.append(
+        worst.append(
             {
                 "rule": " and ".join(condition.text for condition in rules[i]),
                 "conditions": [vars(condition) for condition in rules[i]],
@@ -193,7 +193,7 @@ def regions(
                 "p_value": p_value,
             }
         )
-    return found
+    return worst
 
 
 def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -247,6 +247,6 @@ def _conditions(
         return float(f"{np.quantile(x, q):.2g}")
 
     cuts = [cut(q) for q in quantiles] + ([0.0] if signed else [])
-    found = [Condition(feature, absolute, None, c) for c in cuts]
-    found += [Condition(feature, absolute, c, None) for c in cuts]
-    return found + [Condition(feature, absolute, cut(a), cut(b)) for a, b in middles if cut(a) < cut(b)]
+    conditions = [Condition(feature, absolute, None, c) for c in cuts]
+    conditions += [Condition(feature, absolute, c, None) for c in cuts]
+    return conditions + [Condition(feature, absolute, cut(a), cut(b)) for a, b in middles if cut(a) < cut(b)]
