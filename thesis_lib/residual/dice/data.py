@@ -31,9 +31,10 @@ import pandas as pd
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.dice.settings import DiceDataSettings
-from thesis_lib.statistics.spread import robust_std
 
 ROBUST = 4.0  # standard deviations beyond which a sample counts as lost
+# four digits of statistics.spread's: thrown dice are chaotic, and with more the stored throws would be others
+MAD_TO_STD = 1.4826
 FINEST = 1e-9  # m, rad; simulated poses may have no noise at all
 
 
@@ -212,7 +213,7 @@ def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
     if not residuals or freedom < 1:
         raise UserError("No throw begins with a flight before its first hit.")
     # a lost frame in one throw must not blur all
-    limit = ROBUST * robust_std(np.concatenate(residuals))
+    limit = ROBUST * MAD_TO_STD * np.median(np.abs(np.concatenate(residuals)), axis=0)
     residuals = [np.clip(left, -limit, limit) for left in residuals]
     square = sum((left**2).sum(0) for left in residuals)
     rho = sum((left[1:] * left[:-1]).sum(0) for left in residuals) / np.maximum(square, 1e-300)

@@ -27,7 +27,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
-from thesis_lib.residual.dice.data import MeasuredContacts, Releases
+from thesis_lib.residual.dice.data import MAD_TO_STD, MeasuredContacts, Releases
 from thesis_lib.residual.dice.double_hits import hit_again
 from thesis_lib.residual.dice.fit import DiceModel, contact_path
 from thesis_lib.residual.dice.settings import DiceStudySettings
@@ -46,7 +46,6 @@ from thesis_lib.residual.throwing.contact_map import (
 from thesis_lib.residual.throwing.flight import first_touch, fly
 from thesis_lib.residual.throwing.propagation import LearnedImpact, Sampled, ScatteredLaw
 from thesis_lib.residual.throwing.throw import Throws, simulate_throws
-from thesis_lib.statistics.spread import robust_std
 
 FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
 KNOWN_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inertia")
@@ -162,7 +161,7 @@ def scattered(
     _, _, v_0, residual, c_n = contact_residuals(model, contacts, settings)
     relative = residual[:, 3:] * (velocity_error(v_0, model.k_g) / np.maximum(c_n, settings.slowest))[:, None]
     # means are not taken off: what is always missed is scatter, too
-    size = robust_std(relative)
+    size = MAD_TO_STD * np.median(np.abs(relative), axis=0)
     # as a wrench about the centre: the couple per normal impulse is k times the spin's share
     wrench = np.diag(size * [1.0, 1.0, model.k_g]) ** 2
     return Thrower(
