@@ -137,6 +137,7 @@ class Hma(Learner):
         pattern = np.array([[6.0, 2.0], [-4.0, -1.0], [1.0, 0.0]])
         shared = np.array([nnls(pattern, lag)[0][0] for lag in np.array(np.broadcast_arrays(*lags)).T])
         again = (samples.state[1:] - samples.next_state[:-1])[inside]
+        # 0.6745: four digits of statistics.spread's; with more every stored game of chapter 5 would be another
         reread = 0.5 * (np.median(np.abs(again), axis=0) / 0.6745) ** 2
         mean, _ = self.predict(samples.state, samples.action, samples.context, self.resp).moments()
         most = (np.median(np.abs(samples.next_state - mean), axis=0) / 0.6745) ** 2
