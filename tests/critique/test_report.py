@@ -13,7 +13,8 @@ from report_pages import DIAGNOSIS, FAULT, Page, page_of, scripts
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.questions.where import where as all_regions
-from thesis_lib.critique.results.numbers import ladder_table, rung_title
+from thesis_lib.critique.results.numbers import ladder_table
+from thesis_lib.critique.results.titles import rung_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.pictures import NAMES, pictures
 from thesis_lib.report.critique import effects as report_effects

@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from thesis_lib.critique.results.numbers import handy_unit
+from thesis_lib.critique.results.titles import handy_unit
 from thesis_lib.figures.style import house_style
 from thesis_lib.pages import element
 from thesis_lib.statistics.intervals import Z95

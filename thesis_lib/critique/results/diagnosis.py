@@ -21,15 +21,15 @@
 import numpy as np
 import pandas as pd
 
-from thesis_lib.statistics.bootstrap import bootstrap_mean
 from thesis_lib.critique.drops.criticise import Critique, gain_of
-from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.held_out import CHANNELS, is_material
+from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
-from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
+from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 WORST = 5  # impacts that are listed where single ones spoil the mean
 

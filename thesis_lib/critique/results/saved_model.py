@@ -17,12 +17,12 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import Model
-from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes, regular_size
+from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.foundation.settings import Section
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")

@@ -8,10 +8,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from thesis_lib.statistics.wording import listed
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.words import (CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed)
+from thesis_lib.critique.drops.words import (
+    CHANNEL_TEXT,
+    NAMED,
+    alternatives_listed,
+    feature_text,
+    reasons_listed,
+)
 from thesis_lib.effects import EFFECTS
+from thesis_lib.statistics.wording import listed
 
 MUCH_LEFT_OUT = 0.2  # share of the impacts above which the verdict says so
 

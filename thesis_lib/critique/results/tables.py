@@ -19,23 +19,23 @@ largest 2 % of the errors are left aside, because a single missed hit would else
 import numpy as np
 import pandas as pd
 
-from thesis_lib.statistics.bootstrap import bootstrap_mean
-from thesis_lib.foundation.columns import explain
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import residual_couple, velocity_error
-from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.questions.flight_residuals import flight_table
 from thesis_lib.critique.drops.held_out import Judgement
-from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.questions.class_tests import velocities
+from thesis_lib.critique.drops.questions.flight_residuals import flight_table
+from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.synthetic import synthesise
 from thesis_lib.critique.selection.search import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.foundation.columns import explain
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import fit_individual
+from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 DRAWS = 999  # resamples of trials for an interval
 SYNTHETIC = 4  # datasets made by the base law, averaged

@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.words import reason_text
-from thesis_lib.critique.results.numbers import FEATURE_LABEL, unit_of
 from thesis_lib.critique.results.tables import left_out_impacts
+from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 

@@ -15,16 +15,12 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.results.numbers import (
     BASE_NAMES,
-    GREEK,
     compensated,
-    effect_title,
-    handy_unit,
     ladder_table,
     law_errors,
-    law_title,
     parameter_table,
-    rung_title,
 )
+from thesis_lib.critique.results.titles import GREEK, effect_title, handy_unit, law_title, rung_title
 from thesis_lib.figures.law_style import LAW_STYLE
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95, clustered_mean

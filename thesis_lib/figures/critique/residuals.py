@@ -19,7 +19,8 @@ from thesis_lib.critique.drops.questions.flight_residuals import (
     flight_table,
     relative_residuals,
 )
-from thesis_lib.critique.results.numbers import FEATURE_LABEL, bin_of, contact_residuals, dependence
+from thesis_lib.critique.results.residual_numbers import bin_of, contact_residuals, dependence
+from thesis_lib.critique.results.titles import FEATURE_LABEL
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique.where import axis_label
 from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from thesis_lib.critique.proof.summary import TARGETS, WIDEST
-from thesis_lib.critique.results.numbers import symbol
+from thesis_lib.critique.results.titles import symbol
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.proof.style import SOURCE_TITLE, in_order, say_not_run, sources_in, words
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure

@@ -11,17 +11,9 @@ from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
-from thesis_lib.critique.results.numbers import (
-    MATERIAL,
-    MOVED,
-    compensated,
-    effect_title,
-    law_title,
-    moved_little,
-    new_law,
-    symbol,
-)
+from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated, moved_little
 from thesis_lib.critique.results.summary import possible_faults
+from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.critique.tables import sizes
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, table

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
 from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, WHEEL_EFFECTS
-from thesis_lib.critique.results.numbers import symbol
+from thesis_lib.critique.results.titles import symbol
 from thesis_lib.figures.style import Drawn, save_figure
 from thesis_lib.foundation.files import write_json, write_result, write_text
 from thesis_lib.report.critique.skeleton import critique_page

@@ -11,7 +11,8 @@ from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
-from thesis_lib.critique.results.numbers import effect_title, law_title, parameter_table, symbol
+from thesis_lib.critique.results.numbers import parameter_table
+from thesis_lib.critique.results.titles import effect_title, law_title, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.elements import amount, estimate, interval, percent, plus_minus, table
 from thesis_lib.statistics.wording import listed, number

@@ -9,8 +9,9 @@ from markupsafe import Markup
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
-from thesis_lib.critique.results.numbers import law_errors, law_title, symbol
+from thesis_lib.critique.results.numbers import law_errors
 from thesis_lib.critique.results.summary import MUCH_LEFT_OUT
+from thesis_lib.critique.results.titles import law_title, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
 from thesis_lib.report.critique.effects import capital
