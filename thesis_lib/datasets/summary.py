@@ -1,7 +1,7 @@
-"""What a dataset holds and what detection makes of it, as numbers and as text: the answer of the check command.
+"""What a dataset holds and which impacts are detected in it, as numbers and as text, for the check command.
 
-A dataset can be well formed and still useless, because no impact is found in it or none touches the surface; so the
-answer holds what the pipeline will use, not only what the files say.
+A well-formed dataset is useless if no impact is found in it, or if none touches the surface.  The summary therefore
+says what the pipeline will use, and not only what the files hold.
 """
 
 from dataclasses import replace
@@ -34,8 +34,8 @@ def check_dataset(
     return dataset, find_impacts(replace(dataset, impacts=None), settings)
 
 
-def summarise(dataset: Dataset, found: FoundImpacts | None = None) -> dict:
-    """Counts, ranges, body and warnings of a dataset, and what was found in its trajectories, ready for JSON."""
+def summarise(dataset: Dataset, detection: FoundImpacts | None = None) -> dict:
+    """Counts, ranges, body and warnings of a dataset, and the impacts detected in its trajectories, ready for JSON."""
     header = dataset.header
     result: dict = {
         "dataset": dataset.name,
@@ -65,8 +65,8 @@ def summarise(dataset: Dataset, found: FoundImpacts | None = None) -> dict:
             "flagged": int((impacts["flags"] != "").sum()) if "flags" in impacts else 0,
             "range": _ranges(impacts, STATE),
         }
-    if found is not None:
-        result["detection"] = found.summary()
+    if detection is not None:
+        result["detection"] = detection.summary()
     return result
 
 
@@ -74,9 +74,9 @@ def _ranges(table, names) -> dict[str, list[float]]:
     return {name: [float(np.min(table[name])), float(np.max(table[name]))] for name in names}
 
 
-def summary_text(dataset: Dataset, found: FoundImpacts | None = None) -> str:
+def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str:
     """`summarise` for reading."""
-    facts, body = summarise(dataset, found), dataset.header.body
+    facts, body = summarise(dataset, detection), dataset.header.body
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
     mass = "mass not given" if body.mass is None else f"mass {body.mass:g} kg"
     lines.append(
@@ -104,7 +104,7 @@ def summary_text(dataset: Dataset, found: FoundImpacts | None = None) -> str:
         lines += _range_lines(part["range"])
     if (part := facts.get("detection")) is not None:
         lines += _detection_lines(part, noise or {}, given=dataset.impacts is not None)
-    warnings = [*dataset.warnings, *(found.warnings if found is not None else ())]
+    warnings = [*dataset.warnings, *(detection.warnings if detection is not None else ())]
     lines += [f"warning {i}: {problem}" for i, problem in enumerate(warnings, 1)]
     lines.append(
         "The dataset is valid." if not warnings else "The dataset is valid, with the warnings above."

@@ -38,7 +38,14 @@ BLOCK = 16_384  # misfits at a time: some thirty arrays of 128 KiB; larger ones 
 
 @dataclass(frozen=True)
 class Target:
-    """What identification needs of n measured impacts: computed once, used for every law and parameter."""
+    """What identification needs of n measured impacts: computed once, used for every law and parameter.
+
+    Attributes:
+        space: contact space of the impacts.
+        c_t, c_n: (n,) measured impulse c_irb, N s.
+        unreachable: (n,) m/s, part of Δv that no impulse through the contact point can give (kinetic norm).
+        mass: kg.
+    """
 
     space: ContactSpace
     c_t: np.ndarray
@@ -68,13 +75,13 @@ def target_of(impacts: Impacts, weighting: Weighting = "kinetic") -> Target:
 
 def _unweighted_impulse(impacts: Impacts) -> tuple[np.ndarray, np.ndarray]:
     """argmin_c ‖Δv − M⁻¹ Jᵀ c‖ with ω in rad/s."""
-    one, zero = np.ones(len(impacts)), np.zeros(len(impacts))
+    unit, zero = np.ones(len(impacts)), np.zeros(len(impacts))
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     # columns of A = M⁻¹ Jᵀ, (n, 3, 2)
     A = np.stack(
         [
-            velocity_change(one, zero, impacts.r, **body),
-            velocity_change(zero, one, impacts.r, **body),
+            velocity_change(unit, zero, impacts.r, **body),
+            velocity_change(zero, unit, impacts.r, **body),
         ],
         axis=-1,
     )

@@ -9,8 +9,8 @@
 The net energy falls at an impact, and stays from just after it to just before the next one of the same trial.  Arcs
 keep their energy by construction; the test compares two arcs, fitted at either end of a flight to other samples, so
 it only counts flights that are long enough for both windows to be apart.
-Both rows are evaluated on all impacts of a dataset, so that nothing selects them by what is tested.  The ellipse
-impacts are no evidence for the fall: the authors kept those drops whose contact-space energy falls.
+Both rows are evaluated on all impacts of a dataset, so that the test does not select its own data.  The ellipse impacts
+are no evidence for the fall: the authors kept only drops whose contact-space energy falls.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.statistics.intervals import mean_of, share_of
 
 WINDOWS = 2 * ArcSettings().max_window  # samples of the two arcs of a flight: a longer one shares none
-FEWEST = 5  # flights: a standard error of fewer means nothing
+FEWEST = 5  # flights: the standard error of fewer means nothing
 
 
 def rest_height(shape: Shape, height: float = 0.0) -> float:

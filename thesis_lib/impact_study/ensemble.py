@@ -39,6 +39,11 @@ class EnsembleFit:
     at_bound: tuple[str, ...]
     replicates: np.ndarray
 
+    def columns(self) -> dict[str, object]:
+        """One row of a table: all but the replicates, `at_bound` as text."""
+        names = ("mu", "mu_std", "epsilon", "epsilon_std", "cost", "n", "n_failed")
+        return {name: getattr(self, name) for name in names} | {"at_bound": ";".join(self.at_bound)}
+
 
 def fit_ensemble(
     law: Law,

@@ -58,8 +58,9 @@ def fit_individual(law: Law, target: Target, metric: Metric) -> IndividualFit:
             mu[:, rows], epsilon[:, rows] = _starts(law, target[rows], metric)
         for start in range(STARTS):
             for rows in _blocks(n, DENSE[0] * DENSE[1]):
-                found = _search(law, target[rows], metric, mu[start, rows], epsilon[start, rows])
-                mu[start, rows], epsilon[start, rows], error[start, rows] = found
+                mu[start, rows], epsilon[start, rows], error[start, rows] = _search(
+                    law, target[rows], metric, mu[start, rows], epsilon[start, rows]
+                )
     # equally good up to rounding: the lower μ, so that the choice does not hang on the last bit
     slack = SAME * misfit_of_impulse(target, 0.0, 0.0, metric)
     best = np.argmin(np.where(error <= error.min(axis=0) + slack, mu, np.inf), axis=0)
@@ -157,9 +158,12 @@ def _round(
     d_mu, d_epsilon = mus[i_1, columns] - mus[i_0, columns], epsilons[j_1, columns] - epsilons[j_0, columns]
     A_tm, A_nm = ((c[i_1, j, columns] - c[i_0, j, columns]) / d_mu for c in (c_t, c_n))
     A_te, A_ne = ((c[i, j_1, columns] - c[i, j_0, columns]) / d_epsilon for c in (c_t, c_n))
-    left_t, left_n = target.c_t - c_t[i, j, columns], target.c_n - c_n[i, j, columns]
+    missing_t, missing_n = target.c_t - c_t[i, j, columns], target.c_n - c_n[i, j, columns]
     det = A_tm * A_ne - A_te * A_nm
-    step_mu, step_epsilon = (A_ne * left_t - A_te * left_n) / det, (A_tm * left_n - A_nm * left_t) / det
+    step_mu, step_epsilon = (
+        (A_ne * missing_t - A_te * missing_n) / det,
+        (A_tm * missing_n - A_nm * missing_t) / det,
+    )
     tried_mu = np.clip(mu + STEPS * step_mu, 0.0, MU_MAX)
     tried_epsilon = np.clip(epsilon + STEPS * step_epsilon, 0.0, 1.0)
     tried = misfit(law, target, tried_mu, tried_epsilon, metric)

@@ -12,9 +12,9 @@
 | flatness_mu, _epsilon      | some | width of the shortest interval with half of the values over their 95 % quantile |
 
 Flatness is 0.53 for an even density from 0 up, and 0.12 for a Gaussian whose spread is a tenth of its mean.
-`law` is one of `FOLLOWED` where only some have the row.  All are descriptions of the impacts that were fitted one by
-one, training and held-out ones alike; nothing is predicted here.  Values that do not exist (no impact has μ = 0, a
-group has a single impact) are left out.
+`law` is one of `FOLLOWED` where only some laws have the row.  All rows describe the impacts that were fitted one by
+one, training and held-out alike; nothing is predicted.  Values that do not exist are left out (no impact has μ = 0, a
+group has a single impact).
 """
 
 import numpy as np
@@ -73,7 +73,7 @@ def _of_one_law(law: str, each: pd.DataFrame, r_x: np.ndarray, fit: pd.Series) -
 
 
 def epsilon_modes(epsilon: np.ndarray) -> tuple[float, int]:
-    """Where the density of ε peaks, and how many peaks exceed a tenth of the highest."""
+    """Where the density of the ε (n,) peaks, and how many peaks exceed a tenth of the highest."""
     from scipy.signal import find_peaks
     from scipy.stats import gaussian_kde
 
@@ -87,7 +87,7 @@ def epsilon_modes(epsilon: np.ndarray) -> tuple[float, int]:
 
 
 def flatness(values: np.ndarray) -> float:
-    """Width of the shortest interval that holds half of n ≥ 0 values, over their 95 % quantile (0 if that is 0)."""
+    """Width of the shortest interval with half of the values (n,) ≥ 0, over their 95 % quantile (0 if that is 0)."""
     ordered = np.sort(values)
     half = (len(ordered) + 1) // 2
     shortest = float(np.min(ordered[half - 1 :] - ordered[: len(ordered) - half + 1]))

@@ -81,9 +81,9 @@ def statements(
         predicted = _prediction(target.space, str(law), fit["mu"], fit["epsilon"])
         rows.append(("predicted_back_spin", law, *share_of(reverses(target.space, *predicted)), "1"))
         rows.append(("predicted_beyond_sticking", law, *share_of(crosses(target.space, *predicted)), "1"))
-        own = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
+        at_ensemble = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
         steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
-        rows.append(("steep_friction", law, *mean_of(steep - own), "m/s"))
+        rows.append(("steep_friction", law, *mean_of(steep - at_ensemble), "m/s"))
     rows += _over_best_post_hoc(errors)
     rows += individual_rows(impacts, individual, ensemble)
     table = pd.DataFrame(rows, columns=["statement", "law", "value", "std", "unit"])
@@ -91,14 +91,14 @@ def statements(
 
 
 def reverses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """1.0 where the impulse changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN: no impulse."""
+    """1.0 (n,) where the impulse (n,) changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN: no impulse."""
     # a stuck contact has v_t⁺ = 0 up to rounding
     changes = space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)
     return np.where(np.isfinite(c_t + c_n), changes, np.nan)
 
 
 def crosses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-    """1.0 where the impulse lies beyond the line of sticking, else 0.0; NaN: no impulse."""
+    """1.0 (n,) where the impulse (n,) lies beyond the line of sticking, else 0.0; NaN: no impulse."""
     beyond = beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)
     return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
 
@@ -162,7 +162,7 @@ def _over_best_post_hoc(errors: pd.DataFrame) -> list[tuple[str, str, float, flo
     for laws in (VARIANTS["as_defined"], VARIANTS["as_published"]):  # the later one counts
         best = best_post_hoc(wide[list(laws)].to_numpy())[1]
         rows |= {law: mean_of(wide[law].to_numpy() - best) for law in laws}
-    return [("over_best_post_hoc", law, *found, "m/s") for law, found in rows.items()]
+    return [("over_best_post_hoc", law, *mean_and_std, "m/s") for law, mean_and_std in rows.items()]
 
 
 def _small_momentum(held_out: Impacts, errors: pd.DataFrame) -> tuple[float, float]:

@@ -64,17 +64,15 @@ def agreement(impacts: Impacts, stored: pd.DataFrame) -> pd.DataFrame:
             out = LAWS[name](impacts.v_pre + GRAVITY_STEP, impacts.r, **body, mu=mu, epsilon=fed)
             ours = np.stack(measured_impulse(out.v_post - impacts.v_pre, impacts.r, **body), axis=1)
             distance = np.linalg.norm(ours - theirs, axis=1)
-            rows.append(
-                {
-                    "law": law,
-                    "variant": "as_published" if name == published else "as_defined",
-                    "mu": mu,
-                    "epsilon": epsilon,
-                    "median": np.median(distance),
-                    "quantile_95": np.quantile(distance, 0.95),
-                    "n": len(distance),
-                }
-            )
+            variant = "as_published" if name == published else "as_defined"
+            row = {
+                "law": law,
+                "variant": variant,
+                "mu": mu,
+                "epsilon": epsilon,
+                "median": np.median(distance),
+            }
+            rows.append(row | {"quantile_95": np.quantile(distance, 0.95), "n": len(distance)})
     return pd.DataFrame(rows)
 
 
@@ -89,9 +87,8 @@ def cost_at_published(impacts: Impacts) -> pd.DataFrame:
     for law, name in zip(SIX_LAWS, SIX_AS_PUBLISHED):
         published = float(misfit(LAWS[name], target, *TABLE_3_1[law], "impulse").mean())
         best = fit_ensemble(LAWS[name], target, "impulse").cost
-        rows.append(
-            {"law": law, "cost_published": published, "cost_best": best, "excess": published / best - 1.0}
-        )
+        excess = published / best - 1.0
+        rows.append({"law": law, "cost_published": published, "cost_best": best, "excess": excess})
     return pd.DataFrame(rows)
 
 
@@ -107,19 +104,8 @@ def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
         stream = generator(seed, "published_parameters", law)
         fed = _with_gravity_step(law, LAWS[name])
         fit = fit_ensemble(fed, target, "impulse", trials=impacts.trial, bootstrap=REPLICATES, rng=stream)
-        rows.append(
-            {
-                "law": law,
-                "mu": fit.mu,
-                "mu_std": fit.mu_std,
-                "epsilon": fit.epsilon,
-                "epsilon_std": fit.epsilon_std,
-                "cost": fit.cost,
-                "n": fit.n,
-                "at_bound": ";".join(fit.at_bound),
-            }
-        )
-    return pd.DataFrame(rows)
+        rows.append({"law": law, **fit.columns()})
+    return pd.DataFrame(rows).drop(columns="n_failed")
 
 
 def _target_after_gravity(impacts: Impacts) -> Target:

@@ -1,8 +1,8 @@
 """The impact study of chapter 3: from impacts to parameters, held-out errors and predictive ranges, as tables.
 
-Training and held-out impacts are apart everywhere: `split_trials` draws the training trials, ensemble parameters are
-identified on them, and every error and every best/worst count comes from the other trials.  Individual parameters
-and predictive ranges are descriptions of single impacts, not predictions; they use all impacts.
+Training and held-out impacts are kept apart.  `split_trials` draws the training trials, ensemble parameters are
+identified on them, and every error and every best/worst count comes from the other trials.  Individual parameters and
+predictive ranges describe single impacts and predict nothing; they use all impacts.
 """
 
 from collections.abc import Iterable, Sequence
@@ -56,7 +56,7 @@ def select_impacts(
 
 
 def split_table(impacts: Impacts, train: np.ndarray) -> pd.DataFrame:
-    """Which impacts are studied, and which of them are for training."""
+    """Which impacts are studied, and which of them the mask `train` (n,) takes for training."""
     return pd.DataFrame({"trial": impacts.trial, "impact": impacts.impact, "train": train.astype(int)})
 
 
@@ -87,20 +87,7 @@ def ensemble_table(
             fit = fit_ensemble(
                 LAWS[name], target, metric, trials=impacts.trial, bootstrap=bootstrap, rng=stream
             )
-            rows.append(
-                {
-                    "law": name,
-                    "weighting": weighting,
-                    "mu": fit.mu,
-                    "mu_std": fit.mu_std,
-                    "epsilon": fit.epsilon,
-                    "epsilon_std": fit.epsilon_std,
-                    "cost": fit.cost,
-                    "n": fit.n,
-                    "n_failed": fit.n_failed,
-                    "at_bound": ";".join(fit.at_bound),
-                }
-            )
+            rows.append({"law": name, "weighting": weighting, **fit.columns()})
     return pd.DataFrame(rows)
 
 
@@ -121,16 +108,8 @@ def convergence_table(
         for subset, order in enumerate(orders):
             for k in sorted({min(k, len(impacts)) for k in sizes}):
                 fit = fit_ensemble(LAWS[name], target[order[:k]], metric)
-                rows.append(
-                    {
-                        "law": name,
-                        "subset": subset,
-                        "k": k,
-                        "mu": fit.mu,
-                        "epsilon": fit.epsilon,
-                        "cost": fit.cost,
-                    }
-                )
+                best = {"mu": fit.mu, "epsilon": fit.epsilon, "cost": fit.cost}
+                rows.append({"law": name, "subset": subset, "k": k, **best})
     return pd.DataFrame(rows)
 
 
@@ -230,7 +209,6 @@ def coverage_table(impacts: Impacts, laws: Iterable[str]) -> pd.DataFrame:
     rows = []
     for name in laws:
         share = covered_share(LAWS[name], space)
-        rows.append(
-            {"law": name, "share": share.mean(), "share_std": share.std(ddof=1) / np.sqrt(len(share))}
-        )
+        share_std = share.std(ddof=1) / np.sqrt(len(share))
+        rows.append({"law": name, "share": share.mean(), "share_std": share_std})
     return pd.DataFrame(rows)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS, Impacts
+from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
@@ -140,6 +140,3 @@ def unwrap(theta: np.ndarray, trial: np.ndarray) -> np.ndarray:
     start[0] = True
     carried = total[start][np.cumsum(start) - 1]
     return theta + 2.0 * np.pi * (total - carried)
-
-
-__all__ = ["IMPACT_COLUMNS", "TRAJECTORY_COLUMNS", "Dataset", "median_step", "unwrap"]

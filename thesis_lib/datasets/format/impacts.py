@@ -5,7 +5,7 @@ before and just after, and the contact point r = (r_x, r_y) from the body origin
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -64,19 +64,9 @@ class Impacts:
     def select(self, rows: np.ndarray | Sequence[int]) -> "Impacts":
         """The impacts at `rows` (indices or a mask), in that order."""
         rows = np.asarray(rows)
-        return Impacts(
-            trial=self.trial[rows],
-            impact=self.impact[rows],
-            q=self.q[rows],
-            v_pre=self.v_pre[rows],
-            v_post=self.v_post[rows],
-            r=self.r[rows],
-            k_g=self.k_g,
-            mass=self.mass,
-            t=self.t[rows],
-            cov=None if self.cov is None else self.cov[rows],
-            flags=self.flags[rows],
-        )
+        names = ("trial", "impact", "q", "v_pre", "v_post", "r", "t", "flags")
+        arrays = {name: getattr(self, name)[rows] for name in names}
+        return replace(self, **arrays, cov=None if self.cov is None else self.cov[rows])
 
     def sample(self, count: int | None, rng: np.random.Generator) -> "Impacts":
         """At most `count` of the impacts, drawn at random, in their order; None for all."""

@@ -122,7 +122,7 @@ class Samples:
 def make_samples(
     trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings
 ) -> Samples:
-    """Sort poses by trial and time, and mark the runs without a gap in time."""
+    """Poses of `trial` (N,), `t` (N,) in s and `q` (N, 3) in m, m, rad, in any order: sorted, with runs marked."""
     trial, t, q = np.asarray(trial), np.asarray(t, float), np.asarray(q, float)
     order = np.lexsort((t, trial))
     trial, t, q = trial[order], t[order], q[order]

@@ -1,7 +1,7 @@
-"""From trajectories to impacts: the driver of detection, arc fits, noise estimate and quality tests.
+"""From trajectories to impacts: detection, arc fits, noise estimate and quality tests, in this order.
 
-The steps, each for all impacts at once: sort and find gaps (`samples`), mask glitches and detect (`spikes`), fit
-two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`), fit again with it, test
+Each step handles all impacts at once: sort the samples and find gaps (`samples`), mask glitches and detect (`spikes`),
+fit two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`), fit again with it, and test
 (`quality`).  Impacts that cannot be measured are left out with a reason; the others carry a covariance.
 """
 
@@ -51,15 +51,15 @@ class FoundImpacts:
 
     Attributes:
         impacts: the usable ones, with t, cov and flags.
-        left_out: columns trial, impact, t, reason, detail; reasons are listed in `quality`, and `energy_gain` is that
-            of rows of impacts.csv which are no measurement.
+        left_out: columns trial, impact, t, reason, detail.  Reasons are listed in `quality`; rows of impacts.csv that
+            gain more energy than any impact can have the reason `energy_gain`.
         arcs: a row per detected impact, used or not, with `ARC_COLUMNS` (s, m, rad; chi2_* per degree of freedom).
         noise: see `NoiseEstimate`.
         glitches: columns trial, t: samples masked as tracking glitches.
         samples: the poses in which the impacts were found, sorted by trial and time, without those masked; None where
             impacts.csv was given.
-        masked: (N,) which of the samples, sorted by trial and time, detection took no notice of: the glitches, and
-            ends of records that stand out; none where impacts.csv was given.
+        masked: (N,) which of all samples, sorted by trial and time, were left aside: glitches, and ends of records
+            that stand out; empty where impacts.csv was given.
         warnings: sentences for the user.
     """
 
@@ -95,9 +95,9 @@ class FoundImpacts:
 def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> FoundImpacts:
     """Impacts of a dataset.
 
-    Where the user gives impacts.csv it is taken as it is, even if there are trajectories too: who measured
-    impacts by better means should not have them replaced by our fits.  Their covariance is then that of the
-    header's noise (diagonal), or the table's own columns, or None.
+    Where there is an impacts.csv, its impacts are taken as they are, even beside trajectories: impacts measured by
+    better means should not be replaced by our fits.  Their covariance is that of the table's columns, else the
+    diagonal of the header's noise, else None.
 
     Args:
         dataset: with `header`, and `impacts` (Impacts, table or None) and `trajectories` (table or None).
@@ -115,16 +115,16 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
             f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them."
         )
     table, header = dataset.trajectories, dataset.header
-    found = find_in_arrays(
+    detected = find_in_arrays(
         table["trial"].to_numpy(),
         table["t"].to_numpy(float),
         table[["x", "y", "theta"]].to_numpy(float),
         header,
         settings,
     )
-    if wrong := contradictions(header.body.shape, header.surface.height, found.impacts.q):
+    if wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q):
         raise DatasetError(dataset.name, wrong)
-    return found
+    return detected
 
 
 def find_in_arrays(
@@ -225,7 +225,7 @@ def _detection_warnings(
 
 
 def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
-    """Those inside a run: the first or last sample of one may as well lie beyond a hit, and is only masked."""
+    """Glitches inside a run; its first or last sample may as well lie beyond a hit, and is masked without a report."""
     inside = np.zeros(len(samples), bool)
     inside[1:-1] = samples.run[2:] == samples.run[:-2]
     return pd.DataFrame({"trial": samples.trial[glitch & inside], "t": samples.t[glitch & inside]})
@@ -285,7 +285,7 @@ def _arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.n
 
 
 def _impossible(given: Impacts) -> np.ndarray:
-    """Mask (n,) of impacts that gain energy beyond any noise, law or moving surface: rows that are no measurement."""
+    """Mask (n,) of impacts that gain energy beyond any noise, law or moving surface: they cannot be measurements."""
     before, after = (
         np.sqrt(((v * [1.0, 1.0, given.k_g]) ** 2).sum(axis=1)) for v in (given.v_pre, given.v_post)
     )

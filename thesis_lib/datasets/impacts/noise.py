@@ -1,11 +1,11 @@
 """Measurement noise from trajectories: third differences first, then the residuals of the arcs.
 
-Third differences of white noise have 20 times its variance and hold nothing of a parabola; their median size
-over all samples does not see the few that span an impact.  The residuals of arcs fitted to the flights give
-the final value, and show what third differences are blind to: slow errors of a tracker.  These make residuals
-of neighbouring samples alike, and fitted velocities worse than white noise of the same size would,
+Third differences of white noise have 20 times its variance, and those of a parabola vanish.  Their median size over all
+samples ignores the few that span an impact.  Residuals of the arcs fitted to the flights give the final value.  They
+also show slow errors of a tracker, which third differences cannot see.  Slow errors make the residuals of neighbouring
+samples alike, and fitted velocities worse than white noise of the same size would:
 
-    var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1), lag-one correlation ρ)
+    var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1) noise, lag-one correlation ρ)
 
 | on paper | in code  | unit      | shape |                                                    |
 |----------|----------|-----------|-------|----------------------------------------------------|
@@ -30,9 +30,8 @@ _MIN_ARC_SAMPLES = 8
 _LONG_ARC_SAMPLES = 16  # used alone if there are enough: short ones are rattle, and hide correlation
 _MAX_LAG1 = 0.8  # beyond, an arc of 25 samples holds too little to tell noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
-CONTRADICTED = (
-    2.0  # ratio of stated noise to that of the arcs, known to 10 %, beyond which it is not believed
-)
+# ratio of the noise stated to that of the arcs (known to 10 %) beyond which it is not believed
+CONTRADICTED = 2.0
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
 
@@ -65,6 +64,7 @@ class NoiseEstimate:
 
 
 def stated_sigma(header: Header) -> np.ndarray:
+    """Noise (3,) of x, y, θ as the header states it, in m, m, rad; NaN where it states none."""
     noise = header.noise
     values = (None, None) if noise is None else (noise.position, noise.angle)
     position, angle = (np.nan if value is None else value for value in values)
@@ -72,7 +72,13 @@ def stated_sigma(header: Header) -> np.ndarray:
 
 
 def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> NoiseEstimate:
-    """Noise from the residuals of all long arcs: a median over arcs, so that bad arcs do not count."""
+    """Noise from the residuals of all long arcs: a median over arcs, so that bad arcs do not count.
+
+    Args:
+        fits: of all detected impacts.
+        rough: (3,) m, m, rad; used where there are too few arcs.
+        stated: (3,) m, m, rad, of the header; NaN where it states none.
+    """
     n = np.maximum(fits.n_side, 4)
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
@@ -121,17 +127,25 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) ->
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
         return np.zeros(3)
-    found = robust_std(fits.curvature[long]) ** 2
+    scatter = robust_std(fits.curvature[long]) ** 2
     noise = np.median(1.0 / fits.bow2[long], axis=0)[..., None] * sigma**2 * colour
     # the variance from a median has the relative error 2.3/√n; below a clear excess there is nothing to add
-    clear = found > noise * (1.3 + 3.0 * 2.3 / np.sqrt(long.sum()))
-    return np.sqrt(np.where(clear, found - noise, 0.0))
+    clear = scatter > noise * (1.3 + 3.0 * 2.3 / np.sqrt(long.sum()))
+    return np.sqrt(np.where(clear, scatter - noise, 0.0))
 
 
 def estimate_spread(
     fits: ArcFits, k_g: float, assumed: np.ndarray, noise: NoiseEstimate, settings: ArcSettings
 ) -> float:
-    """s from how far free arcs miss each other, beyond noise: (miss/|Δv|)² is Rayleigh, 2 of 3 dimensions."""
+    """s (in s) from how far free arcs miss each other beyond noise: miss/|Δv| is Rayleigh, 2 of 3 dimensions.
+
+    Args:
+        fits: of all detected impacts, made with s = 0.
+        k_g: m, radius of gyration.
+        assumed: (3,) noise of x, y, θ in m, m, rad with which they were made.
+        noise: as estimated from them.
+        settings: see `ArcSettings`.
+    """
     rescale = np.max(noise.used**2 * noise.colour / assumed**2)
     dv = np.sqrt((((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g]) ** 2).sum(1))
     good = (fits.n_side >= _MIN_ARC_SAMPLES).all(1) & fits.converged & (dv > settings.min_jump)
@@ -150,33 +164,32 @@ def estimate_spread(
 def noise_warnings(
     noise: NoiseEstimate, stated: np.ndarray, glitches: pd.DataFrame, settings: ArcSettings
 ) -> tuple[str, ...]:
-    """Sentences for the user about noise and glitches (columns trial, t)."""
-    found = []
-    for name, unit, have, say, used in zip(
-        ("x", "y", "theta"), ("m", "m", "rad"), noise.sigma, stated, noise.stated
-    ):
-        ratio = have / say
+    """Sentences for the user about noise and glitches (columns trial, t); `stated` (3,) is the header's noise."""
+    sentences = []
+    units = {"x": "m", "y": "m", "theta": "rad"}
+    for (name, unit), scatter, said, believed in zip(units.items(), noise.sigma, stated, noise.stated):
+        ratio = scatter / said
         if np.isfinite(ratio) and not 1.0 / settings.noise_ratio <= ratio <= settings.noise_ratio:
-            found.append(
-                f"dataset.yaml states noise of {say:.3g} {unit} for {name}, but its samples scatter by {have:.3g} "
-                f"{unit} about the arcs; the {'value of the arcs' if np.isnan(used) else 'stated value'} is used. "
+            sentences.append(
+                f"dataset.yaml states noise of {said:.3g} {unit} for {name}, but its samples scatter by {scatter:.3g} "
+                f"{unit} about the arcs; the {'value of the arcs' if np.isnan(believed) else 'stated value'} is used. "
                 "Correct it, or delete it to use the estimate."
             )
     if (noise.colour > 1.0).any():
-        found.append(
-            "The noise of neighbouring samples is correlated (lag-one correlation of x, y, theta: "
-            + ", ".join(f"{value:.2f}" for value in noise.lag1)
-            + "); the covariances of the impacts are widened accordingly."
+        correlations = ", ".join(f"{value:.2f}" for value in noise.lag1)
+        sentences.append(
+            f"The noise of neighbouring samples is correlated (lag-one correlation of x, y, theta: {correlations}); "
+            "the covariances of the impacts are widened accordingly."
         )
     if noise.stray.any():
-        found.append(
-            "In flight the body accelerates by more than gravity (one sigma of x, y, theta: "
-            + ", ".join(f"{value:.2g}" for value in noise.stray)
-            + " m/s², m/s², rad/s²: air, guides, cables or a tilt); the arcs allow for it."
+        sizes = ", ".join(f"{value:.2g}" for value in noise.stray)
+        sentences.append(
+            f"In flight the body accelerates by more than gravity (one sigma of x, y, theta: {sizes} m/s², m/s², "
+            "rad/s²: air, guides, cables or a tilt); the arcs allow for it."
         )
     if len(glitches):
-        found.append(
+        sentences.append(
             f"{len(glitches)} single samples in {glitches['trial'].nunique()} trials stand out like tracking "
             "glitches and were treated as lost frames."
         )
-    return tuple(found)
+    return tuple(sentences)

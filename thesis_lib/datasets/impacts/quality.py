@@ -162,8 +162,8 @@ def assess_arcs(
 def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
     """Time (n,) in s from the impact of a polygon's lowest corner to that of the next one; ∞ for other shapes.
 
-    From the state before the impact only, for impulses without friction, and the longest of those for little and for
-    much restitution: the pair is one hit in the samples, whatever the contact is like.
+    It follows from the state before the impact, for impulses without friction; of the times for little and for much
+    restitution the longer counts.  A pair within that time is one hit in the samples, whatever the contact is like.
     """
     wait = np.full(len(fits), np.inf)
     if not isinstance(header.body.shape, Polygon):

@@ -1,19 +1,21 @@
 """Spikes of the second derivative: detection of impacts, and of tracking glitches (thesis section 3.4).
 
-An impact is a spike in the second derivative of the pose, gravity removed.  The detector is the matched filter
-for it: at every instant between two samples the jump of velocity between line fits to w samples on either side,
+An impact is a spike in the second derivative of the pose, gravity removed.  The detector is the matched filter for it.
+At every instant between two samples it takes the jump of velocity between lines through w samples on either side,
 
     T = Σ_i (slope_i^right − slope_i^left)² / var_i,    i = x, y + g t²/2, θ,
 
-which is chi² with 3 degrees of freedom where the body flies freely.  Instants at which T peaks above a
-threshold are impacts.  It runs from fine to coarse w; each pass treats the impacts found so far as the ends of
-a trial, so that strong hits are separated by the fine filter and weak ones are found by the coarse one, without
-the shoulders of a strong hit being taken for more hits.  A body at rest on the surface has no fall in y; what
-such support explains is taken off the jump of v_y first.  That hides the weakest hits, so a last pass looks for
-them without this allowance, and keeps those with ten samples of clean free fall on either side.
+which is chi² with 3 degrees of freedom where the body flies freely.  Instants at which T peaks above a threshold are
+impacts.  The detector runs from fine to coarse w, and each pass treats the impacts of the passes before as the ends of
+a trial.  The fine filter separates strong hits, the coarse one finds weak ones, and the shoulders of a strong hit are
+not taken for further hits.
 
-A tracking glitch (one sample far off the line through its four neighbours, which fit one line among
-themselves: no lasting jump of velocity) is masked before.
+A body at rest on the surface does not fall.  What such support explains is taken off the jump of v_y first.  That hides
+the weakest hits; a last pass looks for them without this allowance, and keeps those with ten samples of clean free fall
+on either side.
+
+A tracking glitch is masked before: one sample far off the line through its four neighbours, which fit one line among
+themselves, so that no jump of velocity remains.
 
 | on paper | in code  | unit          | shape  |                                                                  |
 |----------|----------|---------------|--------|------------------------------------------------------------------|
@@ -72,22 +74,25 @@ def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSet
     q = samples.without_gravity(header.gravity)
     boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]  # a segment ends after sample i
     spoiled = np.zeros(n, bool)  # the two samples beside a hit may lie within the contact
-    found = np.zeros(n, bool)
+    is_hit = np.zeros(n, bool)
     for w in settings.scales:
-        segment = np.r_[0, np.cumsum(boundary | found)[:-1]][:n]
+        segment = np.r_[0, np.cumsum(boundary | is_hit)[:-1]][:n]
         score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings)
         # the allowance for support flattens the peak of a weak hit: it says whether, `free` says where
         peak = _peaks(free, w, settings) & (score > settings.threshold**2)
-        found |= peak
+        is_hit |= peak
         spoiled |= peak
         spoiled[1:] |= peak[:-1]
-    return np.flatnonzero(found)
+    return np.flatnonzero(is_hit)
 
 
 def add_weak_hits(
     samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings
 ) -> np.ndarray:
-    """`at` and the weak hits (n',) that only show when y may not rest: those between two clean flights."""
+    """The hits `at` (n,) and those weak hits, between two clean flights, that show only without the allowance for rest.
+
+    Hits are indices of the sample before; `sigma` (3,) is the noise of x, y, θ in m, m, rad.
+    """
     n = len(samples)
     q = samples.without_gravity(header.gravity)
     spoiled = np.zeros(n, bool)

@@ -1,8 +1,7 @@
 """Fetch a published measured set, from the network or from a local copy, and convert it.
 
-Nothing that comes from the network is trusted: downloads are bounded in size, archives are read by the names that
-are expected of them (nothing is unpacked to a path that the archive chooses), and no byte is parsed before its
-SHA-256 matches.
+Nothing from the network is trusted.  Downloads are bounded in size.  Of an archive, only files with expected names are
+read, and none is unpacked to a path that the archive chooses.  No byte is parsed before its SHA-256 matches.
 """
 
 import http.client
@@ -49,7 +48,7 @@ def fetch(
         name: 'planar-impact' or 'planar-dice'.
         to: folder of measured datasets, such as data/measured.
         source_dir: a local copy to use instead of the network, or its parent folder.
-        say: is told the progress.
+        say: called with a line of text about the progress, now and then.
         raw_host, archive_host: where single files and archives are served.
 
     Raises:
@@ -92,7 +91,7 @@ def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MA
         UserError: more than `limit` bytes.
     """
     request = urllib.request.Request(url, headers={"User-Agent": "thesis_lib"})
-    done, told = 0, 0
+    done, reported = 0, 0
     with urllib.request.urlopen(request, timeout=TIMEOUT) as answer, path.open("wb") as file:
         expected = answer.headers.get("Content-Length")
         while block := answer.read(CHUNK):
@@ -100,8 +99,8 @@ def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MA
             if done > limit:
                 raise UserError(f"{url} is larger than {limit:,} bytes, so it is not the expected file.")
             file.write(block)
-            if done - told >= 10 * CHUNK:
-                told = done
+            if done - reported >= 10 * CHUNK:
+                reported = done
                 say(f"  {done // CHUNK} MiB" + (f" of {int(expected) // CHUNK} MiB" if expected else ""))
     if expected is not None and done != int(expected):
         raise OSError(f"the connection ended after {done:,} of {expected} bytes")
@@ -145,6 +144,3 @@ def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
         raise
     except Exception as error:  # the library's own errors are of many kinds
         raise UserError(f"The downloaded archive is damaged ({error}); fetch it again.") from error
-
-
-__all__ = ["ARCHIVE_HOST", "RAW_HOST", "download", "fetch", "unpack"]

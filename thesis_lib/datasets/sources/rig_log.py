@@ -1,7 +1,7 @@
 """Convert a rig's own logs into a dataset folder: units, column names, signs, one file a trial or many.
 
-Everything that is changed or left out on the way is told in `Conversion.notes`, and what may be wrong with a log in
-`Conversion.warnings`.  "row" is the line in the file, the header being row 1.
+`Conversion.notes` lists everything that was changed or left out, `Conversion.warnings` what may be wrong with a log.
+"row" is the line in the file, the header being row 1.
 """
 
 import csv
@@ -277,15 +277,15 @@ def _distinct(names: Sequence[str]) -> list[str]:
 def _lost_rows(files: Sequence[str | Path], logs: Sequence[pd.DataFrame], lost: np.ndarray) -> str:
     """Row numbers of the `lost` (N,) of all logs together, with the file where there are several."""
     parts = np.split(lost, np.cumsum([len(log) for log in logs])[:-1])
-    found = [
+    by_file = [
         (Path(file).name, row_text(np.asarray(log.index[part])))
         for file, log, part in zip(files, logs, parts)
         if part.any()
     ]
     if len(files) == 1:
-        return found[0][1]
-    more = f"; and {len(found) - SHOWN} more files" if len(found) > SHOWN else ""
-    return "; ".join(f"{name} {rows}" for name, rows in found[:SHOWN]) + more
+        return by_file[0][1]
+    more = f"; and {len(by_file) - SHOWN} more files" if len(by_file) > SHOWN else ""
+    return "; ".join(f"{name} {rows}" for name, rows in by_file[:SHOWN]) + more
 
 
 def _require(path: Path, log: pd.DataFrame, needed: Sequence[str], columns: Mapping) -> None:

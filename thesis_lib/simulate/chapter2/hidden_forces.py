@@ -6,16 +6,16 @@ Each is a generalised force Q(q, v) on the right-hand side of M v̇ + C v = g + 
     Coulomb joint friction    Q_i = -f_i tanh(q̇_i / q̇_s)
     gravity direction         Q = Σ_b m_b J_b' g ((sin α, -cos α) - (0, -1))      J_b of the centre of mass of body b
     rolling resistance        Q_θ = -c_rr ρ N tanh(ω / ω_s)        ρ radius of the disk, length of a spoke
-    cogging                   Q_1 = A sin(n q_1)                   in no library: to see that this is said
+    cogging                   Q_1 = A sin(n q_1)                   of no candidate effect: the critique must say so
     payload                   a point mass m_p at the tip of link 2, or at a spoke of the wheel, r from the hub
 
 The sign of a speed is smoothed by tanh over q̇_s and ω_s, because an explicit step cannot hold a sign function at rest.
-N is the normal force of the same step, by fixed-point iteration: the step is solved, its N gives the moment, and again,
-`N_SOLVES` times; c_rr is small, so that each gains about two digits.  A payload is no force but another mechanism: a
-heavier link, or a wheel whose centre of mass is off the hub.
+N is the normal force of the same step, found by fixed-point iteration: the step is solved, its N gives the moment, and
+the step is solved again, `N_SOLVES` times.  c_rr is small, so that each solve gains about two digits.  A payload is not
+a force but another mechanism: a heavier link, or a wheel whose centre of mass is off the hub.
 
-Starts and torques are those drawn for the believed mechanism, then the true one is run with them: a rig that was
-planned with the believed model.
+Starts and torques are drawn for the believed mechanism; the true one is run with them, as on a rig whose experiments
+were planned with the believed model.
 
 | on paper | in code  | unit    | shape | meaning                                                  |
 |----------|----------|---------|-------|----------------------------------------------------------|

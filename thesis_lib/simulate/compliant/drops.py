@@ -1,10 +1,9 @@
-"""Drops of a planar body with compliant contact, integrated in continuous time: a truth that no impact law made.
+"""Drops of a planar body with compliant contact, integrated in continuous time, independent of every impact law.
 
 Each drop has its own clock.  Flight goes from tick to tick (samples, and at most `FLIGHT_STEP` between) with classical
-Runge-Kutta steps, exact for a parabola; a tick that ends below the plate is cut at the touch by bisection.  From there
-the contact forces of `forces` are integrated with the contact's own small step until nothing touches or
-sticks any more.  All drops fly, then all that have landed are in contact together, and so on: both loops are over
-steps, never over drops.
+Runge-Kutta steps, exact for a parabola.  A step that ends below the plate is cut at the touch by bisection.  From there
+the contact forces of `forces` are integrated with the small step of the contact until nothing touches or sticks any
+more.  All drops fly, then all that have landed are in contact, and so on: both loops run over steps, never over drops.
 
 A recording ends where the body comes to rest: after `SLOW_TOUCHES` slow contacts in a row, `MAX_CONTACTS` contacts, or
 a contact longer than `LONGEST` contact times.  Later samples do not exist.

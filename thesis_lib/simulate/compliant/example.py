@@ -1,6 +1,6 @@
-"""An example dataset: what a rig with one hidden cause would have logged, for learning the critique and for trying it.
+"""An example dataset, to learn and to try the critique: what a rig with one hidden cause would have logged.
 
-The drops are those of `compliant`: contact forces integrated in time, so that no impact law has made them.  The folder
+The drops are those of `compliant`: contact forces integrated in time, without an impact law.  The folder
 holds what a rig's owner has and nothing else: dataset.yaml as believed, trajectories.csv with noise, and
 `NEW_IMPACTS`, the first impacts of further drops.  What was hidden is not written down.
 

@@ -19,7 +19,7 @@ other half of the drift.
 | `depth`      | m                  | (n, p) | δ                                                                    |
 | `Memory`     |                    | (n, p) | δ_m, bristle s, and ε, μ of each contact point, fixed at touch       |
 
-Nothing here uses an impact law: impulses are what comes out.
+No impact law is used: impulses follow from integrating the forces.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Memory:
     mu: np.ndarray
 
     def keep(self, rows: np.ndarray) -> "Memory":
-        """That of the bodies `rows`."""
+        """The memory of the bodies `rows`, a mask or indices."""
         return Memory(self.deepest[rows], self.bristle[rows], self.epsilon[rows], self.mu[rows])
 
 

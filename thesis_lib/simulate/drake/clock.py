@@ -42,7 +42,7 @@ class Clock:
         self._rest = np.zeros(made.plant.num_multibody_states())
 
     def start(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
-        """Set time and state; everything else of the plant is at rest."""
+        """Set time in s and state (size,); everything else of the plant is at rest."""
         plant, moving = self.made.plant, self.made.moving
         self.root.SetTime(t)
         plant.SetPositionsAndVelocities(self.context, self._rest)

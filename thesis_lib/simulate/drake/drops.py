@@ -1,4 +1,4 @@
-"""Drops of a planar body in Drake, with compliant contact in continuous time: a second truth that no impact law made.
+"""Drops of a planar body in Drake, with compliant contact in continuous time: a second source without an impact law.
 
 Drake's MultibodyPlant has the body, the plate and what is hidden (`plant`), and its error-controlled Runge-Kutta
 integrator goes through flights, in steps of at most `FLIGHT_STEP`, and through contacts, in some hundreds of steps of
@@ -225,6 +225,8 @@ class _Drops:
         # one contact, as arrays of length one
         q, v, t = (np.asarray(part)[None] for part in before)
         end = tuple(np.asarray(part)[None] for part in after)
-        change, left = np.array([e1 - e0]), np.array([separated])
-        self.records.append(contact_truth(mech, rows, (q, v, t), end, impulse[None], change, left))
+        truth = contact_truth(
+            mech, rows, (q, v, t), end, impulse[None], np.array([e1 - e0]), np.array([separated])
+        )
+        self.records.append(truth)
         return float(mech.approach(q, v, t, rows)[0])

@@ -67,7 +67,7 @@ def rebound(
     k, c = np.array([(1.0, 0.0), *layers]).T
     m = np.r_[mass, np.full(n - 1, share)]
     stretch = np.eye(n) - np.eye(n, k=1)  # u_i − u_{i+1}
-    K, C = (stretch.T @ np.diag(one) @ stretch for one in (k, c))
+    K, C = (stretch.T @ np.diag(each) @ stretch for each in (k, c))
     system = np.block([[np.zeros((n, n)), np.eye(n)], [-K / m[:, None], -C / m[:, None]]])
     rates, modes = np.linalg.eig(system)
     weights = np.linalg.solve(modes, np.eye(2 * n)[n].astype(complex))
@@ -108,7 +108,7 @@ def design(epsilon: float, contact_time: float, mass: float, lightest: float) ->
         start = np.log([k, 0.5 * k, k, 2.0 * k])
 
         def chain(x: np.ndarray) -> list[tuple[float, float]]:
-            return [tuple(one) for one in np.exp(x).reshape(2, 2)]
+            return [tuple(layer) for layer in np.exp(x).reshape(2, 2)]
 
         def misfit(x: np.ndarray) -> np.ndarray:
             every = [rebound(M, chain(x))[0] - epsilon for M in masses]

@@ -52,9 +52,12 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
 
 
 def with_noise(poses: np.ndarray, noise: Noise | None, rng: np.random.Generator) -> np.ndarray:
-    """Poses (n, samples, 3) with Gaussian noise; numbers are drawn also for what has none, so that streams agree."""
+    """Poses (n, samples, 3) with Gaussian noise.
+
+    Numbers are drawn for every channel, so that a channel without noise does not shift the stream of the others.
+    """
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    return poses + rng.standard_normal(poses.shape) * [one or 0.0 for one in sigma]
+    return poses + rng.standard_normal(poses.shape) * [std or 0.0 for std in sigma]
 
 
 def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:

@@ -1,9 +1,9 @@
 """Hidden causes that simulated drops can have, the contact they act on, and the throws of the proof.
 
-A mechanism is a cause in a rig or a body (a corner that is round, a plate that moves, a camera channel that lags), not
-a change of an impact law: what it does to the impulse follows from integrating the motion (`compliant`).  Every field
-of `HiddenCauses` is absent at its default, and any set of them can be on at once.  `CAUSES` says for each which effect
-names describe it (none: it is outside the library) and a size that matters.
+A hidden cause sits in the rig or the body: a corner that is round, a plate that moves, a camera channel that lags.  It
+changes no impact law; its influence on the impulse follows from integrating the motion (`compliant`).  At its default,
+each field of `HiddenCauses` is absent; any set can be on at once.  For each cause, `CAUSES` names the effects that
+describe it (none: it is outside the library) and a size that matters.
 
 | on paper | in code                   | unit | meaning                                                          |
 |----------|---------------------------|------|------------------------------------------------------------------|
@@ -36,8 +36,8 @@ REFERENCE_SPEED = 2.5  # m/s; that of the published impacts
 class CompliantContact(Section):
     """The contact without anything hidden: hysteretic normal force, Coulomb friction.
 
-    The default contact is about fifty times shorter than a real one (1 ms), so that what the body moves during it lies
-    far below the noise of the rig and a rigid impact is the right model.
+    The default contact is about fifty times shorter than a real one (1 ms).  The body then moves far less during it
+    than the noise of the rig, and a rigid impact is the right model.
     """
 
     mu: float = Field(0.15, ge=0, le=2, description="Coulomb friction, 1")
@@ -120,11 +120,11 @@ class HiddenCauses(Section):
 
 @dataclass(frozen=True)
 class Cause:
-    """What is known of one mechanism.
+    """What is known of one hidden cause.
 
     Attributes:
         effects: names of the candidate effects that describe it, the best first; () if it is outside the library.
-        size: of the mechanism; raises the error of the base law with its μ and ε refitted to about 3 times the noise
+        size: of the cause; raises the error of the base law with its μ and ε refitted to about 3 times the noise
             floor (flight and scale: the misfit of whole arcs; height: the gap at impact), at 0.3 mm and 3 mrad, for
             150 throws of the chapter's ellipse (corners: of a 70 mm square).  A mirrored camera is on or off.
         polygon_only: whether it does nothing to a smooth body.

@@ -27,7 +27,7 @@ class Spread(Section):
         return self
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Values at probabilities `u` in [0, 1)."""
+        """Values at probabilities `u` in [0, 1), of the shape of `u`."""
         from scipy.special import ndtr, ndtri
 
         if self.mean is None or self.std is None:

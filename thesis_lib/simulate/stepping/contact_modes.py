@@ -24,7 +24,7 @@ Sources: as `lcp`, whose first source names the scheme and whose second the base
 """
 
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -135,6 +135,16 @@ def solve_one(
     w = v_n - b
     k_scale, v_scale = 0.5 * (K_tt + K_nn), max(abs(v_t), abs(v_n), abs(b)) or 1.0
     unit = v_scale / k_scale
+
+    def with_residual(c_t: float, c_n: float) -> tuple[float, float, float]:
+        slip = (v_t + K_tt * c_t + K_tn * c_n) / v_scale
+        gap = (w + K_tn * c_t + K_nn * c_n) / v_scale
+        p_t, p_n = c_t / unit, c_n / unit
+        cone = mu * p_n - abs(p_t)
+        # a friction impulse acts only against a slip of its full size: b (λ ± v_t) with λ = |v_t|
+        against = abs(p_t) * (abs(slip) + (slip if p_t > 0.0 else -slip))
+        return c_t, c_n, max(-p_n, -gap, abs(p_n * gap), -cone, abs(slip * cone), against)
+
     if w >= 0.0:
         return 0.0, 0.0, 0.0
     # stick: K c = -(v_t, w)
@@ -142,7 +152,7 @@ def solve_one(
     if det > 0.0:
         c_t, c_n = (K_tn * w - K_nn * v_t) / det, (K_tn * v_t - K_tt * w) / det
         if c_n >= 0.0 and abs(c_t) <= mu * c_n + MODE_TOL * unit:
-            return c_t, c_n, _residual_of_one(K_tt, K_tn, K_nn, v_t, w, mu, c_t, c_n, v_scale, unit)
+            return with_residual(c_t, c_n)
     # slip in the direction of the free motion first; the other way round is rare
     first = 1.0 if v_t >= 0.0 else -1.0
     for s in (first, -first):
@@ -152,29 +162,8 @@ def solve_one(
         c_n = -w / reach
         c_t = -s * mu * c_n
         if s * (v_t + K_tt * c_t + K_tn * c_n) >= -MODE_TOL * v_scale:
-            return c_t, c_n, _residual_of_one(K_tt, K_tn, K_nn, v_t, w, mu, c_t, c_n, v_scale, unit)
+            return with_residual(c_t, c_n)
     return np.nan, np.nan, np.inf
-
-
-def _residual_of_one(
-    K_tt: float,
-    K_tn: float,
-    K_nn: float,
-    v_t: float,
-    w: float,
-    mu: float,
-    c_t: float,
-    c_n: float,
-    v_scale: float,
-    unit: float,
-) -> float:
-    slip = (v_t + K_tt * c_t + K_tn * c_n) / v_scale
-    gap = (w + K_tn * c_t + K_nn * c_n) / v_scale
-    c_t, c_n = c_t / unit, c_n / unit
-    cone = mu * c_n - abs(c_t)
-    # a friction impulse acts only against a slip of its full size: b (λ ± v_t) with λ = |v_t|
-    against = abs(c_t) * (abs(slip) + (slip if c_t > 0.0 else -slip))
-    return max(-c_n, -gap, abs(c_n * gap), -cone, abs(slip * cone), against)
 
 
 def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray) -> tuple[np.ndarray, float]:
@@ -195,7 +184,11 @@ def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray)
     k_scale, v_scale = np.trace(K) / (2 * k), max(np.abs(v_c).max(), np.abs(b).max()) or 1.0
     M, q = several_lcp_matrices(K / k_scale, v_c / v_scale, b / v_scale, mu)
     best, residual = np.full(4 * k, np.nan), np.inf
-    for solve in (_moby, _enumerate, _unrevised_lemke):
+    for solve in (
+        partial(_by_drake, "MobyLcpSolver"),
+        _enumerate,
+        partial(_by_drake, "UnrevisedLemkeSolver"),
+    ):
         z = solve(M, q)
         if z is not None:
             z, residual = _polished(M, q, z)
@@ -212,13 +205,13 @@ def several_lcp_matrices(
     """LCP data M (4k, 4k), q (4k,) for z = (c_n, b_1, b_2, λ); arguments as in `solve_several`."""
     k = len(b)
     K_tt, K_tn, K_nn = K[:k, :k], K[:k, k:], K[k:, k:]
-    zero, one = np.zeros((k, k)), np.eye(k)
+    zero, identity = np.zeros((k, k)), np.eye(k)
     M = np.block(
         [
             [K_nn, -K_tn.T, K_tn.T, zero],
-            [-K_tn, K_tt, -K_tt, one],
-            [K_tn, -K_tt, K_tt, one],
-            [np.diag(mu), -one, -one, zero],
+            [-K_tn, K_tt, -K_tt, identity],
+            [K_tn, -K_tt, K_tt, identity],
+            [np.diag(mu), -identity, -identity, zero],
         ]
     )
     return M, np.concatenate([v_c[k:] - b, -v_c[:k], v_c[:k], np.zeros(k)])
@@ -235,9 +228,9 @@ def _polished(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, 
             exact[basis] = solve(M[np.ix_(basis, basis)], -q[basis])
         except np.linalg.LinAlgError:
             continue
-        found = _residual(M, q, exact)
-        if found < residual:
-            best, residual = exact, found
+        after = _residual(M, q, exact)
+        if after < residual:
+            best, residual = exact, after
         if residual < POLISHED:
             break
     return best, residual
@@ -248,25 +241,14 @@ def _residual(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> float:
     return float(max(0.0, -z.min(), -w.min(), np.abs(z * w).max()))
 
 
-def _moby(M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
-    from pydrake.solvers import MobyLcpSolver
+def _by_drake(solver: str, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    """z (4k,) from a solver of pydrake.solvers; None where it finds none."""
+    from pydrake import solvers
 
-    return _solved_by(MobyLcpSolver(), M, q)
-
-
-def _unrevised_lemke(M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
-    from pydrake.solvers import UnrevisedLemkeSolver
-
-    return _solved_by(UnrevisedLemkeSolver(), M, q)
-
-
-def _solved_by(solver: Any, M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
-    from pydrake.solvers import MathematicalProgram
-
-    program = MathematicalProgram()
+    program = solvers.MathematicalProgram()
     z = program.NewContinuousVariables(len(q))
     program.AddLinearComplementarityConstraint(M, q, z)  # pyright: ignore[reportArgumentType]
-    result = solver.Solve(program, None, None)
+    result = getattr(solvers, solver)().Solve(program, None, None)
     value = result.GetSolution(z) if result.is_success() else np.array([np.nan])
     return value if np.isfinite(value).all() else None
 

@@ -189,13 +189,13 @@ def contact_lcp_matrices(
     n = len(v_c)
     K_tt, K_tn, K_nn = K[:, 0, 0], K[:, 0, 1], K[:, 1, 1]
     v_t, v_n = v_c[:, 0], v_c[:, 1]
-    zero, one = np.zeros(n), np.ones(n)
+    zero, ones = np.zeros(n), np.ones(n)
     M = np.array(
         [
             [K_nn, -K_tn, K_tn, zero],
-            [-K_tn, K_tt, -K_tt, one],
-            [K_tn, -K_tt, K_tt, one],
-            [mu * one, -one, -one, zero],
+            [-K_tn, K_tt, -K_tt, ones],
+            [K_tn, -K_tt, K_tt, ones],
+            [mu * ones, -ones, -ones, zero],
         ]
     ).transpose(2, 0, 1)
     q = np.stack([v_n + epsilon * v_n_pre, -v_t, v_t, zero], axis=1)

@@ -56,7 +56,7 @@ class Rod:
     length: float
 
     def outline(self, points: int = 2) -> np.ndarray:
-        """The two ends in the body frame, (2, 2) in m; `points` is there for the likeness of the other shapes."""
+        """The two ends in the body frame, (2, 2) in m; `points` is not used: other shapes take it."""
         return np.array([[-0.5 * self.length, 0.0], [0.5 * self.length, 0.0]])
 
 
