@@ -18,6 +18,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
+from thesis_lib.datasets.impacts.misfits import norm
 from thesis_lib.datasets.impacts.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
@@ -286,9 +287,7 @@ def _arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.n
 
 def _impossible(given: Impacts) -> np.ndarray:
     """Mask (n,) of impacts that gain energy beyond any noise, law or moving surface: they cannot be measurements."""
-    before, after = (
-        np.sqrt(((v * [1.0, 1.0, given.k_g]) ** 2).sum(axis=1)) for v in (given.v_pre, given.v_post)
-    )
+    before, after = (norm(v * [1.0, 1.0, given.k_g]) for v in (given.v_pre, given.v_post))
     typical = float(np.median(before)) if len(before) else 0.0
     return after > _FASTEST * np.maximum(before, typical)
 

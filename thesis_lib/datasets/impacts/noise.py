@@ -22,6 +22,7 @@ import pandas as pd
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.arcs import ArcFits
+from thesis_lib.datasets.impacts.misfits import norm
 from thesis_lib.statistics.spread import robust_std
 
 SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero
@@ -147,7 +148,7 @@ def estimate_spread(
         settings: see `ArcSettings`.
     """
     rescale = np.max(noise.used**2 * noise.colour / assumed**2)
-    dv = np.sqrt((((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g]) ** 2).sum(1))
+    dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])
     good = (fits.n_side >= _MIN_ARC_SAMPLES).all(1) & fits.converged & (dv > settings.min_jump)
     good &= fits.miss < settings.meet_time * dv  # beyond: two hits
     if good.sum() < _MIN_ARCS:

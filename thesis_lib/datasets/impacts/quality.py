@@ -35,6 +35,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
+from thesis_lib.datasets.impacts.misfits import norm
 
 REASONS = ("lost_frames", "second_hit", "window_too_short", "not_ballistic", "no_approach")
 FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
@@ -128,7 +129,7 @@ def assess_arcs(
 
     worst, beyond = np.nan_to_num(fits.reduced).max(1), np.nan_to_num(fits.chi2_rest).max(1)
     k_g = header.body.radius_of_gyration
-    dv = np.sqrt((((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g]) ** 2).sum(1))
+    dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])
     allowed = settings.meet_time * dv
     # A second hit inside the first samples spoils only those; an arc that is bad beyond them is no flight.
     stray = (fits.chi2_near > settings.meet_sigma**2) & (fits.near > allowed)

@@ -151,31 +151,12 @@ def convert_logs(
     logs = [_read_log(Path(file), delimiter, warnings) for file in files]
     tables = []
     for number, (file, log) in enumerate(zip(files, logs)):
-        has_trial, has_t = (source[ours][0] in log.columns for ours in ("trial", "t"))
-        needed = [source[ours][0] for ours in ("x", "y", "theta")]
-        needed += [theirs for ours, (theirs, _) in columns.items() if ours in ("trial", "t")]
-        _require(Path(file), log, needed, columns)
-        if not has_t and rate is None:
-            raise UserError(
-                f"{file} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows."
-            )
-        one_trial = per_trial_files or not has_trial
-        trial = np.full(len(log), str(number)) if one_trial else log[source["trial"][0]].to_numpy(dtype=str)
-        table = pd.DataFrame({"trial": trial})
-        for ours in ("t", "x", "y", "theta"):
-            if ours == "t" and not has_t:
-                continue
-            theirs, sign = source[ours]
-            table[ours] = sign * units[QUANTITY[ours]] * _numbers(Path(file), log, theirs)
-        if rate is not None and not has_t:
-            table["t"] = table.groupby("trial", sort=False).cumcount() / rate
-        if number == 0:
-            ignored = [
-                name for name in log.columns if name and name not in {theirs for theirs, _ in source.values()}
-            ]
-            if ignored:
-                notes.append(f"columns left out: {', '.join(ignored)}")
-        tables.append(table)
+        needed = ["x", "y", "theta", *(ours for ours in columns if ours in ("trial", "t"))]
+        _require(Path(file), log, [source[ours][0] for ours in needed], columns)
+        tables.append(_poses(Path(file), log, source, units, rate, number, per_trial_files))
+    used = {theirs for theirs, _ in source.values()}
+    if ignored := [column for column in logs[0].columns if column and column not in used]:
+        notes.append(f"columns left out: {', '.join(ignored)}")
 
     poses = pd.concat(tables, ignore_index=True)[list(TRAJECTORY_COLUMNS)]
     poses["trial"] = _number_trials(poses["trial"], notes)
@@ -194,32 +175,53 @@ def convert_logs(
     if wrapped := int(np.sum(before != poses["theta"].to_numpy())):
         notes.append(f"theta made continuous within trials ({wrapped} rows moved by whole turns)")
 
-    step = median_step(poses)
+    lamina, step = shape.radius_of_gyration, median_step(poses)
+    if k_g is None:
+        notes.append(f"radius of gyration {lamina:.5g} m, that of a uniform lamina (--k-g to change)")
+    others = f" and {len(files) - 1} more" if len(files) > 1 else ""
     content = {
         "schema": 1,
-        "description": f"converted from {Path(files[0]).name}"
-        + (f" and {len(files) - 1} more" if len(files) > 1 else ""),
-        "body": {
-            "shape": shape,
-            "mass": mass,
-            "radius_of_gyration": shape.radius_of_gyration if k_g is None else k_g,
-        },
+        "description": f"converted from {Path(files[0]).name}{others}",
+        "body": {"shape": shape, "mass": mass, "radius_of_gyration": lamina if k_g is None else k_g},
         "surface": {"height": surface_height},
         "gravity": gravity,
         "rate": rate if rate is not None else (float(f"{1.0 / step:.6g}") if step > 0 else None),
     }
-    if k_g is None:
-        notes.append(
-            f"radius of gyration {shape.radius_of_gyration:.5g} m, that of a uniform lamina (--k-g to change)"
-        )
     try:
         header = Header.model_validate(content)
     except ValidationError as error:
-        entry = error.errors()[0]
-        raise UserError(
-            f"--{str(entry['loc'][-1]).replace('_', '-')}: {entry['input']}: {entry['msg']}."
-        ) from error
+        mistake = error.errors()[0]
+        option = str(mistake["loc"][-1]).replace("_", "-")
+        raise UserError(f"--{option}: {mistake['input']}: {mistake['msg']}.") from error
     return Conversion(Dataset(name, header, poses), notes, warnings)
+
+
+def _poses(
+    path: Path,
+    log: pd.DataFrame,
+    source: Mapping[str, tuple[str, float]],
+    units: Mapping[str, float],
+    rate: float | None,
+    number: int,
+    one_trial: bool,
+) -> pd.DataFrame:
+    """Trial (text), t, x, y, theta of one log in SI; it is trial `number` if `one_trial` or without a trial column."""
+    has_t = source["t"][0] in log.columns
+    if not has_t and rate is None:
+        raise UserError(
+            f"{path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows."
+        )
+    if not one_trial and source["trial"][0] in log.columns:
+        trial = log[source["trial"][0]].to_numpy(dtype=str)
+    else:
+        trial = np.full(len(log), str(number))
+    table = pd.DataFrame({"trial": trial})
+    for ours in ("t", "x", "y", "theta") if has_t else ("x", "y", "theta"):
+        theirs, sign = source[ours]
+        table[ours] = sign * units[QUANTITY[ours]] * _numbers(path, log, theirs)
+    if not has_t and rate is not None:
+        table["t"] = table.groupby("trial", sort=False).cumcount() / rate
+    return table
 
 
 def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:

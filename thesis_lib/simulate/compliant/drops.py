@@ -31,8 +31,8 @@ from thesis_lib.simulate.rig.record import (
     Drops,
     as_dataset,
     check_request,
+    contact_columns,
     contact_table,
-    contacts,
     sample_times,
     trial_table,
 )
@@ -145,7 +145,7 @@ def contact_truth(
     _, v_post = mechanics.origin_state(*after[:2])
     r = mechanics.lowest_point(q[:, 2]) + mechanics.origin(q[:, 2])
     more = {"duration": after[2] - t, "energy_change": energy_change, "separated": separated}
-    return contacts(rows, t, (pose, v_pre, v_post), r, impulse, **more)
+    return contact_columns(rows, t, (pose, v_pre, v_post), r, impulse, **more)
 
 
 class _Drops:
@@ -231,6 +231,11 @@ class _Drops:
         impulse, separated = np.zeros((len(rows), 2)), np.zeros(len(rows), dtype=bool)
         coming = self.ticks[np.minimum(tick, len(self.ticks) - 1)]
         held = np.ones(len(rows), dtype=bool)
+
+        def store(which: np.ndarray) -> None:
+            at = rows[here[which]]
+            self.q[at], self.v[at], self.t[at], self.next[at] = q[which], v[which], t[which], tick[which]
+
         for step in range(int(LONGEST * mech.contact.steps)):
             new_q, new_v, c, free = mech.step(q, v, t, memory, rows[here])
             crosses = (t + h >= coming) & held
@@ -248,13 +253,13 @@ class _Drops:
             impulse[here] += c * mine
             held &= ~free
             if step % _COMPACT == 0 and not held.all():
-                self._store(rows, here, q, v, t, tick, ~held)
+                store(~held)
                 separated[here[~held]] = True
                 here, q, v, t = here[held], q[held], v[held], t[held]
                 tick, coming, memory, held = tick[held], coming[held], memory.keep(held), held[held]
             if not len(here):
                 break
-        self._store(rows, here, q, v, t, tick, np.ones(len(here), dtype=bool))
+        store(np.ones(len(here), dtype=bool))
         separated[here[~held]] = True
         shell, loose = mech.shell, mech.mass - mech.shell
         weights = 0.5 * np.array([shell, shell, mech.inertia, loose, loose])
@@ -268,19 +273,6 @@ class _Drops:
         self.contacts[rows] += 1
         on = separated & (self.slow[rows] < SLOW_TOUCHES) & (self.contacts[rows] < MAX_CONTACTS)
         return rows[on]
-
-    def _store(
-        self,
-        rows: np.ndarray,
-        here: np.ndarray,
-        q: np.ndarray,
-        v: np.ndarray,
-        t: np.ndarray,
-        tick: np.ndarray,
-        which: np.ndarray,
-    ) -> None:
-        at = rows[here[which]]
-        self.q[at], self.v[at], self.t[at], self.next[at] = q[which], v[which], t[which], tick[which]
 
     def poses_at(self, times: np.ndarray) -> np.ndarray:
         """Recorded poses (n, len(times), 3) at `times`, which are ticks; NaN after the end of a recording."""

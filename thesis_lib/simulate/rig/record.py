@@ -83,7 +83,7 @@ def as_dataset(
     return header, as_trajectories(poses, np.arange(poses.shape[1]) / rate)
 
 
-def contacts(
+def contact_columns(
     trial: np.ndarray,
     t: np.ndarray,
     states: tuple[np.ndarray, np.ndarray, np.ndarray],

@@ -40,8 +40,8 @@ from thesis_lib.simulate.rig.record import (
     Drops,
     as_dataset,
     check_request,
+    contact_columns,
     contact_table,
-    contacts,
     sample_times,
     trial_table,
 )
@@ -228,7 +228,7 @@ class _Simulation:
         before, after = (0.5 * np.einsum("ni,nij,nj->n", u, M, u) for u in (v, v_post))
         r = self.shape.contact_point(q[:, 2])
         more = {"energy_change": after - before, "residual": out.residual, "status": out.status}
-        self.contacts.append(contacts(rows, t, (q, v, v_post), r, out.c, **more))
+        self.contacts.append(contact_columns(rows, t, (q, v, v_post), r, out.c, **more))
         self.v[rows] = v_post
 
     def _support(self, rows: np.ndarray, rest: np.ndarray, t: np.ndarray) -> None:
