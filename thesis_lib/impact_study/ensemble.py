@@ -26,7 +26,7 @@ class EnsembleFit:
     """Ensemble parameters with bootstrap standard errors.
 
     `cost` is the mean misfit in the metric's unit; `replicates` (B, 2) are the bootstrap's (μ, ε); `at_bound` names
-    the parameters that ended at the edge of their box (then the standard error says little).
+    the parameters that ended at the edge of their box (their standard errors are then not meaningful).
     """
 
     mu: float

@@ -5,7 +5,7 @@ An outcome lies in the range of a law if some (μ, ε) brings the law within a t
 given for several.
 
 The region of a law (thesis, figure 3-3) is the image of 0 ≤ μ ≤ μ_s, 0 ≤ ε ≤ 1 in the plane of impulses; its area
-over the area of the admissible set says how much of what rigid contact allows the law can reach.
+over the area of the admissible set is the share of what rigid contact allows that the law can reach.
 """
 
 import numpy as np

@@ -79,8 +79,8 @@ def agreement(impacts: Impacts, stored: pd.DataFrame) -> pd.DataFrame:
 def cost_at_published(impacts: Impacts) -> pd.DataFrame:
     """Mean misfit in N s at table 3.1's parameters, at ours for the same impacts, and the excess of the former.
 
-    Unweighted target and impulse metric, as the authors have them; a small excess says that the cost hardly tells
-    the published parameters from the best ones.
+    Unweighted target and impulse metric, as the authors have them.  Where the excess is small, the cost hardly
+    distinguishes the published parameters from the best ones.
     """
     target = target_of(impacts, "unweighted")
     rows = []

@@ -36,7 +36,7 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
 
     Best and worst are counted in impulse space over held-out impacts among the six laws of a variant, as the authors
     count them, in per cent.  `at_bound` names the parameters that ended at the edge of their range: there the law
-    wants more or less than it can have, and the bootstrap's standard error says little.
+    would go beyond its range, and the bootstrap's standard error is not meaningful.
     """
     rows = []
     for (weighting, table), (variant, laws) in itertools.product(errors.items(), VARIANTS.items()):

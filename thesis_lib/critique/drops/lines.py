@@ -20,7 +20,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.datasets.impacts.misfits import Lines, lines_through, rank
+from thesis_lib.datasets.impacts.lines import Lines, lines_through, rank
 
 NODES = 8  # a path that turns by 2.5 rad in a window of 0.1 s is then a polynomial to 1e-6 of its size
 GUARD = 1e-3  # s; samples this near to an impact may fall into the contact

@@ -10,7 +10,7 @@ Angles are judged by physics, not by their size: θ is continuous, so 20 rad is 
 like radians that are 57 times too large.  One of these gives them away:
 
 - steps of more than 1.5 turns between samples: a camera cannot see them, and a wrapped radian angle jumps by one turn
-  at most.  A single sample that jumps out and back is a glitch of the tracker, and says nothing of units;
+  at most.  A single sample that jumps out and back is a glitch of the tracker, whatever the units;
 - a median k|ω| above 10 times the median speed, so that the rotational energy is 100 times the translational one;
 - k|ω| above the speed, and a body that is inside the surface at the angles as given but not at the angles in degrees.
 
@@ -28,7 +28,7 @@ from thesis_lib.datasets.format.validate import Table
 
 BLIND_STEP = 3.0 * np.pi  # rad between samples: a true step below π plus a wrap of one turn
 BLIND_MEDIAN = 5  # samples on either side of a step, of which two may be glitches
-MIN_BLIND_STEPS = 3  # one or two glitches of a tracker are no unit
+MIN_BLIND_STEPS = 3  # one or two may be glitches of a tracker
 SPIN_SURE = 10.0  # k|ω| over speed; dice throws have 0.25 (2.7 at most), a spun coin about 5
 SPIN_FAST = 1.0  # m/s of k|ω|; below it both medians may be tracker noise of a body at rest
 SPIN_LIKELY = 1.0  # k|ω| over speed; in degrees, dice throws have 14

@@ -1,4 +1,4 @@
-"""Noise of samples from their third differences, which needs no idea of where the impacts are."""
+"""Noise of samples from their third differences; the impacts need not be known."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ def noise_from_differences(samples: Samples) -> np.ndarray:
     """Robust noise (3,) of x, y, θ from third differences of equally spaced samples; NaN without any.
 
     Third differences remove a parabola; those across impacts are few and do not move the median.  Exact zeros
-    (a body at rest, logged with few digits) say nothing about the noise in flight and are dropped.
+    (a body at rest, logged with few digits) hold no information about the noise in flight and are dropped.
     """
     same = (samples.run[3:] == samples.run[:-3]) if len(samples) > 3 else np.zeros(0, bool)
     third = np.abs(np.diff(samples.q, n=3, axis=0))[same]

@@ -1,6 +1,6 @@
 """Which way do bodies fall?  Accelerations of y in short windows, without knowing where the impacts are.
 
-A window that lies in one flight is a parabola with ÿ = −g.  Windows that span an impact are no parabola and are not
+A window that lies in one flight is a parabola with ÿ = −g.  Windows that span an impact are not parabolas and are not
 counted; a body that rests or is held has ÿ = 0.  Where windows have ÿ near +g, and hardly any near −g, y points down.
 The window is as short as the noise allows, so that it fits into the flight of a low bounce.
 

@@ -51,7 +51,7 @@ def check_impacts(table: Table, body: KnownBody) -> None:
             "give velocities in m/s: divide by 1000 if they are in mm/s",
         )
     shape = body.shape
-    if shape is None or body.oversized:  # contact points and inertia of an oversized shape say nothing
+    if shape is None or body.oversized:  # contact points and inertia of an oversized shape mean nothing
         return
     high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / shape.extent
     if high > LARGEST_HEIGHT:
@@ -73,7 +73,7 @@ def _contradicts_shape(table: Table, q: np.ndarray, shape: Shape, height: float)
     elif np.quantile(np.abs(q[:, 1] - height), 0.1) > LARGEST_HEIGHT * shape.extent:
         return False
     wrong = contradictions(shape, height, q)
-    # poses that fit as degrees tell of the angle, not of the shape
+    # poses that fit when read as degrees show a wrong unit of the angle, not a wrong shape
     if wrong and contradictions(shape, height, q * [1.0, 1.0, TO_RAD]):
         table.report.errors.extend(wrong)
         return True

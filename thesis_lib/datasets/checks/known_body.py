@@ -53,7 +53,7 @@ class KnownBody:
 
     @property
     def oversized(self) -> bool:
-        """Whether the shape is far too large to be meant in m: no ratio to it says anything then."""
+        """Whether the shape is too large to be in m; ratios to it then mean nothing."""
         return self.shape is not None and self.shape.extent > LARGEST_BODY
 
     def sunk(self, y: np.ndarray) -> str:

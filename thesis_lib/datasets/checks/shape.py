@@ -8,8 +8,10 @@ from thesis_lib.datasets.format.validate import Problem
 
 GROSS_SIZE = 1.4  # ratio of heights at impact to those of the shape; beyond any error of ruler or frame
 FEW_HITS = 10  # impacts below which shape and surface are not judged
-BLIND_SHAPE = 0.1  # extents by which the lowest point moves over a turn; below, the gap says nothing of theta
-FACTORS = {  # a shape that is so many times too large, and why
+BLIND_SHAPE = (
+    0.1  # extents by which the lowest point moves over a turn; below it the gap does not depend on theta
+)
+FACTORS = {  # likely causes of a shape that is too large by a factor
     2.0: "diameters given as semi-axes or radius?",
     10.0: "centimetres for millimetres?",
     0.1: "millimetres for centimetres?",

@@ -102,7 +102,7 @@ class Dataset:
         return Impacts.from_table(self.impacts, self.shape, self.k_g, self.mass)
 
     def digest(self) -> str:
-        """SHA-256 (hex) of what the dataset says, whatever the folder, the file type or the description.
+        """SHA-256 (hex) of the content, which does not depend on folder, file type or description.
 
         Seeds derive from it, so that equal data give equal results wherever they lie.
         """

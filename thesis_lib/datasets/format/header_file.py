@@ -14,7 +14,7 @@ from thesis_lib.foundation.regular_file import FileProblem, MissingFile
 from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
 
 FILE = "dataset.yaml"
-MAX_REPORTED = 1000  # mistakes; for each, the key that was meant is looked for
+MAX_REPORTED = 1000  # mistakes; for each unknown key a similar one is searched
 
 SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
 _SECTIONS: dict[tuple, type[BaseModel]] = {
@@ -45,7 +45,7 @@ _REMEDIES = {
 def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
     """Header of the dataset in `folder` and the raw mapping; problems go to `report`.
 
-    Returns (None, raw) where something is wrong; raw is {} where the file is no mapping.
+    Returns (None, raw) where something is wrong; raw is {} where the file is not a mapping.
     """
     raw, lines = _parse(folder, report)
     if raw is None:

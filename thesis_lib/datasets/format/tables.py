@@ -170,7 +170,7 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]
             frame = file.read().to_pandas(ignore_metadata=True)
     except _NoTable:
         raise
-    except Exception as error:  # whatever the library says of a broken file, it is the file's fault
+    except Exception as error:  # the library raises errors of many kinds for a broken file
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         what = f"cannot be read as Parquet ({reason})"
         raise _NoTable("", what, "write it again, or use CSV") from error

@@ -19,7 +19,7 @@ def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None
         folder: made if needed; tables of the same names are replaced.
         float_format: of the tables; None writes the shortest text that reads back to the same bits.
 
-    dataset.yaml comes last: without it the folder is no dataset, so a killed run leaves nothing half-finished.
+    dataset.yaml comes last: without it the folder is not a dataset, so that a killed run leaves nothing half-finished.
 
     Raises:
         UserError: `folder` holds a table that the dataset lacks (it would be read as part of it).

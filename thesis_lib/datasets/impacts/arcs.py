@@ -54,7 +54,8 @@ import numpy as np
 
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.misfits import lines_through, misfits, norm
+from thesis_lib.datasets.impacts.lines import lines_through, norm
+from thesis_lib.datasets.impacts.misfits import misfits
 from thesis_lib.datasets.impacts.windows import Windows, sides_of, windows_around
 
 # where the unknowns stand in p; w is left out where there is no stray acceleration

@@ -5,7 +5,7 @@ fit two arcs around each hit (`arcs`), estimate the noise from their residuals (
 (`quality`).  Impacts that cannot be measured are left out with a reason; the others carry a covariance.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
-from thesis_lib.datasets.impacts.misfits import norm
+from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
@@ -43,7 +43,7 @@ ARC_COLUMNS = (
 _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
 _MOST = 0.5  # share of the impacts used; one wrong surface gives 1, measured sets stay below 0.1
 _FASTEST = 5.0  # speed after an impact over that before it, or that of the median impact; no impact gains a factor of 2
-_MIN_CUT = 8  # samples: fewer could not tell free fall from rest
+_MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,8 @@ class FoundImpacts:
         arcs: a row per detected impact, used or not, with `ARC_COLUMNS` (s, m, rad; chi2_* per degree of freedom).
         noise: see `NoiseEstimate`.
         glitches: columns trial, t: samples masked as tracking glitches.
-        samples: the poses in which the impacts were found, sorted by trial and time, without those masked; None where
-            impacts.csv was given.
-        masked: (N,) which of all samples, sorted by trial and time, were left aside: glitches, and ends of records
-            that stand out; empty where impacts.csv was given.
+        samples: the poses in which the impacts were found, sorted by trial and time, without glitches and without ends
+            of records that stand out; None where impacts.csv was given.
         warnings: sentences for the user.
     """
 
@@ -70,7 +68,6 @@ class FoundImpacts:
     noise: NoiseEstimate
     glitches: pd.DataFrame
     samples: Samples | None = None
-    masked: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     warnings: tuple[str, ...] = ()
 
     @property
@@ -190,7 +187,6 @@ def find_in_arrays(
         noise=noise,
         glitches=glitches,
         samples=samples,
-        masked=glitch,
         warnings=(
             *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
             *noise_warnings(noise, stated, glitches, settings),
@@ -263,7 +259,7 @@ def _fit_straightest(
         shorter = fit(at[rows], size)
         bent_still = is_bent(shorter, sigma, settings.arc_deviation)
         bent, count = bent & bent_still, shorter.n_side
-    # a short arc is straight enough for anything: it must also fall rather than rest, or it is no flight at all
+    # any short arc is nearly straight: it must also fall rather than rest to be a flight
     cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue]
     final = fit(at[rows], np.where(cured, size, whole))
     return fits.put(rows, final)

@@ -8,45 +8,9 @@ acceleration a of prior variance s_a², its residual sum of squares falls by the
 where b is what is left of τ²/2 after a line through it.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
-
-def rank(side: np.ndarray) -> np.ndarray:
-    """1, 2, … of the used samples (n, 2, W), counted away from the impact on either side."""
-    return np.stack([np.cumsum(side[:, 0, ::-1], 1)[:, ::-1], np.cumsum(side[:, 1], 1)], 1)
-
-
-def norm(a: np.ndarray) -> np.ndarray:
-    """Euclidean norm over the last axis."""
-    return np.sqrt(np.sum(a * a, axis=-1))
-
-
-@dataclass(frozen=True)
-class Lines:
-    """Least-squares lines on both sides: value at τ = 0 and slope (n, 2, 3), moments (n, 2), residuals."""
-
-    value: np.ndarray
-    slope: np.ndarray
-    count: np.ndarray
-    mean: np.ndarray
-    spread: np.ndarray
-    residual: np.ndarray
-
-
-def lines_through(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> Lines:
-    """Lines through q (n, W, C) over tau (n, W) on each side; `side` (n, 2, W) is 1 for the samples used."""
-    count = side.sum(2)
-    safe = np.maximum(count, 1.0)
-    mean = np.einsum("nsw,nw->ns", side, tau) / safe
-    centred = (tau[:, None, :] - mean[..., None]) * side
-    spread = (centred**2).sum(2)
-    level = (side @ q) / safe[..., None]
-    slope = (centred @ q) / np.where(spread > 0, spread, 1.0)[..., None]
-    value = level - slope * mean[..., None]
-    residual = q[:, None] - value[:, :, None] - slope[:, :, None] * tau[:, None, :, None]
-    return Lines(value, slope, count, mean, spread, residual)
+from thesis_lib.datasets.impacts.lines import Lines, lines_through, norm, rank
 
 
 def _bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:

@@ -22,14 +22,14 @@ import pandas as pd
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.arcs import ArcFits
-from thesis_lib.datasets.impacts.misfits import norm
+from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.statistics.spread import robust_std
 
 SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero
-_MIN_ARCS = 6  # fewer arcs than this say too little about the noise; third differences are used instead
+_MIN_ARCS = 6  # fewer arcs do not determine the noise; third differences are used instead
 _MIN_ARC_SAMPLES = 8
 _LONG_ARC_SAMPLES = 16  # used alone if there are enough: short ones are rattle, and hide correlation
-_MAX_LAG1 = 0.8  # beyond, an arc of 25 samples holds too little to tell noise from curvature
+_MAX_LAG1 = 0.8  # beyond it, an arc of 25 samples cannot separate noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
 # ratio of the noise stated to that of the arcs (known to 10 %) beyond which it is not believed
 CONTRADICTED = 2.0
@@ -87,7 +87,7 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
     sigma, lag1, colour, source = rough, np.full(3, np.nan), np.ones(3), "differences"
     if long.sum() >= _MIN_ARCS:
         # the median of chi²_ν / ν is (1 − 2/(9ν))³ to within 0.2 % for ν ≥ 5
-        dof = n - 3.0  # of arcs with any acceleration: stray ones are no noise
+        dof = n - 3.0  # of arcs with a free acceleration, so that stray accelerations do not pass for noise
         sigma = np.sqrt(
             np.median((fits.ss_free / (dof * (1.0 - 2.0 / (9.0 * dof)) ** 3)[..., None])[long], axis=0)
         )

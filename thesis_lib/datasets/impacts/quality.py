@@ -35,7 +35,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
-from thesis_lib.datasets.impacts.misfits import norm
+from thesis_lib.datasets.impacts.lines import norm
 
 REASONS = ("lost_frames", "second_hit", "window_too_short", "not_ballistic", "no_approach")
 FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
@@ -131,7 +131,7 @@ def assess_arcs(
     k_g = header.body.radius_of_gyration
     dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])
     allowed = settings.meet_time * dv
-    # A second hit inside the first samples spoils only those; an arc that is bad beyond them is no flight.
+    # A second hit inside the first samples spoils only those; an arc that is bad beyond them is not a flight.
     stray = (fits.chi2_near > settings.meet_sigma**2) & (fits.near > allowed)
     missing = (fits.chi2_meet > settings.meet_sigma**2) & (fits.miss > allowed)
     bad_arc = "reduced chi² of an arc is "

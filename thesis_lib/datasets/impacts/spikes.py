@@ -30,7 +30,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import fit_arcs
 
-_WEAK_SAMPLES = 10  # a flight of 10 samples at 250 Hz is 2 mm high: told from rest by noise up to 0.5 mm
+_WEAK_SAMPLES = 10  # a flight of 10 samples at 250 Hz is 2 mm high, which noise up to 0.5 mm cannot hide
 _FALL = 9.0  # chi² (3 sigmas) by which free fall must beat rest on both sides of a weak hit
 
 
@@ -78,7 +78,7 @@ def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSet
     for w in settings.scales:
         segment = np.r_[0, np.cumsum(boundary | is_hit)[:-1]][:n]
         score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings)
-        # the allowance for support flattens the peak of a weak hit: it says whether, `free` says where
+        # the allowance for support flattens the peak of a weak hit: it decides whether there is a hit, `free` where
         peak = _peaks(free, w, settings) & (score > settings.threshold**2)
         is_hit |= peak
         spoiled |= peak

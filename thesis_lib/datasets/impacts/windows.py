@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.misfits import rank
+from thesis_lib.datasets.impacts.lines import rank
 
 _WALK = 3  # samples by which t_c may leave the detected instant: the detector is that coarse for weak hits
 
@@ -85,7 +85,7 @@ def _bounds(samples: Samples, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def sides_of(windows: Windows, t: np.ndarray, settings: ArcSettings, size: np.ndarray | None) -> np.ndarray:
     """Samples that belong to the flights before and after impacts at t (n,), relative to t_0: (n, 2, W), 0 or 1."""
     tau = windows.t - t[:, None]
-    # the neighbours' instants bound the flights, too: their contact is no free flight either
+    # neighbouring hits bound the flights, too: during their contact the body does not fly freely
     start, end = np.full(len(t), -np.inf), np.full(len(t), np.inf)
     instant, same = t + windows.t_0, windows.same_trial
     start[1:][same] = (instant[:-1] + settings.guard - windows.t_0[1:])[same]

@@ -140,7 +140,7 @@ def convert_logs(
         per_trial_files: each file is one trial, whatever trial column it has.
 
     Raises:
-        UserError: a file or column is missing, a row is too long, a cell is no number, or a value of the experiment
+        UserError: a file or column is missing, a row is too long, a cell is not a number, or a value of the experiment
             is impossible.
     """
     if rate is not None and not (np.isfinite(rate) and rate > 0):
@@ -246,7 +246,7 @@ def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:
     if width > MAX_COLUMNS:
         raise UserError(f"{path} has {width:,} columns; the limit is {MAX_COLUMNS:,}. Is --delimiter right?")
     for row, cells in lines:
-        if any(map(str.strip, cells[width:])):  # a delimiter at the end of each row is no cell
+        if any(map(str.strip, cells[width:])):  # a delimiter at the end of a row starts no further cell
             raise UserError(
                 f"{path}, row {row}: {len(cells)} cells, but the header names {width} columns. Give each row one cell "
                 "for each column; write decimal points, not commas, and check --delimiter."
@@ -267,7 +267,7 @@ def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
-    """Stripped column names; the second of a name becomes name.1, so that the first is meant by it."""
+    """Stripped column names; where a name occurs again it becomes name.1, so that `name` is the first."""
     seen: dict[str, int] = {}
     result = []
     for name in map(str.strip, names):

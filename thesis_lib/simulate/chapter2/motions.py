@@ -283,7 +283,7 @@ def _start(
     height = a.disk_radius + a.disk_gap.quantile(u[2])
     q = np.array([first, incline - first, 0.0, height, 0.0])
     elbow = arm.joints(q[None])[0][0]
-    # below link 2 at the distance that is asked for: (P - elbow)' (sin β, -cos β) = R + gap
+    # below link 2 at the wanted distance: (P - elbow)' (sin β, -cos β) = R + gap
     distance = a.disk_radius + a.arm_gap.quantile(u[3])
     q[2] = elbow[0] + (distance + (height - elbow[1]) * np.cos(incline)) / np.sin(incline)
     t = h * np.arange(a.steps)

@@ -25,7 +25,7 @@ class NoisyStates:
 
     Attributes:
         q, v: (m+1, nv) noisy states.
-        sigma: (2, nv) standard deviations of the noise on q and on v: the truth, which an estimator need not be told.
+        sigma: (2, nv) standard deviations of the noise on q and on v: the truth, which an estimator need not know.
     """
 
     q: np.ndarray
@@ -43,8 +43,8 @@ def add_noise(record: Record, snr_db: float, rng: np.random.Generator) -> NoisyS
         raise UserError(f"A signal-to-noise ratio is a number of dB, or infinite for no noise; got {snr_db}.")
     if not (np.isfinite(record.q).all() and np.isfinite(record.v).all()):
         raise UserError(
-            "Noise was asked for on a record with a step that was not solved; look at its status, and leave it out or "
-            "cut it with `Record.window`."
+            "Noise cannot be added to a record with a step that was not solved. Look at its status, and leave it out "
+            "or cut it with `Record.window`."
         )
     sigma = np.stack([record.q.std(axis=0), record.v.std(axis=0)]) * 10.0 ** (-snr_db / 20.0)
     noise = rng.standard_normal((2, *record.q.shape)) * sigma[:, None, :]

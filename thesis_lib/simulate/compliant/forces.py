@@ -52,7 +52,7 @@ class Mechanics:
     """Forces on the drops of one run.
 
     Args:
-        body: as believed; what is hidden says how the true one differs.
+        body: as believed; `hidden` defines how the true one differs.
         contact, hidden: see `hidden_causes`.
         gravity: believed, m/s².
         n: drops.

@@ -109,7 +109,7 @@ def drop_plant(
     """Diagram of one body in flight, or over the plate.
 
     Args:
-        body: as believed; what is hidden, `m`, says how the true one differs.
+        body: as believed; the hidden causes `m` define how the true one differs.
         contact: its friction.
         gravity: believed, m/s².
         pad: what gives the restitution; None: no plate, and the log of the flight instead.

@@ -1,4 +1,4 @@
-"""A pad under the contact that gives back the same share of the speed, at any speed and any lever.
+"""A pad under the contact whose restitution is the same at any speed and any lever.
 
 Drake's point contact is a spring with Hunt-Crossley dissipation, f = k δ (1 + d δ̇)₊, whose restitution falls with the
 speed of the impact.  Here that spring is elastic (d = 0) and presses on a pad of two thin layers, each on a spring and
@@ -28,11 +28,11 @@ import numpy as np
 from thesis_lib.foundation.errors import UserError
 
 LAYER_SHARE = 0.15  # p/m: lighter changes nothing but the time steps that the dampers need
-# effective mass over m of a square at its worst; asked for of every body: it keeps the dampers small
+# smallest effective mass over m of a square; used for every body, since it keeps the dampers small
 SPREAD = 0.4
 ELASTIC = 0.998  # from here on there is no pad: its springs would be a thousand times the contact's
 SOFTEST = 0.25  # ε below it would need a pad that is mostly damper
-MASSES = 5  # effective masses at which ε is asked for
+MASSES = 5  # effective masses at which ε is fitted
 HOLD = 1e-3  # weight of the start in the least squares, which has more unknowns than ε alone would fix
 _TIMES = 400  # at which the end of a contact is looked for before it is solved for
 

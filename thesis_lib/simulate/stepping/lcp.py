@@ -38,7 +38,7 @@ import numpy as np
 
 MAX_UNKNOWNS = 8  # two planar contacts: 256 bases; beyond that a pivoting method is the better tool
 # violation allowed to a basis, on data scaled to about 1: well above the rounding of a 4x4 solve (~1e-14) and
-# below what any caller can tell from zero
+# below what any caller can distinguish from zero
 FEASIBILITY_TOL = 1e-10
 SINGULAR_TOL = 1e-12  # |det| of a basis, on scaled data, at which it is taken as singular
 

@@ -1,4 +1,4 @@
-"""Mechanisms with planar contact: what the time stepping and the identification know of them (thesis 2.3.1, 2.4).
+"""Mechanisms with planar contact, as time stepping and identification see them (thesis 2.3.1, 2.4).
 
     M(q) v̇ + C(q, v) v = g(q) + f_ext + J_n(q)' c_n + J_t(q)' c_t                                     (2.2)
 
