@@ -243,8 +243,17 @@ def _fit_straightest(
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
 
     def fit(hits: np.ndarray, size: np.ndarray | None = None) -> ArcFits:
-        known = {"spread": noise.contact_spread, "colour": noise.colour, "stray": noise.stray}
-        return fit_arcs(samples, hits, noise.used, header, settings, size=size, **known)
+        return fit_arcs(
+            samples,
+            hits,
+            noise.used,
+            header,
+            settings,
+            spread=noise.contact_spread,
+            size=size,
+            colour=noise.colour,
+            stray=noise.stray,
+        )
 
     fits = fit(at)
     bent = is_bent(fits, sigma, settings.arc_deviation)

@@ -224,7 +224,8 @@ class _Drops:
         impulse = p1 - p0 - mech.mass * mech.gravity * (after[2] - before[2])
         # one contact, as arrays of length one
         q, v, t = (np.asarray(part)[None] for part in before)
-        end = tuple(np.asarray(part)[None] for part in after)
+        q_end, v_end, t_end = (np.asarray(part)[None] for part in after)
+        end = q_end, v_end, t_end
         truth = contact_truth(
             mech, rows, (q, v, t), end, impulse[None], np.array([e1 - e0]), np.array([separated])
         )
