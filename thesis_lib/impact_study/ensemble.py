@@ -7,6 +7,7 @@ whose replicates are weights on the same table: all replicates zoom together unt
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class EnsembleFit:
     at_bound: tuple[str, ...]
     replicates: np.ndarray
 
-    def columns(self) -> dict[str, object]:
+    def columns(self) -> dict[str, Any]:
         """One row of a table: all but the replicates, `at_bound` as text."""
         names = ("mu", "mu_std", "epsilon", "epsilon_std", "cost", "n", "n_failed")
         return {name: getattr(self, name) for name in names} | {"at_bound": ";".join(self.at_bound)}

@@ -4,7 +4,6 @@ The three engines (time stepping, compliant contact, Drake) return the same `Dro
 truth.  Arrays hold n drops or contacts, in SI units; poses are x, y, θ of the body's origin.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,7 +97,7 @@ def contact_columns(
 
 
 def contact_table(
-    parts: list[dict[str, np.ndarray]], columns: Sequence[str], kinds: dict[str, type]
+    parts: list[dict[str, np.ndarray]], columns: tuple[str, ...], kinds: dict[str, type]
 ) -> pd.DataFrame:
     """All contacts, sorted by trial and time and numbered from 0 in each trial; `kinds` types those not float."""
     if parts:
