@@ -16,8 +16,8 @@ import json, re, sys
 import numpy as np
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
-from thesis_lib.datasets.impacts import Impacts
-from thesis_lib.identify import impact_study as study
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.impact_study import study
 from thesis_lib.impact_study.tables import error_summary
 
 training = 500
