@@ -5,6 +5,10 @@ import os
 # as in the pipeline, and before numpy reads it; on a busy machine threads of BLAS and torch wait for each other
 os.environ["OMP_NUM_THREADS"] = "1"
 
+from thesis_lib.foundation.kernels import use_common_kernels
+
+use_common_kernels()
+
 from collections.abc import Callable
 from pathlib import Path
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from thesis_lib.foundation.command_line import command, near
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.kernels import use_common_kernels
 
 COMMANDS = {  # name -> module, function, what it does; in groups
     "your own drops": {
@@ -53,6 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name not in known:
         what = f"there is no command {name}{near(name, known)}" if name else "a command is missing"
         raise UserError(f"{what}\npython -m thesis_lib --help lists them: {', '.join(known)}")
+    use_common_kernels()
     module, function, _ = known[name]
     return getattr(importlib.import_module(f"thesis_lib.{module}"), function)(arguments[1:])
 

@@ -8,9 +8,12 @@ from thesis_lib.config import parse_config
 from thesis_lib.datasets.sources.locate import SIMULATED, locate
 from thesis_lib.datasets.sources.published import SOURCES
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.kernels import use_common_kernels
 from thesis_lib.foundation.provenance import lib_hash, value_sha256
 from thesis_lib.records.catalogue import figures, records, tables_read
 from thesis_lib.resources import read_measured, request
+
+use_common_kernels()  # jobs inherit them
 
 try:
     CONFIG = parse_config(config)
