@@ -12,6 +12,8 @@ from thesis_lib.contact.space import contact_space, measured_impulse, velocity_c
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.results import numbers
+from thesis_lib.critique.results.residual_numbers import energy_disc
+from thesis_lib.critique.results.titles import handy_unit
 from thesis_lib.figures.critique import residuals
 from thesis_lib.figures.critique.data import trials_to_show
 from thesis_lib.figures.critique.errors import draw_budget, laws_sentence
@@ -20,6 +22,7 @@ from thesis_lib.figures.critique.residuals import dependences, draw_flights, fea
 from thesis_lib.figures.critique.where import boxes_of, inside, map_axes, region_text
 from thesis_lib.figures.style import house_style
 from thesis_lib.foundation.columns import explain
+from thesis_lib.statistics.wording import number
 
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 BUDGET = pd.DataFrame(
@@ -123,7 +126,7 @@ def test_budget_names_its_largest_part(drawn):
 
 def test_energy_disc_maps_what_impacts_do(critique):
     o, fitted = critique.observations, critique.ladder[0][1]
-    disc = numbers.energy_disc(fitted, o)
+    disc = energy_disc(fitted, o)
     before, after = states_at_impact(fitted.model, fitted.values, o)
     r = o.rig.shape.contact_point(before.theta)
     v_pre, v_post = (np.stack([s.vx, s.vy, s.omega], axis=1) for s in (before, after))
@@ -146,9 +149,7 @@ def test_energy_disc_has_nothing_below_and_reversal_above(without_effects, veloc
     slope = o.slope.copy()
     slope[:, 1] = slope[:, 0] + velocity_change(c_t, c_n, r, mass=1.0, k_g=o.rig.k_g)
     moved = replace(o, slope=slope)
-    np.testing.assert_allclose(
-        numbers.energy_disc(fitted, moved), np.broadcast_to(place, (len(o), 2)), atol=1e-6
-    )
+    np.testing.assert_allclose(energy_disc(fitted, moved), np.broadcast_to(place, (len(o), 2)), atol=1e-6)
 
 
 def test_regions_are_outlined_where_their_impacts_are():
@@ -226,7 +227,7 @@ def test_maps_mark_held_out_impacts_and_title_their_mean(critique, drawn):
     held_out = table["held_out"] == 1
     assert held_out.sum() == len(critique.held_out)
     mean = table.loc[held_out, "error_before"].mean()
-    assert f"held-out mean {numbers.number(mean)} m/s" in " ".join(texts(figure))
+    assert f"held-out mean {number(mean)} m/s" in " ".join(texts(figure))
 
 
 def test_parameters_that_move_are_called_out(critique):
@@ -250,37 +251,18 @@ def test_trials_shown_are_measured_ones(critique, without_effects):
     assert len(trials_to_show(without_effects)) == 0
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.05214, "0.0521"),
-        (0.09996, "0.100"),
-        (-1.5, "−1.50"),
-        (1718.0, "1718"),
-        (0.0, "0"),
-        (3.82e-6, "3.82·10⁻⁶"),
-    ],
-)
-def test_numbers_are_written_as_a_person_would(value, text):
-    assert numbers.number(value) == text
-
-
-def test_unknown_numbers_are_said_to_be_unknown():
-    assert numbers.number(float("nan")) == numbers.number(None) == "unknown"
-
-
 def test_a_picture_saved_twice_is_the_same_picture(drawn):
     for name, (figure, _) in drawn.items():
         assert png(figure) == png(figure), name
 
 
 def test_small_lengths_and_angles_are_shown_in_thousandths():
-    assert numbers.handy_unit(0.0005, "m") == (1e3, "mm") and numbers.handy_unit(-0.0358, "rad") == (
+    assert handy_unit(0.0005, "m") == (1e3, "mm") and handy_unit(-0.0358, "rad") == (
         1e3,
         "mrad",
     )
     for size, unit in ((0.1, "m"), (0.5, "rad"), (0.0, "m"), (0.001, "1"), (0.001, "m/s")):
-        assert numbers.handy_unit(size, unit) == (1.0, unit)
+        assert handy_unit(size, unit) == (1.0, unit)
 
 
 def test_a_budget_of_unknown_noise_does_not_call_it_none():

@@ -34,12 +34,12 @@ RATIOS = {"ch2_impact_forces", "ch2_measured_ratio", "ch2_measured_ratios"}
 EDITS = [
     (
         "simulate/stepping/drops.py",
-        {"simulate_drops", "critique_proof"},
+        {"simulate_drops"},
         {"find_impacts", "ch3_identify", "ch2_noise"},
     ),
     (
         "simulate/stepping/lcp.py",
-        {"simulate_drops", "critique_proof", "ch2_noise", "ch2_programs"},
+        {"simulate_drops", "ch2_noise", "ch2_programs"},
         {"find_impacts", "ch3_identify", "ch2_gather", "ch2_table_2_1", "claims", "provenance"},
     ),
     ("figures/chapter2/noise.py", {"ch2_table_2_1"}, None),

@@ -28,6 +28,7 @@ from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
+from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
@@ -73,7 +74,8 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     rungs = ladder(critique, rng) if rungs is None else rungs
     for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
         content["error"][key] = [float(row["error_low"]), float(row["error_high"])]
-    content["laws"] = {name: _law(critique, name, rng) for name in critique.laws}
+    seed = int(rng.integers(2**63))  # a stream a law: a further law changes no other interval
+    content["laws"] = {name: _law(critique, name, generator(seed, name)) for name in critique.laws}
     # the base law's error has one interval, that of the ladder
     content["laws"][found.base]["interval"] = content["error"]["base_interval"]
     content["summary"] = summary(content)
