@@ -75,7 +75,7 @@ def amount(value: float | None, unit: str = "", digits: int = 3) -> str:
 
 
 def interval(low: float | None, high: float | None, unit: str = "") -> str:
-    """A 95 % interval in brackets, as wide numbers as needed to tell its ends apart; '' where it is unknown."""
+    """A 95 % interval in brackets, with as many digits as its ends differ by; '' where it is unknown."""
     if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
         return ""
     unit = "" if unit in ("", "1") else f" {unit}"

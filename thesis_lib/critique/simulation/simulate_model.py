@@ -69,7 +69,7 @@ def simulate_model(
         engine: "own" or "drake".
         like: releases, noise, rate and duration as in this dataset, instead of those of the proof.
         rng: equal streams give equal releases and noise in both engines.
-        say: told what is being done.
+        say: called with a line on each step, for progress on a terminal.
 
     Raises:
         UserError: n is not positive, the engine is unknown or not installed, or `like` shows no release.

@@ -75,7 +75,7 @@ def recording_folder(
         folder: made if needed; files of an earlier critique are replaced.
         seed: of the configuration; the stream derives from it and from the recording's content.
         effects: the only ones that are tried; None tries all of the mechanism.
-        say: told what is being done.
+        say: called with a line on each step, for progress on a terminal.
 
     Raises:
         UserError: the recording is too short, or an effect is unknown.
@@ -108,7 +108,7 @@ def critique_folder(
         seed: of the configuration; the stream derives from it and from the dataset's content.
         effects: switched on instead of the automatic choice; None lets the data choose, () allows none.
         settings, arcs: thresholds, and detection of impacts.
-        say: told what is being done.
+        say: called with a line on each step, for progress on a terminal.
 
     Raises:
         UserError: the dataset is too small, or an effect is unknown or cannot be tested with it.
