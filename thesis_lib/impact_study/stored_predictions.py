@@ -59,11 +59,11 @@ def agreement(impacts: Impacts, stored: pd.DataFrame) -> pd.DataFrame:
     for law, published in zip(SIX_LAWS, SIX_AS_PUBLISHED):
         mu, epsilon = STORED_WITH[law]
         fed = epsilon * _rebound(law, after)
-        theirs = stored[[f"{law}_p_t", f"{law}_p_n"]].to_numpy()
+        stored_impulse = stored[[f"{law}_p_t", f"{law}_p_n"]].to_numpy()
         for name in dict.fromkeys((published, law)):
             out = LAWS[name](impacts.v_pre + GRAVITY_STEP, impacts.r, **body, mu=mu, epsilon=fed)
-            ours = np.stack(measured_impulse(out.v_post - impacts.v_pre, impacts.r, **body), axis=1)
-            distance = np.linalg.norm(ours - theirs, axis=1)
+            impulse = np.stack(measured_impulse(out.v_post - impacts.v_pre, impacts.r, **body), axis=1)
+            distance = np.linalg.norm(impulse - stored_impulse, axis=1)
             variant = "as_published" if name == published else "as_defined"
             row = {
                 "law": law,

@@ -1,26 +1,27 @@
 """Base parameters and contact forces of arm and disk from noisy states and torques, from blind starts (thesis 2.4).
 
-Lengths, radius, gravity, torques, μ and ε are known.  The base parameters, the start and the noise level are not; base
-parameters are drawn from a prior over two decades of mass (`ArmPrior`).  The likelihood is maximised in five stages:
+Lengths, radius, gravity, torques, μ and ε are known.  The base parameters, the start and the noise level are unknown.
+Starting values of the base parameters are drawn from a prior over two decades of mass (`ArmPrior`).  The likelihood is
+maximised in five stages:
 
-1. screen: draws of the prior predict short segments from the measured states; the best few go on;
-2. segments: 10, 25 and 60 steps, each with a start of its own (`shooting`);
-3. growth: one motion from the first sample on, over a horizon that grows to the whole record;
-4. kicks: the best answer is moved by some of its standard errors and fitted again, with differences taken over a
-   standard error, until χ² falls no more.  Contact events that move by a step make kinks, which this passes;
-5. gate: χ²/n of the residuals over their own white part must stay below `gate`, or the fit is tried from new draws, and
-   in the end counted as failed.
+1. screen: prior draws predict short segments from the measured states; the best few are kept;
+2. segments: 10, 25 and 60 steps, each segment with a free start (`shooting`);
+3. growth: one motion from the first sample, over a horizon that grows to the whole record;
+4. kicks: the best answer is moved by a few standard errors and refitted, with differences over a standard error, until
+   χ² stops falling.  This crosses the kinks where a contact event moves by a step;
+5. gate: χ²/n of the residuals over their white part must be below `gate`; otherwise new draws are tried, and in the end
+   the fit counts as failed.
 
-The covariance of (x_0, ξ, ψ) is the inverse of J'J of the whitened residuals, the Cramér-Rao bound at the estimate,
-with differences over a standard error for derivatives; forces have theirs from the same moves.
+The covariance of (x_0, ξ, ψ) is the inverse of J'J of the whitened residuals (the Cramér-Rao bound at the estimate),
+where J holds differences over a standard error.  The standard errors of the forces use the same perturbations.
 
 | on paper | in code     | unit            | shape   |                                                           |
 |----------|-------------|-----------------|---------|-----------------------------------------------------------|
-| Θ        | `theta`     | kg, kg m, kg m² | (6,)    | base parameters in the order of `parameters.NAMES`    |
+| Θ        | `theta`     | kg, kg m, kg m² | (6,)    | base parameters in the order of `parameters.NAMES`        |
 | ψ        | `psi`       | mixed           | (k,)    | parameters of an extra force                              |
 | c_n, c_t | `c_n`, `c_t` | N              | (m, 2)  | contact forces, pairs ("arm", "ground")                   |
 
-Sources: as `shooting`; J. von Neumann, Ann. Math. Statist. 12 (1941), doi 10.1214/aoms/1177731677 (ratio of
+Sources: see `shooting`; J. von Neumann, Ann. Math. Statist. 12 (1941), doi 10.1214/aoms/1177731677 (ratio of
 the mean square successive difference to the variance).
 """
 
@@ -46,7 +47,7 @@ AXES_REPETITIONS = 3  # of the axes' search; most settle in two
 SAME = 1.001  # ratio of χ² up to which two candidates count as one answer
 HOPELESS = 10.0  # ratio to the best χ² above which a candidate is dropped
 KICK = (0.05, 3.0)  # sizes of kicks in standard errors, smallest and largest
-# of what a coordinate may change by itself, over which differences are taken, in turn; 0 for derivatives
+# of a coordinate's conditional standard error, over which differences are taken, in turn; 0 for derivatives
 SHARES = (1.0, 0.0, 0.3)
 SILENT = 1e-8  # share of the largest information below which a direction counts as not determined
 DEFAULT_FIT = ArmFitSettings()
@@ -54,7 +55,7 @@ DEFAULT_FIT = ArmFitSettings()
 
 @dataclass(frozen=True)
 class ArmFit:
-    """Answer of a fit; symbols as in the module's table."""
+    """Result of a fit; symbols as in the module's table."""
 
     names: tuple[str, ...]  # (6+k,) of Θ and ψ
     theta: np.ndarray
@@ -87,15 +88,14 @@ def fit(
     extra: Extra | None = None,
     start: np.ndarray | None = None,
 ) -> ArmFit:
-    """Maximum-likelihood parameters and forces of one motion, with an honest verdict in `accepted`.
+    """Maximum-likelihood parameters and forces of one motion; `accepted` says whether the fit passes the gate.
 
     Args:
-        arm: its lengths, base, radius and gravity are used; its inertia is not.
+        arm: only its lengths, base, radius and gravity are used.
         data: see `shooting.measured`.
         rng: draws starts and kicks.
-        settings: how to search.
-        extra: force with parameters ψ of its own, which start at 0; its scale is the size of the kicks' first steps.
-        start: (r, 6) base parameters to begin with in place of the prior's draws, for example of a fit without `extra`.
+        extra: force with parameters ψ that start at 0; `extra.scale` sets the size of their first steps.
+        start: (r, 6) base parameters to start from instead of prior draws, for example from a fit without `extra`.
 
     Raises:
         UserError: a start has no positive definite mass matrix.
@@ -126,12 +126,11 @@ def fit(
 
 
 def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, v0: np.ndarray) -> np.ndarray:
-    """Cramér-Rao bound (6,) on the standard errors of Θ at known truth, with the start and Θ unknown.
+    """Cramér-Rao bound (6,) on the standard errors of Θ, where the start and Θ are unknown.
 
     Args:
-        data: torques, and the noise level in `sigma`; its states are not used.
-        theta: (6,) true Θ.
-        q0, v0: (5,) true start.
+        data: torques and noise level `sigma`; its states are not used.
+        theta, q0, v0: true Θ (6,) and true start (5,), (5,).
     """
     shooting = Shooting(arm, data)
     xi = free_coordinates(theta, arm.link_lengths[0])
@@ -145,21 +144,21 @@ def _whole(data: ArmData, stop: int | None = None) -> Stage:
 
 
 def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -> Candidates:
-    """The candidates that predict short segments best from the measured states."""
+    """The candidates that best predict short segments from the measured states."""
     stage = equal_segments(shooting.data.steps, settings.segments[0])
     p = np.zeros((len(theta), shooting.n_parameters))
     p[:, :6] = free_coordinates(theta, shooting.arm.link_lengths[0])
     x = np.tile(shooting.z[[start for start, _ in stage.segments]], (len(p), 1, 1))
     r = shooting.residuals(stage, p, x)
     chi2 = np.nan_to_num(np.einsum("nsr,nsr->ns", r, r), nan=np.inf) / r.shape[2]
-    # the logarithm: a start a little on the wrong side of a contact spoils its segment for every candidate
+    # the logarithm: a start slightly on the wrong side of a contact spoils its segment for every candidate
     score = np.log1p(np.minimum(chi2, 1e12)).sum(axis=1)
     order = np.argsort(score, kind="stable")[: settings.candidates]
     return Candidates(p[order], x[order], np.full(len(order), np.inf))
 
 
 def _grown(shooting: Shooting, point: Candidates, settings: ArmFitSettings, growth: int) -> Candidates:
-    """Candidates over the whole motion, by way of longer and longer segments and then of a growing horizon."""
+    """Candidates over the whole motion, by lengthening the segments and then growing the horizon."""
     data = shooting.data
     longest = settings.segments[-1]
     stages = [equal_segments(data.steps, length) for length in settings.segments]
@@ -174,7 +173,7 @@ def _grown(shooting: Shooting, point: Candidates, settings: ArmFitSettings, grow
 
 
 def _distinct(point: Candidates) -> Candidates:
-    """Candidates in ascending χ² without those that came to the same answer and those that are far worse."""
+    """Candidates in ascending χ², without duplicates and without those far worse than the best."""
     order = np.argsort(point.cost, kind="stable")
     kept = [order[0]]
     for i in order[1:]:
@@ -186,7 +185,7 @@ def _distinct(point: Candidates) -> Candidates:
 def _kicked(
     shooting: Shooting, point: Candidates, rng: np.random.Generator, settings: ArmFitSettings
 ) -> tuple[Shooting, Candidates]:
-    """The best candidate with the noise level of its residuals, shaken until χ² falls no more."""
+    """The best candidate at the noise level of its residuals, perturbed until χ² stops falling."""
     stage = _whole(shooting.data)
     best = point[[int(point.cost.argmin())]]
     idle = 0
@@ -195,7 +194,7 @@ def _kicked(
         A = _axes(shooting, best)
         trial = _neighbours(shooting, best, A, rng, settings)
         share = SHARES[round_ % len(SHARES)]
-        # differences over a share of what each coordinate may change by itself
+        # differences over a share of each coordinate's conditional standard error
         steps = share / np.sqrt(np.diag(np.linalg.inv(A @ A.T))) if share else None
         trial = shooting.minimise(stage, trial, settings.iterations, steps)
         i = int(trial.cost.argmin())
@@ -211,10 +210,10 @@ def _kicked(
 def _neighbours(
     shooting: Shooting, best: Candidates, A: np.ndarray, rng: np.random.Generator, settings: ArmFitSettings
 ) -> Candidates:
-    """Points within a few standard errors whose sequences of contact modes differ, those of least χ².
+    """Points of least χ² within a few standard errors whose sequences of contact modes differ.
 
-    Half of them lie along the axes of the uncertainty: where a grazing contact makes the motion unstable, the right
-    sequence fills a thousandth of a standard error in one direction, which only a line can meet.
+    Half of them lie along the axes of the uncertainty.  Where a grazing contact makes the motion unstable, the right
+    sequence fills a thousandth of a standard error in one direction, which only a line search can hit.
     """
     n = len(A)
     coordinates = np.zeros((settings.kicks, n))
@@ -246,10 +245,10 @@ def _weighed(shooting: Shooting, best: Candidates, settings: ArmFitSettings) -> 
 
 
 def _axes(shooting: Shooting, best: Candidates) -> np.ndarray:
-    """Axes A (n, n) of the uncertainty of (x_0, p), a standard error each: their covariance is A A'.
+    """Axes A (n, n) of the uncertainty of (x_0, p), each of one standard error: their covariance is A A'.
 
-    At a kink, where an event is about to move by a step, the derivative on one side says nothing of the other side: the
-    axes are those over which the residuals change by one on average of both sides, found by repetition.
+    At a kink, where an event is about to move by a step, the derivatives on the two sides differ.  The axes are found
+    by iteration: along each, the residuals change by one on average over both sides.
     """
     stage = _whole(shooting.data)
     _, J = shooting.differences(stage, best.p, best.x)
@@ -268,13 +267,13 @@ def _axes(shooting: Shooting, best: Candidates) -> np.ndarray:
 
 
 def _inverse_root(H: np.ndarray) -> np.ndarray:
-    """B with B B' = H⁻¹, where H is cut off below for directions that the data say nothing about."""
+    """B with B B' = H⁻¹; eigenvalues of H are floored in directions that the data do not determine."""
     values, U = np.linalg.eigh(H)
     return U / np.sqrt(np.maximum(values, SILENT * values[-1]))
 
 
 def _chi2(shooting: Shooting, best: Candidates) -> float:
-    """χ²/n against the white part of the residuals, n less the number of unknowns."""
+    """χ²/n against the white part of the residuals; n is reduced by the number of unknowns."""
     r = shooting.residuals(_whole(shooting.data), best.p, best.x)[0, 0].reshape(-1, 10)
     ratio = np.mean(np.mean(r**2, axis=0) / noise_of_residuals(r) ** 2)
     return float(ratio * r.size / (r.size - 10 - shooting.n_parameters))
@@ -310,7 +309,7 @@ def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float, atte
 
 
 def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (m, 2) of c_n and c_t: how far the forces go over one standard error along each axis."""
+    """Standard errors (m, 2) of c_n and c_t in N, from their change over one standard error along each axis."""
     both = np.concatenate([A.T, -A.T])
     out = shooting.copies(best.p + both[:, 10:], best.x[:, 0] + both[:, :10], shooting.data.f_ext)
     centre = shooting.copies(best.p, best.x[:, 0], shooting.data.f_ext)
@@ -321,7 +320,7 @@ def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.
 
 
 def _nothing(data: ArmData, extra: Extra | None, attempts: int, cpu_s: float) -> ArmFit:
-    """A fit that found no motion at all."""
+    """The result when no motion was found."""
     k = 0 if extra is None else len(extra.names)
     states, forces = np.full((data.steps + 1, 5), np.nan), np.full((data.steps, 2), np.nan)
     return ArmFit(

@@ -1,24 +1,25 @@
 """Base inertial parameters of the two-link arm and its disk, and their dynamics in closed form (thesis 2.3.2, 2.4).
 
-With centres of mass on the links' axes and in the disk's centre, and inertias I about the joints, the motion depends on
+With centres of mass on the links' axes and in the disk's centre, and inertias I about the joints, the motion depends
+only on
 
-    Θ = (m_1 c_1 + l_1 m_2,  I_1 + l_1² m_2,  m_2 c_2,  I_2,  m_d,  I_d)
+    Θ = (m_1 c_1 + l_1 m_2,  I_1 + l_1² m_2,  m_2 c_2,  I_2,  m_d,  I_d).
 
-and on nothing else.  In them, with θ_2 = q_1 + q_2,
+With θ_2 = q_1 + q_2,
 
     M_11 = Θ_2 + Θ_4 + 2 l_1 Θ_3 cos q_2,   M_12 = Θ_4 + l_1 Θ_3 cos q_2,   M_22 = Θ_4,   M_disk = diag(Θ_5, Θ_5, Θ_6)
     C v  = l_1 Θ_3 sin q_2 (-(2 q̇_1 q̇_2 + q̇_2²), q̇_1²),     g = -g (Θ_1 cos q_1 + Θ_3 cos θ_2, Θ_3 cos θ_2)
 
-and all of it is linear in Θ, Y Θ = M v̇ + C v - g.  M is positive definite at every q exactly if
+which is linear in Θ: Y Θ = M v̇ + C v - g.  M is positive definite at every q exactly if
 
     [Θ_2  l_1 Θ_3; l_1 Θ_3  Θ_4] = L L',  L lower triangular with a positive diagonal,   Θ_5 > 0,   Θ_6 > 0,
 
-so that an estimator works with the six free numbers ξ = (Θ_1, ln L_11, L_21, ln L_22, ln Θ_5, ln Θ_6).
+so estimators use the unconstrained ξ = (Θ_1, ln L_11, L_21, ln L_22, ln Θ_5, ln Θ_6).
 
 | on paper | in code        | unit            | shape      |                                                     |
 |----------|----------------|-----------------|------------|-----------------------------------------------------|
 | Θ        | `theta`        | kg m, kg m², kg | (..., 6)   | base parameters in the order of `NAMES`             |
-| ξ        | `xi`           | mixed           | (..., 6)   | free coordinates, every value of which is allowed   |
+| ξ        | `xi`           | mixed           | (..., 6)   | unconstrained coordinates                           |
 | Y        | returned       | N, N m per Θ    | (n, 5, 6)  | regressor, gravity included                         |
 
 Sources: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
@@ -56,7 +57,7 @@ class ArmPrior(Section):
     )
 
     def draw(self, n: int, arm: ArmDisk, rng: np.random.Generator) -> np.ndarray:
-        """Base parameters (n, 6) of n arms and disks of the lengths and radius of `arm`, whose inertia is not used."""
+        """Base parameters (n, 6) of n draws; only the lengths, radius and gravity of `arm` are used."""
         u = rng.random((n, 8))
         low, high = np.log([self.mass.low, self.mass.high])
         m = np.exp(low + (high - low) * u[:, :3])
@@ -73,7 +74,7 @@ def base_of(arm: ArmDisk) -> np.ndarray:
     """Base parameters (6,) of an arm.
 
     Raises:
-        UserError: a link's centre of mass lies off its axis, which adds parameters that are not in the set.
+        UserError: a link's centre of mass lies off its axis, which would need further parameters.
     """
     if arm.link_coms[:, 1].any():
         raise UserError(
@@ -87,7 +88,7 @@ def base_of(arm: ArmDisk) -> np.ndarray:
 
 
 def regressor(arm: ArmDisk, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Y (n, 5, 6) at configurations, velocities and accelerations (n, 5); lengths and gravity are those of `arm`."""
+    """Y (n, 5, 6) at configurations, velocities and accelerations (n, 5), with the lengths and gravity of `arm`."""
     l1, g = arm.link_lengths[0], arm.g
     c1, c12 = np.cos(q[:, 0]), np.cos(q[:, 0] + q[:, 1])
     c2, s2 = l1 * np.cos(q[:, 1]), l1 * np.sin(q[:, 1])
@@ -103,7 +104,7 @@ def regressor(arm: ArmDisk, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.n
 
 
 def positive_definite(theta: np.ndarray, l1: float) -> np.ndarray:
-    """Whether M is positive definite at every configuration, (...,)."""
+    """Whether M is positive definite at every configuration: (...,) for Θ (..., 6) and length `l1` in m."""
     theta = np.asarray(theta, dtype=float)
     det = theta[..., 1] * theta[..., 3] - (l1 * theta[..., 2]) ** 2
     return (det > 0) & (theta[..., 3] > 0) & (theta[..., 4] > 0) & (theta[..., 5] > 0)
@@ -127,7 +128,7 @@ def free_coordinates(theta: np.ndarray, l1: float) -> np.ndarray:
 
 
 def from_free(xi: np.ndarray, l1: float) -> np.ndarray:
-    """Θ (..., 6) of free coordinates ξ (..., 6)."""
+    """Θ (..., 6) of ξ (..., 6)."""
     xi = np.asarray(xi, dtype=float)
     L11, L21, L22 = np.exp(xi[..., 1]), xi[..., 2], np.exp(xi[..., 3])
     return np.stack(

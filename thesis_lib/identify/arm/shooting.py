@@ -1,18 +1,17 @@
 """Maximum likelihood of arm and disk by shooting through the contact simulator (thesis 2.4, beyond eqs. 2.12 to 2.14).
 
-Given known torques, the motion from a start x_0 = (q_0, v_0) with base parameters Θ(ξ) and further parameters ψ (none,
-or those of an `Extra` force) is simulated with the step of `stepping`, contact modes and all, and
+For known torques, a start x_0 = (q_0, v_0), base parameters Θ(ξ) and further parameters ψ (of an `Extra` force),
+the motion is simulated with the step of `stepping`, contact modes included.  Minimised is
 
-    χ²(x_0, ξ, ψ) = Σ_k |W (z_k - z(k; x_0, ξ, ψ))|²,     W = 1/σ per channel,  z = (q, v),
+    χ²(x_0, ξ, ψ) = Σ_k |W (z_k - z(k; x_0, ξ, ψ))|²,     W = 1/σ per channel,  z = (q, v).
 
-is least.  Over the whole motion χ² is rough: an impact that comes a step late costs thousands.  The way in is to cut
-the motion into segments with a start of their own each and to lengthen them, every stage beginning at the answer of
-the last: many short segments have hardly a false minimum, one segment over all is the likelihood itself.  The starts
-of a segment are eliminated from the normal equations, which are arrow shaped.  Several beginnings run side by side, and
-all their perturbed copies are simulated in one batch.
+Over the whole motion χ² is rough: an impact that comes a step late costs thousands.  The motion is therefore cut into
+segments with free starts, which are lengthened stage by stage, each stage starting at the previous answer.  Many short
+segments have hardly a false minimum; one segment over the whole motion is the likelihood itself.  The segments' starts
+are eliminated from the arrow-shaped normal equations.  Several candidates run side by side, and all their perturbed
+copies are simulated in one batch.
 
-The noise level is estimated, see `noise_level` and `noise_of_residuals`, such that χ²/n near 1 is a test that a fit
-can fail.
+The noise level is estimated (`noise_level`, `noise_of_residuals`) so that χ²/n near 1 is a test that a fit can fail.
 
 | on paper | in code        | unit             | shape     |                                                           |
 |----------|----------------|------------------|-----------|-----------------------------------------------------------|
@@ -44,7 +43,7 @@ CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off
 
 @dataclass(frozen=True)
 class ArmData:
-    """What is known of one motion: states with noise, torques, and the contacts' coefficients."""
+    """Data of one motion: noisy states, torques, and the contacts' coefficients."""
 
     h: float  # s
     q: np.ndarray  # q, v: (m+1, 5) measured states
@@ -62,7 +61,7 @@ class ArmData:
 
 @dataclass(frozen=True)
 class Extra:
-    """A force with parameters ψ of its own that are fitted beside the base parameters."""
+    """A force with parameters ψ that are fitted together with the base parameters."""
 
     names: tuple[str, ...]  # (k,) of ψ
     scale: np.ndarray  # (k,) typical size of each; its null is 0
@@ -72,14 +71,14 @@ class Extra:
 
 @dataclass(frozen=True)
 class Stage:
-    """Segments (start, stop) in steps that a stage of the fit predicts, each from a start of its own."""
+    """Segments (start, stop) in steps, each predicted from a free start."""
 
     segments: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidate answers side by side: p (P, 6+k), starts x (P, S, 10) of the segments, χ² (P,)."""
+    """P candidates: p (P, 6+k), starts x (P, S, 10) of the segments, χ² (P,)."""
 
     p: np.ndarray
     x: np.ndarray
@@ -90,14 +89,14 @@ class Candidates:
 
 
 def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
-    """Standard deviations (2, 5) of the noise of q and v (m+1, 5) before anything is known of the motion.
+    """Standard deviations (2, 5) of the noise of q and v (m+1, 5), without a model of the motion.
 
-    The time step makes q_{k+1} - q_k = h v_{k+1} exactly, so that for q, whose noise is far above h times that of v,
+    The time step gives q_{k+1} - q_k = h v_{k+1} exactly, and σ_q is far above h σ_v, so that
 
         rms of (q_{k+1} - q_k - h v_{k+1}) = √2 σ_q
 
-    whatever the contacts do.  For v, second differences are taken, with variance 6 σ² and little of the motion; their
-    median does not see the few steps with events.
+    whatever the contacts do.  σ_v comes from second differences, of variance 6 σ²; their median ignores the few steps
+    with events.
     """
     slack = np.diff(q, axis=0) - h * v[1:]
     second = np.diff(v, n=2, axis=0)
@@ -107,10 +106,9 @@ def noise_level(q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
 def noise_of_residuals(r: np.ndarray) -> np.ndarray:
     """Standard deviations (...,) of the white part of residuals (n, ...), from their first differences (von Neumann).
 
-    What a wrong model leaves lasts for many steps and shows in the residuals, but hardly in their differences: the
-    ratio of the two is a test of the fit that needs no noise level.
-    Differences beyond `CLIP` standard deviations are left out: an impact that the model has a step too late must not
-    pass as noise.
+    Model error lasts many steps: it shows in the residuals, hardly in their differences.  The ratio of the two tests a
+    fit without a known noise level.  Differences beyond `CLIP` standard deviations are left out, since an impact that
+    the model predicts a step late must not count as noise.
     """
     d = np.diff(r, axis=0) / np.sqrt(2.0)
     scale = robust_std(d)
@@ -123,7 +121,7 @@ def noise_of_residuals(r: np.ndarray) -> np.ndarray:
 def measured(
     q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: float, epsilon: float = 0.0
 ) -> ArmData:
-    """Data of one motion with their noise level estimated.
+    """Data of one motion, with its noise level estimated; arguments as in `ArmData`.
 
     Raises:
         UserError: shapes do not fit, values are not finite, the motion is too short, or a channel has no noise at all.
@@ -156,10 +154,7 @@ def equal_segments(steps: int, length: int) -> Stage:
 class Shooting:
     """χ² of a motion over the segments of a stage, and its minimisation.
 
-    Args:
-        arm: lengths, base, radius and gravity are used, its inertia is not.
-        data: of one motion.
-        extra: force with parameters of its own.
+    Only the lengths, base, radius and gravity of `arm` are used.
     """
 
     def __init__(self, arm: ArmDisk, data: ArmData, extra: Extra | None = None) -> None:
@@ -184,8 +179,8 @@ class Shooting:
         return simulate_copies(self.arm, theta, x[:, :5], x[:, 5:], f_ext, d.h, d.mu, d.epsilon, force)
 
     def residuals(self, stage: Stage, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Whitened residuals (n, S, (L+1) 10) for p (n, 6+k), x (n, S, 10); zero beyond a segment's end, else NaN
-        where a motion has no solution."""
+        """Whitened residuals (n, S, (L+1) 10) for p (n, 6+k), x (n, S, 10): zero beyond a segment's end, NaN without a
+        solution."""
         n, S = x.shape[:2]
         lengths = np.array([stop - start for start, stop in stage.segments])
         L = int(lengths.max())
@@ -203,7 +198,7 @@ class Shooting:
         return r.reshape(n, S, -1)
 
     def cost(self, stage: Stage, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """χ² (n,); infinite where a motion has no solution."""
+        """χ² (n,) for p (n, 6+k), x (n, S, 10); infinite where a motion has no solution."""
         with np.errstate(over="ignore", invalid="ignore"):
             r = self.residuals(stage, p, x)
             total = np.einsum("nsr,nsr->n", r, r)
@@ -212,9 +207,9 @@ class Shooting:
     def differences(
         self, stage: Stage, p: np.ndarray, x: np.ndarray, steps: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (P, S, R) and their derivatives (P, S, 10 + 6+k, R) by the segment's start, then by p.
+        """Residuals (P, S, R) and their derivatives (P, S, 10 + 6+k, R) by the segment's start and by p.
 
-        `steps` (10 + 6+k,) are those of the forward differences; by default small enough for derivatives.
+        `steps` (10 + 6+k,) are the forward difference steps; the default approximates derivatives.
         """
         P, S = x.shape[:2]
         n_p = self.n_parameters
@@ -243,8 +238,8 @@ class Shooting:
     ) -> Candidates:
         """Levenberg-Marquardt of P candidates side by side, each until χ² falls by less than `tolerance` twice.
 
-        `steps` as in `differences`: with steps of the parameters' uncertainty the slopes are those of χ² over its
-        kinks, from which derivatives do not lead away.
+        `steps` as in `differences`.  Steps of one standard error average the slope over the kinks of χ², at which a
+        search with derivatives gets stuck.
         """
         p, x = point.p.copy(), point.x.copy()
         cost = self.cost(stage, p, x)
@@ -281,7 +276,7 @@ class Shooting:
         return Candidates(p, x, cost)
 
     def moved(self, point: Candidates, old: Stage, new: Stage) -> Candidates:
-        """The candidates with starts for the segments of another stage, simulated from those of the old one."""
+        """The candidates with starts for the segments of stage `new`, simulated from those of `old`."""
         x = np.empty((len(point.p), len(new.segments), 10))
         begins = [start for start, _ in old.segments]
         for j, (start, _) in enumerate(new.segments):
@@ -290,14 +285,14 @@ class Shooting:
             if begins[i] < start:
                 out = self.copies(point.p, point.x[:, i], self.data.f_ext[begins[i] : start])
                 x[:, j] = np.concatenate([out.q[:, -1], out.v[:, -1]], axis=1)
-        # where the way there has no solution, the data themselves
+        # where that simulation has no solution, the measured states
         lost = ~np.isfinite(x).all(axis=2)
         x[lost] = np.broadcast_to(self.z[[start for start, _ in new.segments]], x.shape)[lost]
         return Candidates(point.p, x, np.full(len(x), np.inf))
 
 
 def _arrow_step(H: np.ndarray, g: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
-    """Damped Gauss-Newton step (p, x (S, 10)) of S segments with H (S, 10+n, 10+n), g (S, 10+n), by elimination of x.
+    """Damped Gauss-Newton step (p, x (S, 10)) for H (S, 10+n, 10+n) and g (S, 10+n) of S segments; x is eliminated.
 
     (H + λ diag H) δ = -g;  with blocks xx, xp, pp:  (Σ H_pp - H_px H_xx⁻¹ H_xp) δp = -Σ (g_p - H_px H_xx⁻¹ g_x)
     """

@@ -1,14 +1,14 @@
-"""Time stepping of many copies of arm and disk at once, each with its own base parameters and start.
+"""Time stepping of a batch of arm-and-disk copies, each with its own base parameters and start.
 
-The step is that of `simulate.stepping.stepping`, for contact pairs ("arm", "ground"), with the closed-form dynamics of
-`parameters`.  In each step a copy's contacts are in one mode each,
+The step is that of `simulate.stepping.stepping` for contact pairs ("arm", "ground"), with the closed-form dynamics of
+`parameters`.  In each step each contact of a copy has one mode,
 
     off     c_n = 0,  c_t = 0                 needs v_n⁺ >= b, or no contact
     stick   v_n⁺ = b, v_t⁺ = 0                needs c_n >= 0, |c_t| <= μ c_n
     slip s  v_n⁺ = b, c_t = -s μ c_n          needs c_n >= 0, s v_t⁺ >= 0,       s = ±1,
 
-so that the impulse follows from four linear equations.  The mode of the step before is tried first; copies for which
-it does not hold go through all sixteen pairs of modes.  A copy whose step has no solution is NaN from there on.
+so that four linear equations give the impulse.  The previous step's modes are tried first; copies for which they fail
+try all sixteen pairs of modes.  A copy without a solution is NaN from that step on.
 
 | on paper | in code      | unit           | shape         |                                                       |
 |----------|--------------|----------------|---------------|-------------------------------------------------------|
@@ -17,7 +17,7 @@ it does not hold go through all sixteen pairs of modes.  A copy whose step has n
 | c_n, c_t | `c_n`, `c_t` | N              | (n, m, 2)     | contact forces                                        |
 | K        | `K`          | 1/kg           | (n, 4, 4)     | J M⁻¹ J', rows J_t of both pairs, then J_n            |
 
-Sources: as `simulate.stepping.stepping`.
+Sources: see `simulate.stepping.stepping`.
 """
 
 from collections.abc import Callable
@@ -35,14 +35,14 @@ ExtraForce = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 OFF, STICK, SLIP_UP, SLIP_DOWN = range(4)  # v_t⁺ > 0 and v_t⁺ < 0 in the last two
 _SIGN = np.array([0.0, 0.0, 1.0, -1.0])
-# sticking pairs first: where several solutions exist, the one that dissipates most
+# sticking pairs first: of several solutions, the most dissipative is taken
 _ALL_MODES = np.array(list(product((STICK, SLIP_UP, SLIP_DOWN, OFF), repeat=2)))
 MODE_TOL = 1e-11  # of velocities and impulses at a mode's border; rounding of the 4 x 4 systems is near 1e-14
 
 
 @dataclass(frozen=True)
 class Copies:
-    """Motions of n copies over m steps; NaN from a step on that has no solution."""
+    """Motions of n copies over m steps; NaN from the first step without a solution."""
 
     q: np.ndarray  # q, v: (n, m+1, 5) states
     v: np.ndarray
@@ -65,13 +65,13 @@ def simulate_copies(
     """Simulate n copies over the m steps of `f_ext`.
 
     Args:
-        arm: lengths, base, radius and gravity; its inertia is not used.
+        arm: only its lengths, base, radius and gravity are used.
         theta: (n, 6) base parameters with a positive definite mass matrix.
         q0, v0: (n, 5) initial states.
-        f_ext: (m, 5) for all copies, or (n, m, 5).
-        h: s.
+        f_ext: (m, 5) for all copies, or (n, m, 5), in N and N m.
+        h: time step in s.
         mu, epsilon: friction and restitution of both pairs.
-        extra: generalised force beside gravity and f_ext, of the state at the start of the step.
+        extra: further generalised force, evaluated at the start of each step.
     """
     f_ext = np.asarray(f_ext, dtype=float)
     f_ext = f_ext[None] if f_ext.ndim == 2 else f_ext
@@ -107,10 +107,10 @@ def simulate_copies(
                 K = np.matmul(J[at], MJ)
                 v_c = np.matmul(J[at], v_free[at, :, None])[:, :, 0]
                 guess = np.where(active[at] & (mode[at] == OFF), STICK, mode[at])
-                c, found = _impulses(K, v_c, b, mu, active[at], guess)
+                c, new_mode = _impulses(K, v_c, b, mu, active[at], guess)
                 v_free[at] += np.matmul(MJ, c[:, :, None])[:, :, 0]
                 mode = np.zeros_like(mode)
-                mode[at] = found
+                mode[at] = new_mode
                 c_n = np.zeros((n, 2))
                 c_n[at] = c[:, 2:] / h
                 out.c_n[:, k], out.mode[:, k] = c_n, mode
@@ -126,7 +126,7 @@ def simulate_copies(
 def _free_step(
     arm: ArmDisk, theta: np.ndarray, q: np.ndarray, v: np.ndarray, f: np.ndarray, h: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """v_free (n, 5), M⁻¹ (n, 5, 5), contact rows (n, 4, 5), J_t of both pairs, then J_n, and gaps (n, 2)."""
+    """v_free (n, 5), M⁻¹ (n, 5, 5), contact rows (n, 4, 5) in the order of K, and gaps (n, 2) in m."""
     n, (l1, l2), (bx, by), R, g = len(q), arm.link_lengths, arm.base, arm.disk_radius, arm.g
     q1, q12, x, y = q[:, 0], q[:, 0] + q[:, 1], q[:, 2], q[:, 3]
     c1, s1, ux, uy = np.cos(q1), np.sin(q1), np.cos(q12), np.sin(q12)
@@ -173,7 +173,7 @@ def _free_step(
 
 
 def _gaps(arm: ArmDisk, q: np.ndarray) -> np.ndarray:
-    """Gaps (n, 2) at configurations (n, 5)."""
+    """Gaps (n, 2) in m at configurations (n, 5)."""
     (l1, l2), (bx, by) = arm.link_lengths, arm.base
     q1, q12 = q[:, 0], q[:, 0] + q[:, 1]
     ux, uy = np.cos(q12), np.sin(q12)
@@ -185,7 +185,7 @@ def _gaps(arm: ArmDisk, q: np.ndarray) -> np.ndarray:
 def _impulses(
     K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: float, active: np.ndarray, guess: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulses c (n, 4) = (c_t of both, c_n of both) in N s and the modes (n, 2); NaN where no modes hold."""
+    """Impulses c (n, 4) = (c_t, c_n of both pairs) in N s and modes (n, 2); NaN where no modes are consistent."""
     c, holds = _try_modes(K, v_c, b, mu, active, guess)
     mode = guess.copy()
     rest = np.flatnonzero(~holds)
@@ -204,7 +204,7 @@ def _impulses(
 def _try_modes(
     K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: float, active: np.ndarray, mode: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulses (n, 4) that the modes (n, 2) imply, and whether the modes' conditions hold (n,)."""
+    """Impulses (n, 4) in N s for the modes (n, 2), and whether the modes' conditions hold (n,)."""
     n = len(K)
     A, rhs = K.copy(), -v_c
     rhs[:, 2:] += b
@@ -225,7 +225,7 @@ def _try_modes(
     try:
         c = np.linalg.solve(A, rhs[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:
-        # one exactly singular system stops the whole batch; a shift at rounding level makes it fail its conditions
+        # one exactly singular system would stop the batch; with a shift at rounding level it fails its conditions
         c = np.linalg.solve(A + 1e-15 * np.eye(4), rhs[:, :, None])[:, :, 0]
     v = v_c + np.matmul(K, c[:, :, None])[:, :, 0]
     scale = np.maximum(np.abs(v_c).max(axis=1), np.abs(b).max(axis=1)) + 1e-12

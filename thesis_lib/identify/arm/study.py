@@ -1,18 +1,18 @@
-"""How well contact forces and base parameters of arm and disk are found, without and with noise (thesis figure 2-12).
+"""Accuracy of the contact forces and base parameters of arm and disk, without and with noise (thesis figure 2-12).
 
-Three ways on the same trajectories, none of which is told the base parameters or the forces:
+Three methods identify the same trajectories; base parameters and forces are unknown to all:
 
     exact    the mode-wise program (2.12, `mode_qp`) on states without noise
-    plain    the same on noisy states, where a gap or a sliding velocity within a few standard deviations counts as zero
+    plain    the same on noisy states; a gap or sliding velocity within a few standard deviations counts as zero
     ours     maximum likelihood by shooting from blind starts (`fit`)
 
-The error of a pair's force c = (c_t, c_n) is relative, over its contact steps without and with impact apart,
+The error of a pair's force c = (c_t, c_n) is relative, separately over contact steps without and with impact:
 
-    e = √(Σ |ĉ_k - c_k|² / Σ |c_k|²),
+    e = √(Σ |ĉ_k - c_k|² / Σ |c_k|²).
 
-where a step has contact if the true or the estimated c_n is above zero, and an impact is a step with |c| above ten
-times its median over contact, together with its two neighbours: a dead impact takes two steps, and one that is found a
-step late must not spoil the other sum.
+A step has contact if the true or the estimated c_n is positive.  An impact is a step with |c| above ten times its
+median over contact, with its two neighbours: a dead impact takes two steps, and an impact estimated a step late must
+not spoil the other sum.
 
 | on paper | in code            | unit | shape     |                                                          |
 |----------|--------------------|------|-----------|----------------------------------------------------------|
@@ -51,28 +51,28 @@ DEFAULT_STUDY = ArmStudy()
 
 @dataclass(frozen=True)
 class ArmForces:
-    """One trajectory at one noise level, by all methods."""
+    """One trajectory at one noise level, identified by all methods."""
 
     record: Record  # the true motion
     data: ArmData  # noisy states and torques
     c: dict[str, tuple[np.ndarray, np.ndarray]]  # for each method the forces (c_n, c_t), each (m, 2) in N
     theta: dict[str, np.ndarray]  # for each method Θ (6,)
-    # for each method, number of base parameters that its window determines, contact forces being unknown
+    # for each method, number of base parameters that its window determines when contact forces are unknown
     rank: dict[str, int]
-    fit: ArmFit  # our answer with its uncertainties
+    fit: ArmFit  # result of "ours" with its uncertainties
     # (6,) Cramér-Rao bound on the standard errors of Θ, at the truth and with the true noise level
     bound: np.ndarray
 
 
 @dataclass(frozen=True)
 class ArmForceTables:
-    """Tables of the study, and the trajectories behind them."""
+    """Tables of the study, and the trajectories from which they were computed."""
 
     forces: "pd.DataFrame"  # a row per trajectory, pair and method
     parameters: "pd.DataFrame"  # a row per trajectory, method and base parameter
-    trajectories: tuple[ArmForces, ...]  # what the rows were computed from
+    trajectories: tuple[ArmForces, ...]
     left_out: dict[str, int]  # number of simulated trajectories left out, by reason
-    cpu_s: np.ndarray  # (n,) CPU seconds of our fits; not in the tables, since they differ from run to run
+    cpu_s: np.ndarray  # (n,) CPU seconds of the fits; not in the tables, since they differ from run to run
 
 
 def arm_window(
@@ -88,13 +88,13 @@ def arm_window(
     """Window of a motion of arm and disk in its base parameters.
 
     Args:
-        arm: its lengths, base, radius and gravity are used, its inertia is not.
+        arm: only its lengths, base, radius and gravity are used.
         q, v: (m+1, 5) states.
         f_ext: (m, 5) known force in N, N m.
-        h: s.
-        mu: of both pairs.
+        h: time step in s.
+        mu: friction coefficient of both pairs.
         sigma: (2, 5) noise of q and v; None: states without noise.
-        tolerances: standard deviations of gap and sliding velocity that count as zero, beside what a step may change.
+        tolerances: standard deviations of gap and sliding velocity that count as zero.
 
     Raises:
         UserError: a value is not finite.
@@ -124,7 +124,7 @@ def window_rank(window: ContactWindow) -> int:
 def arm_forces(
     arm: ArmDisk, record: Record, mu: float, rng: np.random.Generator, settings: ArmStudy = DEFAULT_STUDY
 ) -> ArmForces:
-    """All methods on one trajectory; the inertia of `arm` is used for the bound only."""
+    """All methods on one trajectory; the inertia of `arm` is used only for the bound."""
     noisy = add_noise(record, settings.snr_db, rng)
     data = measured(noisy.q, noisy.v, record.f_ext, record.h, mu)
     windows = {
@@ -133,23 +133,25 @@ def arm_forces(
     }
     c, theta, rank = {}, {}, {}
     for name, window in windows.items():
-        found = solve_mode_qp(window, "2.12")
-        c[name], theta[name], rank[name] = (found.c_n, found.c_t), found.theta, window_rank(window)
-    ours = fit(arm, data, rng, settings.fit)
-    c["ours"], theta["ours"] = (ours.c_n, ours.c_t), ours.theta
-    finite = np.isfinite(ours.q).all()
-    rank["ours"] = window_rank(arm_window(arm, ours.q, ours.v, data.f_ext, data.h, mu)) if finite else 0
+        result = solve_mode_qp(window, "2.12")
+        c[name], theta[name], rank[name] = (result.c_n, result.c_t), result.theta, window_rank(window)
+    estimate = fit(arm, data, rng, settings.fit)
+    c["ours"], theta["ours"] = (estimate.c_n, estimate.c_t), estimate.theta
+    finite = np.isfinite(estimate.q).all()
+    rank["ours"] = (
+        window_rank(arm_window(arm, estimate.q, estimate.v, data.f_ext, data.h, mu)) if finite else 0
+    )
     bound = error_bound(arm, replace(data, sigma=noisy.sigma), base_of(arm), record.q[0], record.v[0])
-    return ArmForces(record, data, c, theta, rank, ours, bound)
+    return ArmForces(record, data, c, theta, rank, estimate, bound)
 
 
 def force_errors(
     true: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]
 ) -> dict[str, float]:
-    """Relative rms errors of one pair's force (c_n, c_t), each (m,), with the number of steps of each kind.
+    """Relative rms errors of one pair's force (c_n, c_t), each (m,) in N.
 
     Returns:
-        n_contact and n_impact, force_error without impacts, and impact_error; NaN where there is no such step.
+        Numbers of steps n_contact and n_impact, force_error without impacts, and impact_error; NaN without such steps.
     """
     c, d = np.stack(true, axis=1), np.stack(found, axis=1)
     size = np.hypot(*c.T)
@@ -179,7 +181,7 @@ def arm_force_study(
     bodies: Chapter2Bodies = DEFAULT,
     say: Callable[[str], None] = lambda text: None,
 ) -> ArmForceTables:
-    """Simulate n trajectories with contact, add noise, and find forces and parameters by all methods.
+    """Simulate n trajectories with contact, add noise, and estimate forces and parameters by all methods.
 
     Raises:
         UserError: the settings give no trajectories with enough contact, or the arm has μ above 0.4 (its type forbids).
@@ -192,31 +194,35 @@ def arm_force_study(
         done += (arm_forces(arm, record, bodies.arm.mu, stream, settings),)
         say(f"trajectory {i}: χ²/n {done[-1].fit.chi2:.3f}")
     forces, parameters = tables_of(done, base_of(arm))
-    return ArmForceTables(forces, parameters, done, made.left_out, np.array([one.fit.cpu_s for one in done]))
+    return ArmForceTables(
+        forces, parameters, done, made.left_out, np.array([fitted.fit.cpu_s for fitted in done])
+    )
 
 
 def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple["pd.DataFrame", "pd.DataFrame"]:
-    """Tables of forces and of parameters of trajectories whose true Θ (6,) is `truth`."""
+    """Tables of forces and of parameters; `truth` (6,) is the true Θ."""
     import pandas as pd
 
     forces, parameters = [], []
-    for i, one in enumerate(done):
+    for i, trajectory in enumerate(done):
         for method in METHODS:
             head = {
                 "trajectory": i,
                 "method": method,
-                "rank": one.rank[method],
-                "chi2": one.fit.chi2 if method == "ours" else np.nan,
-                "accepted": one.fit.accepted if method == "ours" else one.rank[method] == len(NAMES),
+                "rank": trajectory.rank[method],
+                "chi2": trajectory.fit.chi2 if method == "ours" else np.nan,
+                "accepted": trajectory.fit.accepted
+                if method == "ours"
+                else trajectory.rank[method] == len(NAMES),
             }
-            c_n, c_t = one.c[method]
+            c_n, c_t = trajectory.c[method]
             for j, pair in enumerate(("arm", "ground")):
-                true = one.record.c_n[:, j], one.record.c_t[:, j]
+                true = trajectory.record.c_n[:, j], trajectory.record.c_t[:, j]
                 forces.append({**head, "pair": pair, **force_errors(true, (c_n[:, j], c_t[:, j]))})
-            std = one.fit.std if method == "ours" else np.full(len(NAMES), np.nan)
-            bound = one.bound if method == "ours" else np.full(len(NAMES), np.nan)
+            std = trajectory.fit.std if method == "ours" else np.full(len(NAMES), np.nan)
+            bound = trajectory.bound if method == "ours" else np.full(len(NAMES), np.nan)
             for j, name in enumerate(NAMES):
-                value = one.theta[method][j]
+                value = trajectory.theta[method][j]
                 row = {
                     "parameter": name,
                     "estimate": value,
@@ -231,7 +237,7 @@ def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple["pd.DataF
 def arm_force_summary(forces: "pd.DataFrame", parameters: "pd.DataFrame") -> "pd.DataFrame":
     """A row per method and quantity: median, 90 % and largest error over trajectories, and shares within 1 % and 5 %.
 
-    Failed fits count as beyond every limit in the shares and stay in the median; `n_failed` counts them.
+    Failed fits count as outside every limit and stay in the median; `n_failed` counts them.
     """
     import pandas as pd
 

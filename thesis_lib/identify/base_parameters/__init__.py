@@ -1,1 +1,1 @@
-"""What a motion depends on and what of it can be identified (thesis 2.3.2 step 1, 2.3.3)."""
+"""Base parameters of a motion and their identifiability (thesis 2.3.2 step 1, 2.3.3)."""

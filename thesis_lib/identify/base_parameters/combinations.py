@@ -1,13 +1,12 @@
-"""Base inertial parameters: the combinations that an observed motion depends on (thesis section 2.3.2, step 1).
+"""Base inertial parameters: the parameter combinations that determine an observed motion (thesis 2.3.2, step 1).
 
-Inertial parameters act on the motion through Y π only.  With the columns of the stacked Y scaled to unit norm, a QR
+Inertial parameters act on the motion only through Y π.  With the columns of the stacked Y scaled to unit norm, a QR
 factorisation with column pivoting
 
     Y P = Q [R_1 R_2; 0 0],        Θ = π_b + R_1⁻¹ R_2 π_d,        Y π = Y_b Θ
 
-separates as many independent columns b as Y has rank r from the dependent ones d.  Θ are the base parameters; each is
-one independent parameter plus multiples of dependent ones.  What is left, null(Y), are the changes of π that no
-force would notice.
+separates the r = rank Y independent columns b from the dependent ones d.  Each base parameter in Θ is one independent
+parameter plus multiples of dependent ones.  null(Y) holds the changes of π that no force reveals.
 
 | on paper     | in code       | unit    | shape  |  |
 | ------------ | ------------- | ------- | ------ | --- |
@@ -27,8 +26,8 @@ from scipy.linalg import qr, solve_triangular
 
 from thesis_lib.foundation.errors import UserError
 
-# relative to the largest diagonal element of R: rounding leaves 1e-15, a combination that is just not excited enough
-# to be of use 1e-6
+# relative to the largest diagonal element of R: rounding leaves 1e-15, a combination too weakly excited to be of use
+# 1e-6
 RANK_TOLERANCE = 1e-9
 COEFFICIENT_TOLERANCE = 1e-7  # below it a coefficient of a combination is rounding
 # norm of a column, relative to the largest one, below which a parameter has no effect
@@ -37,7 +36,7 @@ NEGLIGIBLE_COLUMN = 1e-12
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Base set of a window."""
+    """Base parameter set of a window."""
 
     names: tuple[str, ...]  # (n,) names of all parameters
     columns: np.ndarray  # (r,) indices of the independent columns, ascending
@@ -53,7 +52,7 @@ class BaseParameters:
 
     @property
     def base_names(self) -> tuple[str, ...]:
-        """(r,) each base parameter as a sum, for example "link1.I + 0.25 link2.m"."""
+        """(r,) each base parameter as a sum, such as "link1.I + 0.25 link2.m"."""
         return tuple(linear_combination(row, self.names) for row in self.combination)
 
     def theta(self, parameters: np.ndarray) -> np.ndarray:
@@ -66,11 +65,11 @@ class BaseParameters:
 
 
 def base_parameters(Y: np.ndarray, names: Sequence[str], tolerance: float = RANK_TOLERANCE) -> BaseParameters:
-    """Base set of a regressor Y (m, nv, n) stacked over a window.
+    """Base set of a regressor stacked over a window of m steps.
 
     Args:
         Y: (m, nv, n), in parameters `names`.
-        tolerance: on the diagonal of R relative to its largest element, below which a column counts as dependent.
+        tolerance: ratio to R's largest diagonal element below which a column counts as dependent.
 
     Raises:
         UserError: Y is zero (nothing moves) or not finite.
@@ -117,7 +116,7 @@ def base_parameters(Y: np.ndarray, names: Sequence[str], tolerance: float = RANK
 
 
 def linear_combination(coefficients: np.ndarray, names: Sequence[str]) -> str:
-    """Readable sum of named parameters; the parameter with coefficient 1 stands first."""
+    """Readable sum of named parameters; the parameter with coefficient 1 comes first."""
     used = [i for i in range(len(names)) if abs(coefficients[i]) > COEFFICIENT_TOLERANCE]
     used.sort(key=lambda i: (abs(coefficients[i] - 1.0) > COEFFICIENT_TOLERANCE, i))
     text = ""

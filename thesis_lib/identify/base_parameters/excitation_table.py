@@ -1,9 +1,9 @@
 """What a rigid body's contact identifies: the cases of thesis section 2.3.3 as singular values.
 
-Each case is a simulated motion of a free body with nothing known about its inertia (m, I unknown), analysed by
-`identifiability`: sliding or sticking contact, with and without a known external force, in flight, and the cases that
-the thesis names (a square that lands flat, figure 2-5, left) or leaves out (a disk that only rolls).  For the sliding
-cases the columns of eq. 2.18 in (m/I, 1/m, 1/I, m/I²) are analysed beside it.
+Each case is a simulated motion of a free body whose m and I are unknown, analysed by `identifiability`: sliding or
+sticking contact, with and without a known external force; flight; and two special cases, a square that lands flat
+(thesis figure 2-5, left) and a disk that only rolls (not in the thesis).  For the sliding cases the columns of eq. 2.18
+in (m/I, 1/m, 1/I, m/I²) are analysed as well.
 
 | column           | unit | meaning |
 | ---------------- | ---- | --- |
@@ -38,7 +38,7 @@ STEPS = 60
 # N and N m at 1 kg: an uneven push with turns in all directions, less than the weight, so that the contact stays
 PUSH = ((2.0, 5.0, 0.3), (1.0, 7.0, 1.1), (0.15, 3.0, 0.7))
 GAP = 1e-4  # m, expected gap within which the contact of a body that stays on the surface counts as closed
-LOW_FRICTION, HIGH_FRICTION = 0.1, 5.0  # so that the pushed body slides all the time, or never
+LOW_FRICTION, HIGH_FRICTION = 0.1, 5.0  # the pushed body always slides, or never
 
 
 def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -49,14 +49,14 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def _balanced(
     body: PlanarFreeBody, mu: float, v: tuple[float, float, float], force: Callable | None
 ) -> Record:
-    """A disk on the surface: its one contact stays closed whatever acts."""
+    """A disk on the surface: its one contact stays closed under any force."""
     q = np.array([0.0, 0.0, 0.0])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
     return simulate(body, q, np.array(v), force, DEFAULT.h, STEPS, mu, 0.0)
 
 
 def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
-    """The cases by name, each with its motion and its window in unknown (m, I)."""
+    """For each case name, the motion and its window in unknown (m, I)."""
     rolling, square = disk(settings), block(settings)
     fast, still = (4.0, 0.0, 3.0), (0.0, 0.0, 0.0)
     high, flat, tilted = (0.0, 3.0, 0.4), (0.0, 0.8, 0.0), (0.0, 0.95, 0.35)
@@ -86,7 +86,7 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Reco
 
 
 def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
-    """The square of figure 2-5 without external force: landing "flat" and "tilted"."""
+    """The square of figure 2-5 without external force: "flat" and "tilted" landings."""
     cases = excitation_cases(settings)
     return {name: cases[f"square lands {name}, no force"] for name in ("flat", "tilted")}
 
@@ -97,15 +97,15 @@ def excitation_table(settings: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
 
     rows = []
     for name, (record, window) in excitation_cases(settings).items():
-        found = identifiability(window)
+        result = identifiability(window)
         rows.append(
             {
                 "case": name,
-                "sigma_1": found.singular_values[0],
-                "sigma_2": found.singular_values[1],
-                "rank": found.rank,
+                "sigma_1": result.singular_values[0],
+                "sigma_2": result.singular_values[1],
+                "rank": result.rank,
                 "eq_2_18_rank": _sliding_rank(record, window, settings),
-                "not_identified": "; ".join(linear_combination(c, window.names) for c in found.null_space.T),
+                "not_identified": "; ".join(linear_combination(c, window.names) for c in result.null_space.T),
             }
         )
     return pd.DataFrame(rows)

@@ -1,13 +1,13 @@
-"""What a window of contact can identify, and what it cannot and why (thesis section 2.3.3, eqs. 2.15 to 2.18).
+"""What a window of contact can identify, and why it cannot identify the rest (thesis section 2.3.3, eqs. 2.15 to 2.18).
 
-Contact forces are unknown at every step.  With B_k the directions in which step k's contacts may push (one direction
-J_n' − sgn(v_rel) μ J_t' for a sliding contact, both Jacobians for a sticking one), Y_k Θ − B_k a_k = f_k holds
-information on Θ only outside their span,
+Contact forces are unknown at every step.  Let B_k be the directions in which the contacts of step k may push: one
+direction J_n' − sgn(v_rel) μ J_t' for a sliding contact, both Jacobians for a sticking one.  Y_k Θ − B_k a_k = f_k then
+holds information on Θ only outside their span,
 
-    (I − B_k B_k⁺) Y_k Θ = (I − B_k B_k⁺) f_k,        Ỹ = (I − B B⁺) Y stacked:
+    (I − B_k B_k⁺) Y_k Θ = (I − B_k B_k⁺) f_k,        Ỹ = (I − B B⁺) Y stacked.
 
-rank and null space of Ỹ say which parameters the window determines, its singular values how well.  Without known force
-(f = 0) Θ and c have a common scale that nothing fixes: Θ itself is in the null space, only ratios remain.
+The rank and null space of Ỹ say which parameters the window determines, its singular values how well.  Without known
+force (f = 0), Θ and c have an undetermined common scale: Θ itself lies in the null space, and only ratios are found.
 
 The thesis eliminates the force of one sliding contact instead (eq. 2.18), which multiplied out is linear in
 (m/I, 1/m, 1/I, m/I²); `sliding_regressor` gives those columns.  With n_0 = v_y + J_n,θ ω − h g,
@@ -18,11 +18,11 @@ e = J_n,θ + s μ J_t,θ and s = −sgn(v_rel), for a contact that comes to rest
     Δω                    = −(Δω J_n,θ e + e n_0)(m/I)                       + h (f_θ − e f_y)/I  +  0 · m/I²
 
 The last column vanishes: h f_θ J_n,θ e m/I² of the body's own equation and of the contact force cancel.  In eq. 2.18 as
-printed they do not, because it holds F_y + h (m/I) F_θ where the normal velocity of a torque is (m/I) J_n,θ F_θ.
+printed they do not, because it has F_y + h (m/I) F_θ where the normal velocity of a torque is (m/I) J_n,θ F_θ.
 
 | on paper | in code            | unit     | shape        |                                                          |
 |----------|--------------------|----------|--------------|----------------------------------------------------------|
-| Ỹ        | `projected`        | f per Θ  | (m, nv, n_Θ) | regressor without what contact forces could explain      |
+| Ỹ        | `projected`        | f per Θ  | (m, nv, n_Θ) | regressor outside the span of contact forces             |
 |          | `singular_values`  | 1        | (n_Θ,)       | of Ỹ with columns scaled by those of Y                   |
 | α        | `alpha`            | 1        |              | smallest eigenvalue of the mean of Ỹ'Ỹ, so scaled        |
 
@@ -56,7 +56,7 @@ class Identifiability:
 
 
 def contact_directions(window: ContactWindow) -> list[np.ndarray]:
-    """For each step, the generalised directions B (nv, r) in which its closed contacts may push."""
+    """For each step, the generalised directions B (nv, r) of its closed contacts' forces."""
     directions = []
     for k in range(len(window)):
         closed = np.flatnonzero(window.touching[k])
@@ -75,17 +75,17 @@ def projected(window: ContactWindow) -> tuple[np.ndarray, np.ndarray]:
     Y, f = window.Y.copy(), window.f.copy()
     for k, B in enumerate(contact_directions(window)):
         if B.size:
-            # one step of refinement: what is left along B after one projection is rounding of large impacts
+            # one refinement: after a single projection, rounding of large impacts remains along B
             complement = np.eye(len(B)) - B @ np.linalg.pinv(B)
             Y[k], f[k] = complement @ (complement @ Y[k]), complement @ (complement @ f[k])
     return Y, f
 
 
 def identifiability(window: ContactWindow, *, floor: float = FLOOR) -> Identifiability:
-    """Rank, null space and excitation of a window, with the reasons for what is missing.
+    """Rank, null space and excitation of a window, with the reasons for any deficiency.
 
     Args:
-        floor: rms of a regressor column's entries up to which it counts as zero: rounding, or the noise of the data.
+        floor: rms of a regressor column's entries up to which it counts as zero (rounding, or noise of the data).
     """
     Y, _ = projected(window)
     n = Y.shape[2]
@@ -93,7 +93,7 @@ def identifiability(window: ContactWindow, *, floor: float = FLOOR) -> Identifia
     silent = size <= floor * np.sqrt(window.f.size)
     scale = np.where(silent, 1.0, size)
     A = np.where(silent, 0.0, Y.reshape(-1, n) / scale)
-    # a column that contact forces explain to the last digits is zero: it may not count by its rounding
+    # a column that contact forces explain to the last digits is zero: its rounding must not count
     explained = np.linalg.norm(A, axis=0) * scale <= floor * np.sqrt(window.f.size)
     A[:, explained] = 0.0
     values, V = np.linalg.svd(A)[1:] if len(A) < 4 * n else _thin_svd(A)
@@ -135,7 +135,7 @@ def _warnings(window: ContactWindow, null_space: np.ndarray, floor: float) -> li
             f"a common factor only ({what}); give one parameter, for example the mass, or use a window with known force"
         )
         if null_space.shape[1] == 1:
-            return reasons  # the common factor is all that is missing
+            return reasons  # only the common factor is missing
     sliding = touching & (window.v_t != 0.0)
     if not touching.any():
         reasons.append(
@@ -154,18 +154,18 @@ def _warnings(window: ContactWindow, null_space: np.ndarray, floor: float) -> li
 
 
 def require_identifiable(window: ContactWindow, *, floor: float = FLOOR) -> Identifiability:
-    """The window's identifiability, if it determines every parameter.
+    """The identifiability of a window that determines every parameter.
 
     Raises:
         UserError: it does not; the text names what cannot be identified and why.
     """
-    found = identifiability(window, floor=floor)
-    if found.warnings:
+    result = identifiability(window, floor=floor)
+    if result.warnings:
         raise UserError(
-            f"the window determines {found.rank} of {len(found.names)} parameters ({', '.join(found.names)}): "
-            + "; ".join(found.warnings)
+            f"the window determines {result.rank} of {len(result.names)} parameters ({', '.join(result.names)}): "
+            + "; ".join(result.warnings)
         )
-    return found
+    return result
 
 
 def sliding_regressor(
@@ -183,8 +183,8 @@ def sliding_regressor(
 
     Args:
         v, v_next: (n, 3) velocities before and after n steps in sliding contact at rest normally.
-        f_ext: (n, 3) external force and torque during the step.
-        J_n, J_t: (n, 3) rows of the contact that slides.
+        f_ext: (n, 3) external force and torque in N, N m.
+        J_n, J_t: (n, 3) Jacobian rows of the sliding contact.
         h: s; mu: coefficient of friction; gravity: m/s², downwards.
     """
     s = -np.sign(np.einsum("kv,kv->k", J_t, v_next))

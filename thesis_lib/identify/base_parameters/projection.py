@@ -1,15 +1,15 @@
 """Projection of measured states to the contact manifold: the thesis's third treatment of uncertainty (section 2.3.2).
 
 Noise and discretisation leave a contact at a small gap, where eq. 2.12 allows no force.  A step whose expected gap lies
-below a tolerance is taken as contact, and its pose moves to the nearest one that touches, by Newton's steps
+below a tolerance is taken as contact, and its pose moves to the nearest touching pose by Newton steps
 
     q ← q − W⁻¹ J_n' (J_n W⁻¹ J_n')⁻¹ φ(q)
 
-over all its closed contacts at once; where the sliding velocity at the end of the step is below a tolerance, the
-velocity is projected likewise to J_t v = 0, which makes the contact stick exactly.  W weighs turning against moving.
-Contacts that cannot all close at once (more than the pose can meet) close in the least-squares sense.
+over all its closed contacts at once.  Where the sliding velocity at the end of the step is below a tolerance, the
+velocity is projected likewise to J_t v = 0, and the contact sticks exactly.  W weighs rotation against translation.
+Contacts that cannot all close at once are closed in the least-squares sense.
 
-What the thesis leaves open, which contacts touch, is decided here by tolerances; a wrong choice is not undone later.
+The thesis leaves open which contacts touch.  Here tolerances decide; a wrong choice is not corrected later.
 
 | on paper | in code         | unit    | shape       |                                                           |
 |----------|-----------------|---------|-------------|-----------------------------------------------------------|
@@ -29,18 +29,18 @@ from thesis_lib.simulate.chapter2.scenes import NoisyMotion
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.stepping import Record
 
-# Newton's steps; three or four are needed for a body, more only if contacts contradict each other
+# Newton steps; three or four are enough for a body unless contacts contradict each other
 ITERATIONS = 20
-CLOSED = 1e-12  # m, gap at which Newton's steps end
+CLOSED = 1e-12  # m, gap at which the Newton steps end
 GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
 
 
 @dataclass(frozen=True)
 class ProjectedRecord(States):
-    """States moved to the contact manifold."""
+    """States projected to the contact manifold."""
 
-    closed: np.ndarray  # (m, p) contacts that were projected; hand them to the window
-    moved: np.ndarray  # (m,) distance in the metric by which each pose was moved
+    closed: np.ndarray  # (m, p) contacts that were projected, for the window
+    moved: np.ndarray  # (m,) distance of each pose's projection, in the metric
 
 
 def project_to_contact(
@@ -52,11 +52,10 @@ def project_to_contact(
     v_tolerance: float,
     metric: np.ndarray | None = None,
 ) -> ProjectedRecord:
-    """Poses with contact moved to touch, velocities after them to stick where they nearly do.
+    """Move poses with contact until they touch, and velocities to exact sticking where they nearly stick.
 
     Args:
         record: m steps; its gaps and Jacobians are recomputed.
-        mechanism: gives gaps and Jacobians of poses.
         a_free: (m, nv) acceleration without contact forces.
         gap_tolerance, v_tolerance: m and m/s, a few standard deviations of the noise of gap and sliding velocity.
         metric: (nv,) diagonal of W; ones by default.
@@ -98,14 +97,14 @@ def project_to_contact(
 
 
 def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.ndarray:
-    """Shortest δ in the metric with J δ = value, in the least-squares sense where there is none."""
+    """Shortest δ in the metric with J δ = value, or the least-squares δ where there is no solution."""
     return W_inverse * (J.T @ np.linalg.lstsq((J * W_inverse) @ J.T, value, rcond=1e-10)[0])
 
 
 def project_motion(motion: NoisyMotion) -> ProjectedRecord:
     """The noisy states of a motion, projected to the contact manifold in the kinetic metric.
 
-    The tolerances come from the noise that was added, which an estimator is not told: a picture, not an estimate.
+    The tolerances use the true noise level, which an estimator does not know: this is for figures, not for estimates.
     """
     body, sigma, reach = motion.body, motion.observed.sigma, motion.body.shape.extent
     noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)

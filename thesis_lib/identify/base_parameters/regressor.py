@@ -5,14 +5,14 @@ Each body has four inertial parameters in the plane, in which its dynamics are l
     π = (m, m c_x, m c_y, I),       Y(q, v, v̇) π = M v̇ + C v − g = f_ext + J' c
 
 with c the centre of mass from the body origin in body axes and I the moment of inertia about the body origin.  Gravity
-is on the left, since it is linear in the same parameters: that is why falling freely tells nothing about a mass.
+is on the left, since it is linear in the same parameters; free fall therefore does not determine a mass.
 
 For one free body with q = (x, y, θ), acceleration a, rotation R(θ) and p = R (m c):
 
     force   m a + α ẑ×p − ω² p − m g,        moment about the origin   I α + p × (a − g)
 
-For any other mechanism the columns are the derivatives of Drake's inverse dynamics by the parameters, with automatic
-differentiation; the dynamics being linear in them, the derivatives at one value are exact.
+For any other mechanism the columns are derivatives of Drake's inverse dynamics by the parameters (automatic
+differentiation).  The dynamics are linear in the parameters, so derivatives at any value are exact.
 
 | on paper | in code       | unit              | shape        |  |
 | -------- | ------------- | ----------------- | ------------ | --- |
@@ -64,7 +64,7 @@ def free_body_regressor(
 
 
 def parameter_names(bodies: Sequence[str]) -> tuple[str, ...]:
-    """Names of the inertial parameters of bodies, in the order of the regressor's columns: "link1.m" and so on."""
+    """Names of the bodies' inertial parameters in the order of the regressor's columns, such as "link1.m"."""
     return tuple(f"{body}.{name}" for body in bodies for name in FREE_BODY_PARAMETERS)
 
 
@@ -75,9 +75,8 @@ class PlantRegressor:
         names: (4 b,) names of the parameters.
 
     Args:
-        plant: a finalized plant; its bodies' inertias do not matter.
-        bodies: names of the bodies whose parameters are asked for; the others count with the plant's own inertia in
-            `offset`.
+        plant: a finalized plant.
+        bodies: names of the b bodies with unknown parameters; the others' known inertia contributes to `offset`.
     """
 
     def __init__(self, plant: "MultibodyPlant", bodies: Sequence[str]) -> None:
@@ -113,7 +112,7 @@ class PlantRegressor:
         """Y (n, nv, 4 b) at positions q (n, nq), velocities v and accelerations a (n, nv); 0.3 ms a row.
 
         Raises:
-            ValueError: the shapes do not fit, or a value is not finite (Drake would end the process on it).
+            ValueError: the shapes do not fit, or a value is not finite (Drake would end the process).
         """
         from pydrake.autodiffutils import ExtractGradient
         from pydrake.multibody.tree import MultibodyForces_

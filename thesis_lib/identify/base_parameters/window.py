@@ -1,16 +1,16 @@
-"""A window of observations with everything that the identification programs need of it (thesis section 2.3.2, step 3).
+"""A window of observations with all data of the identification programs (thesis section 2.3.2, step 3).
 
 In eq. 2.12 the states are data, so over a window of m steps gaps, Jacobians and sliding velocities are constants and
 only the base parameters Θ and the contact forces c are unknown:
 
     Y_k Θ − J_n,k' c_n,k − J_t,k' c_t,k = f_k,        k = 1..m
 
-A time stepper decides at step k with the gap that it expects at the end of the step without contact forces,
+At step k a time stepper decides on contact by the gap expected at the end of the step without contact forces,
 
-    φ̃_k = max(0, φ_k + h J_n,k v_free),   v_free = v_k + h a_free,
+    φ̃_k = max(0, φ_k + h J_n,k v_free),   v_free = v_k + h a_free.
 
-which is exactly zero where it lets a contact act, so that complementarity holds on its data; φ_k itself is positive
-just before an impact.  λ = |v_rel|, v_rel = J_t,k v_{k+1}, is the sliding speed after the step; below `v_tolerance` it
+φ̃_k is exactly zero where the stepper lets a contact act, so complementarity holds on its data; φ_k itself is positive
+just before an impact.  λ = |v_rel|, v_rel = J_t,k v_{k+1}, is the sliding speed after the step.  Below `v_tolerance` it
 is set to zero, because a rounding error would turn sticking into sliding.
 
 | on paper   | in code  | unit        | shape          |                                                          |
@@ -39,16 +39,16 @@ from thesis_lib.simulate.stepping.stepping import Record
 
 V_TOLERANCE = 1e-9  # m/s: far above the rounding of a time step (1e-15), far below any sliding that matters
 GAP_TOLERANCE = 1e-9  # m: the same for gaps
-# m/s², what a contact may accelerate within a step before it counts as closed, where free acceleration is unknown:
-# three times gravity; a gap of h² times this is 0.7 mm
+# m/s², acceleration by which a contact may close within a step, where the free acceleration is unknown: three times
+# gravity, a gap of h² times this is 0.7 mm
 ALLOWANCE = 30.0
 
 
 @dataclass(frozen=True)
 class States:
-    """States and known forces with the contacts computed from them: what a window is cut from.
+    """States and known forces, and the contacts computed from them.
 
-    A simulated `stepping.Record` has these attributes, too, with shapes and units as there.
+    A simulated `stepping.Record` has the same attributes, shapes and units.
     """
 
     h: float
@@ -61,14 +61,14 @@ class States:
 
     @classmethod
     def of(cls, mechanism: Mechanism, h: float, q: np.ndarray, v: np.ndarray, f_ext: np.ndarray) -> "States":
-        """Those of measured states q, v (m+1, nv) and forces f_ext (m, nv) of a mechanism."""
+        """From measured states q, v (m+1, nv) and forces f_ext (m, nv) in N, N m."""
         at = mechanism.contacts_of(q[:-1])
         return cls(h, q, v, f_ext, at.phi, at.J_n, at.J_t)
 
 
 @dataclass(frozen=True)
 class ContactWindow:
-    """m steps with p contact pairs; attributes as in the module's table, `mu` the coefficient of friction."""
+    """m steps with p contact pairs; attributes as in the module's table, `mu` is the coefficient of friction."""
 
     h: float
     Y: np.ndarray
@@ -104,29 +104,29 @@ class ContactWindow:
         return len(self.Y)
 
     def __getitem__(self, steps: slice) -> "ContactWindow":
-        """The window of some of its steps."""
+        """The window of these steps."""
         parts = {name: getattr(self, name)[steps] for name in ("Y", "f", "gap", "J_n", "J_t", "v_t")}
         return replace(self, **parts)
 
     @property
     def force_scale(self) -> float:
-        """Largest known generalised force over the window, the unit of contact forces; 1 where there is none."""
+        """Largest known generalised force F over the window, the unit of contact forces; 1 without any."""
         largest = float(np.abs(self.f).max(initial=0.0))
         return largest if largest > 0.0 else 1.0
 
     @property
     def gap_scale(self) -> float:
-        """L, largest gap of the window in m; 1 where all are closed."""
+        """L, the window's largest gap in m; 1 if all are closed."""
         return float(self.gap.max(initial=0.0)) or 1.0
 
     @property
     def speed_scale(self) -> float:
-        """V, largest sliding speed of the window in m/s; 1 where nothing slides."""
+        """V, the window's largest sliding speed in m/s; 1 if nothing slides."""
         return float(np.abs(self.v_t).max(initial=0.0)) or 1.0
 
     @property
     def touching(self) -> np.ndarray:
-        """(m, p) whether a contact may act: its gap is zero."""
+        """(m, p) whether a contact may act, that is whether its gap is zero."""
         return self.gap == 0.0
 
     def residual(self, theta: np.ndarray, c_n: np.ndarray, c_t: np.ndarray) -> np.ndarray:
@@ -135,10 +135,10 @@ class ContactWindow:
         return self.Y @ theta - contact - self.f
 
     def fix(self, known: dict[str, float]) -> "ContactWindow":
-        """The window with some parameters given: their columns times their values move to the known side.
+        """The window with some parameters known: their columns times their values move to the right-hand side.
 
         Raises:
-            UserError: a name is not a parameter of the window, or nothing would remain unknown.
+            UserError: a name is not a parameter of the window, or no parameter would remain unknown.
         """
         unknown_names = [name for name in known if name not in self.names]
         if unknown_names:
@@ -172,8 +172,8 @@ def expected_gap(
 ) -> np.ndarray:
     """φ̃ (m, p) in m of gaps phi (m, p), Jacobians J_n (m, p, nv), velocities v and accelerations a_free (m, nv).
 
-    Pairs that touch at the start of the step, phi <= `TOUCH`, count as closed, too: another pair's impulse may keep
-    them so.  Gaps up to `tolerance` in m count as closed: with noisy data a few standard deviations of the gap.
+    Pairs that touch at the start of the step, phi <= `TOUCH`, count as closed, since another pair's impulse may keep
+    them so.  So do gaps up to `tolerance` in m; with noisy data use a few standard deviations of the gap.
     """
     gap = phi + h * np.einsum("kpv,kv->kp", J_n, v + h * a_free)
     return np.where((gap <= tolerance) | (phi <= TOUCH), 0.0, gap)
@@ -196,14 +196,14 @@ def window_of(
     """Steps start..stop of a record as a window.
 
     Args:
-        record: states q, v (N+1, nv), external forces f_ext (N, nv), phi (N, p), J_n, J_t (N, p, nv) of N steps.
+        record: N steps with p pairs.
         Y: (N, nv, n_Θ) regressor of every step, gravity included: Y Θ = f_ext + J' c.
         a_free: (N, nv) acceleration without contact forces, for the expected gap.
         mu: coefficient of friction.
         names: (n_Θ,) of the parameters.
         theta_min: (n_Θ,) lower bounds; none by default.
-        closed: (N, p) contacts whose gap is taken as zero in any case, for example those projected to the manifold.
-        gap_tolerance, v_tolerance: below these in m and m/s a gap counts as closed and a contact as sticking.
+        closed: (N, p) contacts whose gap is taken as zero, for example those projected to the manifold.
+        gap_tolerance, v_tolerance: m and m/s, below which a gap counts as closed and a contact as sticking.
 
     Raises:
         UserError: the window is empty or beyond the record, or its data are not finite.
@@ -243,11 +243,11 @@ def free_body_window(
     gap_tolerance: float = GAP_TOLERANCE,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
-    """Window of one free body, unknown (m, m c_x, m c_y, I), or (m, I) with `centred` = its origin is its centre.
+    """Window of one free body, unknown (m, m c_x, m c_y, I), or (m, I) if `centred`: the origin is the centre of mass.
 
-    `known` gives parameters that are not to be identified, for example {"m": 1.0}; without a known parameter and
-    without external force, forces and parameters have no common scale.  External forces do not enter the expected gap,
-    whose effect within a step is h² f/m: widen `gap_tolerance` where they are large.
+    `known` gives known parameters, such as {"m": 1.0}; without one and without external force, forces and parameters
+    have no common scale.  External forces do not enter the expected gap; within a step they change it by h² f/m, so
+    widen `gap_tolerance` where they are large.
 
     Raises:
         UserError: as `window_of` and `ContactWindow.fix`.

@@ -106,9 +106,9 @@ class ForcePlate:
         for i in range(1, int(_LONGEST * self.settings.contact_time / step) + 1):
             clock.simulator.AdvanceTo(i * step)
             results: Any = self._port.Eval(clock.context)
-            # Drake's force acts on body B, which need not be the one that fell: the plate can only push
-            found = [results.point_pair_contact_info(j) for j in range(results.num_point_pair_contacts())]
-            total = sum((self._on_body(one) for one in found), np.zeros(2))
+            # Drake's force acts on body B, which need not be the falling body: the plate can only push
+            contacts = [results.point_pair_contact_info(j) for j in range(results.num_point_pair_contacts())]
+            total = sum((self._on_body(contact) for contact in contacts), np.zeros(2))
             times.append(i * step)
             forces.append(total)
             touched |= total[1] > 0.0
@@ -195,16 +195,16 @@ def study_impact_forces(
     settings = settings or ImpactForces()
     header = drops.header.model_copy(update={"noise": None})
     dataset = Dataset("ellipse_drops", header, drops.trajectories)
-    found = find_impacts(dataset, ArcSettings(stray_acceleration=False))
+    detected = find_impacts(dataset, ArcSettings(stray_acceleration=False))
     rig = Rig(header.body.shape, header.body.radius_of_gyration, header.gravity, header.surface.height)
-    estimates = estimate_impulses(found, rig) if len(found.impacts) else {}
+    estimates = estimate_impulses(detected, rig) if len(detected.impacts) else {}
     plate, rows, left_out = ForcePlate(settings), [], {}
     for truth in drops.impacts[drops.impacts["impact"] < settings.hits].to_dict("records"):
-        same = np.flatnonzero(found.impacts.trial == truth["trial"])
+        same = np.flatnonzero(detected.impacts.trial == truth["trial"])
         middle = truth["t"] + 0.5 * truth["duration"]
-        i = next((i for i in same if abs(found.impacts.t[i] - middle) < 1.0 / settings.rate), None)
+        i = next((i for i in same if abs(detected.impacts.t[i] - middle) < 1.0 / settings.rate), None)
         if i is None:
-            reason = _why(found.left_out, truth["trial"], middle, 1.0 / settings.rate)
+            reason = _why(detected.left_out, truth["trial"], middle, 1.0 / settings.rate)
             left_out[reason] = left_out.get(reason, 0) + 1
             continue
         q, v = (np.array([truth[name] for name in names]) for names in (POSE, V_PRE))
@@ -218,10 +218,10 @@ def study_impact_forces(
             "declared_duration": settings.declared_duration,
             "true_duration": history.t[-1],
         }
-        for method, one in estimates.items():
-            std = np.sqrt(np.diag(one.cov[i]))
-            c = {"c_t": one.c[i, 0], "c_n": one.c[i, 1], "c_t_std": std[0], "c_n_std": std[1]}
-            peak = peak_force(one.c[i, 1], settings.declared_duration)
+        for method, impulses in estimates.items():
+            std = np.sqrt(np.diag(impulses.cov[i]))
+            c = {"c_t": impulses.c[i, 0], "c_n": impulses.c[i, 1], "c_t_std": std[0], "c_n_std": std[1]}
+            peak = peak_force(impulses.c[i, 1], settings.declared_duration)
             key = {"trial": truth["trial"], "impact": truth["impact"], "method": method, "t": truth["t"]}
             rows.append(key | c | common | {"peak": peak})
     if not rows:

@@ -143,14 +143,14 @@ class ImpactLink:
 
     def contact(self, p: np.ndarray, turn: float = 0.0) -> np.ndarray:
         """Contact point r (n, 2) in m, the body turned further by `turn`."""
-        own = [(effect, {one.name: value}) for (effect, one), value in zip(self.free, p[1:])]
+        effects = [(effect, {parameter.name: value}) for (effect, parameter), value in zip(self.free, p[1:])]
         theta = self.theta + turn
         zero = np.zeros_like(theta)
         state = State(zero, zero, theta, zero, zero, zero, self.trial, zero)
-        for effect, values in own:
+        for effect, values in effects:
             state = effect.to_true(state, values, self.rig)
         r_x, r_y = self.rig.shape.contact_point(state.theta).T + self.offset.T
-        for effect, values in own:
+        for effect, values in effects:
             r_x, r_y = effect.contact_point(r_x, r_y, state, values, self.rig)
         return np.stack([r_x, r_y], axis=-1)
 
@@ -164,8 +164,8 @@ class ImpactLink:
         r = self.contact(p)
         dr = (self.contact(p, _TURN) - self.contact(p, -_TURN)) / (2.0 * _TURN)
         lever, turned = (a[:, 0] * self.dv[:, 1] - a[:, 1] * self.dv[:, 0] for a in (r, dr))
-        zero, one = np.zeros(len(r)), np.ones(len(r))
-        by_v = np.stack([p[0] * r[:, 1], -p[0] * r[:, 0], one], axis=-1)
+        zero, ones = np.zeros(len(r)), np.ones(len(r))
+        by_v = np.stack([p[0] * r[:, 1], -p[0] * r[:, 0], ones], axis=-1)
         return self.dv[:, 2] - p[0] * lever, np.column_stack([zero, zero, -p[0] * turned, -by_v, by_v])
 
     def residual(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -182,7 +182,7 @@ def _equal_noise(n: int, k_g: float) -> np.ndarray:
 
 
 def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: float = _CONVERGED) -> RatioFit:
-    """Minimise (2) by reweighted Gauss-Newton steps, until one is below `tolerance` standard errors.
+    """Minimise (2) by reweighted Gauss-Newton steps, until parameter is below `tolerance` standard errors.
 
     `start` (1 + extra,) is `link.start` if None.
 
@@ -194,9 +194,9 @@ def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: floa
             f"m/I cannot be estimated from {len(link.theta)} impacts; give at least {MIN_IMPACTS} that are measured."
         )
     p = np.array(link.start if start is None else start, dtype=float)
-    low = np.array([1e-9, *(one.low for _, one in link.free)])
-    high = np.array([np.inf, *(one.high for _, one in link.free)])
-    step_of = np.array([1e-5 * abs(p[0]), *(1e-4 * one.scale for _, one in link.free)])
+    low = np.array([1e-9, *(parameter.low for _, parameter in link.free)])
+    high = np.array([np.inf, *(parameter.high for _, parameter in link.free)])
+    step_of = np.array([1e-5 * abs(p[0]), *(1e-4 * parameter.scale for _, parameter in link.free)])
     converged = False
     for _ in range(_ITERATIONS):
         u, _ = link.residual(p)
@@ -269,9 +269,9 @@ def measured_ratio(
         UserError: too few impacts can be measured.
     """
     settings = settings or MeasuredRatio()
-    found = find_impacts(dataset)
-    bent = has_flag(found.impacts, BENT)
-    impacts, left_out = found.impacts.select(~bent), int(bent.sum()) + len(found.left_out)
+    detected = find_impacts(dataset)
+    bent = has_flag(detected.impacts, BENT)
+    impacts, left_out = detected.impacts.select(~bent), int(bent.sum()) + len(detected.left_out)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     variants = CORNERED if EFFECTS["rounded_corners"].applies_to(rig) else SMOOTH
     stream = streams(rng)

@@ -212,8 +212,8 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
     for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
         options.SetOption(ClarabelSolver.id(), name, 1e-11)
     result = ClarabelSolver().Solve(prog, None, options)
-    found = F * result.GetSolution(amplitude) if len(edges) else np.zeros(0)
-    return result.is_success(), T * result.GetSolution(theta), found
+    solution = F * result.GetSolution(amplitude) if len(edges) else np.zeros(0)
+    return result.is_success(), T * result.GetSolution(theta), solution
 
 
 def dynamics_rows(

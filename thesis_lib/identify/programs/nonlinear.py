@@ -156,13 +156,13 @@ class ContactProgram:
 
     def warm_point(self, tolerance: float = RESIDUAL_TOLERANCE) -> ProgramPoint:
         """The convex program's answer."""
-        found = solve_mode_qp(
+        answer = solve_mode_qp(
             self.window, self.program, reach=self.reach, w_n=self.w_n, w_t=self.w_t, tolerance=tolerance
         )
-        c_t = found.c_t[self.step, self.pair] / self.F
-        c_n = found.c_n[self.step, self.pair] / self.F
+        c_t = answer.c_t[self.step, self.pair] / self.F
+        c_n = answer.c_n[self.step, self.pair] / self.F
         return ProgramPoint(
-            found.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v)
+            answer.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v)
         )
 
     def random_point(self, rng: np.random.Generator, theta_guess: np.ndarray | None = None) -> ProgramPoint:
@@ -288,8 +288,8 @@ class ContactProgram:
         K = len(c_n)
         prog.AddBoundingBoxConstraint(0.0, np.inf, np.concatenate([c_n, c_plus, c_minus]))
         prog.AddBoundingBoxConstraint(np.abs(self.v), np.full(K, np.inf), lam)
-        one = eye(K, format="csc")
-        cone = hstack([self.window.mu * one, -one, -one], format="csc")
+        identity = eye(K, format="csc")
+        cone = hstack([self.window.mu * identity, -identity, -identity], format="csc")
         prog.AddLinearConstraint(
             cone, np.zeros(K), np.full(K, np.inf), np.concatenate([c_n, c_plus, c_minus])
         )
@@ -364,9 +364,9 @@ def _engines(asked: str) -> tuple[str, ...]:
                 f"{'ipopt' if asked == 'snopt' else 'snopt'}, or a build of Drake that has it"
             )
         return (asked,)
-    found = tuple(solver for solver in ("snopt", "ipopt") if available(solver))
-    if not found:
+    solvers = tuple(solver for solver in ("snopt", "ipopt") if available(solver))
+    if not solvers:
         raise UserError(
             "this installation of Drake has neither SNOPT nor IPOPT; take mode_qp.solve_mode_qp instead"
         )
-    return found
+    return solvers

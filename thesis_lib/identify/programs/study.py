@@ -94,32 +94,32 @@ def cases(
     if kind == "arm_disk":
         arm = settings.arm.model_copy(update={"mu": ARM_MU, "steps": max(settings.arm.steps, n_steps)})
         settings = settings.model_copy(update={"arm": arm})
-    found: list[TrueWindow] = []
+    windows: list[TrueWindow] = []
     refused = ""
     for tried, record in enumerate(makers[kind](kind, n_steps, rng, settings)):
         if tried >= 5 * n + 20:
             raise UserError(
-                f"only {len(found)} of {tried} windows of {n_steps} steps can be identified; {refused}"
+                f"only {len(windows)} of {tried} windows of {n_steps} steps can be identified; {refused}"
             )
         contact = np.flatnonzero(record.c_n.any(axis=1))
         if not (record.solved and len(contact)):
             continue
-        whole = _whole(kind, record, settings)
+        motion = _whole(kind, record, settings)
         # around the first impact; for the arm, where a short window seldom shows all, any that has contact will do
         middles = contact[:: max(n_steps // 4, 1)] if kind == "arm_disk" else contact[:1]
         for middle in middles:
             start = int(np.clip(middle - n_steps // 2, 0, record.steps - n_steps))
-            case = whole[start : start + n_steps]
+            case = motion[start : start + n_steps]
             try:
                 require_identifiable(case.window)
             except UserError as error:
                 refused = str(error)
                 continue
-            found.append(case)
+            windows.append(case)
             break
-        if len(found) == n:
+        if len(windows) == n:
             break
-    return found
+    return windows
 
 
 def _drops(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
@@ -204,16 +204,16 @@ def study(
     theta_error, force_error, cpu = [], [], []
     n_solved = n_success = n_claims = n_false = 0
     for case in windows:
-        for found in _answers(what, case.window, starts, rng):
-            theta, force = np.nan_to_num(case.errors(found), nan=np.inf)  # no answer: infinitely wrong
-            success = found.solved and theta <= SUCCESS and force <= SUCCESS
+        for result in _answers(what, case.window, starts, rng):
+            theta, force = np.nan_to_num(case.errors(result), nan=np.inf)  # no answer: infinitely wrong
+            success = result.solved and theta <= SUCCESS and force <= SUCCESS
             theta_error.append(theta)
             force_error.append(force)
-            cpu.append(found.cpu_s)
-            n_solved += found.solved
+            cpu.append(result.cpu_s)
+            n_solved += result.solved
             n_success += success
-            n_claims += found.claimed
-            n_false += found.claimed and not success
+            n_claims += result.claimed
+            n_false += result.claimed and not success
     n = len(cpu)
     return {
         "program": what.program,

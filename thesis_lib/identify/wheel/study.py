@@ -104,9 +104,9 @@ def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float
     true_n = forces.truth.c_n
     rolling, impact = rolling_steps(true_n), touchdown(true_n, pair)
     out = {}
-    for name, found, true in (("n", forces.c_n[method], true_n), ("t", forces.c_t[method], forces.truth.c_t)):
-        found, true = found[:, pair], true[:, pair]
-        miss = found - true
+    for name, c_hat, true in (("n", forces.c_n[method], true_n), ("t", forces.c_t[method], forces.truth.c_t)):
+        c_hat, true = c_hat[:, pair], true[:, pair]
+        miss = c_hat - true
         out[f"error_{name}"] = float(np.sqrt(np.sum(miss[rolling] ** 2) / np.sum(true[rolling] ** 2)))
         out[f"impulse_error_{name}"] = (
             np.nan if impact is None else float(abs(miss[impact].sum()) / abs(true[impact].sum()))
