@@ -2,15 +2,15 @@
 
 | module          | concept                                                                                   |
 |-----------------|-------------------------------------------------------------------------------------------|
-| `reading`       | YAML and CSV read strictly: every mistake listed in one error, no guessing of types       |
-| `checks`        | where ours is found, and when it counts as reproduced                                     |
-| `format`        | the format of config/claims/: published statements with source and check, a file a chapter |
+| `reading`       | strict reading of YAML and CSV: one error lists every mistake, types are not guessed      |
+| `checks`        | where our value is found, and when it counts as reproduced                                |
+| `format`        | the format of config/claims/: published statements with source and check, by chapter      |
 | `result`        | a claim's status (reproduced, deviates, data not present, error) and the table claims.csv |
-| `evaluate`      | our cell selected from the results and compared                                           |
+| `evaluate`      | select our value from the results and compare it                                          |
 | `expected`      | the statuses committed per scale; a change in either direction fails the check            |
 | `figure_check`  | figures' CSVs against small stored copies                                                 |
 | `page`          | results/claims.html                                                                       |
 
-`python -m thesis_lib claims --help` says how to check, update and print.  A run of the pipeline does not fail on
-an honest deviation from the thesis; continuous integration fails when a status changes.
+Usage: `python -m thesis_lib claims --help`.  A run of the pipeline does not fail on an honest deviation from the
+thesis; continuous integration fails when a status changes.
 """

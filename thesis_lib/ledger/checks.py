@@ -1,4 +1,4 @@
-"""Where ours is found, and when it counts as reproduced: the `source` and the `check` of a claim.
+"""The `source` and the `check` of a claim: where our value is found, and when it counts as reproduced.
 
 | kind            | reproduced if                                                   | keys beside `kind`     |
 |-----------------|-----------------------------------------------------------------|------------------------|
@@ -6,17 +6,17 @@
 | rel             | abs(ours − published) ≤ tolerance · abs(published)              | tolerance (a fraction) |
 | interval        | abs(ours − published) ≤ k · std + rounding                      | k, rounding (0)        |
 | greater, less   | ours − k · std > threshold; ours + k · std < threshold          | threshold, k (0)       |
-| ordering        | the rows stand in this order of the column                      | key, rows, order       |
+| ordering        | the column puts the rows in this order                          | key, rows, order       |
 | argmax, argmin  | this row has the largest (smallest) value of the rows selected  | key, row, among        |
 | true            | the cell is true                                                |                        |
 
-- ordering: `rows` names values of the column `key`, e.g. [a, b, c]; a nested list is a group whose inner order is not
-  claimed, e.g. [a, [b, c], d].  Rows not named are ignored.  `order` is ascending (default) or descending.
-- argmax and argmin compare with all rows selected, or with those named in `among`.
-- ordering, argmax and argmin take `k` or `tie_tolerance`: two rows compare as stated only if they differ by more than k
-  standard errors of the difference, √(s₁² + s₂²) (k = 0, the default: by more than nothing, so a tie deviates); or,
-  with `tie_tolerance`, if they break the order by no more than that.
-- A `reason` is required wherever a tolerance, a k or a tie_tolerance is given.
+- ordering: `rows` lists values of the column `key`, e.g. [a, b, c].  A nested list is a group without inner order,
+  e.g. [a, [b, c], d].  Rows not listed are ignored.  `order` is ascending (default) or descending.
+- argmax and argmin compare with all rows selected, or only with those in `among`.
+- ordering, argmax and argmin accept `k` or `tie_tolerance`.  With k, two rows must differ by more than k standard
+  errors of the difference, √(s₁² + s₂²); the default k = 0 refuses ties.  With `tie_tolerance`, a pair may break the
+  order by at most that much.
+- A tolerance, a k or a tie_tolerance requires a `reason`.
 """
 
 from typing import Annotated, Any, Literal, Self
@@ -46,7 +46,7 @@ CellOrGroup = Annotated[Any, PlainValidator(cell_or_group)]
 
 
 class Source(Section):
-    """The cell (or, for orderings, the cells) of a results table that holds our value."""
+    """The cell that holds our value (for orderings, the cells) in a table of results."""
 
     file: CsvFile = Field(description="CSV below the results folder")
     where: dict[str, Cell] = Field({}, description="column: value; all must hold")
@@ -139,7 +139,7 @@ class _Ranked(Section):
 
 
 class Ordering(_Ranked):
-    """The rows stand in this order of the column; a nested list is a group without inner order."""
+    """The column puts the rows in this order; a nested list is a group without inner order."""
 
     kind: Literal["ordering"] = "ordering"
     rows: Annotated[list[CellOrGroup], Field(min_length=2)]
@@ -147,7 +147,7 @@ class Ordering(_Ranked):
 
     @property
     def groups(self) -> list[list]:
-        """The rows, each single one as a group of one."""
+        """The rows as groups; a single row is a group of one."""
         return [row if isinstance(row, list) else [row] for row in self.rows]
 
     @model_validator(mode="after")
@@ -182,7 +182,7 @@ class ArgMin(_Extreme):
 
 
 class IsTrue(Section):
-    """The cell, a flag that the pipeline has computed, is true."""
+    """The cell, a flag computed by the pipeline, is true."""
 
     kind: Literal["true"] = "true"
 
@@ -205,9 +205,9 @@ Check = Annotated[
 
 
 def _require_reason(check: Any, *names: str) -> None:
-    given = [name for name in names if getattr(check, name)]
-    if given and check.reason is None:
-        raise ValueError(f"reason is missing: say why this {given[0]} is the right one")
+    margins = [name for name in names if getattr(check, name)]
+    if margins and check.reason is None:
+        raise ValueError(f"reason is missing: say why this {margins[0]} is the right one")
 
 
 def _require_distinct(name: str, rows: list) -> None:

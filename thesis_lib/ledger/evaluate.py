@@ -1,7 +1,7 @@
-"""Each claim measured: select our cell from the results, apply the claim's check (formats in `ledger`).
+"""Evaluate each claim: select our value from the results and apply the claim's check (formats in `ledger`).
 
-Whatever keeps a number from being compared (a missing file, column or row, several rows where one is wanted, text,
-NaN, infinity, a dataset that the run knows nothing about) becomes a result of status `error`, never a pass.
+Whatever prevents a comparison (a missing file, column or row, several rows where one is wanted, text, NaN, infinity,
+a dataset unknown to the run) gives a result of status `error`, never a pass.
 """
 
 import math
@@ -21,13 +21,11 @@ SLACK = 1e-9  # relative; 0.13 − 0.12 must not exceed 0.01 by the last bits of
 
 
 def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool]) -> list[Result]:
-    """The result of each claim, in the ledger's order.
+    """The result of each claim, in the ledger's order.  Mistakes in the results do not raise: see the module's head.
 
     Args:
-        results_dir: folder below which the sources lie.
+        results_dir: folder that holds the sources.
         present: whether this run had each dataset (`reading.read_present`).
-
-    No mistake in the results raises: it becomes a result of status `error`.
     """
     tables: dict[str, Cells] = {}
     return [_evaluate(claim, Path(results_dir), present, tables) for claim in ledger.claims]
@@ -52,7 +50,7 @@ def _evaluate(claim: Claim, root: Path, present: Mapping[str, bool], tables: dic
 
 @dataclass(frozen=True)
 class _Rows:
-    """The rows that a claim's source selects, values still as text."""
+    """The rows selected by a claim's source; their values are still text."""
 
     cells: Cells
     rows: list[int]
@@ -70,7 +68,7 @@ class _Rows:
             for i in range(len(cells.rows))
             if all(_matches(columns[name][i], value) for name, value in source.where.items())
         ]
-        cells.column(source.column)  # named before "no row", since it is the plainer mistake
+        cells.column(source.column)  # report a missing column before a missing row
         if not rows:
             raise UserError(f"{cells.path} has no row with {_condition(source.where)}")
         return cls(cells, rows, claim)
@@ -115,7 +113,7 @@ class _Rows:
 
 
 def _short(value: float) -> str:
-    return f"{value:.4g}"  # four digits are enough for a sentence
+    return f"{value:.4g}"  # enough digits for a sentence
 
 
 def _matches(cell: str, wanted: object) -> bool:
@@ -204,8 +202,7 @@ def _measure_flag(claim: Claim, published: str, rows: _Rows) -> Result:
 def _measure_ordering(claim: Claim, published: str, rows: _Rows) -> Result:
     check = claim.check
     groups = [[rows.named(check.key, name) for name in group] for group in check.groups]
-    # every row before every row of the next group; further groups follow by transitivity unless ties are allowed,
-    # so all pairs are compared
+    # all pairs, not only those of neighbouring groups: with ties allowed the order is not transitive
     pairs = [(a, b) for i, low in enumerate(groups) for high in groups[i + 1 :] for a in low for b in high]
     sign = 1.0 if check.order == "ascending" else -1.0
     return _ranked(claim, published, rows, [row for group in groups for row in group], pairs, sign)
@@ -227,7 +224,7 @@ def _measure_extreme(claim: Claim, published: str, rows: _Rows) -> Result:
 def _ranked(
     claim: Claim, published: str, rows: _Rows, members: list[int], pairs: list[tuple[int, int]], sign: float
 ) -> Result:
-    """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or break by ≤ tie."""
+    """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or be ≥ −tie_tolerance."""
     check = claim.check
     value = {row: rows.value(row) for row in members}
     std = {row: rows.std(row) for row in members} if check.k else dict.fromkeys(members, 0.0)
@@ -250,7 +247,7 @@ def _ranked(
     finding = "; ".join(text for _, text in broken[:3])
     if len(broken) > 3:
         finding += f"; and {len(broken) - 3} more pairs"
-    # smallest first where an ascending order or a minimum is claimed; equal values by name, to be deterministic
+    # smallest first if an ascending order or a minimum is claimed; equal values by name, for a deterministic order
     ascending = claim.check.order == "ascending" if isinstance(check, Ordering) else sign < 0
     order = sorted(members, key=lambda row: (value[row] if ascending else -value[row], column[row]))
     ours = (" < " if ascending else " > ").join(show(row) for row in order)

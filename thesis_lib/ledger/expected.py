@@ -11,9 +11,9 @@ expected:
   full: {...}
 ```
 
-A change in either direction is a failure: a claim that newly deviates is a regression, one that is newly
-reproduced has been understood, or its check has lost its teeth.  A person should look at either.  `data not present` is
-neutral: it is never stored and never compared.
+A change in either direction is a failure and needs a person's look.  A claim that newly deviates is a regression; one
+that is newly reproduced has been understood, or its check has become too weak.  `data not present` is neutral: it is
+never stored and never compared.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,12 +46,12 @@ class Expected(Section):
 
 @dataclass(frozen=True)
 class Change:
-    """A claim whose status is not the committed one.
+    """A claim whose status differs from the committed one.
 
     Attributes:
         expected: the committed status, '' if there is none.
         found: the status in this run, '' if the ledger no longer has the claim.
-        text: what to tell the user.
+        text: message for the user.
     """
 
     id: str
@@ -61,7 +61,7 @@ class Change:
 
 
 def read_expected(path: str | Path) -> dict[str, dict[str, str]]:
-    """Committed statuses as {scale: {id: status}}; a file that does not exist yet holds none.
+    """Committed statuses as {scale: {id: status}}; empty if the file does not exist yet.
 
     Raises:
         UserError: the file has another form.
@@ -75,10 +75,10 @@ def read_expected(path: str | Path) -> dict[str, dict[str, str]]:
 def compare_with_expected(
     results: Sequence[Result], expected: Mapping[str, Mapping[str, str]], scale: str
 ) -> list[Change]:
-    """Claims whose status differs from the committed one; empty if all is as expected.
+    """Claims whose status differs from the committed one.
 
     Args:
-        expected: `read_expected`.
+        expected: as `read_expected` returns it.
         scale: quick, default or full.
     """
     committed = expected.get(scale, {})
@@ -106,10 +106,10 @@ def compare_with_expected(
 
 
 def update_expected(path: str | Path, results: Sequence[Result], scale: str) -> list[str]:
-    """Commit this run's statuses for one scale; claims without data keep what was committed.
+    """Commit this run's statuses for one scale; claims without data keep their committed status.
 
     Returns:
-        One line for each change made; empty (and the file untouched) if there is none.
+        One line for each change; without changes the file stays untouched.
 
     Raises:
         UserError: a claim could not be compared; nothing is written.

@@ -1,14 +1,14 @@
 """Figures' CSVs against small stored copies, column by column within stated tolerances.
 
-What is compared, and how near is near enough, stands in each figure's record (`thesis_lib.records`).  A picture without
-a record, a column without a tolerance, a missing CSV and a missing copy are all failures, so that a new figure cannot
-escape the check.  Pictures themselves are judged by eye.
+Each figure's record (`thesis_lib.records`) states the columns to compare and their tolerances.  A picture without a
+record, a column without a tolerance, a missing CSV and a missing copy are failures, so that no new figure escapes the
+check.  The pictures themselves are judged by eye.
 
 A number agrees if abs(ours − stored) ≤ abs + rel · abs(stored).  NaN agrees only with NaN, an infinity only with the
-same one.  Rows are compared by position, and their number must not change.
+same infinity.  Rows are compared by position, and their number must not change.
 
-Copies lie at config/figures/<scale>/<dataset, or common>/<name>.csv, with the position in the figure's CSV as first
-column, `row`.  The last row is always kept, so that its position tells how many rows there were.
+Copies are at config/figures/<scale>/<dataset, or common>/<name>.csv.  Their first column, `row`, is the position in
+the figure's CSV.  The last row is always kept, so that its position gives the number of rows.
 """
 
 import fnmatch
@@ -26,22 +26,22 @@ from thesis_lib.ledger.reading import Cells, number
 from thesis_lib.records.record import Figure, Tolerance
 
 SCALES = ("quick", "default")  # scales with stored copies; others are not compared
-NO_FIGURES = {  # pictures below results, and why they have no record
+NO_FIGURES = {  # pictures among the results, and why they have no record
     "chapter2/hidden/*": "critiques of mechanisms; tests/critique checks their numbers",
     "critique/*": "critiques of drops; tests/critique checks their numbers and their bytes",
 }
 ROW = "row"  # column of a stored copy: position in the figure's CSV, from 0
-COMMON = "common"  # folder of the figures that are of no dataset
+COMMON = "common"  # folder of the figures that belong to no dataset
 AGREES, DIFFERS, NO_DATA, ERROR = "agrees", "differs", "data not present", "error"
 REMEDY = "if this is intended: python -m thesis_lib claims update"
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One way in which a figure's CSV is not like its stored copy.
+    """One way in which a figure's CSV differs from its stored copy.
 
     Attributes:
-        column: the column concerned, '' if it is the whole table.
+        column: the column concerned, '' for the whole table.
         text: what is wrong.
     """
 
@@ -50,7 +50,7 @@ class Problem:
 
 
 def kept_rows(total: int, most: int) -> list[int]:
-    """Positions of at most `most` evenly spaced rows out of `total`, the first and the last among them."""
+    """Positions of at most `most` evenly spaced rows out of `total`, including the first and the last."""
     if total <= most:
         return list(range(total))
     # the integer form of linspace: no rounding of halves that could differ between machines
@@ -61,7 +61,7 @@ def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
     """Write the thinned copy of a figure's CSV.
 
     Raises:
-        UserError: the CSV is missing or has columns or cells that the check would refuse.
+        UserError: the CSV is missing, or the check would refuse its columns or cells.
     """
     cells = Cells.read(csv)
     problems = _form(cells, figure)
@@ -76,7 +76,7 @@ def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
 
 
 def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[Problem]:
-    """Compare a figure's CSV with its stored copy; an empty list means that they agree.
+    """Differences between a figure's CSV and its stored copy; empty if they agree.
 
     Raises:
         UserError: one of the files is missing or cannot be read.
@@ -110,9 +110,8 @@ def check_figures(
         present: whether this run had each dataset (`reading.read_present`).
 
     Returns:
-        A row for each figure and dataset, sorted by name: figure, dataset, status (agrees, differs, error, or
-        data not present), finding.  Pictures without a record and copies that no figure uses are rows of status
-        error.
+        A row for each figure and dataset, sorted by name: figure, dataset, status (agrees, differs, error, or data not
+        present), finding.  Pictures without a record and unused copies are rows of status error.
     """
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     rows = []
@@ -129,15 +128,12 @@ def check_figures(
 def update_figures(
     results_dir: str | Path, stored_dir: str | Path, figures: Sequence[Figure], present: Mapping[str, bool]
 ) -> list[str]:
-    """Store the copies that are missing or no longer agree; those that agree stay as they are.
+    """Store the copies that are missing or no longer agree; return one line for each.
 
-    Leaving them avoids noise in the history, and keeps small drifts from adding up unseen.
-
-    Returns:
-        One line for each copy written.
+    Copies that agree stay: this avoids noise in the history, and small drifts cannot add up unseen.
 
     Raises:
-        UserError: a figure cannot be stored; it names each, and nothing is written.
+        UserError: some figures cannot be stored; all are listed, and nothing is written.
     """
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     todo, refused = [], []
@@ -159,7 +155,7 @@ def update_figures(
 
 
 def _compared(figures: Iterable[Figure]) -> list[tuple[str, str, Figure, str]]:
-    """Name, dataset, record and CSV below results of all that is compared."""
+    """Name, dataset, record and CSV (relative to the results) of each comparison."""
     return [
         (figure.name, dataset or COMMON, figure, str(Path(path).with_suffix(".csv")))
         for figure in figures
@@ -212,7 +208,7 @@ def _unused_copies(stored_dir: Path, figures: Iterable[Figure]) -> list[tuple[st
 
 
 def _form(cells: Cells, figure: Figure) -> list[Problem]:
-    """What is wrong with a figure's CSV by itself."""
+    """Mistakes in a figure's CSV itself."""
     wanted = _columns(figure)
     problems = [
         Problem(name, f"column {name} is missing in {cells.path}")
@@ -240,7 +236,7 @@ def _form(cells: Cells, figure: Figure) -> list[Problem]:
 
 
 def _copy_form(copy: Cells, figure: Figure) -> list[Problem]:
-    """What is wrong with a stored copy by itself: columns, or rows taken away by hand."""
+    """Mistakes in a stored copy itself: wrong columns, text for numbers, or rows removed by hand."""
     wanted = [ROW, *_columns(figure)]
     if sorted(copy.columns) != sorted(wanted):
         return [
@@ -283,14 +279,14 @@ def _compare_numbers(
 ) -> list[Problem]:
     a = np.array([number(ours[i]) for i in positions])
     b = np.array([number(cell) for cell in stored])
-    same = (a == b) | (np.isnan(a) & np.isnan(b))  # infinities and NaN only agree with themselves
+    same = (a == b) | (np.isnan(a) & np.isnan(b))  # an infinity or NaN agrees only with itself
     with np.errstate(invalid="ignore"):
-        # abs(ours − stored) ≤ abs + rel · abs(stored); an infinite stored value must not allow everything
+        # finite: otherwise an infinite stored value would allow everything
         allowed = tolerance.abs + tolerance.rel * np.abs(b)
-        off = np.abs(a - b)
+        difference = np.abs(a - b)
         finite = np.isfinite(a) & np.isfinite(b)
-        near = finite & (off <= allowed)
-        excess = np.where(finite, off - allowed, np.inf)
+        near = finite & (difference <= allowed)
+        excess = np.where(finite, difference - allowed, np.inf)
     bad = np.flatnonzero(~(same | near))
     if not len(bad):
         return []

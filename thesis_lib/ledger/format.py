@@ -1,8 +1,8 @@
-"""The format of config/claims/: each number and each ordering that the thesis states, a file a chapter.
+"""The format of config/claims/: each number and each ordering that the thesis states, one file for each chapter.
 
 ```yaml
 schema: 1
-defaults: {chapter: 3}        # optional: `chapter` and `needs` of the claims that give none
+defaults: {chapter: 3}        # optional: `chapter` and `needs` for claims that give none
 checks:                       # optional: checks that claims refer to by name
   two_errors: {kind: interval, k: 2, reason: two bootstrap standard errors}
 notes:                        # optional: the same for notes
@@ -11,15 +11,15 @@ claims:
   - id: table_3_1.mirtich.mu.as_published     # unique, dotted
     location: Table 3.1, row Mirtich, column mu
     statement: The friction coefficient that fits Mirtich's law, as coded by the authors, to all impacts.
-    published: 0.062          # what the thesis states (see below when it may be left out)
+    published: 0.062          # as the thesis states it (may be left out: see below)
     unit: "1"
     source:                   # where ours is found, below the results folder
       file: chapter3/planar_impact/table_3_1.csv
-      where: {law: mirtich_as_published}      # must select exactly one row (orderings: the rows compared)
+      where: {law: mirtich_as_published}      # selects exactly one row (orderings: the rows compared)
       column: mu
       std_column: mu_std      # optional: our standard error
     check: {kind: abs, tolerance: 0.01, reason: two bootstrap standard errors and the rounding to 0.001}
-    needs: [planar_impact]    # datasets; without one of them the claim shows "data not present"
+    needs: [planar_impact]    # datasets; if one is missing, the claim shows "data not present"
     note: why ours deviates, if known; shown only when it does       # optional
   - id: table_3_1.mirtich.epsilon.as_published
     location: Table 3.1, row Mirtich, column epsilon
@@ -28,19 +28,17 @@ claims:
     source: {file: chapter3/planar_impact/table_3_1.csv, where: {law: mirtich_as_published}, column: epsilon,
       std_column: epsilon_std}
     check: two_errors         # the name of a check above
-    note: flat_cost           # a note of one word is the name of one above
+    note: flat_cost           # a note of one word names a note above
 ```
 
-The kinds of checks are explained in `checks`.
-
-- abs, rel and interval need a `published` number.  greater and less may have one (it is shown).  The others take
-  what is published from the check; `published` may repeat it but not contradict it.
-- `where` compares text cells exactly and numbers to 8 digits; several columns may be named.
-- A `reason` is required wherever a tolerance, a k or a tie_tolerance is given, and for a threshold of our choice: one
-  that differs from `published`, or that is not 0 where nothing is published.
-- A folder is read as one ledger, its files in the order of their names.  Names of checks and notes hold within a file.
-  A name that is not there is an error, and so is one that no claim uses.
-- Our number may not be NaN or infinite: that is an error, never a pass (see `evaluate`).
+- abs, rel and interval (kinds of checks: `checks`) need a `published` number; greater and less may have one, which is
+  shown.  The other checks contain the published statement; `published` may repeat it but not contradict it.
+- `where` compares text exactly and numbers to 8 digits; it may name several columns.
+- A tolerance, a k or a tie_tolerance requires a `reason`; so does a threshold that differs from `published`, or from 0
+  if nothing is published.
+- A folder is read as one ledger, its files ordered by name.  Names of checks and notes hold within one file.  A name
+  that is unknown or unused is an error.
+- A NaN or infinite value of ours is an error, never a pass (see `evaluate`).
 """
 
 import math
@@ -88,7 +86,7 @@ def _published(value: Any) -> Any:
 
 
 class Claim(Section):
-    """One statement of the thesis and how ours is compared with it."""
+    """One statement of the thesis and its comparison with our value."""
 
     id: Annotated[str, StringConstraints(pattern=r"^[a-z0-9_-]+(\.[a-z0-9_-]+)+$")]
     chapter: Chapter
@@ -127,14 +125,14 @@ class Claim(Section):
 
 
 class Defaults(Section):
-    """What holds for each claim of a file that does not say otherwise."""
+    """Values for each claim of a file that does not give its own."""
 
     chapter: Chapter | None = None
     needs: list[Name] | None = None
 
 
 class Ledger(Section):
-    """The content of a file of claims; of a folder, all its claims."""
+    """The claims of one file or of a whole folder."""
 
     schema_: Literal[1] = Field(alias="schema", description="version of this format")
     defaults: Defaults = Field(Defaults(), description="of the claims that do not say otherwise")
@@ -147,7 +145,7 @@ def read_ledger(path: str | Path) -> Ledger:
     """Read and check config/claims/, or one file of claims.
 
     Raises:
-        UserError: nothing is there, or one line for each thing that is wrong, with the file, its line and the claim.
+        UserError: no file was found, or one line for each mistake, with the file, its line and the claim.
     """
     path = Path(path)
     files = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
@@ -166,7 +164,7 @@ def read_ledger(path: str | Path) -> Ledger:
 
 
 def _read_file(path: Path) -> Ledger:
-    """A file with its defaults, shared checks and shared notes written out in the claims that use them."""
+    """One file, with its defaults, shared checks and shared notes written out in the claims that use them."""
     document = load_yaml(path)
     content = document.content
     if not isinstance(content, dict) or not isinstance(content.get("claims"), list):
@@ -175,7 +173,7 @@ def _read_file(path: Path) -> Ledger:
     shared = {key: values if isinstance(values, dict) else {} for key, values in shared.items()}
     claims = []
     uses: dict[Key, Key] = {}  # a shared check or note, and where it is used
-    copies: set[Key] = set()  # places whose mistakes are told where the original stands
+    copies: set[Key] = set()  # places whose mistakes are reported at the original instead
     for i, claim in enumerate(content["claims"]):
         if isinstance(claim, dict):
             copies |= {("claims", i, key) for key in shared["defaults"].keys() - claim.keys()}
@@ -187,13 +185,17 @@ def _read_file(path: Path) -> Ledger:
                     copies.add(place)
                     claim[key] = shared[f"{key}s"].get(name)
         claims.append(claim)
-    there: set[Key] = {(key, str(name)) for key in ("checks", "notes") for name in shared[key]}
-    at = {place: f"line {line_of(place, document)}" for place in (*uses.values(), *there)}
+    shared_keys: set[Key] = {(key, str(name)) for key in ("checks", "notes") for name in shared[key]}
+    at = {place: f"line {line_of(place, document)}" for place in (*uses.values(), *shared_keys)}
     problems = [
-        *(f"{at[uses[use]]}: none of the {use[0]} is called {use[1]}" for use in uses if use not in there),
+        *(
+            f"{at[uses[use]]}: none of the {use[0]} is called {use[1]}"
+            for use in uses
+            if use not in shared_keys
+        ),
         *(
             f"{at[use]}: no claim uses {use[1]} of the {use[0]}"
-            for use in sorted(there - uses.keys(), key=str)
+            for use in sorted(shared_keys - uses.keys(), key=str)
         ),
         *_repeated([claim.get("id") for claim in claims if isinstance(claim, dict)]),
     ]

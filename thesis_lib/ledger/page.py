@@ -1,7 +1,7 @@
-"""results/claims.html: the ledger as a person reads it.
+"""results/claims.html: the ledger as a readable page.
 
-The page needs no network and no script.  Statuses are told by word and sign, with colour only as a help, and it prints
-in black and white.
+It needs no network and no script.  Statuses have a word and a sign besides the colour, so it also prints in black and
+white.
 """
 
 from collections.abc import Sequence
@@ -37,11 +37,7 @@ HEADINGS = {  # heading: class that sets the column's width
 
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
-    """The whole ledger as one self-contained HTML page, by chapter and in the ledger's order.
-
-    Args:
-        scale: shown in the introduction if given.
-    """
+    """The ledger as one self-contained HTML page, by chapter and in the ledger's order; `scale` is shown if given."""
     chapters = [
         {
             "number": number,
@@ -77,10 +73,10 @@ def _by_chapter(results: Sequence[Result]) -> list[tuple[int, list[Result]]]:
 
 
 def _cells(result: Result) -> dict:
-    """What stands in the row of a claim: numbers with units, how far they differ, and the reason."""
+    """The row of a claim: numbers with units, their difference, and the reason."""
     claim = result.claim
     unit = "" if claim.unit == "1" else f" {claim.unit}"
-    numeric = result.difference == result.difference  # NaN where the claim is no number
+    numeric = result.difference == result.difference  # NaN if the claim is not a number
     ours = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
     if result.std == result.std:
         ours += f" ± {result.std:.2g}"
@@ -90,7 +86,7 @@ def _cells(result: Result) -> dict:
     published = f"{result.published}{unit}" if numeric or _is_number(result.published) else result.published
     reason = result.reason
     if numeric and result.status is Status.DEVIATES:
-        reason = claim.note or "reason unknown"  # by how much stands in its own column
+        reason = claim.note or "reason unknown"  # the difference has its own column
     return {
         "claim": claim,
         "status": result.status,

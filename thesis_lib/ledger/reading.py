@@ -1,8 +1,8 @@
-"""YAML and CSV read strictly, with every mistake in one error.
+"""Strict reading of YAML and CSV; one error lists every mistake.
 
-YAML goes through a pydantic model; mistakes are listed all at once, each with its line and place, and entries of a list
-are named by their `id` where they have one.  CSV cells stay text until someone asks for a number: pandas would turn a
-law called "NA" into NaN and rename the second of two columns of one name.
+YAML is validated by a pydantic model.  Each mistake is listed with its line and place; list entries are named by
+their `id` if they have one.  CSV cells stay text until a number is asked for: pandas would turn a law called "NA"
+into NaN and rename the second of two columns of the same name.
 """
 
 import csv
@@ -20,8 +20,8 @@ from thesis_lib.foundation.files import read_json
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
 from thesis_lib.foundation.yaml_file import Document, Key, read_yaml
 
-SHOWN = 100  # mistakes spelled out
-MAX_CSV = 30_000_000  # bytes; as lists of cells a table takes some thirty times that
+SHOWN = 100  # mistakes listed in full
+MAX_CSV = 30_000_000  # bytes; in memory, lists of cells take about thirty times as much
 
 
 def _not_a_flag(value: Any) -> Any:
@@ -48,10 +48,10 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def load_yaml(path: str | Path) -> Document:
-    """The content of a YAML file, and the lines of its keys.
+    """The content of a YAML file and the lines of its keys.
 
     Raises:
-        UserError: the file is missing, is no plain YAML, or repeats a key (YAML would keep only the last one).
+        UserError: the file is missing, is not plain YAML, or repeats a key (YAML would keep only the last).
     """
     document = read_yaml(path)
     document.refuse_repeated(path)
@@ -65,11 +65,11 @@ def validate(
     problems: Sequence[str] = (),
     elsewhere: Container[Key] = (),
 ) -> Model:
-    """The content of a document as a `model`.
+    """The content of a document as an instance of `model`.
 
     Args:
-        problems: mistakes that the caller knows already; they go into the same error.
-        elsewhere: places, e.g. ("claims", 3, "check"), whose mistakes are told at another place.
+        problems: mistakes already known to the caller; they join the same error.
+        elsewhere: places, e.g. ("claims", 3, "check"), whose mistakes are reported at another place.
 
     Raises:
         UserError: one line for each mistake.
@@ -98,7 +98,7 @@ def _sentence(item: Any, document: Document) -> str:
             else isinstance(content, list) and part < len(content)
         )
         if isinstance(content, dict) and not inside and depth < len(item["loc"]):
-            continue  # pydantic inserts the tag of a union, which is no key of the file
+            continue  # pydantic inserts the tag of a union, which is not a key of the file
         content = content[part] if inside else None
         at += (part,)
         if isinstance(part, int) and isinstance(content, dict) and "id" in content:
@@ -123,12 +123,12 @@ def _sentence(item: Any, document: Document) -> str:
 
 
 def line_of(at: Key, document: Document) -> int | None:
-    """Line of a place, or of the nearest one around it; None for the whole file."""
+    """Line of a place, or of the nearest place that encloses it; None for the whole file."""
     return next((document.lines[at[:n]] for n in range(len(at), 0, -1) if at[:n] in document.lines), None)
 
 
 class Cells:
-    """A CSV table of text cells."""
+    """A CSV table whose cells are text."""
 
     def __init__(self, path: Path, columns: list[str], rows: list[list[str]]) -> None:
         self.path, self.columns, self.rows = path, columns, rows
@@ -190,7 +190,7 @@ def number(cell: str) -> float:
 
 
 def read_present(path: str | Path) -> dict[str, bool]:
-    """Which datasets this run had: {"planar_impact": {"present": true, ...}, ...} as {name: present}.
+    """Whether this run had each dataset, from a file like {"planar_impact": {"present": true, ...}, ...}.
 
     Raises:
         UserError: the file is missing or has another form.

@@ -3,15 +3,15 @@
 | status             | when                                                                                        |
 |--------------------|---------------------------------------------------------------------------------------------|
 | `reproduced`       | the claim's check holds                                                                     |
-| `deviates`         | it does not; the result says by how much, and why if the ledger knows                       |
+| `deviates`         | it does not hold; the result says by how much, and why if the ledger knows                  |
 | `data not present` | the run lacked a dataset that the claim needs: neutral                                      |
 | `error`            | nothing was compared: a missing file, column or row, several rows, text, NaN or infinity    |
 
-An error is never a pass: `refuse_errors` raises one message that names each, and the check against the committed
-statuses (`expected`) always fails on it.
+An error is never a pass: `refuse_errors` lists all of them in one message, and the comparison with the committed
+statuses (`expected`) always fails.
 
-Symbols: difference = ours − published (threshold checks: ours − threshold), relative_difference = difference /
-abs(published or threshold).
+difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
+or threshold).
 """
 
 import math
@@ -28,7 +28,7 @@ from thesis_lib.ledger.format import Claim
 
 
 class Status(StrEnum):
-    """What became of a claim (table in the module's docstring)."""
+    """Outcome of a claim (table in the module's head)."""
 
     REPRODUCED = "reproduced"
     DEVIATES = "deviates"
@@ -41,10 +41,10 @@ class Result:
     """One claim and what this run found.
 
     Attributes:
-        published, ours: as shown, '' where there is none.
-        std: our standard error, NaN where unknown.
-        difference, relative_difference: see the module's docstring; NaN where they have no meaning.
-        finding: what was measured, or what went wrong, in words.
+        published, ours: as shown, '' if there is none.
+        std: our standard error, NaN if unknown.
+        difference, relative_difference: defined in the module's head; NaN if they have no meaning.
+        finding: the measurement, or what went wrong, in words.
     """
 
     claim: Claim
@@ -58,7 +58,7 @@ class Result:
 
     @property
     def reason(self) -> str:
-        """Why it is not simply reproduced; '' if it is."""
+        """Why the claim is not reproduced; '' if it is."""
         if self.status is Status.REPRODUCED:
             return ""
         if self.status is Status.DEVIATES:
@@ -78,7 +78,7 @@ def refuse_errors(results: Sequence[Result]) -> None:
     """Raise if any claim could not be compared.
 
     Raises:
-        UserError: naming each such claim and what is wrong with it.
+        UserError: lists each such claim and what is wrong with it.
     """
     errors = [f"- {r.claim.id}: {r.finding}" for r in results if r.status is Status.ERROR]
     if errors:
@@ -111,7 +111,7 @@ def count_statuses(results: Sequence[Result]) -> dict[Status, int]:
 
 
 def summary_line(results: Sequence[Result]) -> str:
-    """One sentence: how many claims there are and how many have which status."""
+    """One sentence: the number of claims, and how many have each status."""
     counts = count_statuses(results)
     parts = [
         f"{counts[Status.REPRODUCED]} reproduced",

@@ -1,1 +1,1 @@
-"""Records: what each figure and table of a run is and shows, said once.  `catalogue` finds them all."""
+"""Records: the title, caption and finding of each figure and table of a run.  `catalogue` finds them all."""

@@ -1,4 +1,4 @@
-"""All records, found in the modules of this folder: nothing else lists them."""
+"""All records, found in the modules of this folder; no other list exists."""
 
 import functools
 import os
@@ -12,7 +12,7 @@ from thesis_lib.records.record import Figure, Record
 
 @functools.cache
 def records() -> dict[str, Record]:
-    """Records by name, in the order of the thesis; those without a number last in their chapter.
+    """Records by name, in the order of the thesis; those without a number come last in their chapter.
 
     Raises:
         ValueError: two records have the same name.
@@ -34,14 +34,14 @@ def figures() -> list[Figure]:
 
 
 def write_findings(files: Iterable[str]) -> None:
-    """Write what is said of figure_4_6.png to figure_4_6.txt beside it, for each of `files`."""
-    from thesis_lib.foundation.files import write_text  # late: loads pandas, which no list of figures needs
+    """Write the finding of each figure or table, e.g. of figure_4_6.png to figure_4_6.txt beside it."""
+    from thesis_lib.foundation.files import write_text  # late: loads pandas, not needed to list figures
 
     for file in map(Path, files):
         write_text(records()[file.stem].found(file.parent) + "\n", file)
 
 
 def tables_read(files: Iterable[str]) -> list[str]:
-    """The tables from which `write_findings` reads what it writes to `files`."""
+    """The tables from which `write_findings` computes the findings in `files`."""
     tables = (path.parent / table for path in map(Path, files) for table in records()[path.stem].reads)
-    return list(dict.fromkeys(map(os.path.normpath, tables)))  # Snakemake knows no rule that makes a/../b
+    return list(dict.fromkeys(map(os.path.normpath, tables)))  # Snakemake finds no rule for a/../b

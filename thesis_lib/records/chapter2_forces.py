@@ -17,7 +17,7 @@ IMPACT_FORCES = Job("ch2_impact_forces", "chapter2", group="forces")
 
 
 def figure_2_10(figure: "pd.DataFrame") -> str:
-    """Angles that wheels of different masses have turned by."""
+    """Angles through which wheels of different masses turn."""
     last = figure.sort_values("t").groupby("mass")["theta"].last().abs()
     rises, falls = last.is_monotonic_increasing, last.is_monotonic_decreasing
     trend = "more with more mass" if rises else "less with more mass" if falls else "in no order of mass"
@@ -55,16 +55,16 @@ thesis gives none.""",
 
 
 def figure_2_11(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
-    """Whether the true normal forces lie within the stated errors of the estimate."""
+    """Whether the true normal forces lie within the stated errors of the estimates."""
     rolling = figure[figure["kind"] == "rolling"]
     force = rolling.pivot_table(index=["spoke", "t"], columns="series", values="force_or_impulse")
     force["std"] = rolling[rolling["series"] == "fit"].set_index(["spoke", "t"])["std"]
     force = force[force["truth"] > 0]
     within = float(((force["fit"] - force["truth"]).abs() <= 2.0 * force["std"]).mean())
-    ours, plain = (_relative_rms(force[name], force["truth"]) for name in ("fit", "plain"))
+    fit, plain = (_relative_rms(force[name], force["truth"]) for name in ("fit", "plain"))
     shares = [percent(share) for share in summary.loc[summary["method"] == "fit", "within_2_std"]]
     return (
-        f"In the motion shown maximum likelihood errs by {percent(ours)} of the normal forces (rms), equation 2.12 on "
+        f"In the motion shown maximum likelihood errs by {percent(fit)} of the normal forces (rms), equation 2.12 on "
         f"the same noisy states by {percent(plain)}. The truth lies within two standard errors of our estimate in "
         f"{percent(within)} of the contact steps shown, and in {listed(shares)} for the spokes of all motions; "
         f"{percent(0.95)} would be right."
@@ -102,16 +102,16 @@ What to look for: whether the truth lies within the standard errors of our estim
 
 
 def wheel_forces(table: "pd.DataFrame") -> str:
-    """Errors of the spokes' forces, and refusals."""
-    ours, plain = (table[table["method"] == method] for method in ("fit", "plain"))
-    said = [
-        f"{percent(ours[column].max())} of the {kind} force (plain program: {percent(plain[column].max())})"
+    """Errors of the spokes' forces, and refused motions."""
+    fit, plain = (table[table["method"] == method] for method in ("fit", "plain"))
+    errors = [
+        f"{percent(fit[column].max())} of the {kind} force (plain program: {percent(plain[column].max())})"
         for kind, column in (("normal", "error_n_median"), ("tangential", "error_t_median"))
     ]
-    n = int((ours["n"] + ours["n_failed"]).max())
+    n = int((fit["n"] + fit["n_failed"]).max())
     return (
-        f"Maximum likelihood errs by {listed(said)}: medians over the motions, for the worst spoke. "
-        f"Refused of {n} motions: {int(ours['n_failed'].max())} (plain program: {int(plain['n_failed'].max())})."
+        f"Maximum likelihood errs by {listed(errors)}: medians over the motions, for the worst spoke. "
+        f"Refused of {n} motions: {int(fit['n_failed'].max())} (plain program: {int(plain['n_failed'].max())})."
     )
 
 
@@ -131,19 +131,19 @@ noisy states, and how many records its tests refuse.""",
 
 
 def figure_2_12(figure: "pd.DataFrame") -> str:
-    """Errors of the forces of arm and ground on the trajectory shown."""
+    """Errors of the forces at arm and ground on the trajectory shown."""
     errors = {
-        str(pair): [_relative_rms(own[name], own["true"]) for name in ("estimate", "plain")]
-        for pair, own in figure.groupby("pair")
+        str(pair): [_relative_rms(forces[name], forces["true"]) for name in ("estimate", "plain")]
+        for pair, forces in figure.groupby("pair")
     }
-    said = [
-        f"{percent(ours)} at the {pair} (plain program: {percent(plain)})"
-        for pair, (ours, plain) in errors.items()
+    parts = [
+        f"{percent(fitted)} at the {pair} (plain program: {percent(plain)})"
+        for pair, (fitted, plain) in errors.items()
     ]
-    ours = [error for error, _ in errors.values()]
+    fitted = [error for error, _ in errors.values()]
     worst: Any = figure.iloc[int((figure["estimate"] - figure["true"]).abs().argmax())]
     return (
-        f"On the trajectory shown the forces err by {listed(said)}, rms over all steps, {_against_thesis(ours)}. "
+        f"On the trajectory shown the forces err by {listed(parts)}, rms over all steps, {_against_thesis(fitted)}. "
         f"The largest error is that of a {worst['component']} force at the {worst['pair']}, "
         f"{number(worst['estimate'], unit='N')} instead of {number(worst['true'], unit='N')} at "
         f"{number(worst['t'], unit='s')}."
@@ -182,7 +182,7 @@ it.""",
 
 
 def arm_summary(table: "pd.DataFrame") -> str:
-    """Errors of forces and base parameters, and refusals."""
+    """Errors of forces and base parameters, and refused trajectories."""
     rows = table.set_index(["quantity", "method"])
     median = {key: float(value) for key, value in rows["error_median"].items()}
     names = {
@@ -190,18 +190,18 @@ def arm_summary(table: "pd.DataFrame") -> str:
         "ground_force": "forces at the ground",
         "theta": "base parameters",
     }
-    said = [
+    parts = [
         f"{name} by {percent(median[key, 'ours'])} (plain program: {percent(median[key, 'plain'])})"
         for key, name in names.items()
     ]
-    ours = table[table["method"] == "ours"]
-    n = int(ours["n_trajectories"].max())
-    good = float(ours.loc[ours["quantity"].isin(names), "share_5_percent"].min())
+    fits = table[table["method"] == "ours"]
+    n = int(fits["n_trajectories"].max())
+    good = float(fits.loc[fits["quantity"].isin(names), "share_5_percent"].min())
     return (
-        f"In the median trajectory maximum likelihood errs in {listed(said)}; its errors of forces are "
+        f"In the median trajectory maximum likelihood errs in {listed(parts)}; its errors of forces are "
         f"{_against_thesis([median['arm_force', 'ours'], median['ground_force', 'ours']])}. "
         f"Each of the three errs by at most {percent(0.05, 1)} in {count(good * n, n)} trajectories or more; "
-        f"refused: {int(ours['n_failed'].max())}."
+        f"refused: {int(fits['n_failed'].max())}."
     )
 
 
@@ -261,17 +261,17 @@ choice of ours, and the half-sine drawn has that duration.""",
 
 
 def impact_force_summary(table: "pd.DataFrame") -> str:
-    """Impulses and peaks against the simulation's."""
+    """Impulses and peak forces against the simulation."""
     impulse, peak, plate = (
         row_of(table, method=ARCS, reference=name) for name in ("true_c_n", "peak_true", "peak_sensor")
     )
     bias = side(*ends(impulse["mean_error"], impulse["mean_error_std"]), 0.0, FROM_ZERO)
-    n, held = float(impulse["n"]), float(impulse["coverage_95"])
-    low, high = ends(held, (0.95 * 0.05 / n) ** 0.5)
+    n, share = float(impulse["n"]), float(impulse["coverage_95"])
+    low, high = ends(share, (0.95 * 0.05 / n) ** 0.5)
     honest = side(low, high, 0.95, ("fewer than stated", "as stated", "more than stated"))
     return (
         f"The normal impulse errs by {percent(impulse['std'] / impulse['mean'])} of its mean (standard deviation), its "
-        f"mean error is {bias}, and {percent(held)} of the stated {percent(0.95)} intervals hold the truth, {honest}. "
+        f"mean error is {bias}, and {percent(share)} of the stated {percent(0.95)} intervals hold the truth, {honest}. "
         f"The peak force errs by {estimate(peak['mean_error'], peak['mean_error_std'], 'N')} on average against the "
         f"compliant contact, and by {estimate(plate['mean_error'], plate['mean_error_std'], 'N')} against the force "
         f"plate, with a standard deviation of {number(plate['std'], unit='N')} (thesis: "
@@ -300,7 +300,7 @@ def _relative_rms(estimate: "pd.Series", truth: "pd.Series") -> float:
 
 
 def _against_thesis(errors: list[float]) -> str:
-    """Relative errors of contact forces against the thesis's."""
+    """Whether relative errors of contact forces are within the thesis's error."""
     word = (
         "within"
         if max(errors) <= THESIS_FORCES

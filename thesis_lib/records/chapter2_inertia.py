@@ -19,7 +19,7 @@ from thesis_lib.statistics.wording import (
 if TYPE_CHECKING:
     import pandas as pd
 
-OUTSIDE = "cogging"  # the one hidden cause that no effect of the critique's library describes
+OUTSIDE = "cogging"  # the only hidden cause that no effect of the critique's library describes
 ARCS = "arcs"  # maximum likelihood over arcs, without a contact law
 HYPOTHESES = {  # as in the figure of the measured m/I
     "as_published": "the data as they are",
@@ -32,7 +32,7 @@ GATHER = Job("ch2_gather", "chapter2", group="programs")
 NOISE = Job("ch2_table_2_1", "chapter2", group="noise")
 MEASURED_RATIOS = Job("ch2_measured_ratios", "chapter2", group="measured data")
 HIDDEN = Job("ch2_hidden", "chapter2", group="hidden effects")
-ESTIMATES = {  # said of the table and of its figure
+ESTIMATES = {  # shared by the table and its figure
     "title": "Estimates of m/I from noisy drops of block and ellipse",
     "caption": """The thesis's mean errors, a plain program (eq. 2.23), least squares at the true impact steps, and
 our maximum likelihood over arcs with free impulses, with gaps, and with the contact law, beside the Cramér-Rao
@@ -41,7 +41,7 @@ bound. The thesis's column for the ellipse contradicts its text: its percentages
 
 What to look for: bias, which does not fall with more drops, and how near our errors come to the bound.""",
 }
-RATIOS = {  # said of the table and of its figure
+RATIOS = {  # shared by the table and its figure
     "title": "m/I = 1/k² from the measured impacts, under each hypothesis about the measurement",
     "caption": """With bootstrap intervals over trials and the range that any ratio of noises allows, against the
 value of the dataset's header. The thesis's own 280 drops are not public.
@@ -51,15 +51,15 @@ What to look for: the hypotheses whose interval holds the value of the header.""
 
 
 def programs(table: "pd.DataFrame") -> str:
-    """Starts from which each program finds the truth."""
+    """Starts from which each program converges to the truth."""
     counts = table.groupby("name", sort=False)[["n_success", "n_starts"]].sum()
-    said = [f"{name} {ok:,} of {n:,}" for name, (ok, n) in zip(counts.index, counts.to_numpy())]
+    parts = [f"{name} {ok:,} of {n:,}" for name, (ok, n) in zip(counts.index, counts.to_numpy())]
     failed = (table["n_starts"] - table["n_success"]).groupby(table["mechanism"], sort=False).sum()
     where = str(failed.idxmax()).replace("arm_disk", "arm with disk")
     failures = f"{where} {int(failed.max())} of {int(failed.sum())}" if failed.any() else "none"
     wrong = count(table["n_false_claims"].sum(), table["n_claims"].sum())
     return (
-        f"Starts that end at the truth: {'; '.join(said)}. Most failures: {failures}. "
+        f"Starts that end at the truth: {'; '.join(parts)}. Most failures: {failures}. "
         f"Wrong claims of success: {wrong}."
     )
 
@@ -81,14 +81,14 @@ wrong.""",
 
 def figure_table_2_1(table: "pd.DataFrame") -> str:
     """Errors of m/I against the Cramér-Rao bound."""
-    ours, plain = (table.loc[table["method"] == name, "error_over_bound"] for name in (ARCS, "plain"))
+    arcs, plain = (table.loc[table["method"] == name, "error_over_bound"] for name in (ARCS, "plain"))
     share = (2.0 * table["n"]) ** -0.5  # standard error of the root mean square of n normal errors, relative
-    low, high = ends(ours, ours * share[ours.index])
+    low, high = ends(arcs, arcs * share[arcs.index])
     above, below = int((low > 1.0).sum()), int((high < 1.0).sum())
     return (
-        f"By maximum likelihood over arcs, without a contact law, m/I errs by {_span(ours)} times the Cramér-Rao "
-        f"bound ({int(table['n'].max())} drops each): of {len(ours)} errors {above} lie above it, {below} below, and "
-        f"{len(ours) - above - below} are not told apart from it. By the plain program it errs by {_span(plain)} times "
+        f"By maximum likelihood over arcs, without a contact law, m/I errs by {_span(arcs)} times the Cramér-Rao "
+        f"bound ({int(table['n'].max())} drops each): of {len(arcs)} errors {above} lie above it, {below} below, and "
+        f"{len(arcs) - above - below} are not told apart from it. By the plain program it errs by {_span(plain)} times "
         "the bound."
     )
 
@@ -115,24 +115,24 @@ FIGURE_TABLE_2_1 = Figure(
 def table_2_1(table: "pd.DataFrame") -> str:
     """Bias of m/I."""
     best = table[table["snr"] == table["snr"].max()]
-    said = []
-    for shape, own in best.groupby("shape"):
-        rows = own.set_index("method")
-        (ours, ours_std), (plain, plain_std) = rows.loc[
+    parts = []
+    for shape, group in best.groupby("shape"):
+        rows = group.set_index("method")
+        (arcs, arcs_std), (plain, plain_std) = rows.loc[
             [ARCS, "plain"], ["mean_error", "mean_error_std"]
         ].to_numpy()
-        word = side(*ends(ours, ours_std), 0.0, FROM_ZERO)
-        said.append(
-            f"m/I of the {shape} errs on average by {estimate(ours, ours_std, '%')} by maximum likelihood over arcs, "
+        word = side(*ends(arcs, arcs_std), 0.0, FROM_ZERO)
+        parts.append(
+            f"m/I of the {shape} errs on average by {estimate(arcs, arcs_std, '%')} by maximum likelihood over arcs, "
             f"{word}, by {estimate(plain, plain_std, '%')} by the plain program and by "
             f"{number(rows.loc['plain', 'thesis'], 2, '%')} in the thesis"
         )
     low, high = ends(table["mean_error"], table["mean_error_std"])
     biased = ((low > 0.0) | (high < 0.0)).groupby(table["method"]).agg(["sum", "size"])
-    ours, plain = (f"{biased.loc[name, 'sum']} of {biased.loc[name, 'size']}" for name in (ARCS, "plain"))
+    arcs, plain = (f"{biased.loc[name, 'sum']} of {biased.loc[name, 'size']}" for name in (ARCS, "plain"))
     return (
-        f"At {number(float(best['snr'].iloc[0]), 2, 'dB')} {'; '.join(said)}. Over all shapes and noise levels a bias "
-        f"is told apart from zero in {ours} cases by maximum likelihood, in {plain} by the plain program."
+        f"At {number(float(best['snr'].iloc[0]), 2, 'dB')} {'; '.join(parts)}. Over all shapes and noise levels a bias "
+        f"is told apart from zero in {arcs} cases by maximum likelihood, in {plain} by the plain program."
     )
 
 
@@ -155,26 +155,26 @@ def measured_ratio(table: "pd.DataFrame") -> str:
 
 def _measured(dataset: str, rows: "pd.DataFrame") -> str:
     header = float(rows["published"].iloc[0])
-    # the misfit of the residuals, whichever of the two the dataset allows
+    # a dataset has one of these two misfits of the residuals
     rows = rows.assign(misfit=rows["scale"].fillna(rows["velocity_noise"])).sort_values("misfit")
     best = row_of(rows, dataset=dataset)
-    said, held = [], []
+    parts, holding = [], []
     for row in rows.to_dict("records"):
         name = " and ".join(HYPOTHESES.get(part, part) for part in str(row["variant"]).split("+"))
         is_best = row["variant"] == best["variant"]
         word = side(row["low"], row["high"], header, ("below", "not told apart from", "above"))
         if is_best or row["variant"] == "as_published":
-            found = interval(row["ratio"], row["low"], row["high"], "1/m²")
-            said.append(
-                f"{found} under {name}{', which leaves the least misfit' * is_best}, {word} the header"
+            ratio = interval(row["ratio"], row["low"], row["high"], "1/m²")
+            parts.append(
+                f"{ratio} under {name}{', which leaves the least misfit' * is_best}, {word} the header"
             )
         if row["low"] <= header <= row["high"]:
-            held.append(
+            holding.append(
                 name if is_best else f"{name} (misfit {times(row['misfit'] / best['misfit'])} the least)"
             )
     return (
-        f"{dataset} (header: {number(header, 4, '1/m²')}): m/I is {'; '.join(said)}. The header lies in the interval "
-        f"of {listed(held) if held else 'no hypothesis'}."
+        f"{dataset} (header: {number(header, 4, '1/m²')}): m/I is {'; '.join(parts)}. The header lies in the interval "
+        f"of {listed(holding) if holding else 'no hypothesis'}."
     )
 
 
@@ -203,24 +203,24 @@ FIGURE_MEASURED_RATIO = Figure(
 
 
 def figure_hidden(summary: "pd.DataFrame") -> str:
-    """How often the hidden effect was found, and what that does to the forces."""
+    """How often the hidden effect was found, and what adding it does to the forces."""
     datasets = summary["datasets"]
     right = (summary["right"] * datasets).round()
-    said = []
+    parts = []
     for truth, what in (
         ("nothing", "with nothing hidden"),
         (OUTSIDE, f"with {OUTSIDE}, which is in no library,"),
     ):
-        own = summary["truth"] == truth
-        if own.any():
-            said.append(f"{what} on {int(right[own].sum())} of {int(datasets[own].sum())}")
+        selected = summary["truth"] == truth
+        if selected.any():
+            parts.append(f"{what} on {int(right[selected].sum())} of {int(datasets[selected].sum())}")
     named = summary[~summary["truth"].isin(["nothing", OUTSIDE])]
     named = named[named["snr_db"] == named["snr_db"].min()]
     before, after = (float(named[f"force_error_{when}"].median()) for when in ("before", "after"))
     change = "fall" if after < before else "rise"
     return (
         f"The critique is right on {count(right.sum(), datasets.sum())} datasets"
-        f"{''.join(f', {part}' for part in said)}. At {number(float(named['snr_db'].iloc[0]), 2, 'dB')} the errors of "
+        f"{''.join(f', {part}' for part in parts)}. At {number(float(named['snr_db'].iloc[0]), 2, 'dB')} the errors of "
         f"contact forces {change} with the effect that was found from {percent(before)} to {percent(after)} (median of "
         "the hidden effects)."
     )

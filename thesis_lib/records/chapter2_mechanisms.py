@@ -30,20 +30,20 @@ gives no dimensions; lengths and radius are ours.""",
 
 def figure_2_2(figure: "pd.DataFrame") -> str:
     """How each end of the rod meets the ground, and for how long."""
-    said = []
+    sentences = []
     for end in ("left end", "right end"):
         steps = figure[(figure["panel"] == "modes") & (figure["series"] == end)].sort_values("t")
         mode, t = steps["mode"].to_numpy(), steps["t"].to_numpy()
         touching = (mode != "open").nonzero()[0]
         if not len(touching):
-            said.append(f"The {end} does not land.")
+            sentences.append(f"The {end} does not land.")
             continue
         first = touching[0]
         changed = (mode[first:] != mode[first]).nonzero()[0]
         last = first + changed[0] if len(changed) else len(t) - 1
         lasted = number(t[last] - t[first], unit="s")
-        said.append(f"The {end} lands at {number(t[first], unit='s')} and {mode[first]} for {lasted}.")
-    return " ".join(said)
+        sentences.append(f"The {end} lands at {number(t[first], unit='s')} and {mode[first]} for {lasted}.")
+    return " ".join(sentences)
 
 
 FIGURE_2_2 = Figure(
@@ -100,17 +100,17 @@ the touchdown. Size, throw, window and noise (20 dB by default, the third level 
 
 def figure_2_5(figure: "pd.DataFrame") -> str:
     """What a flat and a tilted landing determine."""
-    said = []
+    parts = []
     for panel, landing in (("c", "flat"), ("d", "tilted")):
         row = figure[(figure["panel"] == panel) & (figure["series"] == "square")].iloc[0]
-        found = "a combination" if row["rank"] > 0 else "no combination"
+        result = "a combination" if row["rank"] > 0 else "no combination"
         inertia = "I as well" if row["rank_mass_known"] > 0 else "not I either"
         largest = number(row["sigma_1"], digits=2)
-        said.append(
-            f"landing {landing} determines {found} of m and I (largest singular value of the regressor {largest}), "
+        parts.append(
+            f"landing {landing} determines {result} of m and I (largest singular value of the regressor {largest}), "
             f"and with the mass known {inertia}"
         )
-    return f"For the square without known force, {'; '.join(said)}."
+    return f"For the square without known force, {'; '.join(parts)}."
 
 
 FIGURE_2_5 = Figure(
@@ -185,16 +185,16 @@ FIGURE_2_8 = Figure(
 
 
 def figure_2_9(figure: "pd.DataFrame") -> str:
-    """How far the wheel comes with high and with low friction."""
-    way, t = {}, 0.0
+    """How far the wheel travels with high and with low friction."""
+    travel, t = {}, 0.0
     for friction in ("high", "low"):
-        own = figure[figure["panel"] == f"wheel, {friction} friction"]
-        path = own[own["series"] == "path of the centre"].sort_values("t")
+        rows = figure[figure["panel"] == f"wheel, {friction} friction"]
+        path = rows[rows["series"] == "path of the centre"].sort_values("t")
         moved = path[["x", "y"]].iloc[-1] - path[["x", "y"]].iloc[0]
-        way[friction], t = float((moved**2).sum() ** 0.5), float(path["t"].iloc[-1])
+        travel[friction], t = float((moved**2).sum() ** 0.5), float(path["t"].iloc[-1])
     return (
-        f"In {number(t, unit='s')} the wheel's centre comes {number(way['high'], unit='m')} with high friction and "
-        f"{number(way['low'], unit='m')} with low friction, {times(way['low'] / way['high'])} as far."
+        f"In {number(t, unit='s')} the wheel's centre comes {number(travel['high'], unit='m')} with high friction and "
+        f"{number(travel['low'], unit='m')} with low friction, {times(travel['low'] / travel['high'])} as far."
     )
 
 

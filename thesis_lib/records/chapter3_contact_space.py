@@ -1,4 +1,4 @@
-"""Figures 3-1 to 3-6 and Table 3.2: what laws can predict, and the trials measured."""
+"""Figures 3-1 to 3-6 and Table 3.2: what laws can predict, and the measured trials."""
 
 from typing import TYPE_CHECKING
 
@@ -42,11 +42,14 @@ set, which leaves a whole area to choose from: that choice is what a contact law
 
 
 def figure_3_3(coverage: "pd.DataFrame") -> str:
-    """Shares of the admissible set that the laws cover."""
+    """Shares of the admissible set covered by the laws."""
     share = coverage.set_index("law")["share"]
-    own_code = share.index.str.endswith(PUBLISHED)
-    as_defined, differing = share[~own_code], share[own_code].rename(lambda law: law.removesuffix(PUBLISHED))
-    # a law whose published code is that law stands for both
+    is_published = share.index.str.endswith(PUBLISHED)
+    as_defined, differing = (
+        share[~is_published],
+        share[is_published].rename(lambda law: law.removesuffix(PUBLISHED)),
+    )
+    # a law whose published code matches its definition has one row, used for both
     as_published = differing.combine_first(as_defined)
     return (
         f"Over the simulated drops the laws cover on average {ends_of(as_published, percent)} of the admissible set "
@@ -101,7 +104,7 @@ The thesis shows the ellipse, whose trajectories are not public; here are a die 
 
 
 def figure_3_6(statements: "pd.DataFrame") -> str:
-    """Energy over impacts and between them, of all trials."""
+    """Energy over the impacts of all trials and between them."""
     loss, taken = (row_of(statements, statement=name) for name in ("energy_loss", "energy_taken"))
     text = (
         f"Over all trials {percent(loss['value'])} of the impacts lower the total energy, and an impact takes "
@@ -140,7 +143,7 @@ an impact says that the samples there do not show free flight.""",
 
 
 def table_3_2(table: "pd.DataFrame") -> str:
-    """Shares of impulses within the laws' ranges in both weightings."""
+    """Shares of impulses within the laws' ranges, in both weightings."""
     least = table["tolerance"].min()
     table = table[table["tolerance"] == least]
     unweighted, kinetic, defined = (

@@ -10,12 +10,12 @@ from thesis_lib.statistics.wording import ends, estimate, number, side, times
 if TYPE_CHECKING:
     import pandas as pd
 
-MAPPED = "anitescu_potra_poisson"  # that of figure 3-9
+MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
 FIGURES = Job("ch3_figures", "chapter3/{dataset}", datasets=DROPPED)
 
 
 def figure_3_8(summary: "pd.DataFrame", statements: "pd.DataFrame") -> str:
-    """Errors of laws and bounds, and what the sense of rotation does to the bound."""
+    """Errors of laws and bounds, and how the sense of rotation changes the bound."""
     error = summary.set_index("model")["mean"]
     bounds = error.index.str.startswith("best_post_hoc") | (error.index == "irb_bound")
     laws, post_hoc = error[~bounds], error[error.index.str.startswith("best_post_hoc")].min()
@@ -31,7 +31,7 @@ def figure_3_8(summary: "pd.DataFrame", statements: "pd.DataFrame") -> str:
 
 
 def _difference(a: "pd.Series", b: "pd.Series") -> tuple[float, float]:
-    """95 % interval of a − b, taken to be independent."""
+    """95 % interval of a − b, assumed independent."""
     return ends(a["value"] - b["value"], (a["std"] ** 2 + b["std"] ** 2) ** 0.5)
 
 
@@ -78,7 +78,7 @@ laws is what a wrong law costs with the right parameters of its own.
 def figure_3_9(figure: "pd.DataFrame", statements: "pd.DataFrame") -> str:
     """Errors near zero tangential momentum, and on its two sides."""
     rows = statements[(statements["statement"] == "small_momentum") & (statements["law"] == MAPPED)]
-    said = [
+    sentences = [
         f"Where the tangential momentum is least (a fourth of the impacts) the error is "
         f"{_ratio(value, std, 'of the others')}; the thesis finds it largest there."
         for value, std in rows[["value", "std"]].to_numpy()
@@ -87,16 +87,16 @@ def figure_3_9(figure: "pd.DataFrame", statements: "pd.DataFrame") -> str:
     sides = [impacts.loc[impacts["momentum_t"] * sign > 0, "error"] for sign in (-1, 1)]
     if min(map(len, sides)) > 1:
         (left, left_std), (right, right_std) = (
-            (float(own.mean()), float(own.std() / len(own) ** 0.5)) for own in sides
+            (float(errors.mean()), float(errors.std() / len(errors) ** 0.5)) for errors in sides
         )
         std = ((left_std / right) ** 2 + (left * right_std / right**2) ** 2) ** 0.5
-        said.append(f"Left of the dashed line it is {_ratio(left / right, std, 'on the right')}.")
-    return " ".join(said) or "All impacts lie on one side of the dashed line."
+        sentences.append(f"Left of the dashed line it is {_ratio(left / right, std, 'on the right')}.")
+    return " ".join(sentences) or "All impacts lie on one side of the dashed line."
 
 
 def _ratio(value: float, std: float, other: str) -> str:
-    told = side(*ends(value, std), 1.0, ("", ", not told apart", ""))
-    return f"{estimate(value, std)} times that {other}{told}"
+    doubt = side(*ends(value, std), 1.0, ("", ", not told apart", ""))
+    return f"{estimate(value, std)} times that {other}{doubt}"
 
 
 FIGURE_3_9 = Figure(

@@ -1,4 +1,4 @@
-"""Figures 3-7, 3-10 and 3-11 and Table 3.1: friction and restitution, from many impacts and from each."""
+"""Figures 3-7, 3-10 and 3-11 and Table 3.1: friction and restitution, from many impacts and from single ones."""
 
 from typing import TYPE_CHECKING
 
@@ -10,28 +10,28 @@ from thesis_lib.statistics.wording import count, ends, estimate, number, percent
 if TYPE_CHECKING:
     import pandas as pd
 
-CONVERGED = 100  # section 3.4: impacts from which on the parameters have converged, "about"
-ABOUT = 1.5  # times as many is not "about" as many
+CONVERGED = 100  # section 3.4: the parameters have converged from "about" this number of impacts
+ABOUT = 1.5  # more than this many times CONVERGED is no longer "about" it
 INCLINED_PLANE = 0.3  # μ of PLA on aluminium, section 3.4
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
 MU_ZERO = 1e-3  # below it an individual μ counts as zero, as in statements.csv
-VISCOUS = "mirtich"  # its μ as published is no coefficient of friction: s/m
+VISCOUS = "mirtich"  # its published μ, in s/m, is not a coefficient of friction
 FIGURES = Job("ch3_figures", "chapter3/{dataset}", datasets=DROPPED)
 EVALUATE = Job("ch3_evaluate", "chapter3/{dataset}", datasets=DROPPED)
 
 
 def figure_3_7(convergence: "pd.DataFrame", statements: "pd.DataFrame") -> str:
-    """The valley of the cost, and from how many impacts the parameters have converged."""
+    """The valley of the cost, and the number of impacts from which the parameters have converged."""
     minima = int(row_of(statements, statement="local_minima")["value"])
     bent = row_of(statements, statement="convexity_violations")["value"]
     valley = (
         f"(a) The grid has {minima} local minim{'um' if minima == 1 else 'a'}, and the cost is not convex at "
         f"{percent(bent)} of it."
     )
-    own = statements[(statements["statement"] == "converged_at") & statements["law"].notna()]
-    if own.empty:
+    rows = statements[(statements["statement"] == "converged_at") & statements["law"].notna()]
+    if rows.empty:
         return valley
-    k = own.set_index("law")["value"]
+    k = rows.set_index("law")["value"]
     most = float(convergence["k"].max())
     earlier, later = k.max() <= ABOUT * CONVERGED, k.min() > ABOUT * CONVERGED
     word = "no later than" if earlier else "later than" if later else "for some laws later than"
@@ -79,7 +79,7 @@ The thesis shows three subsets of one law and does not say which.""",
 
 
 def figure_3_10(figure: "pd.DataFrame", statements: "pd.DataFrame") -> str:
-    """Impacts that are explained best without friction, and the spread of the individual parameters."""
+    """Impacts that are explained best without friction, and the spread of individual parameters."""
     mean = row_of(statements, statement="individual_minus_ensemble_mu", law=STUDIED)
     peak, peaks = (
         row_of(statements, statement=name, law=STUDIED)["value"] for name in ("epsilon_mode", "epsilon_modes")
@@ -143,9 +143,9 @@ normal than it came.
 
 
 def figure_3_11(statements: "pd.DataFrame") -> str:
-    """How often impulses lie beyond the line of sticking and slip reverses, measured and predicted."""
+    """How often impulses lie beyond the line of sticking and slip reverses, as measured and as predicted."""
     beyond, back = row_of(statements, statement="beyond_sticking"), row_of(statements, statement="back_spin")
-    own = row_of(statements, statement="predicted_back_spin", law=STUDIED)
+    law_back = row_of(statements, statement="predicted_back_spin", law=STUDIED)
     predicted = statements[statements["statement"] == "predicted_beyond_sticking"].set_index("law")["value"]
     most = str(predicted.idxmax())
     reach = (
@@ -154,16 +154,16 @@ def figure_3_11(statements: "pd.DataFrame") -> str:
         if predicted[most] > 0
         else "no law predicts that"
     )
-    word = side(*_difference(own, back), 0.0, ("fewer", "not told apart", "more"))
+    word = side(*_difference(law_back, back), 0.0, ("fewer", "not told apart", "more"))
     return (
         f"Of all held-out impulses {estimate(100 * beyond['value'], 100 * beyond['std'], '%')} lie beyond the line of "
         f"sticking; {reach}. Slip reverses in {estimate(100 * back['value'], 100 * back['std'], '%')}; "
-        f"{title_of(STUDIED)} with the ensemble's parameters predicts {percent(own['value'])}, {word}."
+        f"{title_of(STUDIED)} with the ensemble's parameters predicts {percent(law_back['value'])}, {word}."
     )
 
 
 def _difference(a: "pd.Series", b: "pd.Series") -> tuple[float, float]:
-    """95 % interval of a − b, taken to be independent."""
+    """95 % interval of a − b, assumed independent."""
     return ends(a["value"] - b["value"], (a["std"] ** 2 + b["std"] ** 2) ** 0.5)
 
 
@@ -199,7 +199,7 @@ The thesis does not say how it chose its examples.""",
 
 
 def table_3_1(table: "pd.DataFrame") -> str:
-    """Friction against the inclined plane's, and which law is nearest and farthest."""
+    """Friction compared with the inclined plane's, and which law is nearest and farthest."""
     authors, kinetic = _part(table, "as_published", "unweighted"), _part(table, "as_defined", "kinetic")
     friction = authors.drop(VISCOUS, errors="ignore")
     below = int((ends(friction["mu"], friction["mu_std"])[1] < INCLINED_PLANE).sum())

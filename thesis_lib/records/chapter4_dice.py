@@ -1,4 +1,4 @@
-"""Figure 4-8 and what stands beside it: how far each contact model misses where dice end."""
+"""Figure 4-8 and its tables: errors of each contact model in where dice end."""
 
 # pandas' stubs do not know what a row holds
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
@@ -39,20 +39,20 @@ PARTICLES = Tolerance(
 def figure_4_8(dice: "pd.DataFrame") -> str:
     """Bias and scatter of each model's error at rest, against the thesis."""
     mean, std = (dice[dice["quantity"] == name].set_index("model") for name in ("mean", "std"))
-    told = [
+    parts = [
         f"{_error(mean, std, model)} (thesis {m:g} ± {s})".replace("-", "−")
         for model, (m, s, _) in PUBLISHED.items()
     ]
     least = str(std["value"].idxmin())
     if least not in PUBLISHED:
-        told.append(f"{_error(mean, std, least)}, the least scatter")
+        parts.append(f"{_error(mean, std, least)}, the least scatter")
     scatter = compared(std.loc["residual_wrench"], std.loc["law"])
     words = ("biased", "", "biased")
     biased = [
         THROWERS[str(name)] for name, row in mean.iterrows() if side(row["low"], row["high"], 0.0, words)
     ]
     return (
-        f"Mean error ± standard deviation, in sides: {'; '.join(told)}. The scatter with the learned wrench residual "
+        f"Mean error ± standard deviation, in sides: {'; '.join(parts)}. The scatter with the learned wrench residual "
         f"is {scatter} that of the law alone; the intervals of the mean leave out zero for "
         f"{listed(biased) if biased else 'no model'}."
     )
@@ -89,19 +89,19 @@ taken for another.""",
 
 
 def figure_calibration(coverage: "pd.DataFrame") -> str:
-    """Whose beliefs over resting positions are as wide as their errors, and whose are not."""
+    """Which models' beliefs over resting positions are as wide as their errors."""
     rolls = coverage[coverage["kind"] == "roll"]
     right, narrow, wide = "as many as stated, at the other levels too", "too few", "too many"
     uneven = "as many as stated, but not at every other level"
     groups: dict[str, list[str]] = {right: [], uneven: [], narrow: [], wide: []}
-    for model, own in rolls.groupby("model", sort=False):
-        row = row_of(own, level=SHOWN_LEVEL)
+    for model, rows in rolls.groupby("model", sort=False):
+        row = row_of(rows, level=SHOWN_LEVEL)
         group = side(row["low"], row["high"], SHOWN_LEVEL, (narrow, uneven, wide))
-        groups[right if own["passes"].all() else group].append(
+        groups[right if rows["passes"].all() else group].append(
             f"{THROWERS[str(model)]} {share(row, 'coverage')}"
         )
-    told = [f"{word} ({', '.join(models)})" for word, models in groups.items() if models]
-    return f"Measured ends inside the central {percent(SHOWN_LEVEL)} of the belief: {'; '.join(told)}."
+    parts = [f"{word} ({', '.join(models)})" for word, models in groups.items() if models]
+    return f"Measured ends inside the central {percent(SHOWN_LEVEL)} of the belief: {'; '.join(parts)}."
 
 
 FIGURE_CALIBRATION = Figure(
@@ -129,7 +129,7 @@ that is too narrow, bars that fall there one that is too wide.""",
 
 
 def figure_restitution(contacts: "pd.DataFrame") -> str:
-    """The slope of restitution along the surface, measured and modelled, of the first contacts (one a throw)."""
+    """The slope of restitution along the surface, measured and modelled, over first contacts (one per throw)."""
     first = contacts[contacts["first"] == 1]
     if len(first) < FEWEST:
         return f"There is too little for a slope: {counted(len(first), 'first contact')}."
@@ -145,7 +145,7 @@ def figure_restitution(contacts: "pd.DataFrame") -> str:
 
 
 def _slope(contacts: "pd.DataFrame", column: str) -> dict[str, float]:
-    """Least squares of a column on x, per 10 cm, with its 95 % interval."""
+    """Least-squares slope of a column over x, per 10 cm, with its 95 % interval."""
     from scipy.stats import linregress, t
 
     line = linregress(contacts["x"], contacts[column])
@@ -196,7 +196,7 @@ What to look for: a slope along the surface, which an impact law with one number
 
 
 def dice(table: "pd.DataFrame") -> str:
-    """How near the models come to the measured ends, and to what the noise of the start would allow."""
+    """How near the models come to the measured ends, and to the limit set by the noise of the start."""
 
     def right(model: str, quantity: str = "face_right") -> str:
         return share(row_of(table, model=model, quantity=quantity))
@@ -211,10 +211,10 @@ def dice(table: "pd.DataFrame") -> str:
     sure = compared(misses.loc[best], misses.loc["law"], ("", ", not told apart from the law alone", ""))
     nearest = f"Nearest comes the {THROWERS[best]}: it {missed(best)}{sure}."
     limit, kept = (row_of(table, model=best, quantity=name)["value"] for name in ("limit_std", "limit_face"))
-    told, learned = (percent(PUBLISHED[model][2]) for model in ("law", "residual_wrench"))
+    alone, learned = (percent(PUBLISHED[model][2]) for model in ("law", "residual_wrench"))
     return (
         f"In the median over throws, the law alone {missed('law')}; without uncertainty it is right in "
-        f"{right('law', 'face_right_certain')} (thesis: {told}), and with a learned wrench residual in "
+        f"{right('law', 'face_right_certain')} (thesis: {alone}), and with a learned wrench residual in "
         f"{right('residual_wrench')} (thesis: {learned}). {nearest if best != 'law' else 'No model misses by less.'} "
         f"The noise of the measured start alone moves its ends by {number(limit, digits=2)} sides and keeps "
         f"{percent(kept)} of them on their side."

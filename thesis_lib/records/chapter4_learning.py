@@ -71,7 +71,7 @@ impulse can give.""",
 
 
 def figure_4_5(ratios: "pd.DataFrame", errors: "pd.DataFrame") -> str:
-    """Which models pass the IRB Bound, by how much, and on how many impacts."""
+    """Which models err less than the IRB Bound, by how much, and on how many impacts."""
     over = {name: row_of(ratios, statement=statement) for statement, name in OVER_BOUND.items()}
     shown = [f"{LEARNERS[name]}: {_with_error(row)}" for name, row in over.items()]
     below = [LEARNERS[name] for name, row in over.items() if _ratio_side(row, ("below", "", "")) == "below"]
@@ -81,7 +81,7 @@ def figure_4_5(ratios: "pd.DataFrame", errors: "pd.DataFrame") -> str:
         else "none is below it"
     )
     by_impact = errors.pivot(index=["trial", "impact"], columns="model", values="error")
-    # an impact that the model could not solve is none on which it is below the bound
+    # an impact that the model could not solve counts as not below the bound
     often = float((by_impact["wrench_x1"] < by_impact["irb_bound"]).mean())
     hoc = row_of(ratios, statement="best_post_hoc_over_rigid")
     rival = _ratio_side(hoc, ("errs more than", "is not told apart from", "errs less than"))
@@ -94,7 +94,7 @@ def figure_4_5(ratios: "pd.DataFrame", errors: "pd.DataFrame") -> str:
 
 
 def _with_error(row: Row) -> str:
-    """1.041 ± 0.001: to the first digit of the standard error; without it where a single split was drawn."""
+    """1.041 ± 0.001: to the first digit of the standard error; without it for a single split."""
     value, std = row["value"], row["std"]
     if not std > 0.0:
         return number(value)
@@ -103,7 +103,7 @@ def _with_error(row: Row) -> str:
 
 
 def _ratio_side(row: Row, words: tuple[str, str, str]) -> str:
-    """Where a ratio with a standard error lies from 1."""
+    """The word for a ratio with a standard error below, about or above 1."""
     return side(row["value"] - SURE * row["std"], row["value"] + SURE * row["std"], 1.0, words)
 
 
@@ -141,19 +141,19 @@ can.""",
 
 
 def figure_4_6(summary: "pd.DataFrame", convergence: "pd.DataFrame") -> str:
-    """How far errors fall with training impacts, and from where on they are level."""
-    told = [_curve(summary, convergence, name) for name in ("rigid_x1", "wrench_x1", "residual_wrench")]
+    """How far errors fall with training impacts, and from where they are level."""
+    curves = [_curve(summary, convergence, name) for name in ("rigid_x1", "wrench_x1", "residual_wrench")]
     first, last = summary["n"].min(), summary["n"].max()
     return (
-        f"From {first:,.0f} to {counted(last, 'training impact')} the mean error {'; '.join(told)}. "
+        f"From {first:,.0f} to {counted(last, 'training impact')} the mean error {'; '.join(curves)}. "
         "The thesis finds about 100 impacts for rigid models and 300 for wrenches, on its ellipse."
     )
 
 
 def _curve(summary: "pd.DataFrame", convergence: "pd.DataFrame", model: str) -> str:
-    own = summary[summary["model"] == model].sort_values("n")
+    rows = summary[summary["model"] == model].sort_values("n")
     level = row_of(convergence, model=model)
-    first, last = own.iloc[0], own.iloc[-1]
+    first, last = rows.iloc[0], rows.iloc[-1]
     moves = compared(last, first, ("falls", "goes, within its intervals,", "rises"))
     reached, low, high = (level[f"n_converged{end}"] for end in ("", "_low", "_high"))
     span = f"{reached:,.0f}" + (f" ({low:,.0f} to {high:,.0f})" if low != high else "")
@@ -181,7 +181,7 @@ What to look for: where each curve becomes level: more impacts teach that model 
 
 
 def figure_named_physics(drawn: "pd.DataFrame") -> str:
-    """What a learned wrench takes away before and after the effects are named, and what is then left."""
+    """How much a learned wrench lowers the error before and after the effects are named, and what remains."""
     rungs = drawn[drawn["panel"] == "a"]
     law, wrench, effects, both = (
         row_of(rungs, model=name) for name in ("law", "law_wrench", "effects", "effects_wrench")

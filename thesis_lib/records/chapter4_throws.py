@@ -12,7 +12,7 @@ from thesis_lib.statistics.wording import interval, listed, number, side
 if TYPE_CHECKING:
     import pandas as pd
 
-BELIEVED = "compliant_residual"  # whose beliefs figures 4-4 and 4-10 draw
+BELIEVED = "compliant_residual"  # the model whose beliefs figures 4-4 and 4-10 draw
 DICE = Job("ch4_dice", "chapter4/{dataset}", datasets=THROWN)
 PARTICLES = Tolerance(
     (
@@ -101,8 +101,8 @@ FIGURE_4_9 = Figure(
 
 
 def figure_4_10(drawn: "pd.DataFrame", difficulty: "pd.DataFrame") -> str:
-    """Where the measured ends lie in the two beliefs, and whether width grades difficulty over all throws."""
-    told = [_end(drawn[drawn["case"] == case], case) for case in ("hard", "easy")]
+    """Where the measured ends lie in the two beliefs, and whether a belief's width ranks throws by difficulty."""
+    ends = [_end(drawn[drawn["case"] == case], case) for case in ("hard", "easy")]
     rank = row_of(difficulty, model=BELIEVED, spread="spread_rest")
     words = (
         "wide beliefs go with small errors",
@@ -110,7 +110,7 @@ def figure_4_10(drawn: "pd.DataFrame", difficulty: "pd.DataFrame") -> str:
         "wide beliefs go with large errors",
     )
     return (
-        f"{told[0]} {told[1]} Over all held-out throws {side(rank['low'], rank['high'], 0.0, words)}: rank correlation "
+        f"{ends[0]} {ends[1]} Over all held-out throws {side(rank['low'], rank['high'], 0.0, words)}: rank correlation "
         f"{interval(rank['rank_correlation'], rank['low'], rank['high'])}."
     )
 

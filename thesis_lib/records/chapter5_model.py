@@ -1,6 +1,6 @@
-"""Figures 5-2 to 5-4, 5-7 and 5-8: the hierarchical model and what its abstractions know."""
+"""Figures 5-2 to 5-4, 5-7 and 5-8: the hierarchical model and its abstractions."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not type the cells of a row
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from itertools import groupby
@@ -20,7 +20,7 @@ EFFECTS = {
     "heavy_tool": "a heavier pusher",
 }
 ABSTRACTIONS = 4  # thesis, figure 5-8
-SURE = 0.95  # belief with which an abstraction counts as settled on
+SURE = 0.95  # belief above which an abstraction counts as settled
 CHANCE = 0.5  # balanced accuracy of a guess
 DIAGRAMS = Job("ch5_diagrams", "chapter5")
 MODEL = Job("ch5_model", "chapter5")
@@ -86,7 +86,7 @@ FIGURE_5_5C = Figure(
 
 def figure_5_7(summary: "pd.DataFrame") -> str:
     """How many predicted forces lie inside the friction cone, and whether resistance falls with height."""
-    inside, seen, said = (
+    inside, force, predicted = (
         row_of(summary, quantity=name)
         for name in ("inside_cone", "height_correlation", "height_correlation_predicted")
     )
@@ -94,8 +94,8 @@ def figure_5_7(summary: "pd.DataFrame") -> str:
     return (
         f"{share(inside)} of the forces predicted for {counted(inside['n'], 'held-out push', 'es')} lie inside the "
         f"friction cone. With the height of the block the measured force "
-        f"{side(seen['low'], seen['high'], 0.0, words)}, rank correlation {_value(seen)}; the predicted one "
-        f"{side(said['low'], said['high'], 0.0, words)}, {_value(said)}."
+        f"{side(force['low'], force['high'], 0.0, words)}, rank correlation {_value(force)}; the predicted one "
+        f"{side(predicted['low'], predicted['high'], 0.0, words)}, {_value(predicted)}."
     )
 
 
@@ -124,10 +124,10 @@ with height (B).""",
 
 
 def figure_5_8(beliefs: "pd.DataFrame", runs: "pd.DataFrame") -> str:
-    """What the belief settles on along each push and when, and how far the sampler is from the filter."""
-    told = [_settled(beliefs[beliefs["case"] == case], case) for case in ("stuck", "easy")]
+    """The abstraction on which the belief settles along each push, and the distance of sampler and filter."""
+    cases = [_settled(beliefs[beliefs["case"] == case], case) for case in ("stuck", "easy")]
     return (
-        f"Belief above {percent(SURE)}: {'; '.join(told)}. The sampler's probabilities differ from the filter's by at "
+        f"Belief above {percent(SURE)}: {'; '.join(cases)}. The sampler's probabilities differ from the filter's by at "
         f"most {number(runs['belief_apart'].max(), digits=1)} (R-hat of its chains up to {runs['r_hat'].max():.2f})."
     )
 
@@ -170,9 +170,9 @@ marks lie on the filter's lines.""",
 
 
 def figure_abstractions(looks: "pd.DataFrame", agreement: "pd.DataFrame") -> str:
-    """Which abstractions stand for being stuck, and how well they tell stuck from free pushes."""
+    """Which abstractions mean stuck, and how well they separate stuck from free pushes."""
     first = looks.iloc[0]
-    told = [
+    shares = [
         f"“{row['abstraction']}”{' (counts as stuck)' if row['stuck'] == 1 else ''} {percent(row['stuck_share'])}"
         for _, row in looks[looks["stuck_share"].notna()].iterrows()
     ]
@@ -180,7 +180,7 @@ def figure_abstractions(looks: "pd.DataFrame", agreement: "pd.DataFrame") -> str
     guess = side(row["low"], row["high"], CHANCE, ("below", "not told apart from", "above"))
     return (
         f"From {first['size']:,.0f} samples the model forms {counted(len(looks), 'abstraction')} (thesis: "
-        f"{ABSTRACTIONS}). Of the held-out pushes in each, so many are stuck in truth: {', '.join(told)}; of all, "
+        f"{ABSTRACTIONS}). Of the held-out pushes in each, so many are stuck in truth: {', '.join(shares)}; of all, "
         f"{percent(row['n_stuck'] / (row['n_stuck'] + row['n_free']))}. That count tells stuck from free with a "
         f"balanced accuracy of {_value(row, 'balanced_accuracy')}, {guess} that of a guess."
     )
@@ -228,16 +228,16 @@ stands for being stuck.""",
 
 
 def figure_unseen(summary: "pd.DataFrame", errors: "pd.DataFrame") -> str:
-    """Which effects the predictive check notices, and what relearning does to the error there."""
-    said = summary.assign(
+    """Which effects the predictive check notices, and how relearning changes the error there."""
+    effects = summary.assign(
         text=[f"{_effect(row)} (p = {number(row['p_value'], digits=2)})" for _, row in summary.iterrows()]
     )
-    noticed, missed = (list(said.loc[said["new_abstraction"] == flag, "text"]) for flag in (1, 0))
-    told = "The predictive check "
-    told += f"notices {listed(noticed)}" if noticed else f"does not notice {listed(missed)}"
-    told += f", but not {listed(missed)}" if noticed and missed else ""
+    noticed, missed = (list(effects.loc[effects["new_abstraction"] == flag, "text"]) for flag in (1, 0))
+    verdict = "The predictive check "
+    verdict += f"notices {listed(noticed)}" if noticed else f"does not notice {listed(missed)}"
+    verdict += f", but not {listed(missed)}" if noticed and missed else ""
     changes = [_relearned(row, errors) for _, row in summary[summary["new_abstraction"] == 1].iterrows()]
-    return " ".join([f"{told}.", *changes])
+    return " ".join([f"{verdict}.", *changes])
 
 
 def _effect(row: Row) -> str:
@@ -245,10 +245,10 @@ def _effect(row: Row) -> str:
 
 
 def _relearned(row: Row, errors: "pd.DataFrame") -> str:
-    own = errors[(errors["effect"] == row["effect"]) & (errors["group"] == "affected")]
+    affected = errors[(errors["effect"] == row["effect"]) & (errors["group"] == "affected")]
     if not row["relearned_samples"] > 0:
         return f"Too little failed to relearn {_effect(row)}."
-    before, after = (row_of(own, stage=stage) for stage in ("before", "relearned"))
+    before, after = (row_of(affected, stage=stage) for stage in ("before", "relearned"))
     return (
         f"Where there is {_effect(row)}, the error is {_value(after, 'error')} spreads of a change once "
         f"{counted(row['relearned_samples'], 'sample')} were relearned, {compared(after, before)} the "

@@ -1,6 +1,6 @@
-"""Figures 5-5, 5-6 and 5-9: the tower, and who plays how well."""
+"""Figures 5-5, 5-6 and 5-9: the tower, and how well each policy plays."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not type the cells of a row
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 import math
@@ -68,13 +68,13 @@ FIGURE_5_5A = Figure(
 
 def figure_movable(summary: "pd.DataFrame") -> str:
     """The share of movable blocks on test towers, and how it depends on the threshold."""
-    own = summary[summary["set"] == "test"].sort_values("threshold_mm")
-    row = row_of(own, threshold_mm=THRESHOLD)
-    told = _known(row, MOVABLE, ("below", "not told apart from", "above"), "too few to compare with")
-    least, most = own.iloc[0], own.iloc[-1]
+    test = summary[summary["set"] == "test"].sort_values("threshold_mm")
+    row = row_of(test, threshold_mm=THRESHOLD)
+    verdict = _known(row, MOVABLE, ("below", "not told apart from", "above"), "too few to compare with")
+    least, most = test.iloc[0], test.iloc[-1]
     return (
         f"On {counted(row['n'], 'test tower')} {share(row, 'mean')} of the blocks tried are movable at the threshold "
-        f"of {THRESHOLD:g} mm, {told} the thesis's {percent(MOVABLE)}. "
+        f"of {THRESHOLD:g} mm, {verdict} the thesis's {percent(MOVABLE)}. "
         f"With a threshold of {least['threshold_mm']:g} mm they are {percent(least['mean'])}, with "
         f"{most['threshold_mm']:g} mm {percent(most['mean'])}."
     )
@@ -108,22 +108,22 @@ would make the result.""",
 
 
 def figure_5_5b(curve: "pd.DataFrame", needed: "pd.DataFrame") -> str:
-    """Extractions of the hierarchical model, of what learned from as many samples, and of the best of the others."""
+    """Extractions of the hierarchical model, of the models with as many samples, and of the best other policy."""
     size = row_of(needed, of="hma")["size"]
-    own = row_of(curve, policy="hma", size=size)
-    goal = _known(own, GOAL, ("below", "not told apart from", "above"), "too few to compare with")
+    hma = row_of(curve, policy="hma", size=size)
+    goal = _known(hma, GOAL, ("below", "not told apart from", "above"), "too few to compare with")
     alike = (curve["size"] == size) & curve["policy"].isin(["mor", "network"])
     rivals = [f"{POLICIES[row['policy']]} {_value(row, 'mean')}" for _, row in curve[alike].iterrows()]
-    told = f"; with as many, {listed(rivals)}" if rivals else ""
+    rest = f"; with as many, {listed(rivals)}" if rivals else ""
     others = curve[~alike & (curve["policy"] != "hma")]
     if len(others):
         best = others.loc[others["mean"].idxmax()]
-        told += (
+        rest += (
             f"; most of the other policies, {_policy(best['policy'], [best['size']])}: {_value(best, 'mean')}"
         )
     return (
-        f"With {size:,.0f} samples HMA extracts {_value(own, 'mean')} blocks in a row, the mean of "
-        f"{counted(own['n'], 'tower')}, {goal} the {GOAL} that the thesis expects{told}."
+        f"With {size:,.0f} samples HMA extracts {_value(hma, 'mean')} blocks in a row, the mean of "
+        f"{counted(hma['n'], 'tower')}, {goal} the {GOAL} that the thesis expects{rest}."
     )
 
 
@@ -154,7 +154,7 @@ What to look for: policies whose intervals do not overlap, and the number of sam
 
 
 def figure_5_6(success: "pd.DataFrame") -> str:
-    """Extraction before and after learning, and how many of the thesis's shares lie outside our intervals."""
+    """Successful extractions before and after learning, and the thesis's shares outside our intervals."""
     before, after = (
         row_of(success, phase=phase, position="all", action="extract") for phase in ("exploration", "learned")
     )
@@ -210,22 +210,24 @@ What to look for: marks of the real robot that lie outside our intervals.""",
 
 
 def figure_paired(pairs: "pd.DataFrame", needed: "pd.DataFrame") -> str:
-    """On the same towers: whom the hierarchical model beats, who beats it, and who is not told apart from it."""
+    """On the same towers: policies that the hierarchical model beats, that beat it, or that are not told apart."""
     size = row_of(needed, of="hma")["size"]
-    own = pairs[(pairs["policy"] == "hma") & (pairs["size"] == size)]
-    fewest, most = own["n"].min(), own["n"].max()
+    comparisons = pairs[(pairs["policy"] == "hma") & (pairs["size"] == size)]
+    fewest, most = comparisons["n"].min(), comparisons["n"].max()
     if most == 1:
-        told = [
+        parts = [
             f"{_policy(row['rival'], [row['rival_size']])} {row['difference']:+.0f}"
-            for _, row in own.iterrows()
+            for _, row in comparisons.iterrows()
         ]
         return (
             f"One tower tells no policies apart. On it the extractions of HMA with {size:,.0f} samples minus those of "
-            f"each other policy are: {', '.join(told)}.".replace("-", "−")
+            f"each other policy are: {', '.join(parts)}.".replace("-", "−")
         )
     words = ("fewer blocks than", "a number not told apart from that of", "more blocks than")
-    judged = own.assign(word=[side(row["low"], row["high"], 0.0, words) for _, row in own.iterrows()])
-    told = []
+    judged = comparisons.assign(
+        word=[side(row["low"], row["high"], 0.0, words) for _, row in comparisons.iterrows()]
+    )
+    parts = []
     for word, group in judged.groupby("word", sort=False):
         names = []
         for rival, rows in group.groupby("rival", sort=False):
@@ -234,9 +236,9 @@ def figure_paired(pairs: "pd.DataFrame", needed: "pd.DataFrame") -> str:
             ends = f"{abs(least['difference']):.1f} ({low:.1f} to {high:.1f})"
             by = "" if word == words[1] else f" by {'at least ' if len(rows) > 1 else ''}{ends}"
             names.append(_policy(str(rival), [n for n in rows["rival_size"] if n != size]) + by)
-        told.append(f"{word} {listed(names)}")
+        parts.append(f"{word} {listed(names)}")
     towers = counted(most, "tower") if fewest == most else f"{fewest} to {most} towers"
-    return f"On the same {towers} HMA with {size:,.0f} samples extracts {'; '.join(told)}."
+    return f"On the same {towers} HMA with {size:,.0f} samples extracts {'; '.join(parts)}."
 
 
 FIGURE_PAIRED = Figure(
@@ -266,11 +268,11 @@ What to look for: intervals that leave out zero; the others are no differences t
 
 
 def figure_5_9(pairs: "pd.DataFrame") -> str:
-    """How far off the goal blocks end, steered and straight on: the pair shown, and all pairs."""
+    """Distances of the blocks' ends from the goal, steered and straight: the pair shown, and all pairs."""
     wide = pairs.pivot(index=["block", "edge"], columns="steered", values=["stray", "out"])
     straight, steered = (wide["stray"][name] for name in (0, 1))
     out = [int(wide["out"][name].sum()) for name in (1, 0)]
-    # the figure shows the straight push that strayed most, of pairs that both came out
+    # the figure shows the straight push that strayed most, among pairs of which both came out
     shown = straight[(wide["out"] == 1).all(axis=1)].idxmax()
     nearer = int((steered < straight).sum())
     return (
@@ -330,12 +332,12 @@ FIGURE_GAME = Figure(
 
 
 def _known(row: Row, of: float, words: tuple[str, str, str], unknown: str) -> str:
-    """Where a row's interval lies from a value; `unknown` where it has none: one tower."""
+    """Where a row's interval lies relative to a value; `unknown` if it has none (a single tower)."""
     return unknown if math.isnan(row["low"]) else side(row["low"], row["high"], of, words)
 
 
 def _policy(name: str, sizes: Sequence[float]) -> str:
-    """A policy's title, with what it learned from where that is to be told."""
+    """A policy's title, with its numbers of samples if there are any."""
     title = POLICIES.get(name, name.replace("_", " "))
     learned = [f"{size:,.0f}" for size in sorted(sizes) if size]
     return (

@@ -13,16 +13,18 @@ REPRODUCED, DEVIATES, NO_DATA = "reproduced", "deviates", "data not present"
 
 
 def claims(table: "pd.DataFrame") -> str:
-    """Claims by status, and of those compared how many each chapter reproduces."""
+    """Claims by status, and how many of those compared each chapter reproduces."""
     number = {status: int((table["status"] == status).sum()) for status in (REPRODUCED, DEVIATES, NO_DATA)}
     compared = table[table["status"].isin([REPRODUCED, DEVIATES])]
     chapters = [
-        f"{int((own['status'] == REPRODUCED).sum())} of {len(own)} in chapter {chapter}"
-        for chapter, own in compared.groupby("chapter")
+        f"{int((rows['status'] == REPRODUCED).sum())} of {len(rows)} in chapter {chapter}"
+        for chapter, rows in compared.groupby("chapter")
     ]
-    told = f"Of {counted(len(table), 'claim')}: {number[REPRODUCED]} reproduced, {number[DEVIATES]} deviating"
-    told += f", {number[NO_DATA]} without the data." if number[NO_DATA] else "."
-    return told + (f" Of those compared, reproduced are {listed(chapters)}." if chapters else "")
+    sentence = (
+        f"Of {counted(len(table), 'claim')}: {number[REPRODUCED]} reproduced, {number[DEVIATES]} deviating"
+    )
+    sentence += f", {number[NO_DATA]} without the data." if number[NO_DATA] else "."
+    return sentence + (f" Of those compared, reproduced are {listed(chapters)}." if chapters else "")
 
 
 CLAIMS = Record(

@@ -1,6 +1,6 @@
-"""What the critique says of a dataset, and how often it is right where the truth is known."""
+"""The critique's verdict on a dataset, and how often it is right where the truth is known."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not type the cells of a row
 # pyright: reportArgumentType=false
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from thesis_lib.statistics.wording import interval, listed, number, percent, sid
 if TYPE_CHECKING:
     import pandas as pd
 
-PROVEN = {  # figure and source in summary.csv of the proof: in what it was hidden
+PROVEN = {  # figure and source in summary.csv of the proof: where the effect was hidden
     (
         "right effect first or in the named group, laws injected, 150 drops",
         "law",
@@ -26,22 +26,22 @@ PROVEN = {  # figure and source in summary.csv of the proof: in what it was hidd
 }
 QUIET = "nothing hidden, verdict adequate, per source"
 OUTSIDE = ("outside the library: unexplained", "mechanism + drake")
-MUCH_LEFT_OUT = 0.2  # share of the impacts above which it is said
+MUCH_LEFT_OUT = 0.2  # larger shares of impacts left out are mentioned
 WITHIN = ("falls", "goes, within its interval,", "rises")
 
 
 def verdict(diagnosis: Mapping) -> str:
-    """Which effects are missing, how far the error falls with them, and what is left."""
-    error, found = diagnosis["error"], [effect for effect in diagnosis["effects"] if effect["clears"]]
+    """Which effects are missing, how far the error falls with them, and how much remains."""
+    error, clearing = diagnosis["error"], [effect for effect in diagnosis["effects"] if effect["clears"]]
     left_out = diagnosis["left_out"]["share"]
-    told = [_missing(diagnosis, found), _fall(error, bool(found))]
+    sentences = [_missing(diagnosis, clearing), _fall(error, bool(clearing))]
     if left_out > MUCH_LEFT_OUT:
-        told.append(f"{percent(left_out)} of the detected impacts were left out.")
-    return " ".join(told)
+        sentences.append(f"{percent(left_out)} of the detected impacts were left out.")
+    return " ".join(sentences)
 
 
 def _missing(diagnosis: Mapping, found: Sequence[Mapping]) -> str:
-    from thesis_lib.contact import LAWS  # late: loads every law, as the next every effect
+    from thesis_lib.contact import LAWS  # late: loads every law; the next loads every effect
     from thesis_lib.effects import EFFECTS
 
     def named(effects: Sequence[Mapping]) -> str:
@@ -55,7 +55,7 @@ def _missing(diagnosis: Mapping, found: Sequence[Mapping]) -> str:
     physics = [effect for effect in found if effect not in faults]
     fault = f"; the measurements look faulty: {named(faults)}" if faults else ""
     if diagnosis["verdict"] == "adequate":
-        # with effects chosen by hand nothing else is tried
+        # effects chosen by hand are the only ones tried
         lowers = "no effect in the library lowers its error by an amount that matters"
         tested = ", as far as was tested" if diagnosis["effects"] else f": {lowers}"
         return f"{law} is adequate{tested}{fault}."
@@ -71,32 +71,34 @@ def _fall(error: Mapping, named: bool) -> str:
         for name in ("base", "augmented")
     )
     now = interval(after["value"], after["low"], after["high"], "m/s")
-    told = f"Its held-out error is {now}"
+    sentence = f"Its held-out error is {now}"
     if named:
         moves = compared(after, before, WITHIN)
-        told = f"With what was named the held-out error {moves} from {number(before['value'])} to {now}"
+        sentence = f"With what was named the held-out error {moves} from {number(before['value'])} to {now}"
     floor = error["noise_floor"]
     if not floor:
-        return f"{told}; the noise is not known."
+        return f"{sentence}; the noise is not known."
     if side(after["low"], after["high"], floor, ("apart", "", "apart")):
-        return f"{told}, {times(after['value'] / floor)} the noise floor."
-    return f"{told}, not told apart from the noise floor of {number(floor, unit='m/s')}."
+        return f"{sentence}, {times(after['value'] / floor)} the noise floor."
+    return f"{sentence}, not told apart from the noise floor of {number(floor, unit='m/s')}."
 
 
 def proof(summary: "pd.DataFrame") -> str:
-    """Shares of hidden effects named right, of data without any left alone, of unknown causes left unexplained."""
+    """Shares of hidden effects named right, of clean data found adequate, and of unknown causes left unexplained."""
     rows = {(row["figure"], row["source"]): row for _, row in summary.iterrows() if row["n"] > 0}
-    told = []
+    sentences = []
     named = [f"{_right(rows[key])} {hidden}" for key, hidden in PROVEN.items() if key in rows]
     if named:
-        told.append(f"A hidden effect is named right in {'; '.join(named)}.")
+        sentences.append(f"A hidden effect is named right in {'; '.join(named)}.")
     quiet = [row for (figure, _), row in rows.items() if figure == QUIET]
     if quiet:
         least = min(quiet, key=lambda row: (row["measured"], row["low"]))
-        told.append(f"With nothing hidden, no source has fewer than {_right(least)} found adequate.")
+        sentences.append(f"With nothing hidden, no source has fewer than {_right(least)} found adequate.")
     if OUTSIDE in rows:
-        told.append(f"A cause that the library does not hold is left unexplained in {_right(rows[OUTSIDE])}.")
-    return " ".join(told) or "No result of the proof is stored."
+        sentences.append(
+            f"A cause that the library does not hold is left unexplained in {_right(rows[OUTSIDE])}."
+        )
+    return " ".join(sentences) or "No result of the proof is stored."
 
 
 def _right(row: Row) -> str:

@@ -1,4 +1,4 @@
-"""Impact laws as they are named in sentences."""
+"""Names of impact laws within sentences."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -13,15 +13,15 @@ PUBLISHED = "_as_published"
 
 def ends_of(values: "pd.Series", written: Callable[[float], str] = number) -> str:
     """Smallest and largest value with the names of their laws."""
-    said = []
+    parts = []
     for value in dict.fromkeys([float(values.min()), float(values.max())]):
         laws = [title_of(str(law)) for law in values.index[values == value]]
-        said.append(f"{written(value)} ({listed(laws)})")
-    return " to ".join(said)
+        parts.append(f"{written(value)} ({listed(laws)})")
+    return " to ".join(parts)
 
 
 def title_of(law: str) -> str:
-    """As in the figures; for use within brackets "published Mirtich" instead of "Mirtich (as published)"."""
+    """The title as in the figures, but "published Mirtich" instead of "Mirtich (as published)", to fit in brackets."""
     from thesis_lib.contact import LAWS  # late: loads every law
 
     base = law.removesuffix(PUBLISHED)

@@ -1,13 +1,13 @@
-"""A record: all that is said of one figure or table of a run, apart from how it is drawn.
+"""A record: title, caption, finding and stored-copy rules of one figure or table, apart from its drawing.
 
-Rules take the files from it, `results/report.html`, Snakemake's report and `python -m thesis_lib figures` its caption,
-`claims check` its tolerances, results/columns.csv its columns.  It stands apart from the drawing function, because a
-job runs again when its code changes: a caption must not draw a figure anew.
+Rules take the files from it; `results/report.html`, Snakemake's report and `python -m thesis_lib figures` its caption;
+`claims check` its tolerances; results/columns.csv its columns.  It is separate from the drawing function because a job
+runs again when its code changes: a new caption must not redraw a figure.
 
-A caption says what is drawn and what to look for; it is written once, in Jinja and reStructuredText with the variable
-`dataset`.  The finding, one to three sentences, is computed from tables of the run, so that it holds for every scale,
-seed and dataset; a rule writes it beside the picture (figure_4_6.png, figure_4_6.txt).  Words that judge ("above",
-"within") are chosen by the numbers, never typed.
+A caption says what is drawn and what to look for, in Jinja and reStructuredText with the variable `dataset`.  The
+finding, one to three sentences, is computed from tables of the run, so that it holds for every scale, seed and
+dataset; a rule writes it beside the picture (figure_4_6.png, figure_4_6.txt).  Words that judge ("above", "within")
+follow from the numbers.
 """
 
 import re
@@ -19,7 +19,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file, read_bytes
 
 DROPPED = ("planar_impact", "planar_dice", "drops")  # datasets that come with the project
-TRACKED = ("planar_dice", "drops")  # those of them with trajectories
+TRACKED = ("planar_dice", "drops")  # of these, those with trajectories
 THROWN = ("planar_dice",)
 FOUND_HERE = "Found in this run: "
 LONGEST = 10_000  # bytes of a finding
@@ -31,8 +31,8 @@ class Job:
 
     Attributes:
         rule: its name.
-        folder: where the files lie below results; `{dataset}` stands for each dataset.
-        datasets: those that come with the project and have these files; none where the folder names no dataset.
+        folder: folder of the files below results; `{dataset}` is replaced by each dataset.
+        datasets: those that come with the project and have these files; empty if the folder names no dataset.
         group: heading in Snakemake's report; by default the dataset.
     """
 
@@ -44,7 +44,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a number may move from its stored copy: abs(ours − stored) ≤ abs + rel · abs(stored); and why."""
+    """How far a number may move from its stored copy, abs(ours − stored) ≤ abs + rel · abs(stored), and why."""
 
     reason: str
     abs: float = 0.0
@@ -53,15 +53,15 @@ class Tolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """A file of a run that is shown, with what is said of it.
+    """A figure, table or page of a run, with its text.
 
     Attributes:
         name: the file's stem.
-        job: what makes it.
+        job: the rule that makes it.
         title: what it shows, in one line; the caption continues it.
         caption: what is drawn and what to look for.
-        finding: tables named in `reads`, in their order -> sentences.
-        reads: files in the folder of this one; one that ends in .json is a dictionary.
+        finding: function from the tables in `reads`, in their order, to sentences.
+        reads: files in the same folder; those that end in .json are read as dictionaries.
     """
 
     name: str
@@ -75,13 +75,13 @@ class Record:
 
     @property
     def chapter(self) -> int:
-        """Of the thesis; 0 for what belongs to none."""
+        """Chapter of the thesis; 0 if it belongs to none."""
         number = re.match(r"chapter(\d+)", self.job.folder)
         return int(number[1]) if number else 0
 
     @property
     def short(self) -> str:
-        """As asked for: number in the thesis (3-8, 5-5a), or the name where the thesis has none (paired)."""
+        """Short name: the number in the thesis (3-8, 5-5a), or the name if there is none (paired)."""
         short = self.name.removeprefix("figure_")
         return short.replace("_", "-") if short[0].isdigit() else short
 
@@ -94,7 +94,7 @@ class Record:
 
     @property
     def order(self) -> tuple:
-        """Sorts by chapter and number; what has none comes last in its chapter."""
+        """Key that sorts by chapter and number; records without a number come last in their chapter."""
         number = re.match(r"\d+-(\d+)(\w?)$", self.short)
         return (
             self.chapter,
@@ -110,14 +110,14 @@ class Record:
 
     @property
     def files(self) -> dict[str, str]:
-        """Dataset -> path below results; the key is "" where it is of no dataset."""
+        """Path below results of each dataset; the only key is "" if there are no datasets."""
         return {name: self.file.replace("{dataset}", name) for name in self.job.datasets or ("",)}
 
     def found(self, folder: Path) -> str:
-        """The sentences about the file in `folder`.
+        """The finding, computed from the tables in `folder`.
 
         Raises:
-            UserError: a table is missing, or has other columns than its rule writes.
+            UserError: a table is missing, or lacks a column or row.
         """
         from thesis_lib.foundation.files import read_json, read_table  # late: loads pandas
 
@@ -140,7 +140,7 @@ class Record:
         return f"{heading}{self.title}. {self.caption}".strip()
 
     def text(self, dataset: str, results: Path | None = None) -> str:
-        """The same as plain text for one dataset, a paragraph a line; with what a run found if it is in `results`."""
+        """The same as plain text for one dataset; with the run's finding if it is in `results`."""
         import jinja2
 
         text = jinja2.Template(self.markup(), undefined=jinja2.StrictUndefined).render(dataset=dataset)
@@ -153,30 +153,30 @@ class Record:
         return "\n\n".join(paragraphs)
 
     def report_caption(self) -> str:
-        """The same as a template of Snakemake's report, which includes what was found."""
+        """The same as a template of Snakemake's report, including the finding."""
         folder = self.job.folder.replace("{dataset}", "{{ dataset }}")
-        found = f"\n\n**{FOUND_HERE.strip()}**\n\n.. include:: results/{folder}/{self.name}.txt"
+        section = f"\n\n**{FOUND_HERE.strip()}**\n\n.. include:: results/{folder}/{self.name}.txt"
         head = "{% set dataset = snakemake.wildcards.dataset %}\n" if "{dataset}" in self.job.folder else ""
-        return f"{head}{self.markup()}{found if self.finding else ''}\n"
+        return f"{head}{self.markup()}{section if self.finding else ''}\n"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table(Record):
-    """A table; its columns stand in foundation/columns.yaml, as those of all tables."""
+    """A table; its columns are in foundation/columns.yaml, as those of all tables."""
 
     suffix = ".csv"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figure(Record):
-    """A picture with a PDF and a CSV of the numbers drawn, of which a small copy is stored.
+    """A picture with a PDF and a CSV of the numbers drawn; a small copy of the CSV is stored.
 
     Attributes:
         keys: columns compared exactly, as text; separated by spaces.
         tolerances: columns of numbers, separated by spaces, and how far they may move.
-        most_rows: the copy keeps at most so many rows, evenly spaced.
+        most_rows: the copy keeps at most this many rows, evenly spaced.
         not_compared: why no copy is stored.
-        columns: unit and meaning of those columns that only this figure has.
+        columns: unit and meaning of the columns that only this figure has.
     """
 
     keys: str = ""

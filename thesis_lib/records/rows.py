@@ -17,8 +17,8 @@ def row_of(table: "pd.DataFrame", **where: object) -> Any:
     """The first row in which the named columns have these values.
 
     Raises:
-        KeyError: no such column.
-        IndexError: no such row.
+        KeyError: there is no such column.
+        IndexError: there is no such row.
     """
     for column, value in where.items():
         table = table[table[column] == value]
@@ -28,7 +28,7 @@ def row_of(table: "pd.DataFrame", **where: object) -> Any:
 
 
 def compared(row: Row, other: Row, words: tuple[str, str, str] = THAN) -> str:
-    """The word for a row whose interval, low to high, lies below, across or above that of another."""
+    """The word for a row whose interval (low, high) lies below, across or above that of another row."""
     below, around, above = words
     return below if row["high"] < other["low"] else above if row["low"] > other["high"] else around
 
