@@ -1,7 +1,7 @@
 """Datasets of measured or simulated drops: read, validate, write, and find the impacts in them.
 
-`read_dataset(path)` gives a `Dataset`; `find_impacts(dataset)` gives its impacts with covariance.  Both are
-imported on first use, so that importing this package stays cheap.
+`read_dataset(path)` gives a `Dataset`; `find_impacts(dataset)` gives its impacts with covariance.  Both are imported on
+first use, so that importing this package stays cheap.
 """
 
 from importlib import import_module

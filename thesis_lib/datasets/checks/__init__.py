@@ -1,1 +1,1 @@
-"""Do units, signs and shape of a dataset fit together?  Heuristics that must not misfire on real drops."""
+"""Do the units, signs and shape of a dataset agree?  Heuristics that must not misfire on real drops."""

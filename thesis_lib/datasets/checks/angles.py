@@ -6,16 +6,16 @@
 | φ_n      | `gap`    | m     | gap between body and surface                        |
 | σ        | `noise`  | m, rad| noise of a sample, from third differences           |
 
-Angles are judged by physics, not by their size: θ is continuous, so 20 rad is as good a value as 0.2.  Degrees look
-like radians that are 57 times too large.  One of these gives them away:
+Angles are judged by physics, not by size: θ is continuous, so 20 rad is as good a value as 0.2.  Degrees read as
+radians are 57 times too large.  Each of these reveals them:
 
 - steps of more than 1.5 turns between samples: a camera cannot see them, and a wrapped radian angle jumps by one turn
   at most.  A single sample that jumps out and back is a glitch of the tracker, whatever the units;
-- a median k|ω| above 10 times the median speed, so that the rotational energy is 100 times the translational one;
-- k|ω| above the speed, and a body that is inside the surface at the angles as given but not at the angles in degrees.
+- a median k|ω| above 10 times the median speed, which makes the rotational energy 100 times the translational energy;
+- k|ω| above the speed, and a body that is inside the surface at the angles in the file but not if they are degrees.
 
-The last test is blind where the angle moves no contact point (a disk).  There, k|ω| above the speed, or angle noise
-that is far above position noise at the rim, is a warning.
+The last test is blind where the angle moves no contact point (a disk).  There, a warning is given if k|ω| exceeds the
+speed, or if the angle noise at the rim far exceeds the position noise.
 """
 
 import numpy as np
@@ -27,30 +27,29 @@ from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.format.validate import Table
 
 BLIND_STEP = 3.0 * np.pi  # rad between samples: a true step below π plus a wrap of one turn
-BLIND_MEDIAN = 5  # samples on either side of a step, of which two may be glitches
+BLIND_MEDIAN = 5  # samples on either side of a step, up to two of them glitches
 MIN_BLIND_STEPS = 3  # one or two may be glitches of a tracker
 SPIN_SURE = 10.0  # k|ω| over speed; dice throws have 0.25 (2.7 at most), a spun coin about 5
 SPIN_FAST = 1.0  # m/s of k|ω|; below it both medians may be tracker noise of a body at rest
 SPIN_LIKELY = 1.0  # k|ω| over speed; in degrees, dice throws have 14
-RIM_NOISE = 5.0  # k σ_θ over σ of positions; markers at the rim give 1, so that a factor of 57 shows
-BURIED = 0.5  # smallest half-widths; a centre that never rises above that is inside the surface at any angle
+RIM_NOISE = 5.0  # k σ_θ over σ of positions; markers at the rim give 1, degrees 57
+BURIED = 0.5  # smallest half-widths; a centre that stays below is inside the surface at any angle
 DEEP = 0.1  # penetration in extents that no tracker error explains ...
 DEEP_SHARE = 0.05  # ... if it happens this often
 
 
 def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
-    """Angles in degrees, and bodies deep inside the surface: errors, or warnings where that cannot be decided.
+    """Report angles in degrees and bodies deep inside the surface, as warnings where the data do not decide.
 
     Args:
         table: receives the problems.
-        samples: its poses, N of them.
+        samples: the N poses of the table.
         speeds: |Δx|/Δt, |Δy|/Δt (m/s) and |Δθ|/Δt (rad/s) of all steps, by name.
-        noise: (3,) of a sample of x, y, θ in m, m, rad.
-        body: what is known of it.
+        noise: (3,) of x, y, θ in m, m, rad.
     """
     shape, k_g, y, theta = body.shape, body.k_g, samples.q[:, 1], samples.q[:, 2]
     why = None
-    # inside at any angle: the shape or the height of the surface is wrong, which is reported below
+    # inside at any angle: the shape or the surface height is wrong, which is reported below
     buried = shape is not None and np.quantile(y - body.height, 0.9) < BURIED * _reach(shape)[0]
     speed = float(np.median(np.hypot(speeds["x"], speeds["y"])))
     blind = _blind_steps(samples.run, theta)
@@ -88,7 +87,7 @@ def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarra
 def _doubt_degrees_of_a_disk(
     table: Table, theta: np.ndarray, speed: float, spin: float, noise: np.ndarray, k_g: float
 ) -> None:
-    """Warn of degrees where no contact can decide; `speed` and `spin` k|ω| are medians in m/s."""
+    """Warn of degrees where no contact can decide; `speed` and `spin` = k|ω| are medians in m/s."""
     position, rim = float(np.max(noise[:2])), k_g * noise[2]
     why = []
     if spin > max(SPIN_FAST, SPIN_LIKELY * speed) and speed > 0.0:
@@ -106,20 +105,20 @@ def _doubt_degrees_of_a_disk(
 
 
 def _blind_steps(run: np.ndarray, theta: np.ndarray) -> int:
-    """How many steps of θ a camera could not see, without those to and from samples that jump out and back."""
+    """Number of steps of θ too large for a camera, except steps to and from samples that jump out and back."""
     n = BLIND_MEDIAN
     if len(theta) < 2 * n:
         return 0
     level = np.median(np.lib.stride_tricks.sliding_window_view(theta, n), axis=1)
     same = run[2 * n - 1 :] == run[: len(run) - 2 * n + 1]
-    # between the n samples before and the n after a step
+    # medians over the n samples before and the n after a step
     lasting = np.abs(level[n:] - level[:-n]) > BLIND_STEP
     steps = np.abs(np.diff(theta))[n - 1 : len(theta) - n] > BLIND_STEP
     return int(np.sum(steps & lasting & same))
 
 
 def _reach(shape: Shape) -> tuple[float, float]:
-    """Smallest and largest distance in m, over a turn, from the body origin down to the lowest point."""
+    """Smallest and largest distance (m), over a full turn, from the body origin down to the lowest point."""
     depth = -shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
     return float(depth.min()), float(depth.max())
 

@@ -7,10 +7,10 @@ from thesis_lib.statistics.spread import MAD_TO_STD
 
 
 def noise_from_differences(samples: Samples) -> np.ndarray:
-    """Robust noise (3,) of x, y, θ from third differences of equally spaced samples; NaN without any.
+    """Robust noise (3,) of x, y, θ (m, m, rad) from third differences of equally spaced samples; NaN without any.
 
-    Third differences remove a parabola; those across impacts are few and do not move the median.  Exact zeros
-    (a body at rest, logged with few digits) hold no information about the noise in flight and are dropped.
+    Third differences remove a parabola; the few across impacts do not move the median.  Exact zeros (a body at rest,
+    logged with few digits) say nothing about the noise in flight and are dropped.
     """
     same = (samples.run[3:] == samples.run[:-3]) if len(samples) > 3 else np.zeros(0, bool)
     third = np.abs(np.diff(samples.q, n=3, axis=0))[same]

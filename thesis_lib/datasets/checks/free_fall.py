@@ -1,8 +1,8 @@
 """Which way do bodies fall?  Accelerations of y in short windows, without knowing where the impacts are.
 
-A window that lies in one flight is a parabola with ÿ = −g.  Windows that span an impact are not parabolas and are not
-counted; a body that rests or is held has ÿ = 0.  Where windows have ÿ near +g, and hardly any near −g, y points down.
-The window is as short as the noise allows, so that it fits into the flight of a low bounce.
+A window inside one flight is a parabola with ÿ = −g.  A window that spans an impact is no parabola and is not counted;
+a body that rests or is held has ÿ = 0.  If windows have ÿ near +g, and hardly any near −g, y points down.  The window
+is as short as the noise allows, so that it fits into the flight of a low bounce.
 
     ÿ = 2 c₂/Δt²,   var ÿ = 4 σ²/Δt⁴ · 180/(n (n² − 1)(n² − 4))        (parabola c₀ + c₁ i + c₂ i² through n samples)
 
@@ -21,18 +21,18 @@ import numpy as np
 from thesis_lib.datasets.format.samples import Samples
 
 PRECISION = 0.1  # one sigma of ÿ/g: rest (0) and flight (1) are then ten sigmas apart
-# |ÿ|/g that passes for a flight: y may be scaled a little wrong, lengths are judged elsewhere
+# |ÿ|/g that passes for a flight: y may be scaled a little wrong, which other checks judge
 ABOUT_G = (0.5, 2.0)
-SMALLEST_WINDOW = 5  # samples; two degrees of freedom are needed to see that it is a parabola
+SMALLEST_WINDOW = 5  # samples; recognising a parabola takes two degrees of freedom
 LARGEST_WINDOW = 1000
 PARABOLA = 3.0  # reduced chi² of a window that may pass for a parabola
 NOISE_FLOOR = 1e-6  # m; simulated poses have no noise, but finitely many digits
-CLEARLY = 5.0  # windows that fall up for each that falls down; a true flight has none, small hits give a few
+CLEARLY = 5.0  # upward falls per downward fall; a true flight has none, small hits give a few
 
 
 @dataclass(frozen=True)
 class FlightWindows:
-    """Windows of n samples that look like free flight: how many fall towards larger y, how many towards smaller."""
+    """Number of windows of n samples that look like free flight: falling towards larger y, and towards smaller."""
 
     up: int
     down: int
@@ -40,12 +40,12 @@ class FlightWindows:
 
     @property
     def fall_up(self) -> bool:
-        """Whether bodies clearly fall towards larger y (a whole window's worth of evidence, hardly any against)."""
+        """Whether bodies clearly fall towards larger y: at least a window's worth of samples, hardly any against."""
         return self.up >= self.n and self.up > CLEARLY * self.down
 
 
 def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Integers (N,), constant over rows of one trial whose time steps are all about the usual one (s)."""
+    """Integers (N,) that are constant over the rows of a trial without a gap in the times `t` (N,), in s."""
     step = np.diff(t)
     usable = (trial[1:] == trial[:-1]) & (step > 0.0)
     usual = np.median(step[usable]) if usable.any() else np.inf
@@ -54,7 +54,7 @@ def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Accelerations:
-    """ÿ in m/s², (m,), of the windows of n samples that are a parabola."""
+    """ÿ in m/s² (m,) of the windows of n samples that are parabolas."""
 
     values: np.ndarray
     n: int
@@ -83,7 +83,7 @@ def free_accelerations(samples: Samples, sigma_y: float, precision: float) -> Ac
 
 
 def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> FlightWindows:
-    """Count the windows of `samples` that accelerate by about `gravity` (m/s²), given the noise of y (m)."""
+    """Count the windows that accelerate by about `gravity` (m/s²); `sigma_y` is the noise of y in m."""
     windows = free_accelerations(samples, sigma_y, PRECISION * gravity)
     ratio = windows.values / gravity
     low, high = ABOUT_G

@@ -1,15 +1,15 @@
-"""Do units and signs of impacts fit together?  The counterpart of `trajectories` for impacts.csv.
+"""Do the units and signs of impacts.csv agree?  (`trajectories` asks the same of poses.)
 
 | on paper | in code  | unit  | shape |                                                                     |
 |----------|----------|-------|-------|---------------------------------------------------------------------|
 | e        | `extent` | m     |       | largest distance of the outline from the origin                     |
 | k        | `k_g`    | m     |       | radius of gyration                                                  |
-| r        | `r`      | m     | (n,2) | contact point from the body origin, as given or from shape and θ    |
+| r        | `r`      | m     | (n,2) | contact point from the body origin, stated or from shape and θ      |
 | E        |          | m²/s² | (n,)  | ½(v_x² + v_y² + k²ω²), kinetic energy per unit mass                 |
 
-An impact takes energy out, so that most impacts gain none; ω in degrees per second makes them gain.  θ in degrees
-shows in contact points that fit the shape at θ read as degrees and not at θ as given; without contact points, in gaps
-at the surface.  Source: energy balance of the planar body (thesis section 3.3.1); the limits are own choices.
+Most impacts lose energy; ω in degrees per second makes them gain some.  θ in degrees shows in contact points that fit
+the shape only if θ is converted from degrees, or, without contact points, in gaps to the surface.  Source: energy
+balance of the planar body (thesis section 3.3.1); the limits are our choice.
 """
 
 import numpy as np
@@ -28,13 +28,13 @@ from thesis_lib.datasets.checks.shape import contradictions
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.validate import Table
 
-FITS_BETTER = 5.0  # degrees explain contact points this many times better than radians
-EXCHANGED = 0.9  # share of impacts that go backwards in time; the rest is noise of weak ones
-MISFIT = 0.05  # extents; misfits of contact points below it are tracker errors
+FITS_BETTER = 5.0  # degrees must explain contact points this many times better than radians
+EXCHANGED = 0.9  # share of impacts that go backwards in time; the rest is noise of weak impacts
+MISFIT = 0.05  # extents; smaller misfits of contact points are tracker errors
 
 
 def check_impacts(table: Table, body: KnownBody) -> None:
-    """Directions and units of impacts."""
+    """Report wrong directions and units of impacts."""
     data = table.data
     q, v_pre, v_post = (data[list(names)].to_numpy(float) for names in (POSE, V_PRE, V_POST))
     if what := body.sunk(q[:, 1]):
@@ -51,7 +51,7 @@ def check_impacts(table: Table, body: KnownBody) -> None:
             "give velocities in m/s: divide by 1000 if they are in mm/s",
         )
     shape = body.shape
-    if shape is None or body.oversized:  # contact points and inertia of an oversized shape mean nothing
+    if shape is None or body.oversized:  # contact points and inertia mean nothing if the shape is oversized
         return
     high = float(np.quantile(np.abs(q[:, 1] - body.height), 0.1)) / shape.extent
     if high > LARGEST_HEIGHT:
@@ -73,7 +73,7 @@ def _contradicts_shape(table: Table, q: np.ndarray, shape: Shape, height: float)
     elif np.quantile(np.abs(q[:, 1] - height), 0.1) > LARGEST_HEIGHT * shape.extent:
         return False
     wrong = contradictions(shape, height, q)
-    # poses that fit when read as degrees show a wrong unit of the angle, not a wrong shape
+    # if the poses fit when read as degrees, the unit of the angle is wrong and not the shape
     if wrong and contradictions(shape, height, q * [1.0, 1.0, TO_RAD]):
         table.report.errors.extend(wrong)
         return True
@@ -83,7 +83,7 @@ def _contradicts_shape(table: Table, q: np.ndarray, shape: Shape, height: float)
 def _check_angles_and_energy(
     table: Table, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: KnownBody
 ) -> None:
-    """Angles by the contact points, spin and direction of time by the energy; states (n, 3)."""
+    """Judge angles by the contact points, spin and direction of time by the energy; states are (n, 3)."""
     data, shape, k_g = table.data, body.shape, body.k_g
     assert shape is not None and k_g is not None
     stated = data[["r_x", "r_y"]].to_numpy(float) if {"r_x", "r_y"} <= set(data.columns) else None

@@ -1,4 +1,4 @@
-"""What is known of a body where units and signs are judged, and the limits and remedies that these checks share.
+"""What is known of the body while units and signs are judged; limits and remedies that these checks share.
 
 | on paper | in code  | unit  |                                                     |
 |----------|----------|-------|-----------------------------------------------------|
@@ -15,7 +15,7 @@ from thesis_lib.datasets.format.header import Header
 
 FILE = "dataset.yaml"
 LARGEST_BODY = 10.0  # m; what is dropped on a rig fits on a table
-LARGEST_HEIGHT = 300.0  # in extents, lowest tenth: bodies come down to 1 extent, in millimetres to 1000
+LARGEST_HEIGHT = 300.0  # extents, of the lowest tenth; true bodies come down to 1 extent, in mm to 1000
 LARGEST_SPEED = 100.0  # m/s, 90th percentile; a fall from 500 m
 TO_RAD = np.pi / 180.0
 
@@ -29,11 +29,11 @@ UPWARDS = (
 
 @dataclass(frozen=True)
 class KnownBody:
-    """What is known of the body even where dataset.yaml is wrong elsewhere.
+    """What is known of the body even if dataset.yaml is wrong elsewhere.
 
     Attributes:
-        shape, k_g: its outline and radius of gyration in m; both None where there is no valid shape.
-        height: m, of the surface.
+        shape, k_g: outline and radius of gyration in m; both None without a valid shape.
+        height: of the surface, m.
         gravity: m/s².
     """
 
@@ -53,11 +53,11 @@ class KnownBody:
 
     @property
     def oversized(self) -> bool:
-        """Whether the shape is too large to be in m; ratios to it then mean nothing."""
+        """Whether the shape is too large to be in m, so that ratios to it mean nothing."""
         return self.shape is not None and self.shape.extent > LARGEST_BODY
 
     def sunk(self, y: np.ndarray) -> str:
-        """What is wrong if most of the centres at heights `y` (n,) in m lie below the surface; '' otherwise."""
+        """What is wrong if most of the heights `y` (n,) in m lie below the surface; '' otherwise."""
         if np.mean(y < self.height) <= 0.5:
             return ""
         return f"the body's centre is below the surface ({self.height:g} m) in most rows"

@@ -1,4 +1,4 @@
-"""Do the shape and the surface of dataset.yaml fit the poses in which the body was found to touch?"""
+"""Do the shape and the surface of dataset.yaml fit the poses at which the body touches?"""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from thesis_lib.datasets.format.validate import Problem
 GROSS_SIZE = 1.4  # ratio of heights at impact to those of the shape; beyond any error of ruler or frame
 FEW_HITS = 10  # impacts below which shape and surface are not judged
 BLIND_SHAPE = (
-    0.1  # extents by which the lowest point moves over a turn; below it the gap does not depend on theta
+    0.1  # extents by which the lowest point moves over a turn; below, the gap does not depend on theta
 )
 FACTORS = {  # likely causes of a shape that is too large by a factor
     2.0: "diameters given as semi-axes or radius?",
@@ -23,11 +23,10 @@ NEAR = 0.15  # relative distance to such a factor
 
 
 def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
-    """How poses q (n, 3) at impact, in m and rad, contradict the shape and the height (m) of the surface.
+    """How poses q (n, 3) at impact, in m and rad, contradict the shape and the surface height (m).
 
     At impact the lowest point touches: y − height = reach(θ).  If the ratio of the two is far from 1 in most impacts,
-    either the shape is wrong by that factor, or the surface lies elsewhere; the reading that leaves less scatter is
-    reported.
+    the shape is wrong by that factor or the surface lies elsewhere; the reading with less scatter is reported.
     """
     if len(q) < FEW_HITS:
         return []

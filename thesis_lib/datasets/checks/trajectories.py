@@ -1,12 +1,12 @@
-"""Do units and signs of header and trajectories fit together?  Heuristics that must not misfire on real drops.
+"""Do the units and signs of header and trajectories agree?  Heuristics that must not misfire on real drops.
 
-- y points down if bodies clearly fall towards larger y (`free_fall`), wherever the surface is said to be.
-- Lengths are judged by ratios to the body (positions that never come within 300 extents of the surface) and by speeds
+- y points down if bodies clearly fall towards larger y (`free_fall`), whatever the stated surface.
+- Lengths are judged by their ratio to the body (positions always more than 300 extents from the surface) and by speeds
   (above 100 m/s).
-- Gravity is measured in free flight (windows of samples that are a parabola).  A factor that no effect of a rig has is
-  an error, with the likely cause.
-- Angles are judged by lengths (`angles`), so not at all where lengths or the shape are in doubt.  Shape and surface are
-  judged only where impacts were found (`shape`).
+- Gravity is measured in free flight (windows of samples that are parabolas).  A factor beyond any effect of a rig is an
+  error, reported with its likely cause.
+- Angles are judged by lengths (`angles`), and not at all if lengths or the shape are in doubt.  Shape and surface are
+  judged only if impacts were found (`shape`).
 """
 
 import numpy as np
@@ -32,13 +32,13 @@ LARGEST_GRAVITY = 100.0  # m/s²; 9810 mm/s² and 981 cm/s² lie beyond, planets
 DENSEST = 22_600.0  # kg/m³, osmium
 FALL_PRECISION = 0.2  # m/s², one sigma of the acceleration in a window
 FALL_CLEAR = 5.0  # sigmas by which a window must fall to be a flight, and not a body at rest
-GROSS_FALL = 1.5  # ratio of gravity found to that stated; drag and guides stay below 1.2, time in a wrong unit does not
-FEW_FALLS = 0.05  # share of the flights that may fall as stated where all others contradict it
-NEAR = 0.15  # relative distance to gravity on Earth at which gravity was stated wrongly
+GROSS_FALL = 1.5  # measured over stated gravity; drag and guides stay below 1.2, unlike a wrong unit of time
+FEW_FALLS = 0.05  # share of the flights that may fall as stated although all others contradict it
+NEAR = 0.15  # relative distance to gravity on Earth within which the stated gravity is wrong
 
 
 def check_header(header: Header, report: Report) -> None:
-    """Size, inertia, mass, gravity and noise against each other."""
+    """Report contradictions between size, inertia, mass, gravity and noise."""
     extent, body, noise = header.body.shape.extent, header.body, header.noise
 
     def error(key: str, what: str, remedy: str) -> None:
@@ -71,7 +71,7 @@ def check_header(header: Header, report: Report) -> None:
 
 
 def check_trajectories(table: Table, body: KnownBody) -> None:
-    """Directions and units of poses."""
+    """Report wrong directions and units of poses."""
     data = table.data
     trial = data["trial"].to_numpy()
     t, x, y, theta = (data[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
@@ -93,7 +93,7 @@ def check_trajectories(table: Table, body: KnownBody) -> None:
 
 
 def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
-    """Median over trials of ÿ (m/s²) from a parabola through the first `MIN_SAMPLES` samples; NaN if none is long."""
+    """Median over trials of ÿ (m/s²) from a parabola through the first `MIN_SAMPLES` samples; NaN if all are short."""
     starts = np.flatnonzero(np.diff(trial, prepend=trial[0] - 1) != 0)
     starts = starts[np.diff(np.append(starts, len(trial))) >= MIN_SAMPLES]
     if len(starts) == 0:
@@ -104,7 +104,7 @@ def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
 
 
 def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
-    """Whether y points down, or the body lies below the surface; reported."""
+    """Report y that points down, or a body below the surface; whether there is such a problem."""
     y = samples.q[:, 1]
     sunk = body.sunk(y)
     flights = flight_windows(samples, noise[1], body.gravity)
@@ -123,7 +123,7 @@ def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: Kn
 def _check_lengths(
     table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: KnownBody, fall: float
 ) -> bool:
-    """Whether x or y look like millimetres or centimetres; reported.  `fall` is ÿ at release over −gravity."""
+    """Report x or y in millimetres or centimetres; whether there is doubt.  `fall` is ÿ at release over −gravity."""
     doubts = {}
     high = 0.0
     if body.shape is not None and not body.oversized:
@@ -144,7 +144,7 @@ def _check_lengths(
 
 
 def _check_gravity(table: Table, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
-    """Whether bodies fall by a factor faster or slower than stated that no effect of a rig has; reported."""
+    """Report falls faster or slower than stated by a factor beyond any effect of a rig; whether there are any."""
     windows = free_accelerations(samples, noise[1], FALL_PRECISION)
     falls = -windows.values[windows.values < -FALL_CLEAR * FALL_PRECISION] / body.gravity
     if len(falls) < 5 * windows.n:

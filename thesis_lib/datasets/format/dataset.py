@@ -26,11 +26,10 @@ class Dataset:
 
     Attributes:
         name: folder name, used in the names of results.
-        header: the content of dataset.yaml.
         trajectories: poses with `TRAJECTORY_COLUMNS` (s, m, m, rad), or None.  θ is continuous within a trial.
-        impacts: impacts with at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s), or None.
+        impacts: table with at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s), or None.
         path: the folder it was read from, or None.
-        warnings: what is suspicious without being wrong, as `Problem`s.
+        warnings: what is suspicious but not wrong.
     """
 
     name: str
@@ -52,7 +51,7 @@ class Dataset:
 
     @property
     def mass(self) -> float | None:
-        """kg, None where the dataset gives none."""
+        """kg; None if the dataset states none."""
         return self.header.body.mass
 
     @property
@@ -67,14 +66,14 @@ class Dataset:
 
     @property
     def rate(self) -> float | None:
-        """Sampling rate in Hz: as stated, else the inverse of the median time step, else None."""
+        """Sampling rate in Hz: as stated, else one over the median time step, else None."""
         if self.header.rate is not None or self.trajectories is None:
             return self.header.rate
         return 1.0 / median_step(self.trajectories)
 
     @property
     def trials(self) -> np.ndarray:
-        """Sorted numbers of the trials, integers (n_trials,)."""
+        """Sorted trial numbers, integers (n_trials,)."""
         tables = [table for table in (self.trajectories, self.impacts) if table is not None]
         return np.unique(np.concatenate([table["trial"].to_numpy() for table in tables]))
 
@@ -90,7 +89,7 @@ class Dataset:
         return replace(self, **tables)
 
     def stated_impacts(self) -> Impacts:
-        """The impacts of impacts.csv as arrays, without looking at trajectories.
+        """The impacts of impacts.csv as arrays, whatever the trajectories.
 
         Raises:
             UserError: the dataset has no impacts.csv.
@@ -102,9 +101,9 @@ class Dataset:
         return Impacts.from_table(self.impacts, self.shape, self.k_g, self.mass)
 
     def digest(self) -> str:
-        """SHA-256 (hex) of the content, which does not depend on folder, file type or description.
+        """SHA-256 (hex) of the content, whatever the folder, file type or description.
 
-        Seeds derive from it, so that equal data give equal results wherever they lie.
+        Seeds derive from it, so that equal data give equal results.
         """
         content = self.header.model_dump(mode="json", by_alias=True, exclude={"description"})
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
@@ -118,7 +117,7 @@ class Dataset:
 
 
 def median_step(trajectories: pd.DataFrame) -> float:
-    """Median time step in s between samples of the same trial (NaN where no trial has two samples)."""
+    """Median time step in s between samples of the same trial; NaN if no trial has two samples."""
     trial, t = trajectories["trial"].to_numpy(), trajectories["t"].to_numpy(float)
     step = np.diff(t)[trial[1:] == trial[:-1]]
     return float(np.median(step)) if len(step) else float("nan")
@@ -127,7 +126,7 @@ def median_step(trajectories: pd.DataFrame) -> float:
 def unwrap(theta: np.ndarray, trial: np.ndarray) -> np.ndarray:
     """θ (n,) in rad made continuous within each trial: jumps above π lose whole turns.
 
-    Samples before the first jump of their trial keep every bit.
+    Samples before a trial's first jump keep every bit.
     """
     theta = np.asarray(theta, dtype=float)
     if len(theta) == 0:

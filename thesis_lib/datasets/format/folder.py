@@ -6,11 +6,10 @@ from thesis_lib.datasets.format.validate import DatasetError, Problem
 
 
 def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
-    """The folder and its name, which results carry.
+    """The folder at `path` and its name, which results carry.
 
     Args:
-        path: as given by a user.
-        content: what the folder has to hold, for the message.
+        content: what the folder must hold, for the message.
 
     Raises:
         DatasetError: there is no such folder, or its name holds characters that do not print.
@@ -18,14 +17,14 @@ def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
     folder = Path(path)
     try:
         name, is_folder, there = folder.resolve().name, folder.is_dir(), folder.exists()
-    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a name that no file can have
+    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, an impossible file name
         what = f"cannot be opened ({getattr(error, 'strerror', None) or error})"
         raise DatasetError(folder.name, [Problem(str(path), "", what, "check the path")]) from error
     if not is_folder:
         what = "is a file, expected a folder" if there else "the folder does not exist"
         raise DatasetError(name, [Problem(str(path), "", what, f"give the folder that holds {content}")])
     if not name.isprintable():
-        # results carry the name: JSON and HTML cannot hold what is no text, and a terminal obeys what it prints
+        # results carry the name: JSON and HTML hold only valid text, and a terminal obeys control characters
         what = f"the folder's name {name!a} holds characters that do not print"
         raise DatasetError(ascii(name)[1:-1], [Problem(ascii(str(path)), "", what, "rename the folder")])
     return folder, name

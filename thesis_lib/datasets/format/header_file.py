@@ -1,4 +1,4 @@
-"""Read dataset.yaml and report each thing that is wrong in it.  `yaml_file` refuses what is unsafe to read."""
+"""Read dataset.yaml and report every mistake in it.  `yaml_file` refuses what is unsafe to read."""
 
 import difflib
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from thesis_lib.foundation.regular_file import FileProblem, MissingFile
 from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
 
 FILE = "dataset.yaml"
-MAX_REPORTED = 1000  # mistakes; for each unknown key a similar one is searched
+MAX_REPORTED = 1000  # mistakes; for each unknown key the known ones are searched for a similar one
 
 SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
 _SECTIONS: dict[tuple, type[BaseModel]] = {
@@ -43,9 +43,9 @@ _REMEDIES = {
 
 
 def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
-    """Header of the dataset in `folder` and the raw mapping; problems go to `report`.
+    """Header of the dataset in `folder` and its raw mapping; problems go to `report`.
 
-    Returns (None, raw) where something is wrong; raw is {} where the file is not a mapping.
+    The header is None if something is wrong; the mapping is {} if the file holds none.
     """
     raw, lines = _parse(folder, report)
     if raw is None:
@@ -62,7 +62,7 @@ def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
 
 
 def salvage_shape(raw: Mapping) -> Shape | None:
-    """The shape from a header that is wrong elsewhere, so that lengths can be judged all the same."""
+    """The shape from a header that is wrong elsewhere, so that lengths can still be judged."""
     body = raw.get("body")
     if not isinstance(body, Mapping):
         return None
@@ -95,7 +95,7 @@ def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]
 
 
 def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report) -> None:
-    """Turn one error of pydantic into a problem."""
+    """Report one validation error of pydantic as a problem."""
     loc, kind = tuple(mistake["loc"]), mistake["type"]
     key = tuple(part for i, part in enumerate(loc) if not (loc[:2] == ("body", "shape") and i == 2))
     line = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)

@@ -1,7 +1,7 @@
 """Impacts as arrays: what every law, fit and figure takes.
 
-One row is one impact: the pose q = (x, y, θ) at the instant of impact, the velocities v = (v_x, v_y, ω) just
-before and just after, and the contact point r = (r_x, r_y) from the body origin, as in impacts.csv.
+A row is an impact: the pose q = (x, y, θ) at the instant of impact, the velocities v = (v_x, v_y, ω) just before and
+just after, and the contact point r = (r_x, r_y) from the body origin, as in impacts.csv.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ class Impacts:
     """n impacts of one body.
 
     Attributes:
-        trial, impact: (n,) integers; `trial` is one release and the unit of every split.
+        trial, impact: (n,) integers; `trial` is a release and the unit of every split.
         q: (n, 3) pose at impact, m, m, rad.
         v_pre, v_post: (n, 3) m/s, m/s, rad/s.
         r: (n, 2) contact point from the body origin, m.
         k_g: radius of gyration, m.
-        mass: kg (1.0 stands in where the dataset gives none; impulses are then per unit mass).
-        t: (n,) instant of impact in s, NaN where unknown.
-        cov: (n, 9, 9) covariance of (q, v_pre, v_post), or None where unknown.
+        mass: kg; 1.0 if the dataset states none, and impulses are then per unit mass.
+        t: (n,) instant of impact in s, NaN if unknown.
+        cov: (n, 9, 9) covariance of (q, v_pre, v_post), or None if unknown.
         flags: (n,) text, ';'-joined names of failed quality tests ('' = none); flagged impacts are kept.
     """
 
@@ -58,7 +58,7 @@ class Impacts:
 
     @property
     def dv(self) -> np.ndarray:
-        """Velocity change Δv = v_post − v_pre, (n, 3)."""
+        """Velocity change Δv = v_post − v_pre, (n, 3) in m/s, m/s, rad/s."""
         return self.v_post - self.v_pre
 
     def select(self, rows: np.ndarray | Sequence[int]) -> "Impacts":
@@ -69,7 +69,7 @@ class Impacts:
         return replace(self, **arrays, cov=None if self.cov is None else self.cov[rows])
 
     def sample(self, count: int | None, rng: np.random.Generator) -> "Impacts":
-        """At most `count` of the impacts, drawn at random, in their order; None for all."""
+        """At most `count` impacts drawn at random, in their original order; all if None."""
         if count is None or count >= len(self):
             return self
         return self.select(np.sort(rng.choice(len(self), size=count, replace=False)))
@@ -78,9 +78,9 @@ class Impacts:
     def from_table(
         cls, table: pd.DataFrame, shape: Shape, k_g: float, mass: float | None = None
     ) -> "Impacts":
-        """Impacts from a table with at least `IMPACT_COLUMNS`.
+        """Impacts from a table with at least `IMPACT_COLUMNS`; `k_g` in m, `mass` in kg.
 
-        Contact points are taken from `r_x`, `r_y` where present, else derived from shape and θ.
+        Contact points are `r_x`, `r_y` if present, else derived from shape and θ.
         """
         q = table[list(POSE)].to_numpy(float)
         has_r = {"r_x", "r_y"} <= set(table.columns)
@@ -100,7 +100,7 @@ class Impacts:
         )
 
     def to_table(self) -> pd.DataFrame:
-        """The inverse of `from_table`, with r_x, r_y, and t, flags and covariance columns where known."""
+        """The inverse of `from_table`, with r_x, r_y, and with t, flags and covariance if known."""
         table = pd.DataFrame({"trial": self.trial, "impact": self.impact})
         if not np.all(np.isnan(self.t)):
             table["t"] = self.t

@@ -1,4 +1,4 @@
-"""Poses of all trials as flat arrays, and the settings with which impacts are found in them."""
+"""Poses of all trials as flat arrays, and the settings of the search for impacts in them."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -113,7 +113,7 @@ class Samples:
         return Samples(self.trial[rows], self.t[rows], self.q[rows], self.run[rows])
 
     def without_gravity(self, gravity: float) -> np.ndarray:
-        """q (N, 3) with the fall g t²/2 added to y, t from the start of the trial: free flight is straight."""
+        """q (N, 3) with g t²/2 added to y, t from the start of the trial: free flight becomes a straight line."""
         first = np.flatnonzero(np.r_[True, self.trial[1:] != self.trial[:-1]][: len(self)])
         t = self.t - np.repeat(self.t[first], np.diff(np.r_[first, len(self)]))
         return np.column_stack([self.q[:, 0], self.q[:, 1] + 0.5 * gravity * t**2, self.q[:, 2]])
@@ -122,7 +122,7 @@ class Samples:
 def make_samples(
     trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings
 ) -> Samples:
-    """Poses of `trial` (N,), `t` (N,) in s and `q` (N, 3) in m, m, rad, in any order: sorted, with runs marked."""
+    """Samples from `trial` (N,), `t` (N,) in s and `q` (N, 3) in m, m, rad, in any order: sorted, runs marked."""
     trial, t, q = np.asarray(trial), np.asarray(t, float), np.asarray(q, float)
     order = np.lexsort((t, trial))
     trial, t, q = trial[order], t[order], q[order]

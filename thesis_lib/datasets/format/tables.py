@@ -1,7 +1,7 @@
-"""Read trajectories and impacts from CSV or Parquet, and report row by row what cannot be read.
+"""Read trajectories and impacts from CSV or Parquet, and report the rows that cannot be read.
 
-"row" is the line in the file.  A row that cannot be used is reported and left out of the later checks, so that one
-reading finds everything that is wrong.
+"row" is the line in the file.  An unusable row is reported and left out of the later checks, so that one reading finds
+everything that is wrong.
 """
 
 import csv
@@ -19,22 +19,22 @@ from thesis_lib.datasets.format.validate import SHOWN, Report, Table, row_text
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
 
 MAX_BYTES = 2_000_000_000  # 25 million samples; as arrays they take half of a 4 GB machine
-MAX_VALUES = 250_000_000  # cells, 8 bytes each in memory: Parquet and rows of bare commas take little on disk
+MAX_VALUES = 250_000_000  # cells of 8 bytes in memory: Parquet and rows of bare commas are small on disk
 MAX_BAD_ROWS = 100_000  # a file with more of them is not a table
 MAX_COLUMNS = 1000
 MAX_HEADER = 100_000  # characters in the header line; the widest table here has 60 columns
 LARGEST = {"t": 1e12, None: 1e9}  # epoch times in microseconds pass; no SI value of a drop comes near 1e9
 INTEGERS = ("trial", "impact")
-LARGEST_INTEGER = 2**53  # beyond it CSV readers that go through floats mix numbers up
+LARGEST_INTEGER = 2**53  # CSV readers that go through floats confuse larger numbers
 TEXT = ("flags",)
-# names of what a motion in space has and a planar one has not
+# columns of a motion in space that a planar motion lacks
 SPATIAL = ("z", "vz", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw")
 SPATIAL += ("omega_x", "omega_y", "wx", "wy")
 MAY_BE_EMPTY = ("t",)  # impacts.csv: the instant may be unknown
 
 
 class _NoTable(Exception):
-    """A file that holds no table: where, what is wrong, and what to do about it."""
+    """A file holds no table: where, what is wrong, and what to do about it."""
 
 
 def load_table(
@@ -64,7 +64,7 @@ def load_table(
 
 
 def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
-    """Cells of a CSV file, and which rows (n,) are empty or have too few or too many of them."""
+    """Cells of a CSV file, and the mask (n,) of the rows that are empty, too short or too long."""
     again = "export it again as CSV in UTF-8"
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -91,7 +91,7 @@ def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
     try:
         bad_rows, rows = _ragged(path, len(names), report)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # rows too long, reported by _ragged
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # _ragged reports long rows
             frame = pd.read_csv(
                 path,
                 header=None,
@@ -113,7 +113,7 @@ def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
 
 
 def _ragged(path: Path, width: int, report: Report) -> tuple[np.ndarray, int]:
-    """Index of the data rows with too few or too many cells, and the number of rows without blank ones at the end."""
+    """Index of the data rows with too few or too many cells, and the number of rows before the final blank ones."""
     bad, cells, blank = [], [], []
     last = -1
     with path.open("rb") as file:
@@ -151,7 +151,7 @@ def _ragged(path: Path, width: int, report: Report) -> tuple[np.ndarray, int]:
 
 
 def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
-    """Cells of a Parquet file; its rows are all of the same length."""
+    """Cells of a Parquet file, whose rows all have the same length."""
     import pyarrow.parquet
 
     try:
@@ -170,7 +170,7 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]
             frame = file.read().to_pandas(ignore_metadata=True)
     except _NoTable:
         raise
-    except Exception as error:  # the library raises errors of many kinds for a broken file
+    except Exception as error:  # the library raises many kinds of errors for a broken file
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         what = f"cannot be read as Parquet ({reason})"
         raise _NoTable("", what, "write it again, or use CSV") from error
@@ -183,7 +183,7 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]
 def _check_columns(
     file: str, names: Sequence[str], required: Sequence[str], optional: Sequence[str], report: Report
 ) -> bool:
-    """Report missing and unknown columns; whether all required ones are there."""
+    """Report missing and unknown columns; whether all required ones are present."""
     missing = [name for name in required if name not in names]
     unknown = [name for name in names if name not in required and name not in optional]
     if spatial := [name for name in unknown if name.lower() in SPATIAL]:
@@ -249,7 +249,7 @@ def _usable(
 def _numbers(
     column: pd.Series, name: str, ragged: np.ndarray, may_be_empty: bool
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, str, str]]]:
-    """A column as floats (n,), and its faults: a mask of the rows (n,), what is wrong there, what to do about it."""
+    """A column as floats (n,), and its faults: the mask of the rows (n,), what is wrong, what to do about it."""
     if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         numbers, text = column, np.zeros(len(column), dtype=bool)
     else:

@@ -1,6 +1,6 @@
-"""What can be wrong with a dataset, and the checks of the structure of its tables.
+"""Problems of a dataset, and the checks of the structure of its tables.
 
-One reading collects every problem in a `Report`; errors are raised together as one `DatasetError`, warnings stay on
+A `Report` collects every problem of one reading; errors are raised together as one `DatasetError`, warnings stay on
 the dataset.  "row" is the line in the file: the header of a CSV is row 1, the first data row is row 2.  Units and
 signs are judged in `datasets.checks`.
 """
@@ -14,17 +14,17 @@ import pandas as pd
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, STATE, V_POST, V_PRE
 from thesis_lib.foundation.errors import UserError
 
-MIN_SAMPLES = 10  # two arcs of the fewest samples that carry a parabola and its covariance (5 each)
+MIN_SAMPLES = 10  # two arcs of 5 samples, the fewest that determine a parabola and its covariance
 # clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit, or every second frame dropped
 RATE_TOLERANCE = 0.02
 SLOWEST = 0.1  # s between samples; a bounce of a hand-sized body lasts a few tenths of a second
 SHOWN = 4  # row numbers spelled out before "and n more"
-SHOWN_PROBLEMS = 100  # nobody reads on beyond that; the rest is counted
+SHOWN_PROBLEMS = 100  # nobody reads more; the rest is counted
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong: in which file, where in it, what, and what to do about it."""
+    """A fault: the file, the place in it, what is wrong, and what to do about it."""
 
     file: str
     where: str
@@ -66,14 +66,14 @@ class Report:
 
 @dataclass(frozen=True)
 class Table:
-    """The usable rows of a file, and the report that its problems go to.
+    """The usable rows of a file.
 
     Attributes:
         file: its name.
-        data: the rows; their index counts the data rows of the file, unusable ones included.
+        data: the rows; their index counts all data rows of the file, unusable ones included.
         first_row: row number of index 0.
-        complete: False where unusable rows were taken out: counts within a trial then mean nothing.
-        report: collects the problems.
+        complete: False if unusable rows were removed: counts within a trial then mean nothing.
+        report: receives the problems.
     """
 
     file: str
@@ -87,14 +87,14 @@ class Table:
         return row_text(self.data.index.to_numpy()[np.asarray(mask)] + self.first_row)
 
     def error(self, where: str, what: str, remedy: str, rows: np.ndarray | None = None) -> None:
-        """Report an error at `where`; with a mask of `rows` over `data`, of these rows, and none if it has none."""
+        """Report an error at `where`; with a mask `rows` over `data`, only if it selects any."""
         if rows is None or np.any(rows):
             self.report.error(
                 self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy
             )
 
     def warn(self, where: str, what: str, remedy: str, rows: np.ndarray | None = None) -> None:
-        """Like `error`, for what is suspicious without being wrong."""
+        """Like `error`, for what is suspicious but not wrong."""
         if rows is None or np.any(rows):
             self.report.warn(
                 self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy
@@ -109,7 +109,7 @@ def row_text(rows: Sequence[int] | np.ndarray) -> str:
 
 
 def check_trajectories(table: Table, rate: float | None) -> None:
-    """Order, continuity and length of trials, times and rate (Hz, as stated)."""
+    """Check order, continuity and length of trials, times, and the stated rate (Hz)."""
     trial, t = table.data["trial"].to_numpy(), table.data["t"].to_numpy(float)
     _check_contiguous(table, trial)
 
@@ -141,7 +141,7 @@ def check_trajectories(table: Table, rate: float | None) -> None:
 
 
 def _check_copies(table: Table, columns: list[str]) -> None:
-    """Trials whose measured values are those of another, to the last digit: one release cannot be measured twice."""
+    """Report trials equal to another to the last digit: a release cannot be measured twice."""
     values = table.data[columns].to_numpy(float)
     if len(values) < 2 or (np.ptp(values, axis=0) == 0.0).any():
         return  # a channel that never changes was not measured, which is reported elsewhere
@@ -178,7 +178,7 @@ def _check_step(table: Table, step: float, rate: float | None) -> None:
 
 
 def check_impacts(table: Table) -> None:
-    """Numbering of impacts, order of trials, and the optional columns."""
+    """Check the numbering of impacts, the order of trials, and the optional columns."""
     data = table.data
     trial, impact = data["trial"].to_numpy(), data["impact"].to_numpy()
     _check_contiguous(table, trial)
@@ -188,7 +188,7 @@ def check_impacts(table: Table) -> None:
     remedy = "give each release its own trial number, or delete the copies"
     table.error("columns trial and impact", what, remedy, duplicated)
     if table.complete:
-        # gaps are legitimate: an impact that could not be measured is left out and keeps its number
+        # gaps are legitimate: an impact that could not be measured is left out but keeps its number
         same = np.concatenate([[False], trial[1:] == trial[:-1]])
         falls = np.concatenate([[False], impact[1:] <= impact[:-1]]) & same
         bad = ((impact < 0) | falls) & ~np.isin(trial, trial[duplicated])

@@ -15,11 +15,11 @@ def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None
     """Write dataset.yaml, trajectories.csv and impacts.csv into `folder` and return it.
 
     Args:
-        dataset: what to write; `path` and `warnings` are not part of it.
+        dataset: `path` and `warnings` are not written.
         folder: made if needed; tables of the same names are replaced.
         float_format: of the tables; None writes the shortest text that reads back to the same bits.
 
-    dataset.yaml comes last: without it the folder is not a dataset, so that a killed run leaves nothing half-finished.
+    dataset.yaml comes last, so that a killed run leaves no dataset with half its tables.
 
     Raises:
         UserError: `folder` holds a table that the dataset lacks (it would be read as part of it).
