@@ -1,4 +1,4 @@
-"""Read a dataset folder and check all of it before anything is computed from it."""
+"""Read a dataset folder and check all of it before anything is computed."""
 
 import os
 from pathlib import Path
@@ -24,10 +24,10 @@ OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 def read_dataset(path: str | Path) -> Dataset:
     """The dataset in the folder `path`; θ of trajectories is made continuous within each trial.
 
-    Other files in the folder are ignored.  What is suspicious but not wrong is in `Dataset.warnings`.
+    What is suspicious but not wrong is in `Dataset.warnings`.
 
     Raises:
-        DatasetError: something is wrong; its `problems` list everything that is.
+        DatasetError: something is wrong; its `problems` list everything.
     """
     folder, name = checked_folder(path, "dataset.yaml and the tables")
     report = Report()

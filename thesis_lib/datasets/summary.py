@@ -1,7 +1,7 @@
 """What a dataset holds and which impacts are detected in it, as numbers and as text, for the check command.
 
 A well-formed dataset is useless if no impact is found in it, or if none touches the surface.  The summary therefore
-says what the pipeline will use, and not only what the files hold.
+reports what the pipeline will use, not only what the files hold.
 """
 
 from dataclasses import replace
@@ -21,12 +21,12 @@ UNIT = {"t": "s", "x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", 
 def check_dataset(
     path: str | Path, settings: ArcSettings | None = None
 ) -> tuple[Dataset, FoundImpacts | None]:
-    """The dataset in the folder `path`, and the impacts that detection finds in its trajectories (None without).
+    """The dataset in the folder `path`, and the impacts detected in its trajectories (None without).
 
-    Trajectories are looked at even where impacts.csv is there, which the program then uses as it is.
+    Trajectories are searched even beside impacts.csv, which the program then uses as it is.
 
     Raises:
-        DatasetError: something is wrong; its `problems` list everything that is.
+        DatasetError: something is wrong; its `problems` list everything.
     """
     dataset = read_dataset(path)
     if dataset.trajectories is None:
@@ -75,7 +75,7 @@ def _ranges(table, names) -> dict[str, list[float]]:
 
 
 def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str:
-    """`summarise` for reading."""
+    """The same as text."""
     facts, body = summarise(dataset, detection), dataset.header.body
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
     mass = "mass not given" if body.mass is None else f"mass {body.mass:g} kg"

@@ -1,32 +1,32 @@
 """Two ballistic arcs that meet at an impact: maximum-likelihood fit to the samples, with covariance.
 
-An impact is short (about 1 ms).  Just outside it the body flies freely: x and θ are linear in time, y is a parabola
-with known gravity.  Sample i of an impact, taken at τ_i = t_i − t_c, is modelled as
+An impact is short (about 1 ms).  Just outside it the body flies freely: x and θ are linear in time, y is a parabola of
+known gravity.  Sample i, taken at τ_i = t_i − t_c, is modelled as
 
     q̂_i = q_c ∓ d/2 + v∓ τ_i + (a∓ − g e_y) τ_i²/2        (− before the impact, + after it)                   (1)
 
-Both arcs hold the same pose q_c, so that they meet at t_c but for a small offset d.  Offset and stray accelerations
+Both arcs start from the pose q_c, so that they meet at t_c except for a small offset d.  Offset and stray accelerations
 are random, of known size; with u and w standard normal they are
 
     d = s |Δv| (1, 1, 1/k) u,        a∓ = s_a w∓,        Δv = v+ − v−  (norm √(Δv_x² + Δv_y² + (k Δω)²))       (2)
 
-Unknown are p = (q_c, v−, v+, u, t_c, w−, w+), 19 numbers an impact.  They minimise
+The 19 unknowns of an impact, p = (q_c, v−, v+, u, t_c, w−, w+), minimise
 
     χ² = Σ_i ‖(q_i − q̂_i)/σ‖² + (φ_n(q_c)/s_φ)² + ‖u‖² + ‖w−‖² + ‖w+‖².                                       (3)
 
-The second term says that the body touches the surface at t_c.  It keeps t_c determined where |Δv| is small, and is too
-weak beside 20 samples of decent noise to let a wrong height of the surface move the result.
+The second term says that the body touches the surface at t_c.  It determines t_c even if |Δv| is small.  Beside 20
+samples of decent noise it is too weak for a wrong surface height to move the result.
 
 Gauss-Newton steps δ solve H δ = b, where H is the information matrix; its inverse is the covariance of p:
 
     H = Σ_i A_iᵀ W A_i + J_nᵀ J_n / s_φ² + diag(prior),    b = Σ_i A_iᵀ W (q_i − q̂_i) − J_nᵀ φ_n / s_φ² − prior p,   (4)
 
-with W = diag(1/σ²), J_n = ∂φ_n/∂q = (0, 1, r_x) and A_i = ∂q̂_i/∂p.  By (1), the columns of A_i are
+where W = diag(1/σ²), J_n = ∂φ_n/∂q = (0, 1, r_x) and A_i = ∂q̂_i/∂p.  By (1), the columns of A_i are
 
     ∂/∂q_c = 1,  ∂/∂v∓ = τ,  ∂/∂u = ∓ s |Δv| (1, 1, 1/k)/2,  ∂/∂t_c = −(v∓ + (a∓ − g e_y) τ),  ∂/∂w∓ = s_a τ²/2.   (5)
 
-Each is a polynomial c_0 + c_1 τ + c_2 τ² on its side.  The sums in (4) therefore need only the moments Σ_i τ_i^k of
-the samples on each side, k = 0 … 4, and n impacts are fitted at once without a Jacobian over samples.
+Each is a polynomial c_0 + c_1 τ + c_2 τ² on its side.  The sums in (4) therefore need only the moments Σ_i τ_i^k,
+k = 0 … 4, of the samples on each side, and n impacts are fitted at once without a Jacobian over samples.
 
 | on paper | in code           | unit         | shape  | meaning                                            |
 |----------|-------------------|--------------|--------|----------------------------------------------------|
@@ -40,10 +40,10 @@ the samples on each side, k = 0 … 4, and n impacts are fitted at once without 
 | φ_n      | `gap`             | m            | (n,)   | distance of the body from the surface              |
 
 Why d: impulses along different axes do not act at quite the same instant of a contact of 1 ms, so that the arcs miss
-each other by a fraction of |Δv| × 1 ms.  That is nothing beside noise of 0.3 mm, but much beside the 0.03 mm of a good
+each other by a fraction of |Δv| × 1 ms.  That is small beside noise of 0.3 mm, but large beside the 0.03 mm of a good
 tracker; with d = 0 the covariance would be far too small.  Why a: air, guides and cables slow a body in flight.  A spin
 that changes by 1 rad/s between two hits is not known to 0.1 rad/s at either of them, however well a line fits.
-`find_impacts` estimates s and s_a from the data; each is 0 where noise explains everything.
+`find_impacts` estimates s and s_a from the data; each is 0 if noise explains everything.
 
 Sources: parabolas on either side, thesis section 3.4.  Joint fit and covariance are our own.
 """
@@ -58,14 +58,14 @@ from thesis_lib.datasets.impacts.lines import lines_through, norm
 from thesis_lib.datasets.impacts.misfits import misfits
 from thesis_lib.datasets.impacts.windows import Windows, sides_of, windows_around
 
-# where the unknowns stand in p; w is left out where there is no stray acceleration
+# slices of the unknowns in p; w is absent without stray acceleration
 _Q, _PRE, _POST, _U, _T = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), 12
 _W_PRE, _W_POST = slice(13, 16), slice(16, 19)
 _PARAMETERS = 19
-# Steps are damped as by a prior of this sigma about the current value.  That moves no converged result, but keeps H
-# regular where a side has no samples (such impacts are left out later).  m, m/s, 1, s.
+# Steps are damped as if by a prior of this sigma about the current value.  That moves no converged result, but keeps H
+# regular if a side has no samples (such impacts are left out later).  m, m/s, 1, s.
 _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
-_SETTLE = 4  # iterations after which samples no longer change sides, so that the fit converges
+_SETTLE = 4  # iterations after which samples keep their sides, so that the fit converges
 _ITERATIONS = 12
 _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
 
@@ -79,20 +79,20 @@ class ArcFits:
         t, t_std: (n,) s, instant of impact and its standard error.
         q, v_pre, v_post: (n, 3); cov: (n, 9, 9), in the order of `impacts.STATE`, t_c marginalised.
         n_side: (n, 2) samples used before and after.
-        ss: (n, 2, 3) residual sum of squares of free arcs on either side (m², m², rad²), stray acceleration
-            taken off as far as its prior allows.
+        ss: (n, 2, 3) residual sum of squares of free arcs on either side (m², m², rad²), less the part that stray
+            acceleration explains within its prior.
         ss_free, curvature: (n, 2, 3) the same with any acceleration (n_side − 3 degrees of freedom), and that
-            acceleration in m/s² and rad/s²; bow2: (n, 2) s⁴, its variance is σ²/bow2 with white noise.
+            acceleration in m/s² and rad/s²; bow2: (n, 2) s⁴, for white noise its variance is σ²/bow2.
         chi2: (n, 2) the same in units of noise, summed over x, y, θ; 3 (n_side − 2) degrees of freedom.
         chi2_meet: (n,) rise of chi² when the free arcs are made to meet; 2 degrees of freedom.
-        chi2_near: (n,) misfit of the worst of the two samples next to the impact on either side, from a line
-            through the others; 3 degrees of freedom.
+        chi2_near: (n,) misfit of the worse of the two samples next to the impact on either side, from a line through
+            the others; 3 degrees of freedom.
         chi2_rest: (n, 2) reduced chi² of the arcs without those two samples (NaN without degrees of freedom).
         fall: (n, 2) chi² by which free fall explains y better than support (no acceleration) does.
-        miss, near: (n,) m, the same two misfits as distances in the kinetic metric √(x² + y² + (kθ)²).
-        miss_noise: (n,) m, what noise alone gives for `miss` (root of its expected square).
+        miss, near: (n,) m, misfits of chi2_meet and chi2_near as distances in the kinetic metric √(x² + y² + (kθ)²).
+        miss_noise: (n,) m, root of the expected square of `miss` from noise alone.
         gap, gap_std: (n,) m, distance from the surface at t_c without the touch measurement.
-        converged: (n,) the iteration came to rest within a few samples of the detected instant.
+        converged: (n,) whether the iteration came to rest within a few samples of the detected instant.
         lag1: (n, 3) lag-one product sum of the residuals over `ss_free`, both sides together.
     """
 
@@ -125,7 +125,7 @@ class ArcFits:
         return len(self.t)
 
     def put(self, rows: np.ndarray, other: "ArcFits") -> "ArcFits":
-        """A copy whose `rows` (m indices) are those of `other`, m fits."""
+        """A copy whose `rows` (m indices) are replaced by the m fits of `other`."""
         columns = {}
         for item in fields(self):
             columns[item.name] = getattr(self, item.name).copy()
@@ -151,18 +151,17 @@ def fit_arcs(
     colour: np.ndarray | float = 1.0,
     stray: np.ndarray | float = 0.0,
 ) -> ArcFits:
-    """Fit two arcs around each of n detected instants; see the module's docstring.
+    """Fit two arcs around each of n detected instants, as the module's docstring explains.
 
     Args:
         samples: N poses without glitches.
         at: (n,) ascending; impact i happens between samples at[i] and at[i] + 1, both of one trial.
         sigma: (3,) noise of x, y, θ in m, m, rad, all above 0.
         header: gives gravity, shape, surface height and radius of gyration.
-        settings: see `ArcSettings`.
-        spread: s, one sigma of the arcs' offset over |Δv|.
-        size: (n, 2) samples used at most before and after; settings.max_window if None.
-        colour: (3,) factor on the variance of fitted values where the noise of neighbouring samples is correlated; 1
-            for white noise.  It enters all that is fitted, but not the chi² of residuals.
+        spread: one sigma in s of the arcs' offset over |Δv|.
+        size: (n, 2) largest number of samples before and after; settings.max_window if None.
+        colour: (3,) factor on the variance of fitted values if the noise of neighbouring samples is correlated; 1 for
+            white noise.  It enters all fitted values, but not the chi² of residuals.
         stray: (3,) one sigma of accelerations beyond gravity, m/s² and rad/s².
     """
     at = np.asarray(at, dtype=int)
@@ -182,7 +181,7 @@ def fit_arcs(
             side = sides_of(windows, p[:, _T], settings, size)
         if iteration == 0:
             _start_from_lines(p, side, tau, windows.q, g)
-        # d of (2), per unit of u
+        # d of equation 2, per unit of u
         offset = spread * norm((p[:, _POST] - p[:, _PRE]) * metric)[:, None] / metric
         hessian, gradient = _normal_equations(p, side, tau, windows.q, weight, g, offset, stray)
         gap, touch = _touch(p, windows, header)
@@ -191,7 +190,7 @@ def fit_arcs(
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         p = p + step
         p[:, _T] = np.clip(p[:, _T], windows.low, windows.high)
-        # a step of 1e-5 sigma after the samples are settled: the next would be below rounding
+        # a step of 1e-5 sigma once the samples keep their sides: the next would be below rounding
         if iteration > _SETTLE and (step**2 * np.einsum("nii->ni", hessian) < 1e-10).all():
             break
 
@@ -227,7 +226,7 @@ def is_bent(fits: ArcFits, sigma: np.ndarray, limit: float) -> np.ndarray:
 def _start_from_lines(
     p: np.ndarray, side: np.ndarray, tau: np.ndarray, q: np.ndarray, gravity: float
 ) -> None:
-    """Set q_c, v−, v+ in p to those of lines through the samples of each side, fall taken off."""
+    """Set q_c, v−, v+ in p from lines through the samples of each side, gravity removed."""
     flight = q.copy()
     flight[..., 1] += 0.5 * gravity * tau**2
     lines = lines_through(side, tau, flight)
@@ -253,7 +252,7 @@ def _normal_equations(
     offset: np.ndarray,
     stray: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """H (n, P, P) and b (n, P) of equation 4 from samples and priors; the touch is not in them.
+    """H (n, P, P) and b (n, P) of equation 4 from samples and priors, without the touch.
 
     Args:
         p: (n, P) unknowns, P = 19, or 13 without stray acceleration.

@@ -1,8 +1,8 @@
 """From trajectories to impacts: detection, arc fits, noise estimate and quality tests, in this order.
 
 Each step handles all impacts at once: sort the samples and find gaps (`samples`), mask glitches and detect (`spikes`),
-fit two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`), fit again with it, and test
-(`quality`).  Impacts that cannot be measured are left out with a reason; the others carry a covariance.
+fit two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`), fit again with that noise, and
+test (`quality`).  Impacts that cannot be measured are left out with a reason; the others carry a covariance.
 """
 
 from dataclasses import dataclass, replace
@@ -41,24 +41,23 @@ ARC_COLUMNS = (
     *("chi2_pre", "chi2_post", "chi2_meet", "miss", "gap", "gap_std"),
 )
 _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
-_MOST = 0.5  # share of the impacts used; one wrong surface gives 1, measured sets stay below 0.1
-_FASTEST = 5.0  # speed after an impact over that before it, or that of the median impact; no impact gains a factor of 2
+_MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets stay below 0.1
+_FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 
 
 @dataclass(frozen=True)
 class FoundImpacts:
-    """What `find_impacts` returns.
+    """Impacts that can be used, and what was found on the way.
 
     Attributes:
         impacts: the usable ones, with t, cov and flags.
         left_out: columns trial, impact, t, reason, detail.  Reasons are listed in `quality`; rows of impacts.csv that
             gain more energy than any impact can have the reason `energy_gain`.
         arcs: a row per detected impact, used or not, with `ARC_COLUMNS` (s, m, rad; chi2_* per degree of freedom).
-        noise: see `NoiseEstimate`.
         glitches: columns trial, t: samples masked as tracking glitches.
-        samples: the poses in which the impacts were found, sorted by trial and time, without glitches and without ends
-            of records that stand out; None where impacts.csv was given.
+        samples: the poses searched, sorted by trial and time, without glitches and without ends of records that stand
+            out; None if impacts.csv was used.
         warnings: sentences for the user.
     """
 
@@ -72,7 +71,7 @@ class FoundImpacts:
 
     @property
     def used_arcs(self) -> pd.DataFrame:
-        """The rows of `arcs` that gave the usable impacts: how well t is known, samples used on either side."""
+        """The rows of `arcs` of the usable impacts."""
         return self.arcs[self.arcs["used"].astype(bool)].reset_index(drop=True)
 
     def summary(self) -> dict:
@@ -93,12 +92,10 @@ class FoundImpacts:
 def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> FoundImpacts:
     """Impacts of a dataset.
 
-    Where there is an impacts.csv, its impacts are taken as they are, even beside trajectories: impacts measured by
-    better means should not be replaced by our fits.  Their covariance is that of the table's columns, else the
-    diagonal of the header's noise, else None.
+    Impacts in impacts.csv are taken as they are, even beside trajectories: our fits should not replace impacts measured
+    by better means.  Their covariance comes from the table, else from the header's noise, else it is None.
 
     Args:
-        dataset: with `header`, and `impacts` (Impacts, table or None) and `trajectories` (table or None).
         settings: `ArcSettings()` if None.
 
     Raises:
@@ -128,14 +125,14 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
 def find_in_arrays(
     trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings | None = None
 ) -> FoundImpacts:
-    """Impacts from poses: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped; in any order."""
+    """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped."""
     settings = settings or ArcSettings()
     samples = make_samples(trial, t, q, header, settings)
     everything = samples
     rough = noise_from_differences(samples)
     stated = believed = stated_sigma(header)
     for _ in range(2):
-        # the larger of the two keeps an optimistic header from turning noise into impacts
+        # the larger of the two, so that an optimistic header does not turn noise into impacts
         sigma = np.fmax(np.fmax(believed, rough), SIGMA_FLOOR)
         glitch = find_glitches(everything, header.gravity, sigma, settings)
         samples = everything.select(~glitch)
@@ -149,7 +146,7 @@ def find_in_arrays(
             break
         believed = noise.stated
         if not quiet:
-            rough = noise.sigma  # a long rest, or noise that is not white, hid part of it: detect again
+            rough = noise.sigma  # a long rest, or coloured noise, hid part of it: detect again
     glitches = _reported_glitches(everything, glitch)
 
     if not settings.stray_acceleration:
@@ -202,7 +199,7 @@ def _detection_warnings(
     header: Header,
     trials: np.ndarray,
 ) -> tuple[str, ...]:
-    """Sentences for the user where nothing was found, or where most impacts happen off the surface."""
+    """Sentences for the user if nothing was found, or if most impacts happen off the surface."""
     advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
     if not len(fits):
         return (f"No impact was found in {len(trials)} trials. {advice}",)
@@ -222,7 +219,7 @@ def _detection_warnings(
 
 
 def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
-    """Glitches inside a run; its first or last sample may as well lie beyond a hit, and is masked without a report."""
+    """Glitches inside a run; its first and last sample may lie beyond a hit, and are masked without a report."""
     inside = np.zeros(len(samples), bool)
     inside[1:-1] = samples.run[2:] == samples.run[:-2]
     return pd.DataFrame({"trial": samples.trial[glitch & inside], "t": samples.t[glitch & inside]})
@@ -235,10 +232,10 @@ def _fit_straightest(
     header: Header,
     settings: ArcSettings,
 ) -> ArcFits:
-    """Arc fits in which a bent arc is cut to half its samples where that makes it straight.
+    """Arc fits in which a bent arc is cut to half its samples if that makes it straight.
 
-    A bent far end (a hit too weak to be seen, the body coming to rest) must not spoil the velocity at the near
-    one.  Bent is judged by the noise found in the data: a wrong header should not shorten every window.
+    A bent far end (an unseen weak hit, the body coming to rest) must not spoil the velocity at the near end.  Bending
+    is judged by the noise found in the data: a wrong header should not shorten every window.
     """
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
 
@@ -259,7 +256,7 @@ def _fit_straightest(
     bent = is_bent(fits, sigma, settings.arc_deviation)
     if not bent.any():
         return fits
-    # hits of one trial bound each other's windows and are fitted together
+    # hits of a trial bound each other's windows and are fitted together
     rows = np.flatnonzero(np.isin(samples.trial[at], samples.trial[at[bent.any(1)]]))
     bent, whole = bent[rows], np.full((len(rows), 2), settings.max_window)
     size, count = whole, fits.n_side[rows]
@@ -268,7 +265,7 @@ def _fit_straightest(
         shorter = fit(at[rows], size)
         bent_still = is_bent(shorter, sigma, settings.arc_deviation)
         bent, count = bent & bent_still, shorter.n_side
-    # any short arc is nearly straight: it must also fall rather than rest to be a flight
+    # any short arc is nearly straight: to be a flight it must also fall rather than rest
     cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue]
     final = fit(at[rows], np.where(cured, size, whole))
     return fits.put(rows, final)
@@ -291,7 +288,7 @@ def _arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.n
 
 
 def _impossible(given: Impacts) -> np.ndarray:
-    """Mask (n,) of impacts that gain energy beyond any noise, law or moving surface: they cannot be measurements."""
+    """Mask (n,) of impacts whose energy gain no noise, law or moving surface explains: they are no measurements."""
     before, after = (norm(v * [1.0, 1.0, given.k_g]) for v in (given.v_pre, given.v_post))
     typical = float(np.median(before)) if len(before) else 0.0
     return after > _FASTEST * np.maximum(before, typical)

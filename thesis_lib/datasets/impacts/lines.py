@@ -1,7 +1,7 @@
 """Straight lines through the samples on either side of many impacts at once.
 
-Of W samples around an impact, `side` (n, 2, W) is 1 for those used before and after it, else 0.  Where a side has no
-samples, its line is 0 with spread 0; callers look at `count` and `spread`.
+Of W samples around an impact, `side` (n, 2, W) is 1 for those used before and after it, else 0.  The line of a side
+without samples is 0, with spread 0; callers look at `count` and `spread`.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def rank(side: np.ndarray) -> np.ndarray:
-    """1, 2, … of the used samples (n, 2, W), counted away from the impact on either side."""
+    """Rank 1, 2, … of the used samples (n, 2, W), counted away from the impact on either side."""
     return np.stack([np.cumsum(side[:, 0, ::-1], 1)[:, ::-1], np.cumsum(side[:, 1], 1)], 1)
 
 
@@ -25,7 +25,7 @@ class Lines:
 
     Attributes:
         value, slope: (n, 2, C) at τ = 0, and per s.
-        count, mean, spread: (n, 2) number, mean time and Σ(τ − mean)² of the samples used, in 1, s and s².
+        count, mean, spread: (n, 2) number, mean time (s) and Σ(τ − mean)² (s²) of the samples used.
         residual: (n, 2, W, C) of all samples, used or not.
     """
 

@@ -1,11 +1,11 @@
-"""How well free arcs describe the samples on either side of an impact: what the quality tests look at.
+"""How well free arcs describe the samples on either side of an impact, for the quality tests.
 
-A free arc is a least-squares line through x, y + g τ²/2 and θ; it need not meet the other one.  With stray
-acceleration a of prior variance s_a², its residual sum of squares falls by the part that the prior allows,
+A free arc is a least-squares line through x, y + g τ²/2 and θ; it need not meet the other one.  Stray acceleration a of
+prior variance s_a² lowers its residual sum of squares by the part that the prior allows,
 
     ss = ss_line − (ss_line − ss_free) s_a² / (s_a² + var a),    var a = σ² / Σ b²,
 
-where b is what is left of τ²/2 after a line through it.
+where b is the residual of τ²/2 from a line.
 """
 
 import numpy as np
@@ -14,8 +14,8 @@ from thesis_lib.datasets.impacts.lines import Lines, lines_through, norm, rank
 
 
 def _bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:
-    """Residuals of lines on the samples used (n, 2, W, 3), their squares' sums (n, 2, 3); b (n, 2, W, 1), the
-    acceleration that fits best (n, 2, 3), and Σ b² (n, 2, 1), 0 where there are fewer than three samples."""
+    """Of the samples used: residuals of lines (n, 2, W, 3), their sums of squares (n, 2, 3), b (n, 2, W, 1), the
+    best-fitting acceleration (n, 2, 3), and Σ b² (n, 2, 1), 0 with fewer than three samples."""
     residual = lines.residual * side[..., None]
     b = lines_through(side, tau, 0.5 * tau[..., None] ** 2).residual * side[..., None]
     norm2 = np.where((lines.count >= 3)[..., None], (b**2).sum(2), 0.0)
@@ -43,13 +43,12 @@ def misfits(
     gravity: float,
     stray: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """The statistics of `ArcFits` that come from free arcs (those that need not meet), by their names there.
+    """The statistics of `ArcFits` that come from free arcs, by their names there.
 
     Args:
         side: (n, 2, W) 1 for the samples used before and after, else 0.
-        tau: (n, W) s, time after the impact.
-        z: (n, W, 3) poses.
-        white, weight: (3,) 1/σ² of a sample, and of what is fitted (noise may be correlated).
+        tau, z: (n, W) s, time after the impact, and (n, W, 3) poses.
+        white, weight: (3,) 1/σ² of a sample, and of fitted values (noise may be correlated).
         metric: (3,) = (1, 1, k).
         gravity: m/s².
         stray: (3,) one sigma of accelerations beyond gravity.
@@ -67,7 +66,7 @@ def misfits(
     d, dv = free.value[:, 1] - free.value[:, 0], free.slope[:, 1] - free.slope[:, 0]
     safe = np.maximum(free.count, 1.0)
     leverage = (1.0 / safe + free.mean**2 / np.where(free.spread > 0, free.spread, 1.0)).sum(1)
-    # what acceleration does to a line at τ = 0
+    # effect of an acceleration on a line at τ = 0
     bow = lines_through(side, tau, 0.5 * tau[..., None] ** 2).value
     variance_d = np.where(leverage > 0, leverage, 1.0)[:, None] / weight + ((stray * bow) ** 2).sum(1)
     inverse = 1.0 / variance_d

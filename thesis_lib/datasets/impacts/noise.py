@@ -1,9 +1,9 @@
 """Measurement noise from trajectories: third differences first, then the residuals of the arcs.
 
-Third differences of white noise have 20 times its variance, and those of a parabola vanish.  Their median size over all
-samples ignores the few that span an impact.  Residuals of the arcs fitted to the flights give the final value.  They
-also show slow errors of a tracker, which third differences cannot see.  Slow errors make the residuals of neighbouring
-samples alike, and fitted velocities worse than white noise of the same size would:
+Third differences of white noise have 20 times its variance, and those of a parabola vanish.  Their median size ignores
+the few that span an impact.  Residuals of the arcs fitted to the flights give the final value.  They also show slow
+errors of a tracker, which third differences cannot see.  Slow errors correlate the residuals of neighbouring samples,
+and make fitted velocities worse than white noise of the same size would:
 
     var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1) noise, lag-one correlation ρ)
 
@@ -28,10 +28,10 @@ from thesis_lib.statistics.spread import robust_std
 SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero
 _MIN_ARCS = 6  # fewer arcs do not determine the noise; third differences are used instead
 _MIN_ARC_SAMPLES = 8
-_LONG_ARC_SAMPLES = 16  # used alone if there are enough: short ones are rattle, and hide correlation
-_MAX_LAG1 = 0.8  # beyond it, an arc of 25 samples cannot separate noise from curvature
+_LONG_ARC_SAMPLES = 16  # enough long arcs are used alone: short ones are rattle, and hide correlation
+_MAX_LAG1 = 0.8  # above, an arc of 25 samples cannot separate noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
-# ratio of the noise stated to that of the arcs (known to 10 %) beyond which it is not believed
+# ratio of stated noise to that of the arcs (known to 10 %) beyond which the header is not believed
 CONTRADICTED = 2.0
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
@@ -41,14 +41,14 @@ class NoiseEstimate:
     """One-sigma noise of a sample.
 
     Attributes:
-        position, angle: m, rad; as estimated (x and y pooled). NaN where there is nothing to estimate from.
+        position, angle: m, rad; as estimated (x and y pooled), NaN without data.
         sigma: (3,) of x, y, θ in m, m, rad, as estimated.
-        used: (3,) the same, as used for the covariances: `stated` where that is a number, else `sigma`.
-        stated: (3,) the header's where it is believed: NaN where it states none, or one that the arcs contradict.
+        used: (3,) the same, as used for the covariances: `stated` if it is a number, else `sigma`.
+        stated: (3,) the header's; NaN if it states none, or if the arcs contradict it.
         source: "arcs", "differences" or "header".
         contact_spread: s, see `thesis_lib.datasets.impacts.arcs`.
         lag1: (3,) correlation ρ of residuals of neighbouring samples of x, y, θ; near 0 for white noise.
-        colour: (3,) factor (1 + ρ)/(1 − ρ) by which covariances are larger than with white noise.
+        colour: (3,) factor (1 + ρ)/(1 − ρ) by which covariances exceed those of white noise.
         stray: (3,) one sigma of accelerations beyond gravity in flight, m/s², m/s², rad/s² (see `arcs`).
     """
 
@@ -65,7 +65,7 @@ class NoiseEstimate:
 
 
 def stated_sigma(header: Header) -> np.ndarray:
-    """Noise (3,) of x, y, θ as the header states it, in m, m, rad; NaN where it states none."""
+    """The header's noise (3,) of x, y, θ in m, m, rad; NaN if it states none."""
     noise = header.noise
     values = (None, None) if noise is None else (noise.position, noise.angle)
     position, angle = (np.nan if value is None else value for value in values)
@@ -73,12 +73,12 @@ def stated_sigma(header: Header) -> np.ndarray:
 
 
 def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> NoiseEstimate:
-    """Noise from the residuals of all long arcs: a median over arcs, so that bad arcs do not count.
+    """Noise from the residuals of all long arcs: the median over arcs, which bad arcs hardly move.
 
     Args:
         fits: of all detected impacts.
-        rough: (3,) m, m, rad; used where there are too few arcs.
-        stated: (3,) m, m, rad, of the header; NaN where it states none.
+        rough: (3,) m, m, rad; used if there are too few arcs.
+        stated: (3,) m, m, rad, of the header; NaN if it states none.
     """
     n = np.maximum(fits.n_side, 4)
     long = fits.n_side >= _LONG_ARC_SAMPLES
@@ -95,13 +95,13 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
             both = (n >= enough).all(1)
             if both.sum() < _MIN_ARCS:
                 continue
-            # a parabola through n samples takes about (3 + 6ρ)/n off the correlation ρ of its residuals
+            # a parabola through n samples lowers the correlation ρ of its residuals by about (3 + 6ρ)/n
             shrink = 1.0 / n[both].mean(1)[:, None]
             lag1 = np.median((fits.lag1[both] + 3.0 * shrink) / (1.0 - 6.0 * shrink), axis=0)
             # AR(1) noise: the mean of many samples has (1 + ρ)/(1 − ρ) times the variance of white noise
             rho = np.clip(np.where(lag1 > _COLOURED, lag1, 0.0), 0.0, _MAX_LAG1)
             colour = (1.0 + rho) / (1.0 - rho)
-            # and a parabola takes as many times more than its 3 degrees of freedom out of the residuals
+            # and a parabola takes that many times its 3 degrees of freedom out of the residuals
             m = np.median(n[both])
             sigma = sigma * np.sqrt((m - 3.0) / np.maximum(m - 3.0 * colour, 0.5 * m))
             break
@@ -117,7 +117,7 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
 def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:
     """Mask (3,) of stated noise that is far from the scatter about the arcs.
 
-    Scatter that is larger and not white may be a motion that no arc describes, which must not pass for noise.
+    Larger scatter that is not white may be a motion that no arc describes; it must not pass for noise.
     """
     sigma = np.fmax(sigma, SIGMA_FLOOR)
     return (sigma * CONTRADICTED < stated) | ((sigma > CONTRADICTED * stated) & (colour == 1.0))
@@ -142,15 +142,14 @@ def estimate_spread(
 
     Args:
         fits: of all detected impacts, made with s = 0.
-        k_g: m, radius of gyration.
+        k_g: radius of gyration, m.
         assumed: (3,) noise of x, y, θ in m, m, rad with which they were made.
         noise: as estimated from them.
-        settings: see `ArcSettings`.
     """
     rescale = np.max(noise.used**2 * noise.colour / assumed**2)
     dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])
     good = (fits.n_side >= _MIN_ARC_SAMPLES).all(1) & fits.converged & (dv > settings.min_jump)
-    good &= fits.miss < settings.meet_time * dv  # beyond: two hits
+    good &= fits.miss < settings.meet_time * dv  # a larger miss means two hits
     if good.sum() < _MIN_ARCS:
         return 0.0
     noise2 = fits.miss_noise**2 * rescale

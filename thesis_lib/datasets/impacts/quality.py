@@ -67,7 +67,7 @@ class ContactMeasures:
 def contact_measures(impacts: Impacts) -> ContactMeasures:
     """Contact velocities, impulse and energy ratio of n measured impacts.
 
-    Written out and not taken from contact/, so that an edit of an impact law does not rerun the search for impacts.
+    It does not use contact/, so that an edit of an impact law does not rerun the search for impacts.
     """
     rx, ry = impacts.r[:, 0], impacts.r[:, 1]
     m, k2 = impacts.mass, impacts.k_g**2
@@ -87,7 +87,7 @@ def contact_measures(impacts: Impacts) -> ContactMeasures:
 
 
 def flag_physics(impacts: Impacts, mu_max: float = 0.35) -> Impacts:
-    """The impacts with `energy`, `cone` and `compression` added to their flags where they fail."""
+    """The impacts with the flags `energy`, `cone` and `compression` added where these tests fail."""
     c = contact_measures(impacts)
     p_t, p_n = c.impulse.T
     failed = {
@@ -163,8 +163,8 @@ def assess_arcs(
 def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
     """Time (n,) in s from the impact of a polygon's lowest corner to that of the next one; ∞ for other shapes.
 
-    It follows from the state before the impact, for impulses without friction; of the times for little and for much
-    restitution the longer counts.  A pair within that time is one hit in the samples, whatever the contact is like.
+    It follows from the state before the impact, for impulses without friction; the longer of the times for little and
+    much restitution counts.  Two hits within that time are one hit in the samples, whatever the contact.
     """
     wait = np.full(len(fits), np.inf)
     if not isinstance(header.body.shape, Polygon):
@@ -204,7 +204,7 @@ def _hit_near(fits: ArcFits, samples: Samples, settings: ArcSettings) -> np.ndar
 
 
 def has_flag_text(flags: np.ndarray, name: str) -> np.ndarray:
-    """Mask (n,) of the texts (n,) of ';'-joined names that hold `name`."""
+    """Mask (n,) of the ';'-joined texts (n,) that contain `name`."""
     padded = np.char.add(np.char.add(";", flags.astype(str)), ";")
     return np.char.find(padded, f";{name};") >= 0
 

@@ -6,15 +6,15 @@ At every instant between two samples it takes the jump of velocity between lines
     T = Σ_i (slope_i^right − slope_i^left)² / var_i,    i = x, y + g t²/2, θ,
 
 which is chi² with 3 degrees of freedom where the body flies freely.  Instants at which T peaks above a threshold are
-impacts.  The detector runs from fine to coarse w, and each pass treats the impacts of the passes before as the ends of
-a trial.  The fine filter separates strong hits, the coarse one finds weak ones, and the shoulders of a strong hit are
-not taken for further hits.
+impacts.  The detector runs from fine to coarse w; each pass treats the impacts of earlier passes as ends of a trial.
+The fine filter separates strong hits, the coarse one finds weak ones, and the shoulders of a strong hit are not taken
+for further hits.
 
-A body at rest on the surface does not fall.  What such support explains is taken off the jump of v_y first.  That hides
-the weakest hits; a last pass looks for them without this allowance, and keeps those with ten samples of clean free fall
-on either side.
+A body at rest on the surface does not fall.  The part of the jump of v_y that such support explains is removed first.
+That hides the weakest hits; a last pass looks for them without this allowance, and keeps those with ten samples of
+clean free fall on either side.
 
-A tracking glitch is masked before: one sample far off the line through its four neighbours, which fit one line among
+A tracking glitch is masked first: one sample far off the line through its four neighbours, which fit one line among
 themselves, so that no jump of velocity remains.
 
 | on paper | in code  | unit          | shape  |                                                                  |
@@ -112,7 +112,7 @@ def add_weak_hits(
 
 def _peaks(score: np.ndarray, w: int, settings: ArcSettings) -> np.ndarray:
     peak = score > settings.threshold**2
-    for shift in range(1, max(2, w)):  # hits as near as w samples do not shade each other
+    for shift in range(1, max(2, w)):  # hits more than w samples apart do not shade each other
         peak[shift:] &= score[shift:] > score[:-shift]
         peak[:-shift] &= score[:-shift] >= score[shift:]
     return peak

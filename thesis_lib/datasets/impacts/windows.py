@@ -1,8 +1,8 @@
 """Which samples belong to the flights before and after an impact.
 
-Each impact has a window of W samples about the instant at which it was detected.  Gaps in time, the ends of the trial
-and the neighbouring hits end a flight; samples within `guard` of an instant may fall into the contact and belong to
-neither flight.  As a fit moves the instant t_c, samples change sides.
+The window of an impact is W samples about its detected instant.  Gaps in time, the ends of the trial and neighbouring
+hits end a flight; samples within `guard` of an instant may lie in the contact and belong to neither flight.  As a fit
+moves the instant t_c, samples change sides.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Windows:
     Attributes:
         t_0, q_0: (n,) s and (n, 3): middle of the two samples beside the detected instant.
         t, q: (n, W) s and (n, W, 3): times and poses relative to these, so that long records lose no digits.
-        usable: (n, W) whether a sample may belong to one of the two flights.
+        usable: (n, W) whether a sample may belong to a flight.
         low, high: (n,) s, bounds of t_c, relative to t_0.
         same_trial: (n − 1,) whether an impact and the next one belong to the same trial.
     """
@@ -37,22 +37,22 @@ class Windows:
     same_trial: np.ndarray
 
     def moved(self, t: np.ndarray) -> np.ndarray:
-        """Samples (n,) by which the instants t (n,), relative to t_0, lie later than the detected ones."""
+        """Samples (n,) by which the instants t (n,), relative to t_0, are later than the detected ones."""
         passed = self.usable & (t[:, None] >= self.t)
         before = np.arange(self.t.shape[1]) < self.t.shape[1] // 2
         return (passed & ~before).sum(1) - (self.usable & before & ~passed).sum(1)
 
 
 def windows_around(samples: Samples, at: np.ndarray, size: int) -> Windows:
-    """The samples around the instants after the samples `at` (n,), `size` + 1 on either side."""
+    """The `size` + 1 samples on either side of the instants after the samples `at` (n,)."""
     last = len(samples) - 1
     index = at[:, None] + np.arange(-size, size + 2)
     usable = (index >= 0) & (index <= last)
     index = np.clip(index, 0, last)
-    # each side is bounded by gaps; where a gap holds the impact itself, the two sides are different runs
+    # gaps bound each side; if a gap holds the impact itself, the two sides are different runs
     before = index <= at[:, None]
     usable &= samples.run[index] == np.where(before, samples.run[at][:, None], samples.run[at + 1][:, None])
-    # a neighbouring hit ends the window; its own two samples are sorted out by their times later
+    # a neighbouring hit ends the window; the times of its two samples exclude them later
     hit_before = np.r_[-1, at[:-1]] if len(at) else at
     hit_after = np.r_[at[1:], last] + 1 if len(at) else at
     usable &= (index >= hit_before[:, None]) & (index <= hit_after[:, None])
@@ -83,9 +83,9 @@ def _bounds(samples: Samples, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sides_of(windows: Windows, t: np.ndarray, settings: ArcSettings, size: np.ndarray | None) -> np.ndarray:
-    """Samples that belong to the flights before and after impacts at t (n,), relative to t_0: (n, 2, W), 0 or 1."""
+    """Samples in the flights before and after impacts at t (n,), in s relative to t_0: (n, 2, W), 0 or 1."""
     tau = windows.t - t[:, None]
-    # neighbouring hits bound the flights, too: during their contact the body does not fly freely
+    # neighbouring hits bound the flights, too: the body does not fly freely during their contact
     start, end = np.full(len(t), -np.inf), np.full(len(t), np.inf)
     instant, same = t + windows.t_0, windows.same_trial
     start[1:][same] = (instant[:-1] + settings.guard - windows.t_0[1:])[same]

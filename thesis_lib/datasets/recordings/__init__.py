@@ -1,1 +1,1 @@
-"""Recordings of a mechanism (arm with disk, rimless wheel), schema 1: format, reading, checking and writing"""
+"""Recordings of a mechanism (arm with disk, rimless wheel), schema 1: format, reading, checking and writing."""

@@ -1,6 +1,6 @@
 """recording.yaml as typed, checked data (recording format, schema 1).
 
-A recording is a folder with recording.yaml, which says what is believed of a mechanism, and states.csv, a row a sample:
+A recording is a folder with recording.yaml, which describes the believed mechanism, and states.csv, a row per sample:
 
     arm     trial,t,q_1,q_2,x,y,theta,dq_1,dq_2,vx,vy,omega,u_1,u_2        u only if the arm is driven
     wheel   trial,t,x,y,theta,vx,vy,omega
@@ -113,7 +113,7 @@ class RecordingHeader(Section):
 
     @property
     def sigmas(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Noise of each coordinate and of each velocity, in their order."""
+        """Noise of each coordinate and of each velocity, in the order of the columns and in their units."""
         n, straight = self.noise, [name in ("x", "y") for name in self.mechanism.coordinates]
         return (
             tuple(n.position if s else n.angle for s in straight),

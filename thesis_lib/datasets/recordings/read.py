@@ -1,4 +1,4 @@
-"""Read a recording folder and check all of it before anything is computed from it."""
+"""Read a recording folder and check all of it before anything is computed."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def read_recording(path: str | Path) -> Recording:
     """The recording in the folder `path`; angles are made continuous within each trial.
 
     Raises:
-        DatasetError: something is wrong; its `problems` list everything that is.
+        DatasetError: something is wrong; its `problems` list everything.
     """
     folder, name = checked_folder(path, f"{HEADER_FILE} and {STATES}.csv")
     report = Report()
@@ -42,14 +42,14 @@ def _read(folder: Path, name: str, report: Report) -> Recording | None:
         what = "stands beside dataset.yaml, so it is unclear what the folder holds"
         report.error(HEADER_FILE, "", what, "keep drops and recordings in folders of their own")
     header = _header(folder, report)
-    if header is None:  # it says which columns there are
+    if header is None:  # it defines the columns
         return None
     table = load_table(folder, STATES, header.columns, (), report)
     if table is None:
         if not report.errors:
             report.error(f"{STATES}.csv", "", "the file is missing", f"write {','.join(header.columns)}")
         return None
-    # a last row that may have been cut off holds a wrong number: of a recording that is an error
+    # a last row that may have been cut off holds a wrong number, which is an error in a recording
     report.errors += report.warnings
     report.warnings.clear()
     check_trajectories(table, None)
@@ -63,7 +63,7 @@ def _read(folder: Path, name: str, report: Report) -> Recording | None:
 
 
 def _header(folder: Path, report: Report) -> RecordingHeader | None:
-    """The content of recording.yaml; a problem for each key and value that is wrong goes to `report`."""
+    """The content of recording.yaml; a problem for each wrong key and value goes to `report`."""
     try:
         document = read_yaml(folder / HEADER_FILE, folder, aliases=False)
     except (FileProblem, YamlProblem) as error:
@@ -75,7 +75,7 @@ def _header(folder: Path, report: Report) -> RecordingHeader | None:
         header = RecordingHeader.model_validate(document.content)
     except ValidationError as error:
         for entry in error.errors(include_url=False):
-            # pydantic names the kind of a mechanism as a level of its own
+            # pydantic adds the kind of mechanism to the place of a key
             key = tuple(part for part in entry["loc"] if part not in ("arm", "wheel"))
             line = next(
                 (document.lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in document.lines), 1
@@ -88,7 +88,7 @@ def _header(folder: Path, report: Report) -> RecordingHeader | None:
 
 
 def _mistake(kind: str, message: str, key: tuple) -> tuple[str, str]:
-    """What is wrong with a key and what to do, from a finding of pydantic."""
+    """What is wrong with a key and what to do, from an error of pydantic."""
     if kind == "extra_forbidden":
         return "unknown key", "remove it; docs/reference_dataset.md lists the keys of a recording"
     sections = [RecordingHeader, Arm, Wheel, RecordingHeader.model_fields["noise"].annotation]
@@ -102,12 +102,12 @@ def _mistake(kind: str, message: str, key: tuple) -> tuple[str, str]:
 
 
 def _check_steps(table: Table, rate: float) -> None:
-    """Samples of a trial follow each other at the stated rate: the equations of motion are summed over the steps."""
+    """Samples of a trial must follow at the stated rate: the equations of motion are summed over the steps."""
     trial, t = table.data["trial"].to_numpy(), table.data["t"].to_numpy(float)
     step = np.diff(t, prepend=t[0])
     off = np.abs(step * rate - 1.0) > STEP_TOLERANCE
     off[np.flatnonzero(np.diff(trial, prepend=trial[0] - 1))] = False
-    if not table.complete:  # a row that is left out makes a gap of its own
+    if not table.complete:  # a row that is left out makes a gap
         return
     usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
     what = (

@@ -1,4 +1,4 @@
-"""A recording in memory, how it is written, and what it holds in words (format: `header`)."""
+"""A recording in memory, how it is written, and its summary in words (format: `header`)."""
 
 import hashlib
 import json
@@ -22,10 +22,9 @@ class Recording:
     """Measured motion of a mechanism.
 
     Attributes:
-        name: of the folder, used in the names of results.
-        header: the content of recording.yaml.
+        name: folder name, used in the names of results.
         states: samples with the columns `header.columns`, SI units and radians.
-        warnings: what is suspicious without being wrong.
+        warnings: what is suspicious but not wrong.
     """
 
     name: str
@@ -35,13 +34,13 @@ class Recording:
 
     @property
     def trials(self) -> np.ndarray:
-        """Sorted numbers of the trials, integers (n_trials,)."""
+        """Sorted trial numbers, integers (n_trials,)."""
         return np.unique(self.states["trial"].to_numpy())
 
     def digest(self) -> str:
-        """SHA-256 (hex) of what the recording says, whatever the folder, the file type or the description.
+        """SHA-256 (hex) of the content, whatever the folder, file type or description.
 
-        Seeds derive from it, so that equal data give equal results wherever they lie.
+        Seeds derive from it, so that equal data give equal results.
         """
         content = self.header.model_dump(mode="json", by_alias=True, exclude={"description"})
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
@@ -59,7 +58,7 @@ def is_recording(folder: str | Path) -> bool:
 def write_recording(recording: Recording, folder: str | Path) -> Path:
     """Write recording.yaml and states.csv into `folder`, which is made if needed, and return it.
 
-    recording.yaml comes last: without it the folder is no recording, so a killed run leaves nothing half-finished.
+    recording.yaml comes last, so that a killed run leaves no recording without its states.
 
     Raises:
         UserError: `folder` holds a states.parquet, which would be read beside states.csv.
@@ -98,7 +97,7 @@ def recording_facts(recording: Recording) -> dict:
 
 
 def recording_text(recording: Recording) -> str:
-    """`recording_facts` for reading."""
+    """The same as text."""
     facts, noise = recording_facts(recording), recording.header.noise
     believed = {k: v for k, v in facts["mechanism"].items() if k != "kind"}
     low, high = facts["samples_per_trial"]

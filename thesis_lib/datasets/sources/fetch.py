@@ -1,7 +1,7 @@
 """Fetch a published measured set, from the network or from a local copy, and convert it.
 
-Nothing from the network is trusted.  Downloads are bounded in size.  Of an archive, only files with expected names are
-read, and none is unpacked to a path that the archive chooses.  No byte is parsed before its SHA-256 matches.
+Nothing from the network is trusted.  Downloads are bounded in size.  Only expected files of an archive are read, and
+none is unpacked to a path that the archive chooses.  No byte is parsed before its SHA-256 matches.
 """
 
 import http.client
@@ -42,14 +42,13 @@ def fetch(
     raw_host: str = RAW_HOST,
     archive_host: str = ARCHIVE_HOST,
 ) -> Path:
-    """Get the published set `name` and convert it into the folder `<to>/<name>`, which is returned.
+    """Get the published set `name` ('planar-impact', 'planar-dice') and convert it into the folder `<to>/<name>`.
 
     Args:
-        name: 'planar-impact' or 'planar-dice'.
         to: folder of measured datasets, such as data/measured.
         source_dir: a local copy to use instead of the network, or its parent folder.
-        say: called with a line of text about the progress, now and then.
-        raw_host, archive_host: where single files and archives are served.
+        say: called with lines of text about the progress.
+        raw_host, archive_host: servers of single files and of archives.
 
     Raises:
         UserError: no network, a wrong file, or an unsafe archive; nothing is written then.
@@ -110,7 +109,7 @@ def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
     """Copy the expected members `<any one folder>/<source.inside>/<file>` of a zip file to `files`.
 
     Raises:
-        UserError: not a zip file, a member whose name leads out of it, one that is too large, or one missing.
+        UserError: not a zip file, or a member is missing, too large, or leads out of it by its name.
     """
     regular_size(archive, MAX_DOWNLOAD)
     try:
@@ -142,5 +141,5 @@ def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
                 files[name].write_bytes(content)
     except UserError:
         raise
-    except Exception as error:  # the library's own errors are of many kinds
+    except Exception as error:  # the library raises errors of many kinds
         raise UserError(f"The downloaded archive is damaged ({error}); fetch it again.") from error

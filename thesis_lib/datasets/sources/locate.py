@@ -1,4 +1,4 @@
-"""Where a dataset named in the configuration lies, and which files make it up.
+"""Where a dataset named in the configuration is, and which files it consists of.
 
 | origin      | what it is                                           | folder that the pipeline reads         |
 |-------------|------------------------------------------------------|----------------------------------------|
@@ -25,12 +25,11 @@ class Located:
     """A dataset of the pipeline.
 
     Attributes:
-        name: as in the configuration.
         origin: see the table above.
         folder: in our format, relative to the working directory; '' if absent.
         source: folder with the published files, for origin "published".
-        files: what a rule that reads the dataset must take as input.
-        has_trajectories: whether impacts are found in trajectories (and not given).
+        files: inputs of a rule that reads the dataset.
+        has_trajectories: whether impacts are found in trajectories rather than read.
     """
 
     name: str
@@ -42,7 +41,7 @@ class Located:
 
     @property
     def present(self) -> bool:
-        """Whether there is anything to study."""
+        """Whether the dataset can be read."""
         return self.origin != "absent"
 
     @property
@@ -52,11 +51,7 @@ class Located:
 
 
 def locate(name: str, search: Sequence[str | Path]) -> Located:
-    """Find a dataset by name.
-
-    Args:
-        name: a simulated or published set, or a folder in one of `search`.
-        search: folders, in order.
+    """Find a dataset by name: a simulated or published set, or a folder in one of `search`, tried in order.
 
     Raises:
         UserError: no dataset of that name is known.

@@ -8,11 +8,11 @@
 | `planar_dice`   | Nima-Fazeli/residual-pybullet-public, 8f4f221      | 500 throws of a square at 250 Hz          |
 
 Neither repository states a licence, so this project holds no copy of the data, only the SHA-256 of each file.  Values
-are converted as published: no sign is changed, no angle unwrapped, no y made to touch the surface.
+are converted as published: no sign is changed, no angle unwrapped, no y moved to touch the surface.
 
 The two publications of the impacts differ: vy_post in all_drops.csv (2017-02) is 3 g/250 s = 0.11772 m/s lower than in
-impacts.csv (2017-11) in every one of the 1718 drops that both hold; all other columns are equal to the last bit.  The
-stored impulses (p_true, w_true) belong to impacts.csv.
+impacts.csv (2017-11) for each of the 1718 drops in both; all other columns are equal to the last bit.  The stored
+impulses (p_true, w_true) belong to impacts.csv.
 """
 
 import hashlib
@@ -48,11 +48,11 @@ _PROCESSED = "mcubelab/planar-impact-dataset/f24a7e3b31ad0b53652d6b2a6b26a702cc4
 
 @dataclass(frozen=True)
 class Source:
-    """Where a published set comes from.
+    """Origin of a published set.
 
     Attributes:
         folders: names under which a local copy of the files may lie.
-        raw: file name here -> owner/repository/commit/path there, for files fetched one by one.
+        raw: our file name -> owner/repository/commit/path, for files fetched one by one.
         archive: owner/repository and commit of an archive to fetch instead, or None.
         inside: folder in the archive that holds the files.
     """
@@ -105,7 +105,7 @@ def checksums(name: str) -> dict[str, str]:
 
 
 def find_source(name: str, base: str | Path) -> Path | None:
-    """The folder with the files as published: `base` itself or a known folder in it; None where there is none."""
+    """The folder with the published files: `base` itself or a known folder in it; None if there is none."""
     base, first = Path(base), next(iter(checksums(name)))
     candidates = [base, *(base / folder for folder in SOURCES[name].folders)]
     return next((folder for folder in candidates if is_file(folder / first)), None)
@@ -128,7 +128,7 @@ def convert_published(name: str, source_dir: str | Path, out_dir: str | Path) ->
 
 
 def convert_files(name: str, files: dict[str, Path], out_dir: str | Path) -> Path:
-    """Check every file's SHA-256, then convert; `files` maps the names in the checksum list to paths."""
+    """Check every SHA-256, then convert; `files` maps the names in the checksum list to paths."""
     content, missing, wrong = {}, [], []
     for file, digest in checksums(name).items():
         if not is_file(files[file]):

@@ -1,4 +1,4 @@
-"""Convert a rig's own logs into a dataset folder: units, column names, signs, one file a trial or many.
+"""Convert a rig's own logs into a dataset folder: units, column names, signs, one file per trial or for many.
 
 `Conversion.notes` lists everything that was changed or left out, `Conversion.warnings` what may be wrong with a log.
 "row" is the line in the file, the header being row 1.
@@ -33,13 +33,13 @@ UNITS = {  # name -> (quantity, factor to SI)
     "us": ("time", 1e-6),
 }
 MAX_COLUMNS = 1000
-MAX_LOG = 200_000_000  # bytes; as lists of cells a log takes some ten times that
+MAX_LOG = 200_000_000  # bytes; as lists of cells a log takes about ten times that
 QUANTITY = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 
 
 @dataclass
 class Conversion:
-    """A converted log, what was done to it, and what the user should look at; both are sentences."""
+    """A converted log; `notes` and `warnings` are sentences."""
 
     dataset: Dataset
     notes: list[str] = field(default_factory=list)
@@ -47,7 +47,7 @@ class Conversion:
 
 
 def parse_units(text: str) -> dict[str, float]:
-    """'mm,deg,ms' -> factor to SI for each of length, angle and time (SI where not given).
+    """'mm,deg,ms' -> factor to SI for each of length, angle and time (SI by default).
 
     Raises:
         UserError: unknown or contradictory units.
@@ -69,7 +69,7 @@ def parse_columns(text: str) -> dict[str, tuple[str, float]]:
     """'t=time_s,y=-Z' -> {'t': ('time_s', 1.0), 'y': ('Z', -1.0)}: our column -> (column of the log, sign).
 
     Raises:
-        UserError: not of that form, or not a column of ours.
+        UserError: another form, or not a column of ours.
     """
     columns: dict[str, tuple[str, float]] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
@@ -88,7 +88,7 @@ def parse_shape(text: str) -> Shape:
     """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'polygon:x1,y1;x2,y2;…' in m.
 
     Raises:
-        UserError: not of that form, or no shape.
+        UserError: another form, or not a shape.
     """
     kind, _, rest = text.partition(":")
     try:
@@ -126,18 +126,15 @@ def convert_logs(
     delimiter: str = ",",
     per_trial_files: bool = False,
 ) -> Conversion:
-    """A dataset of trajectories from logs with a header line each.
+    """A dataset of trajectories from CSV logs with a header line each and the same columns.
 
     Args:
-        files: CSV files; all have the same columns.
-        name: of the dataset.
         units: factors to SI by quantity (`parse_units`).
-        columns: our column -> (column of the log, sign); columns not named are taken under our own names.
-        shape, mass (kg), k_g (m), gravity (m/s²), surface_height (m): of the experiment, in SI.  k_g is by
-            default that of a uniform lamina.
-        rate: Hz; needed where the log has no time.
-        delimiter: between cells.
-        per_trial_files: each file is one trial, whatever trial column it has.
+        columns: our column -> (column of the log, sign); others are expected under our names.
+        shape, mass (kg), k_g (m), gravity (m/s²), surface_height (m): of the experiment.  k_g is by default that of a
+            uniform lamina.
+        rate: Hz; needed if the log has no time.
+        per_trial_files: each file is one trial, whatever its trial column.
 
     Raises:
         UserError: a file or column is missing, a row is too long, a cell is not a number, or a value of the experiment
@@ -205,7 +202,7 @@ def _poses(
     number: int,
     one_trial: bool,
 ) -> pd.DataFrame:
-    """Trial (text), t, x, y, theta of one log in SI; it is trial `number` if `one_trial` or without a trial column."""
+    """Trial (text), t, x, y, theta of a log in SI; it is trial `number` if `one_trial` or without a trial column."""
     has_t = source["t"][0] in log.columns
     if not has_t and rate is None:
         raise UserError(
@@ -231,7 +228,7 @@ def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:
         reader = csv.reader(
             io.StringIO(content.decode("utf-8-sig"), newline=""), delimiter=delimiter, skipinitialspace=True
         )
-        # blank lines carry nothing; `line_num` keeps the row numbers right all the same
+        # blank lines are skipped; `line_num` still gives the row numbers
         lines = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells)) or len(cells) > 1]
         complete = content.endswith((b"\n", b"\r"))
     except MissingFile as error:
@@ -267,7 +264,7 @@ def _read_log(path: Path, delimiter: str, warnings: list[str]) -> pd.DataFrame:
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
-    """Stripped column names; where a name occurs again it becomes name.1, so that `name` is the first."""
+    """Stripped column names; a name that occurs again becomes name.1, so that `name` is the first."""
     seen: dict[str, int] = {}
     result = []
     for name in map(str.strip, names):
@@ -277,7 +274,7 @@ def _distinct(names: Sequence[str]) -> list[str]:
 
 
 def _lost_rows(files: Sequence[str | Path], logs: Sequence[pd.DataFrame], lost: np.ndarray) -> str:
-    """Row numbers of the `lost` (N,) of all logs together, with the file where there are several."""
+    """Row numbers of the `lost` (N,) of all logs together, with the file if there are several."""
     parts = np.split(lost, np.cumsum([len(log) for log in logs])[:-1])
     by_file = [
         (Path(file).name, row_text(np.asarray(log.index[part])))
@@ -319,7 +316,7 @@ def _numbers(path: Path, log: pd.DataFrame, name: str) -> np.ndarray:
 
 
 def _number_trials(trial: pd.Series, notes: list[str]) -> np.ndarray:
-    """Whole numbers for trials: as in the log where they are whole numbers, else counted in order of appearance."""
+    """Trials as integers: the log's whole numbers, else counted in order of appearance."""
     numbers = pd.to_numeric(trial, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
     if (
         np.all(np.isfinite(numbers))
