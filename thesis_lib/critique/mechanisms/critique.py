@@ -1,18 +1,12 @@
-"""Which effect a mechanism's believed model lacks: the critique of residual generalised forces.
+"""Find the force that a mechanism's believed model lacks, from its residual generalised forces.
 
-The whitened window equations z (`windows`) are unit noise if the model holds.  Trials are split once: the held-out ones
-are seen by no choice.  On the others the search of `critique.selection` chooses among the candidates.  The misfit is
-the root mean square of z, 1 if noise alone is left.
+If the model holds, the whitened window equations z (N,) of `windows` are unit noise.  The misfit is the root mean
+square of z, 1 for noise alone.  Trials are split once.  The search of `critique.selection` chooses effects on the
+training trials; the held-out trials only judge.
 
-The verdict is `unexplained` if the held-out misfit of the final model stays beyond noise, significantly by the χ²
-distribution of |z|² and by an amount that matters; `dependence` then says what the rest depends on.
-
-The noise enters the columns, too (errors in variables), to second order only: the misfit after the fit would show it.
-
-| on paper | in code  | unit  | shape | meaning                              |
-|----------|----------|-------|-------|--------------------------------------|
-| z        | `z`      | 1     | (N,)  | whitened residual generalised forces |
-| rms z    | `ladder` | sigma |       | misfit                               |
+The verdict is `unexplained` if the held-out misfit of the final model exceeds noise significantly (χ² test of |z|²) and
+by an amount that matters; `dependence` then tests what the rest depends on.  Noise also enters the columns (errors in
+variables), but only to second order.
 """
 
 from collections.abc import Sequence
@@ -32,7 +26,7 @@ from thesis_lib.critique.selection.remaining import Remaining
 from thesis_lib.critique.selection.search import Discovery, Step, judge_held_out, paired_gain, search, split
 from thesis_lib.foundation.errors import UserError
 
-GROUP = 3  # most members of a group that counts as an answer
+GROUP = 3  # largest group of effects that counts as an answer
 MIN_TRIALS = 4
 
 ForceStep = Step[MechanismEffect, ForceFit, ForceJudgement]
@@ -41,16 +35,16 @@ ForceDiscovery = Discovery[MechanismEffect, ForceFit, ForceJudgement]
 
 @dataclass(frozen=True)
 class MechanismCritique:
-    """Everything that the critique found of one mechanism.
+    """Result of criticising one mechanism.
 
     Attributes:
-        model: as believed; settings: how it was criticised; candidates: all that were tried.
+        candidates: all effects that were tried.
         training, held_out: window equations.
-        discovery: effects, chosen on training trials.
+        discovery: effects chosen on training trials.
         ladder: held-out misfit (rms of z, low, high) after 0, 1, ... effects.
-        gains: by effect, held-out gain of the final model over the one without it, nats a window with 95 % interval.
-        remaining: misfit on held-out trials, and what it depends on, on training trials.
-        is_structured: whether it matters, also after an effect too small to be named.
+        gains: by effect, held-out gain over the final model without it: nats per window with 95 % interval.
+        remaining: misfit on held-out trials; the states that it depends on are found on training trials.
+        is_structured: whether the remaining misfit is material, even with the effect `below` added.
     """
 
     model: BelievedModel
@@ -66,7 +60,7 @@ class MechanismCritique:
 
     @property
     def verdict(self) -> str:
-        """adequate, effects or unexplained, as in diagnosis.json."""
+        """adequate, effects or unexplained."""
         return self.discovery.verdict(self.is_structured)
 
     @property
@@ -81,12 +75,12 @@ class MechanismCritique:
 
     @property
     def below(self) -> str:
-        """Name of an effect that is significant but too small to matter; '' if there is none."""
+        """Name of an effect that is significant but too small to matter, or ''."""
         return self.discovery.below.effects[-1].name if self.discovery.below else ""
 
     @property
     def found(self) -> tuple[str, ...]:
-        """The first effect and those that the data cannot tell from it; empty where nothing was found."""
+        """The first effect and its indistinguishable alternatives; empty if no effect was chosen."""
         return (self.steps[0].effect.name, *self.steps[0].alternatives) if self.steps else ()
 
 
@@ -100,14 +94,12 @@ def criticise_mechanism(
     """Criticise the believed model of a mechanism with measured trials.
 
     Args:
-        trials: measured motion, all of one mechanism and one time step.
-        model: as believed.
+        trials: measured motion of one mechanism with a common time step.
         candidates: effects that may be missing.
         rng: splits the trials and draws null distributions.
-        settings: thresholds.
 
     Raises:
-        UserError: there are fewer than four trials, or no window can be used.
+        UserError: fewer than four trials, different time steps, or no usable window.
     """
     settings = settings or MechanismSettings()
     thresholds, draws = settings.thresholds, settings.resamples
@@ -136,11 +128,11 @@ def criticise_mechanism(
     remaining = beyond_noise(last)
     is_structured = remaining.is_structured(thresholds, 1.0)
     if discovery.below:
-        # a named effect that explains it all, if too small a one to matter, leaves nothing unexplained
+        # an effect too small to matter may still explain all of the remaining misfit
         with_it = beyond_noise(held_out.judge(discovery.below))
         is_structured = is_structured and with_it.is_structured(thresholds, 1.0)
     if is_structured:
-        # a description of the whole, which needs many windows and chooses nothing
+        # training trials: the test needs many windows, and it chooses nothing
         depends_on, _ = dependence(training.weak, discovery.fitted.z, thresholds.alpha, rng)
         remaining = replace(remaining, depends_on=depends_on)
     return MechanismCritique(
@@ -158,13 +150,13 @@ def criticise_mechanism(
 
 
 def beyond_noise(judgement: ForceJudgement) -> Remaining:
-    """The misfit beside that of noise alone, with the p-value of |z|² against its χ² distribution."""
+    """The misfit against that of noise, 1, with the p-value of |z|² from its χ² distribution."""
     z = judgement.z
     return Remaining(float(chi2.sf(z @ z, len(z))), judgement.misfit, 1.0, ())
 
 
 def smallest_sizes(critique: MechanismCritique) -> dict[str, dict[str, float]]:
-    """Smallest size of each candidate's parameters that these trials would have shown, all else as found.
+    """Smallest detectable size of each parameter of each candidate, the others as fitted; inf without information.
 
     A parameter x alone raises the log score by x² I / 2 and the mean square of z by x² I / N.
     """

@@ -1,17 +1,11 @@
-"""What residual generalised forces depend on: coordinates and speeds, tested against permutations of the windows.
+"""Permutation test of whether residual generalised forces depend on coordinates or velocities.
 
-The strength of a feature f (a coordinate or velocity, mean over a window) is the sum of squares of whitened residuals
-between eighths of its range, one free coordinate at a time,
+A feature f is the mean of a coordinate or velocity over a window.  Its range is cut into eight quantile cells.  Its
+strength is the sum of squares of the whitened residuals z between cells, summed over the free coordinates,
 
     S_f = Σ_coordinates Σ_cells (Σ_cell z)² / n_cell.
 
-The null permutes the windows; each feature counts in units of its own null, and p is that of the largest of all.
-
-| on paper | in code | unit | shape | meaning                              |
-|----------|---------|------|-------|--------------------------------------|
-| z        | `z`     | 1    | (N,)  | whitened residual generalised forces |
-
-Source: none; a permutation analysis of variance with the maximum over features.
+The null permutes the windows.  Strengths are standardised by their null; p refers to the maximum over features.
 """
 
 import numpy as np
@@ -31,7 +25,7 @@ def window_means(weak: WeakForm, values: np.ndarray) -> np.ndarray:
 def dependence(
     weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator
 ) -> tuple[tuple[str, ...], float]:
-    """Coordinates and velocities ("d" before the name) that z (N,) depends on, at most three, and the least p-value."""
+    """At most three coordinates and velocities ("d" + name) that z (N,) depends on, and the least p-value."""
     names = [f"{prefix}{name}" for prefix in ("", "d") for name in weak.model.coordinates]
     features = window_means(weak, np.concatenate([weak.motion.q, weak.motion.v], axis=1))
     cells = np.stack(
@@ -50,7 +44,7 @@ def dependence(
 
     measured = strengths(np.arange(len(features)))
     null = np.array([strengths(rng.permutation(len(features))) for _ in range(PERMUTATIONS)])
-    # each feature in units of its own null, so that the largest of all is a fair maximum
+    # standardised by its null, so that the maximum treats all features alike
     centre, width = null.mean(axis=0), null.std(axis=0)
     score, best = (measured - centre) / width, ((null - centre) / width).max(axis=1)
     p = (1 + (best[:, None] >= score).sum(axis=0)) / (1 + len(best))

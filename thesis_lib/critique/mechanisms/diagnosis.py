@@ -1,17 +1,17 @@
-"""diagnosis.json of a mechanism's critique: keys as for impacts (see diagnosis.py), and these beside them.
+"""diagnosis.json of a mechanism.  It has the keys of an impact diagnosis (results/diagnosis.py) and these:
 
 | where           | key                                | meaning |
 |---|---|---|
-|                 | mechanism                          | what was criticised; an impact critique has no such key |
-|                 | n_windows, n_trials                | windows of the equations of motion take the place of impacts |
+|                 | mechanism                          | name of the mechanism; absent for impacts |
+|                 | n_windows, n_trials                | windows of the equations of motion replace impacts |
 | base_model      | parameters                         | base inertial parameters without effects, and the `believed` |
-| augmented_model | parameters                         | the same with the effects on |
-| effects.gain    | held_out_log_score_per_window      | nats a window, model with minus without, trials no choice saw |
-|                 | below_threshold                    | an effect that is significant but too small to be material |
+| augmented_model | parameters                         | the same with effects |
+| effects.gain    | held_out_log_score_per_window      | held-out gain over the model without the effect, nats |
+|                 | below_threshold                    | an effect that is significant but not material |
 | effects         | cosines                            | overlap of the shift with every other candidate |
-| error           | unit "sigma"                       | rms of the whitened residual generalised forces, held out |
+| error           | unit "sigma"                       | held-out rms of the whitened residual generalised forces |
 | where           | coordinate, contacts, before, after| the same by free coordinate and pairs in contact |
-| detectable      | smallest                           | size of each parameter that these trials would have shown |
+| detectable      | smallest                           | smallest detectable size of each parameter |
 """
 
 from collections.abc import Mapping
@@ -33,13 +33,13 @@ STATES = 3  # proposed for the next experiment
 
 
 def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.random.Generator) -> dict:
-    """The content of diagnosis.json, with numbers of six digits; `rng` permutes windows."""
+    """Content of diagnosis.json, rounded to six digits; `rng` permutes windows."""
     weak, held, model = critique.training, critique.held_out, critique.model
     base_fit = critique.discovery.bases[critique.discovery.base][0]
     believed_z = applied(held, base_fit)
     depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
     base, augmented = critique.ladder[0], critique.ladder[-1]
-    out = weak.left_out + held.left_out
+    left_out = weak.left_out + held.left_out
     steps = weak.steps + held.steps
     content = {
         "schema": 1,
@@ -80,9 +80,9 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "below_threshold": [critique.below] if critique.below else [],
         "not_testable": [],
         "left_out": {
-            "share": sum(out.values()) / steps,
+            "share": sum(left_out.values()) / steps,
             "unit": "steps",
-            "reasons": {str(k): int(v) for k, v in sorted(out.items())},
+            "reasons": {str(k): int(v) for k, v in sorted(left_out.items())},
         },
         "detectable": [{"name": k, "smallest": v} for k, v in smallest_sizes(critique).items()],
         "next_experiment": _next_experiment(critique),
@@ -99,7 +99,7 @@ def _parameters(identified: Identified) -> dict:
 
 
 def _unit(name: str) -> str:
-    """Unit of a base parameter from its first term."""
+    """Unit of a base parameter, from its first term."""
     first = name.split()[0].lstrip("-")
     return "kg m²" if first.endswith("I") else "kg m" if "mc_" in first else "kg"
 
@@ -129,7 +129,7 @@ def _where(critique: MechanismCritique, before: np.ndarray) -> list[dict]:
     held, names = critique.held_out, critique.model.coordinates
     after = applied(held, critique.fitted)
     pairs = [listed([critique.model.mechanism.pairs[j] for j in w]) or "none" for w in held.active_pairs]
-    # the wheel's spokes are alike: what counts is that one stands
+    # the wheel's spokes are alike: only whether one is in contact counts
     if critique.model.name == "wheel":
         pairs = ["one spoke" if p != "none" else p for p in pairs]
     key = [(names[c], pairs[w]) for c, w in zip(held.coordinate, held.window)]
@@ -212,7 +212,7 @@ def _summary(d: Mapping, critique: MechanismCritique) -> list[str]:
 
 
 def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.DataFrame", float]:
-    """What `figures.chapter2_hidden.figure_residuals` draws: held-out residuals, gains, and the 1 % limit in nats."""
+    """Held-out residuals, gains, and the 1 % limit in nats, as `figures.chapter2_hidden.figure_residuals` draws."""
     import pandas as pd
 
     held, names = critique.held_out, critique.model.coordinates

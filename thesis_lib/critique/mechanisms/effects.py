@@ -1,4 +1,4 @@
-"""Candidate effects of a mechanism: generalised forces that its believed model may lack, one interface for all.
+"""Candidate effects of a mechanism: generalised forces that its believed model may lack.
 
     viscous_joint_friction   Q_i = -b_i q̇_i                                   each driven joint
     coulomb_joint_friction   Q_i = -f_i tanh(q̇_i / q̇_s)
@@ -8,7 +8,7 @@
     viscous_rotation         Q_θ = -b ω                                        the wheel in its air or guide
     torque_offset            Q_i = o_i                                         a fault of the torque sensor
 
-All act on the measured motion of a step.  N is the normal force that the model gives at this step.
+All use the measured motion of a step.  N is the model's normal force at this step.
 
 | on paper  | in code   | unit        | shape   | meaning                                                   |
 |-----------|-----------|-------------|---------|-----------------------------------------------------------|
@@ -28,7 +28,7 @@ import numpy as np
 from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.effects.effect import Parameter
 
-# rad/s; own choice, a hundredth of the speeds: a sign function in all but name, which a step can still hold at rest
+# rad/s; a hundredth of typical speeds: nearly a sign function, but smooth enough for a step at rest
 SMOOTH_JOINT, SMOOTH_ROLLING = 0.02, 0.03
 
 
@@ -47,12 +47,12 @@ ForceOf = Callable[[BelievedModel, Motion, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class MechanismEffect:
-    """One candidate.
+    """One candidate effect.
 
     Attributes:
-        name, family, title, equation, reference: as of the effects of impacts.
-        parameters: declared as theirs; bounds are not enforced by the linear fit but say what makes sense.
-        force: Q (n, nv) from the believed model, the motion and the parameters, (n_p,) or (n, n_p) one set a step.
+        name, family, title, equation, reference: as for effects of impacts.
+        parameters: as for effects of impacts; the linear fit does not enforce their bounds.
+        force: Q (n, nv) in N or N m from model, motion and parameters, (n_p,) or one set per step (n, n_p).
         needs_normal: whether Q depends on contact forces.
     """
 

@@ -1,17 +1,9 @@
-"""Effects fitted to the window equations of a mechanism.
-
-With all parameters of a set of effects refitted, U_c = -∂z/∂p_c,
+"""Fit effects to the window equations of a mechanism: z (N,) residuals, U = -∂z/∂p (N, n_p).
 
     p̂ = argmin |z(0) - U p|²,    cov p̂ = (U'U)⁻¹,    log score = -|z|²/2 + const.
 
-Effects are linear in their parameters but for gravity's direction and where they need contact forces, which depend on
-the other effects: a few linear fits, each at the last one's values, cover that.
-
-| on paper | in code   | unit  | shape    | meaning                              |
-|----------|-----------|-------|----------|--------------------------------------|
-| z        | `z`       | 1     | (N,)     | whitened residual generalised forces |
-| U        | `columns` | 1/p   | (N, n_p) |                                      |
-| p̂        | `values`  |       | (n_p,)   | by effect                            |
+The direction of gravity is not linear in its parameter, nor are effects that need contact forces, which depend on the
+other effects.  So the linear fit is repeated, each time at the last values.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +24,6 @@ class ForceFit:
     """Effects fitted to the window equations of a set of trials.
 
     Attributes:
-        effects: in the order of selection.
         values, std: by effect, (n_p,) parameters and standard errors.
         z: (N,) whitened residual with the effects.
         columns: (N, sum n_p) U.
@@ -46,19 +37,19 @@ class ForceFit:
 
     @property
     def base(self) -> str:
-        """Of all fits the equations of motion as believed."""
+        """The only base: the believed equations of motion."""
         return BASE
 
     @property
     def score(self) -> float:
-        """Log score in nats, but for a constant."""
+        """Log score in nats, up to a constant."""
         return float(-0.5 * (self.z @ self.z))
 
 
 def total_force(
     weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """Force (n, nv) of effects with given parameters, contact forces that they need included."""
+    """Force (n, nv) in N or N m of `effects` at `values`, with the contact forces that they cause."""
     force = np.zeros_like(weak.f)
     motion = weak.motion
     for _ in range(2 if any(e.needs_normal for e in effects) else 1):
@@ -73,7 +64,7 @@ def columns_of(
     effects: Sequence[MechanismEffect] = (),
     values: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """U (N, n_p): what a unit of each parameter changes in -z, where `effects` with `values` act already."""
+    """U (N, n_p): change of -z per unit of each parameter, with `effects` at `values` already acting."""
     values = values or {}
     motion = weak.with_normals(total_force(weak, effects, values)) if effects else weak.motion
     here = values.get(effect.name, np.array([p.null for p in effect.parameters]))
@@ -87,7 +78,7 @@ def columns_of(
 
 
 def fit_effects(weak: WeakForm, effects: Sequence[MechanismEffect]) -> ForceFit:
-    """Fit all parameters of `effects` to all rows of `weak`."""
+    """Fit all parameters of `effects` to `weak`."""
     values = {e.name: np.array([p.null for p in e.parameters]) for e in effects}
     z, U = weak.residual(np.zeros_like(weak.f)), np.zeros((len(weak.trial), 0))
     std: dict[str, np.ndarray] = {}

@@ -1,19 +1,18 @@
-"""What is believed of a mechanism whose motion is criticised: inverse dynamics of many steps at once, and contacts.
+"""The believed model of a mechanism: inverse dynamics of many steps at once, and contacts.
 
     M(q) v̇ + C(q, v) v − g(q) = Y(q, v, v̇; g) π,        π = (m, m c_x, m c_y, I) of each body
 
-A body's share of Y is that of a free body at the pose of its frame, projected on the coordinates that move it,
-Y_b = J_b' Y_free(pose_b, its velocity, its acceleration; g).  For the two-link arm with the disk, J_1 = ẑ in q_1, and
-link 2 moves with its joint, at l_1 (cos q_1, sin q_1) from the base.
+A body's share of Y is that of a free body at the pose of its frame, projected on the coordinates that move it, Y_b =
+J_b' Y_free(pose, velocity, acceleration; g).  In the two-link arm with the disk, J_1 = ẑ in q_1, and the frame of link
+2 is at its joint, l_1 (cos q_1, sin q_1) from the base.
 
 | on paper | in code      | unit            | shape         | meaning                                       |
 |----------|--------------|-----------------|---------------|-----------------------------------------------|
 | π        | `parameters` | kg, kg m, kg m² | (4 b,)        | believed inertial parameters, about the joint |
-| Y        | `regressor`  | f per π         | (n, nv, 4 b)  |                                               |
 | g        | `gravity`    | m/s²            | (2,)          | believed acceleration of gravity              |
 
-Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
-doi 10.1016/B978-1-903996-66-9.X5000-3.
+Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, doi
+10.1016/B978-1-903996-66-9.X5000-3.
 """
 
 from abc import ABC, abstractmethod
@@ -34,12 +33,12 @@ class BelievedModel(ABC):
     """A mechanism as believed.
 
     Attributes:
-        name: of the mechanism; coordinates: (nv,) names of q.
+        coordinates: (nv,) names of q.
         names, parameters: (4 b,) inertial parameters.
         gravity: (2,) m/s².
-        identified: names of the inertial parameters that motion and known forces can tell; the others are believed.
-        roller: radius in m and contact pairs of what rolls on the ground, with the last coordinate.
-        payload: change of `parameters` by a point mass of 1 kg where a payload would be.
+        identified: inertial parameters that motion and known forces can identify; the others keep believed values.
+        roller: radius in m and contact pairs of the body that rolls on the ground; it turns with the last coordinate.
+        payload: change of `parameters` by a point mass of 1 kg at the place of the payload.
         joints: number of driven joints, the first coordinates.
     """
 
@@ -58,14 +57,14 @@ class BelievedModel(ABC):
     def regressor(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
     ) -> np.ndarray:
-        """Y (n, nv, 4 b) at q, v, a (n, nv), with gravity (2,) in m/s² other than the believed one if given."""
+        """Y (n, nv, 4 b) at q, v, a (n, nv); `gravity` (2,) in m/s² replaces the believed one."""
 
     def contacts(self, q: np.ndarray) -> ContactGeometry:
         """Gaps and Jacobians at q (n, nv)."""
         return self.mechanism.contacts_of(q)
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Y π (n, nv) in N, N m: what external and contact forces must add up to."""
+        """Y π (n, nv) in N, N m: the sum of external and contact forces."""
         return self.regressor(q, v, a) @ self.parameters
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
@@ -96,7 +95,7 @@ class BelievedArm(BelievedModel):
         rows.append([arm.disk_mass, 0.0, 0.0, arm.disk_inertia])
         self.parameters = np.concatenate(rows)
         self.gravity = np.array([0.0, -arm.g])
-        # a disk's centre is known; across the link's axis the believed centres of mass are zero
+        # a disk's centre is known; links are believed to have no offset across their axis
         self.identified = (
             *(f"{link}.{name}" for link in LINKS for name in ("m", "mc_x", "I")),
             "disk.m",
@@ -121,7 +120,7 @@ class BelievedArm(BelievedModel):
             np.stack([zero, zero, spin], axis=1),
             g,
         )
-        # the second joint: l_1 (cos q_1, sin q_1) from the base, and its derivatives
+        # position of the second joint, l_1 (cos q_1, sin q_1), and its derivatives
         second = free_body_regressor(
             np.stack([l1 * cos, l1 * sin, q[:, 0] + q[:, 1]], axis=1),
             np.stack([-l1 * turn * sin, l1 * turn * cos, turn + v[:, 1]], axis=1),
@@ -144,7 +143,7 @@ class BelievedArm(BelievedModel):
 
 
 class BelievedWheel(BelievedModel):
-    """The rimless wheel on its slope; `payload_radius` in m along spoke 0 is where a payload would be."""
+    """The rimless wheel on its slope; a payload is `payload_radius` m along spoke 0."""
 
     name = "wheel"
     coordinates = ("x", "y", "theta")
@@ -155,7 +154,7 @@ class BelievedWheel(BelievedModel):
         self.names = FREE_BODY_PARAMETERS
         self.parameters = np.array([wheel.mass, 0.0, 0.0, wheel.inertia])
         self.gravity = wheel.g * np.array([np.sin(wheel.slope), -np.cos(wheel.slope)])
-        # without known external forces the mass is the scale of all the others
+        # without known external forces motion does not determine the mass: all others scale with it
         self.identified = ("I",)
         self.roller = (wheel.length, tuple(range(wheel.spokes)))
         self.payload = np.array([1.0, payload_radius, 0.0, payload_radius**2])

@@ -26,13 +26,11 @@ def criticise_recording(
     """Criticise the believed model of a recording.
 
     Args:
-        recording: measured motion.
         rng: splits the trials and draws null distributions.
-        effects: names of the candidates; None tries all of the mechanism.
-        settings: thresholds.
+        effects: names of the candidates; None: all of this mechanism.
 
     Raises:
-        UserError: there are too few trials, no window can be used, or an effect is unknown.
+        UserError: too few trials, no usable window, or an unknown effect.
     """
     h = recording.header
     candidates = _candidates(h.mechanism.kind, effects)
@@ -40,7 +38,7 @@ def criticise_recording(
 
 
 def believed_model(header: RecordingHeader) -> BelievedModel:
-    """The believed model of a recording's header."""
+    """Believed model of the arm or wheel that the header describes."""
     m, g = header.mechanism, header.gravity
     if isinstance(m, Arm):
         links = (m.link_lengths, m.link_masses, m.link_coms, m.link_inertias)
@@ -50,7 +48,7 @@ def believed_model(header: RecordingHeader) -> BelievedModel:
 
 
 def trials_of(recording: Recording) -> tuple[Trial, ...]:
-    """The trials of a recording in order of their numbers."""
+    """Trials in the order of their numbers."""
     h, m = recording.header, recording.header.mechanism
     trials = []
     for _, samples in recording.states.groupby("trial"):

@@ -1,21 +1,16 @@
 """Base inertial parameters and contact forces of a mechanism, without and with the effects that were found.
 
-The critique believes the inertial parameters.  Here they are identified together with the parameters p of the effects,
+The critique keeps the believed inertial parameters.  Here they are identified together with the effects' parameters p,
 
     min |z(Θ, p)|²,    ∂z/∂Θ = Σ_k N_k' h Y_b,k whitened,    ∂z/∂p = -U,
 
-over all windows; where the misfit is beyond noise, standard errors grow with it.  An effect that the model lacks hides
-in Θ̂, and comes out of it when it is added.  A payload is no force but a change of π, which nothing can tell from other
-changes of π: with it found, the parameters are the believed ones and m_p π_1, and nothing is fitted again.
+over all windows; Θ (r,) are base parameters.  Standard errors grow with a misfit beyond noise.  A missing effect biases
+Θ̂; adding it removes the bias.  A payload changes π itself and cannot be separated from other changes of π: if it is
+found, the parameters are the believed ones plus m_p π_1, without a further fit.
 
-Contact forces are those which the believed parameters, the known forces and Q leave to the contacts,
+Contact forces follow from the believed parameters, the known forces and Q,
 
     c = (J M⁻¹ J')⁺ J M⁻¹ (Y π − f − Q)
-
-| on paper | in code  | unit  | shape  | meaning                                         |
-|----------|----------|-------|--------|-------------------------------------------------|
-| Θ        | `value`  | kg... | (r,)   | base parameters, named as sums in `names`       |
-| c        | returned | N     | (n, p) | normal and tangential forces of the window steps|
 
 Source: thesis section 2.3.2, steps 1 and 3.
 """
@@ -30,12 +25,12 @@ from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.identify.base_parameters.combinations import BaseParameters, base_parameters
 from thesis_lib.simulate.stepping.stepping import Record
 
-IMPACT = 10.0  # times the median normal force of a pair: such steps are impacts and not counted
+IMPACT = 10.0  # times a pair's median normal force: steps above it are impacts and are skipped
 
 
 @dataclass(frozen=True)
 class Identified:
-    """Base parameters: `value` with standard errors `std` and what was `believed`, each (r,); `base` defines them."""
+    """Base parameters (r,): `value`, standard error `std`, and `believed`; `base` defines them."""
 
     base: BaseParameters
     columns: np.ndarray
@@ -54,15 +49,15 @@ class Identified:
 
 
 def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
-    """Base inertial parameters with the effects of `fitted` (none: without), which was fitted to `weak`.
+    """Base inertial parameters together with the effects of `fitted`, which was fitted to `weak`.
 
     Raises:
-        UserError: no parameter has any effect in these windows.
+        UserError: no parameter affects these windows.
     """
     model, m = weak.model, weak.motion
     Y = model.regressor(m.q, m.v, m.a)
     columns = np.array([model.names.index(name) for name in model.identified])
-    # what contact forces take up is not identified by the rest
+    # directions that contact forces absorb are not identified
     free = np.einsum("krv,kvj->krj", weak.basis, Y[:, :, columns])
     base = base_parameters(free, model.identified)
     believed = base.theta(model.parameters[columns])
@@ -70,13 +65,13 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
         step = base.theta(model.payload[columns])
         m_p, std = float(fitted.values[PAYLOAD.name][0]), float(fitted.std[PAYLOAD.name][0])
         return Identified(base, columns, believed + m_p * step, np.abs(step) * std, believed)
-    # together with the effects' parameters, whose columns U are -∂z/∂p, from what is believed and was found
+    # fitted jointly with the effects' parameters, whose columns are -U, from the believed and fitted values
     B = np.concatenate([weak.gathered(Y[:, :, columns[base.columns]]), -fitted.columns], axis=1)
     scale = np.linalg.norm(B, axis=0)
     B, r = B / scale, base.rank
     change = -np.linalg.lstsq(B, fitted.z, rcond=None)[0]
     rest = fitted.z + B @ change
-    # where the model fails, its scatter and not the noise says how far the estimate may be off
+    # a wrong model errs by its scatter, not by the noise
     scatter = max(1.0, float(np.sqrt(rest @ rest / max(len(rest) - len(change), 1))))
     std = scatter * np.sqrt(np.diag(np.linalg.inv(B.T @ B))) / scale
     return Identified(base, columns, believed + (change / scale)[:r], std[:r], believed)
@@ -88,12 +83,12 @@ def force_error(
     """Relative rms error of contact forces against those of the simulation.
 
     Args:
-        weak: window equations of exact states of `records`.
-        records: that were simulated, with their true contact forces.
-        fitted: effects; None for the believed model alone.
+        weak: window equations of the exact states of `records`.
+        records: simulated trials with true contact forces.
+        fitted: effects; None: the believed model alone.
 
     Returns:
-        Error over all contact steps but impacts, 1; estimated and true forces (n, 2, p), NaN where not counted.
+        Relative error over all contact steps except impacts; estimated and true forces (n, 2, p) in N, NaN if skipped.
     """
     force = total_force(weak, fitted.effects, fitted.values) if fitted else np.zeros_like(weak.f)
     estimate = np.stack(weak.contact_forces(force), axis=1)

@@ -1,21 +1,21 @@
-"""Does the critique of mechanisms find what is hidden?  Known effects, simulated, criticised and added.
+"""Study of the critique of mechanisms: hide known effects in simulations, criticise, and compare.
 
-For each mechanism, seed, hidden effect and signal-to-noise ratio: trials are planned with the believed mechanism, run
-on the true one, measured with noise and criticised without any knowledge of the truth.  `right` is
+For each mechanism, seed, hidden effect and signal-to-noise ratio, trials are planned with the believed mechanism,
+simulated with the true one, measured with noise, and criticised without knowledge of the truth.  `right` means
 
     nothing hidden          verdict adequate
-    an effect               found first, or in the group named with the first, of at most three
+    an effect               named first or in the first group, of at most three
     outside the library     verdict unexplained
 
 | table      | row                                      | columns                                                   |
 |------------|------------------------------------------|-----------------------------------------------------------|
-| effects    | dataset                                  | what was found, misfit, errors of forces and parameters   |
+| effects    | dataset                                  | named effects, misfit, errors of forces and parameters    |
 | parameters | parameter of the hidden effect, if found | truth, estimate, standard error                           |
 | summary    | mechanism, truth, noise                  | share that is right, Wilson interval, median errors       |
 | forces     | step and pair of one trial               | true force, and estimates without and with the effect     |
 
-Force errors are those on exact states of one trial, with effects as found from noisy ones and believed inertia.  Errors
-of Θ are root mean squares over the base parameters, relative.
+Force errors refer to exact states of one trial, with effects fitted to noisy states and believed inertia.  Errors of Θ
+are relative root mean squares over the base parameters.
 """
 
 from collections.abc import Callable
@@ -57,7 +57,7 @@ def candidates_of(kind: MechanismKind) -> tuple[MechanismEffect, ...]:
 
 
 def true_sizes(kind: MechanismKind, truth: str, sizes: HiddenSizes) -> dict[str, float]:
-    """Parameters of a hidden effect by the names that the critique gives them; empty where it has none."""
+    """True parameters of a hidden effect by the critique's names; empty for an effect outside the library."""
     return {
         "viscous_joint_friction": dict(zip(("b_1", "b_2"), sizes.viscous)),
         "coulomb_joint_friction": dict(zip(("f_1", "f_2"), sizes.coulomb)),
@@ -68,7 +68,7 @@ def true_sizes(kind: MechanismKind, truth: str, sizes: HiddenSizes) -> dict[str,
 
 
 def is_right(truth: str, critique: MechanismCritique) -> bool:
-    """Whether the critique says what is the case, as in the module's docstring."""
+    """Whether the critique is right; see the module's docstring."""
     if truth == "nothing":
         return critique.verdict == "adequate"
     if truth == OUTSIDE:
@@ -85,8 +85,8 @@ def hidden_effect_study(
     """Run the study.
 
     Returns:
-        Tables `effects`, `parameters`, `summary`, `forces` as in the module's docstring, and the critique of each
-        mechanism and truth, "arm/payload" and so on, in the first seed at the noise nearest 60 dB.
+        Tables `effects`, `parameters`, `summary`, `forces`, and critiques by "mechanism/truth" ("arm/payload"): the
+        first seed at the noise nearest 60 dB.
 
     Raises:
         UserError: the settings leave too few trials.
@@ -132,9 +132,9 @@ def hidden_effect_study(
 
 
 def exact_form(records: tuple[Record, ...], model: BelievedModel, settings: HiddenStudy) -> WeakForm:
-    """Window equations of the exact states of one trial, the last of the records, as good as any."""
+    """Window equations of the exact states of the last record."""
     windows = settings.critique.windows
-    # no draw is used: an infinite ratio adds no noise
+    # an infinite ratio adds no noise, so that this generator draws nothing
     return WeakForm(measured(records[-1:], np.inf, np.random.default_rng(0), windows), model, windows)
 
 
@@ -153,7 +153,7 @@ def _effects_row(
     after, with_it, _ = force_error(exact, records[-1:], critique.fitted)
     without = identify_parameters(critique.training, fit_effects(critique.training, ()))
     identified = identify_parameters(critique.training, critique.fitted)
-    # a payload changes the parameters themselves: what was wrong is what was believed
+    # a payload changes the parameters themselves: the error is that of the believed ones
     start = without.believed if PAYLOAD.name in critique.fitted.values else without.value
     goal = identified.of(true)
     row = {
@@ -195,7 +195,7 @@ def _parameter_rows(
 def force_rows(
     model: BelievedModel, weak: WeakForm, before: np.ndarray, after: np.ndarray, true: np.ndarray
 ) -> "pd.DataFrame":
-    """Forces of steps and pairs in contact: t, pair, component, true, without, with_effects."""
+    """Forces in N of steps and pairs in contact: t, pair, component, true, without, with_effects."""
     import pandas as pd
 
     rows = []
@@ -210,7 +210,7 @@ def force_rows(
 
 
 def summary_table(effects: "pd.DataFrame") -> "pd.DataFrame":
-    """Share of right answers of each mechanism, truth and noise with 95 % Wilson interval, and median errors."""
+    """Share of right answers by mechanism, truth and noise with 95 % Wilson interval, and median errors."""
     import pandas as pd
 
     rows = []

@@ -1,21 +1,20 @@
-"""Equations of motion over windows, free of contact forces, and whitened by the noise of the states.
+"""Equations of motion over windows, free of contact forces and whitened by the noise of the states.
 
-In step k the believed model leaves h (Y_k π − f_k − Q_k) = h J_k' c_k.  With N_k the directions that the active
-contacts leave free, J_k N_k = 0, contact forces drop out, and a window of steps of one set of contacts gives
+In step k the believed model leaves h (Y_k π − f_k − Q_k) = h J_k' c_k.  Let N_k span the directions that the active
+contacts leave free, J_k N_k = 0.  Contact forces then drop out, and a window of steps with the same contacts gives
 
-    r_w = Σ_k N_k' h (Y_k π − f_k − Q_k),        h Y_k π ∋ M_k (v_{k+1} − v_k),
+    r_w = Σ_k N_k' h (Y_k π − f_k − Q_k),        h Y_k π ∋ M_k (v_{k+1} − v_k).
 
-in which noisy velocities count at the window's ends only, not at each step over h.  N_k = [1; −J_D⁻¹ J_F] with
-coordinates F free and D dependent; D is chosen once a window, so that N varies smoothly within it.
+Noisy velocities enter only at the ends of the window, not divided by h at each step.  N_k = [1; −J_D⁻¹ J_F] with free
+coordinates F and dependent ones D; D is fixed within a window, so that N varies smoothly.  A contact counts as active
+if noise could hide it: projecting out an inactive one only costs information.
 
-A contact counts as active where noise could hide that it is: projecting out one that is not costs information only.
+The noise of the states is independent with known σ for each channel.  With G = ∂r/∂(q, v) by central differences,
 
-The states' noise is known, independent, of standard deviation σ a channel.  With G = ∂r/∂(q, v) by central differences,
+    S = G diag(σ²) G',      S = L L',      z = L⁻¹ r      one S per trial,
 
-    S = G diag(σ²) G',      S = L L',      z = L⁻¹ r      one S a trial,
-
-is unit noise to first order where the model is right.  Windows without free directions (the wheel on two spokes), near
-a singular pose or shorter than `min_window` are left out and counted.
+z is unit noise to first order if the model is right.  Windows without free directions (the wheel on two spokes), near a
+singular pose, or shorter than `min_window` are left out and counted.
 
 | on paper | in code   | unit   | shape      | meaning                                          |
 |----------|-----------|--------|------------|--------------------------------------------------|
@@ -44,12 +43,12 @@ from thesis_lib.simulate.stepping.multibody import ContactGeometry
 from thesis_lib.simulate.stepping.stepping import Record
 
 NUDGE = 1e-5  # m, rad and per s: central differences of smooth functions of order one
-SINGULAR = 0.02  # smallest |det J_D| over its largest in a window: below it N is noise
+SINGULAR = 0.02  # least |det J_D| in a window: below it N amplifies noise
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Measured motion of one trial: q, v (m+1, nv), f_ext (m, nv), and the noise `sigma` (2, nv) of q and v."""
+    """Measured motion: q, v (m+1, nv), f_ext (m, nv), and the noise `sigma` (2, nv) of q and v."""
 
     h: float
     q: np.ndarray
@@ -61,7 +60,7 @@ class Trial:
 def measured(
     records: Sequence[Record], snr_db: float, rng: np.random.Generator, settings: WindowSettings
 ) -> tuple[Trial, ...]:
-    """Trials as a sensor of the given signal-to-noise ratio reports them; infinite: exact states."""
+    """Trials as measured at this signal-to-noise ratio; infinite: exact states."""
     trials = []
     for record in records:
         noisy = add_noise(record, snr_db, rng)
@@ -83,17 +82,17 @@ class _Window:
 
 
 class WeakForm:
-    """Windowed equations of trials under a believed model.
+    """Window equations of trials under a believed model.
 
     Attributes:
-        motion: (n, ...) all steps that lie in a window, with contact forces of the believed model alone.
-        f: (n, nv) known forces of these steps; step, step_trial: (n,) their numbers and trials.
+        motion: (n, ...) all steps in a window, with contact forces of the believed model alone.
+        f: (n, nv) known forces in N, N m; step, step_trial: (n,) numbers of step and trial.
         starts: (windows,) first step of each window; active_pairs: its contact pairs.
-        trial: (N,) trial of each row of z; window: (N,) number of its window; coordinate: (N,) its free coordinate.
+        trial, window, coordinate: (N,) trial, window and free coordinate of each row of z.
         left_out: steps in no window, by reason; steps, trials: numbers of all.
 
     Raises:
-        UserError: no window is left, or a state is not finite.
+        UserError: no usable window, or a state that is not finite.
     """
 
     def __init__(self, trials: Sequence[Trial], model: BelievedModel, settings: WindowSettings) -> None:
@@ -136,10 +135,10 @@ class WeakForm:
         contacts = self.model.contacts(q)
         spread = np.sqrt(np.einsum("kpv,v->kp", contacts.J_n**2, t.sigma[0] ** 2))
         closing = np.minimum(0.0, self.h * np.einsum("kpv,kv->kp", contacts.J_n, v))
-        # one step of free fall beyond what the speed says, and noise
+        # margin: noise, and one step of free fall
         reach = settings.gap_sigmas * spread + np.linalg.norm(self.model.gravity) * self.h**2
         active = contacts.phi + closing <= reach
-        # and a step before, because a driven arm closes a gap faster than gravity
+        # the step before counts too: a driven arm closes a gap faster than gravity
         active[:-1] |= active[1:]
         cuts = (np.flatnonzero((active[1:] != active[:-1]).any(axis=1)) + 1).tolist()
         windows = []
@@ -160,7 +159,7 @@ class WeakForm:
         return windows
 
     def _group(self, windows: list[_Window]) -> None:
-        """Steps of one set of contacts and dependent coordinates together: their algebra is one batch."""
+        """Group steps with the same contacts and dependent coordinates, to batch their algebra."""
         nv = len(self.model.coordinates)
         groups: dict[tuple, list[np.ndarray]] = {}
         at, rows, starts = 0, [], []
@@ -190,7 +189,7 @@ class WeakForm:
         return out
 
     def _constraints(self, q: np.ndarray) -> None:
-        """(J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which gives contact forces from what they must add up to."""
+        """Set (J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which maps the residual force to contact forces."""
         contacts = self.model.contacts(q)
         on = np.zeros(contacts.phi.shape, dtype=bool)
         for (active, _), at in self._groups.items():
@@ -200,7 +199,7 @@ class WeakForm:
         self._to_contact = np.linalg.pinv(JM @ np.swapaxes(J, 1, 2), hermitian=True) @ JM
 
     def contact_forces(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """c_n, c_t (n, p) in N that the motion needs when `force` (n, nv) acts besides the believed model."""
+        """c_n, c_t (n, p) in N that the motion requires if `force` (n, nv) acts besides the believed model."""
         m = self.motion
         rest = self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force
         c = np.einsum("kcv,kv->kc", self._to_contact, rest)
@@ -208,11 +207,11 @@ class WeakForm:
         return c[:, :p], c[:, p:]
 
     def with_normals(self, force: np.ndarray) -> Motion:
-        """The motion with the normal forces that it needs when `force` (n, nv) acts, too."""
+        """The motion with the normal forces that it requires if `force` (n, nv) also acts."""
         return replace(self.motion, c_n=self.contact_forces(force)[0])
 
     def gathered(self, force: np.ndarray) -> np.ndarray:
-        """Σ_k N_k' h force_k over each window, whitened: (N,) of (n, nv), or (N, j) of (n, nv, j)."""
+        """Σ_k N_k' h force_k over each window, whitened: (n, nv) to (N,), or (n, nv, j) to (N, j)."""
         step = np.einsum("krv,kv...->kr...", self.basis, self.h * force)
         rows = np.add.reduceat(step, self.starts, axis=0)[self.window, self._slot]
         out = np.empty_like(rows)
@@ -221,7 +220,7 @@ class WeakForm:
         return out
 
     def residual(self, force: np.ndarray) -> np.ndarray:
-        """z (N,) where the effects' force (n, nv) acts besides the believed model."""
+        """z (N,) if `force` (n, nv) of the effects acts besides the believed model."""
         m = self.motion
         return self.gathered(self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force)
 
@@ -255,18 +254,18 @@ class WeakForm:
                 G[1, row, k] += slopes[1, at, slot]
                 G[1, row, k + 1] += slopes[2, at, slot]
             S = np.einsum("crkv,cv,cskv->rs", G, t.sigma**2, G, optimize=True)
-            # a channel without noise may leave a row without any; its scale keeps the factor defined
+            # rows may have no noise at all: a small diagonal keeps the factor defined
             S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
             self._factors.append((where, np.linalg.cholesky(S)))
 
 
 def _jacobians(contacts: ContactGeometry, pairs: tuple[int, ...]) -> np.ndarray:
-    """Normal and tangential rows (n, 2 p, nv) of the given contact pairs."""
+    """Normal and tangential rows (n, 2 p, nv) of `pairs`."""
     return np.concatenate([contacts.J_n[:, list(pairs)], contacts.J_t[:, list(pairs)]], axis=1)
 
 
 def _dependent(J: np.ndarray) -> tuple[tuple[int, ...], str]:
-    """Coordinates that the constraints J (k, c, nv) of a window determine, and why it cannot be used, or ''."""
+    """Coordinates that the constraints J (k, c, nv) of a window determine, and why it is unusable, or ''."""
     c, nv = J.shape[1:]
     if c == 0:
         return (), ""

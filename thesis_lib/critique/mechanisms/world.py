@@ -1,7 +1,7 @@
-"""The equations of motion of a mechanism as a world for the search: one base, forces as candidates, windows as data.
+"""A mechanism's equations of motion as a world for the search: one base, forces as candidates, windows as data.
 
-The log score is that of unit noise, −|z|²/2 + const.  Fits are linear but for gravity's direction, so that each fold's
-parameters follow to first order from those of all trials, and refits gain what the score test says.
+The log score is that of unit noise, −|z|²/2 + const.  Fits are linear except in the direction of gravity.  So the
+parameters of each fold follow to first order from the full fit, and refits gain what the score test predicts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from thesis_lib.statistics.bootstrap import central_95, draw_counts
 
 @dataclass(frozen=True)
 class ForceJudgement:
-    """Whitened residuals z (N,) of the windows `weak`, by a model fitted to other windows."""
+    """Whitened residuals z (N,) of the windows `weak` under a model fitted to other windows."""
 
     z: np.ndarray
     weak: WeakForm
@@ -40,7 +40,7 @@ class ForceJudgement:
         return float(-0.5 * (self.z @ self.z))
 
     def by_trial(self, trials: np.ndarray) -> np.ndarray:
-        """Log score of each of `trials`, nats."""
+        """Log score in nats of each of `trials`."""
         return -0.5 * np.bincount(self.weak.trial, self.z**2, minlength=trials[-1] + 1)[trials]
 
     @property
@@ -49,7 +49,7 @@ class ForceJudgement:
         return float(np.sqrt(np.mean(self.z**2)))
 
     def misfit_interval(self, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-        """Misfit with its 95 % interval from the bootstrap over trials."""
+        """Misfit with its 95 % interval, from the bootstrap over trials."""
         trials = self.trials
         squares = np.bincount(self.weak.trial, self.z**2)[trials]
         rows = np.bincount(self.weak.trial)[trials]
@@ -58,7 +58,7 @@ class ForceJudgement:
 
 
 class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
-    """Window equations of some trials, and the forces that may be missing from them."""
+    """Window equations of trials, and the forces that they may lack."""
 
     unit = "window"
     bases = (BASE,)
@@ -108,5 +108,5 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
 
 
 def applied(weak: WeakForm, fitted: ForceFit) -> np.ndarray:
-    """z (N,) of any trials with effects as fitted."""
+    """z (N,) of `weak` with the effects as fitted."""
     return weak.residual(total_force(weak, fitted.effects, fitted.values))
