@@ -1,14 +1,9 @@
-"""Which blocks of a tower are movable: the hidden truth that the robot has to infer.
+"""Which blocks of a tower are movable: the hidden label that the robot has to infer.
 
-A block is pushed straight at its centre by a few mm on a tower restored for each block.  It is movable if it goes
-along (x ≥ share · advance) and leaves the tower alone (no other block moves by more than the threshold Δ).  A
-compliant finger needs the first condition: a bottom block that does not move at all moves no other block either.
-The threshold is fixed on the development towers 0 to 4 so that 47 % of their reachable blocks are movable (thesis,
-section 5.4.4), and then left alone.
-
-| paper | code | unit |
-|---|---|---|
-| – | `force` (peak), `moved`, `others` | N, mm, mm |
+Each block is pushed straight at its centre by a few mm; the tower is restored after each push.  A block is movable if
+it follows the finger (x ≥ share · advance) and no other block moves by more than the threshold Δ.  The first condition
+is needed because the finger is compliant: a bottom block that stays put moves no other block either.  The threshold
+was fixed on development towers 0 to 4, where 47 % of the reachable blocks are then movable (thesis, section 5.4.4).
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,14 +22,14 @@ X, F_N, TOWER = (STATE.index(name) for name in ("x", "f_n", "tower"))
 
 
 def silent_robot(tower: Tower) -> Robot:
-    """A robot whose readings no one uses."""
+    """A robot for pushes whose readings are not used."""
     return Robot(tower, Sensor(SensingSettings(), np.random.default_rng(0)))
 
 
 def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, float]:
-    """Peak force (N), displacement of the block and the largest of any other (mm) in a straight centred push.
+    """Peak force (N) of a straight centred push, displacement (mm) of the block and the largest of any other block.
 
-    The tower is as before afterwards.  Errors as in `Robot.start`.
+    The tower is restored afterwards.  Errors as in `Robot.start`.
     """
     before = tower.save()
     robot = silent_robot(tower)
@@ -49,13 +44,13 @@ def trial_push(tower: Tower, block: int, steps: int) -> tuple[float, float, floa
 
 
 def is_movable(moved: np.ndarray, others: np.ndarray, settings: MovableSettings) -> np.ndarray:
-    """Whether blocks that moved so far while others moved so far (mm) count as movable."""
+    """Whether blocks count as movable, from their displacement and the largest of any other block, (n,), mm."""
     enough = settings.follows * settings.steps
     return (np.asarray(moved) >= enough) & (np.asarray(others) <= 1e3 * settings.threshold)
 
 
 def hidden_label(tower: Tower, block: int, settings: MovableSettings) -> int:
-    """`FREE` or `STUCK`, by a trial push of which nothing remains."""
+    """`FREE` or `STUCK`, by a trial push; the tower is restored."""
     _, moved, others = trial_push(tower, block, settings.steps)
     return FREE if is_movable(moved, others, settings) else STUCK
 
@@ -74,20 +69,20 @@ def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(
 
 
 def fractions(table: pd.DataFrame, settings: MovableSettings, thresholds: Sequence[float]) -> pd.DataFrame:
-    """Share of movable blocks of each tower of a `scan` against the threshold (mm): tower, threshold, movable."""
+    """Share of movable blocks for each tower of a `scan` and threshold (mm): tower, threshold, movable."""
     rows = []
     for threshold in thresholds:
-        chosen = settings.model_copy(update={"threshold": 1e-3 * threshold})
-        movable = is_movable(table["moved"], table["others"], chosen)
+        varied = settings.model_copy(update={"threshold": 1e-3 * threshold})
+        movable = is_movable(table["moved"], table["others"], varied)
         share = pd.Series(movable).groupby(table["tower"].to_numpy()).mean()
         rows += [(seed, threshold, value) for seed, value in share.items()]
     return pd.DataFrame(rows, columns=["tower", "threshold", "movable"])
 
 
 def try_to_extract(tower: Tower, block: int) -> tuple[bool, str]:
-    """Whether a straight centred push to the goal and the gripper get a block out without damage; else why not.
+    """Whether a straight centred push and the gripper extract a block without damage, and the reason if not.
 
-    The tower is as before afterwards.
+    The tower is restored afterwards.
     """
     before, start = tower.save(), tower.poses()
     robot, gripper = silent_robot(tower), Gripper(tower)
@@ -115,7 +110,7 @@ def try_to_extract(tower: Tower, block: int) -> tuple[bool, str]:
 
 
 def agreement(tower: Tower, table: pd.DataFrame) -> pd.DataFrame:
-    """`table` (of `scan`) with what a real extraction of each block gives: extracted, reason."""
+    """A `scan` table with the result of a real extraction of each block: extracted, reason."""
     results = [try_to_extract(tower, int(block)) for block in table["block"]]
     return table.assign(
         extracted=[int(done) for done, _ in results], reason=[reason for _, reason in results]

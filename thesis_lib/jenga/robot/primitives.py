@@ -1,14 +1,14 @@
 """Extract and place: a parallel-jaw gripper pulls a block out of the tower and puts it on top.
 
-Two jaws of limited force close on the long sides of the end that stands out and hold it by friction.  The hand then
-pulls along the block until its other end has left the tower.  Travelling is not simulated, nothing is touched on the
-way: hand and block are put together above a random free place of the top layer (a new layer where it is full), and the
-jaws open.  The jaws are thin: they touch the block that they hold and nothing else.
+Two jaws of limited force close on the long sides of the protruding end and hold it by friction.  The hand pulls along
+the block until its other end has left the tower.  The transfer is not simulated because it touches nothing: hand and
+block are set down above a random free place of the top layer (a new layer if it is full), and the jaws open.  The jaws
+are thin and touch only the block that they hold.
 
-What counts (thesis, section 5.5.3): damage is another block displaced by more than 10 mm or turned by more than 15
-degrees by the primitive; a run ends when a block has fallen, on or off the tower.
+Damage (thesis, section 5.5.3): the primitive displaces another block by more than 10 mm or turns it by more than 15
+degrees.  A run ends when a block has fallen, on or off the tower.
 
-With `weld` (for comparison only) hand and block are fixed to each other instead of held by friction.
+With `weld`, for comparison only, hand and block are rigidly joined instead of held by friction.
 """
 
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ from thesis_lib.jenga.tower.tower import PER_LAYER, Tower
 from thesis_lib.jenga.tower.tower_model import BLOCKS, OPEN, PARKED
 
 GRASP = 10e-3  # m from the end of the block to the middle of the pads
-SQUEEZE = -4e-3  # m past the block's side that the jaws are sent to: more than their force limit lets them go
+SQUEEZE = -4e-3  # m past the block's side, commanded to the jaws: the force limit stops them before
 CLOSING, OPENING, RESTING = 0.1, 0.1, 0.4  # s
-BEYOND = 5e-3  # m that the block is pulled further than its own length
+BEYOND = 5e-3  # m that the block is pulled beyond its length
 SLIPPED = 10e-3  # m that a block may move in the jaws before it counts as lost
-JAW = 16  # the bit of contype and conaffinity that is the jaws' own
+JAW = 16  # the jaws' bit of contype and conaffinity
 HAND = ("hand_x", "hand_y", "hand_z", "hand_turn")
 JAWS = ("jaw_left", "jaw_right")
 LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
@@ -34,7 +34,7 @@ LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
 
 @dataclass(frozen=True)
 class PrimitiveOutcome:
-    """How a primitive ended: success, why not, largest displacement (m) and rotation (rad) of any other block."""
+    """Success, reason of failure, and largest displacement (m) and rotation (rad) of any other block."""
 
     success: bool
     reason: str
@@ -44,7 +44,7 @@ class PrimitiveOutcome:
 
 
 class Gripper:
-    """Extracts blocks from a tower and places them on top; one block at a time."""
+    """Extracts blocks from a tower and places them on top, one at a time."""
 
     def __init__(self, tower: Tower):
         self.tower, self.settings = tower, tower.robot_settings
@@ -58,10 +58,10 @@ class Gripper:
         self.held: int | None = None
 
     def extract(self, block: int) -> PrimitiveOutcome:
-        """Grasp a block that stands out and pull it from the tower; it is held afterwards if that succeeded.
+        """Grasp a block and pull it out of the tower; after success it is held.
 
         Raises:
-            UserError: it does not stand out far enough to be grasped, or is not a body of its own.
+            UserError: the block does not protrude far enough to be grasped, or is not a body of its own.
             TowerError: the simulation broke down.
         """
         tower, (u, _) = self.tower, push_axes(block)
@@ -81,7 +81,7 @@ class Gripper:
             reason = LOST
         else:
             reason = self._damage(block, before)
-        # a block that hangs askew in the jaws is not one that fell; all others are judged
+        # a held block may hang askew: that is no fall
         ends = tower.toppled(block) or (reason == LOST and tower.dropped(block))
         outcome = PrimitiveOutcome(reason == "", reason, *tower.perturbation(block, before), ends)
         if reason == LOST:
@@ -89,7 +89,7 @@ class Gripper:
         return outcome
 
     def place(self, rng: np.random.Generator) -> PrimitiveOutcome:
-        """Put the held block on a random free place of the top layer; errors as in `extract`."""
+        """Put the held block on a random free place of the top layer.  Errors as in `extract`."""
         if self.held is None:
             raise UserError("no block is held: extract one before placing it.")
         tower, block = self.tower, self.held
@@ -116,7 +116,7 @@ class Gripper:
         )
 
     def forget(self) -> None:
-        """Let go of what is held, wherever it is: before the tower is restored to an earlier state."""
+        """Release the held block where it is, before the tower is restored to an earlier state."""
         if self.held is not None:
             self._let_go()
 
@@ -161,7 +161,7 @@ class Gripper:
     def _pull(self, way: np.ndarray, seconds: float) -> None:
         drives = [self._drive[name] for name in HAND[:3]]
         start = self.tower.data.ctrl[drives].copy()
-        # with a run-in of a tenth the hand does not jerk
+        # a cubic ramp starts and stops without a jerk
         steps = round(seconds / self.tower.settings.timestep)
         for step in range(steps):
             share = (step + 1) / steps
@@ -170,7 +170,7 @@ class Gripper:
         self.tower.simulate(CLOSING)
 
     def _in_hand(self) -> np.ndarray:
-        """Place of the held block in the hand's frame, m."""
+        """Position of the held block in the hand's frame, (3,), m."""
         data = self.tower.data
         return data.xmat[self._body].reshape(3, 3).T @ (
             self.tower.position(self.held) - data.xpos[self._body]
@@ -188,7 +188,7 @@ class Gripper:
         return "tower damaged" if self.settings.is_damage(*self.tower.perturbation(block, before)) else ""
 
     def _target(self, block: int, layer: int, place: int) -> np.ndarray:
-        """x, y, z and turn of a block just above its place, from where the layer below it lies."""
+        """x, y, z (m) and turn (rad) of a block just above its place, (4,), from the poses of the layer below."""
         tower = self.tower
         below = [other for other in range(BLOCKS) if tower.layer[other] == layer - 1]
         centre = np.mean([tower.position(other) for other in below], axis=0)
@@ -204,7 +204,7 @@ class Gripper:
         return np.array([*(centre[:2] + across), top + hanging + self.settings.release_height, turn])
 
     def _carry(self, pose: np.ndarray) -> None:
-        """Put block and hand together at `pose`, at rest; the grasp stays as it is."""
+        """Move block and hand together to `pose`, at rest, with an unchanged grasp."""
         tower, model, data = self.tower, self.tower.model, self.tower.data
         here, matrix = tower.position(self.held), tower.matrix(self.held)
         turned = pose[3] - np.arctan2(matrix[1, 0], matrix[0, 0])
@@ -214,7 +214,7 @@ class Gripper:
         )
         moved = [
             float(data.ctrl[self._drive[name]] - data.qpos[model.joint(name).qposadr[0]]) for name in HAND
-        ]  # the drives' springs stay as stretched as they are
+        ]  # keep the stretch of the drives' springs
         hand = np.array([data.qpos[model.joint(name).qposadr[0]] for name in HAND])
         hand = np.append(rotate @ (hand[:3] - here) + pose[:3], hand[3] + turned)
         for name, value, stretch in zip(HAND, hand, moved):
@@ -241,7 +241,7 @@ class Gripper:
 
 
 def free_places(tower: Tower, held: int) -> tuple[int, np.ndarray]:
-    """Number of the layer that is being filled, and its free places; a full one opens the next."""
+    """The layer being filled and its free places; if it is full, the next layer."""
     others = np.arange(BLOCKS) != held
     layer = int(tower.layer[others].max())
     taken = tower.place[others & (tower.layer == layer)]

@@ -1,10 +1,10 @@
-"""The reduced tower: a declared fast variant in which only three layers can move within themselves.
+"""The reduced tower: a fast variant in which only three layers can deform.
 
-For a push of a block in layer l: layers below l − 1 are fixed, layers l − 1 to l + 1 are free, and all above them is
-one rigid body of the same mass on its own feet.  Forces agree with the full tower; displacements of the tower less so,
-because the upper layers cannot shear.  It serves collection and look-ahead, not the count of extractions.
+For a push of a block in layer l, layers below l − 1 are fixed, layers l − 1 to l + 1 are free, and all layers above
+form one rigid body of the same mass on its own feet.  Forces agree with the full tower.  Displacements of the tower
+agree less well because the upper layers cannot shear.  Collection and look-ahead may use it, counts of extractions not.
 
-Each push starts from the same settled full tower; what it does to the reduced one is not written back.
+Each push starts from the same settled full tower, which it leaves unchanged.
 """
 
 from collections.abc import Iterable
@@ -16,11 +16,11 @@ from thesis_lib.jenga.robot.movable import is_movable, trial_push
 from thesis_lib.jenga.tower.settings import MovableSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, Tower
 
-SHAKEN = 25  # time steps in which the contacts' forces are found again
+SHAKEN = 25  # time steps until the contact forces are re-established
 
 
 def reduce(tower: Tower, block: int) -> Tower:
-    """The reduced tower for a push of `block`, as the full one stands now; it falls and is judged like that one.
+    """The reduced tower for a push of `block` on the present full tower, with the full tower's reference for falls.
 
     Raises:
         TowerError: the simulation broke down.
@@ -44,7 +44,7 @@ def reduce(tower: Tower, block: int) -> Tower:
 
 
 def compare(tower: Tower, blocks: Iterable[int], settings: MovableSettings) -> pd.DataFrame:
-    """The same trial push on both: block, then force (N), moved, others (mm) and movable, each _full and _reduced."""
+    """A trial push on both towers: block, then force (N), moved, others (mm), movable, each _full and _reduced."""
     rows = []
     for block in blocks:
         row = {"tower": tower.seed, "block": int(block)}
@@ -62,7 +62,7 @@ def compare(tower: Tower, blocks: Iterable[int], settings: MovableSettings) -> p
 
 
 def faithfulness(table: pd.DataFrame) -> dict[str, float]:
-    """Of `compare`: correlation and RMSE (N) of peak force, correlation of the tower's displacement, equal labels."""
+    """Of a `compare` table: correlation and RMSE (N) of peak force, correlation of `others`, share of equal labels."""
     force, reduced = table["force_full"], table["force_reduced"]
     return {
         "force_correlation": float(np.corrcoef(force, reduced)[0, 1]),

@@ -1,20 +1,14 @@
-"""The point pusher: approach a block, push it by 1 mm at a time, lift and touch elsewhere, retract.
+"""The point pusher: approach a block, push it in steps of 1 mm, lift and touch elsewhere, retract.
 
-The finger is a sphere on a spring (stiffness k) at the end of an arm whose place is known exactly, so a block that does
-not move makes the force climb by k · 1 mm a step until the arm's force limit.  Frame of a push: u along the layer's
-long axis, v = z × u.  An action is a contact location on the end face and a heading: the arm advances by
-1 mm (cos φ u + sin φ v).  Where the wanted contact location differs from the present one the finger lifts, moves and
-presses again to the same deflection BEFORE the state s_t is read: no model could predict the force across a re-contact.
+The finger is a sphere on a spring (stiffness k) at the end of an arm whose position is known exactly.  Against a block
+that does not move, the force climbs by k · 1 mm per step up to the arm's force limit.  Frame of a push: u along the
+layer's long axis, v = z × u.  An action is a contact location on the end face and a heading φ: the arm advances by
+1 mm (cos φ u + sin φ v).  To change the contact location the finger lifts, moves and presses again to the same
+deflection BEFORE the state s_t is read: no model could predict the force across a re-contact.
 
-The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is called for beyond 3/4
+The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is required beyond 3/4
 (56 mm).  Here the gripper takes over at `goal` = 33 mm: at 45 mm the centre of mass lies beyond the support (37.5 mm)
 and only the layer above would hold the block.
-
-| paper | code | unit | shape |
-|---|---|---|---|
-| s_t (true) | `Robot.state` | mm, N (`samples.STATE`) | (7,) |
-| z_t | `Robot.observe` | mm, N | (7,) |
-| a_t | `offset`, `heading` | m, rad | scalars |
 """
 
 import mujoco
@@ -26,22 +20,22 @@ from thesis_lib.jenga.robot.sensing import MM, Sensor
 from thesis_lib.jenga.tower.tower import PER_LAYER, REACHABLE, Tower
 from thesis_lib.jenga.tower.tower_model import PARKED
 
-GAP = 1e-3  # m before the face at which an approach starts
-APPROACH = 0.2e-3  # m that the arm moves before it asks whether it touches
+GAP = 1e-3  # m from the face at which an approach starts
+APPROACH = 0.2e-3  # m that the arm moves between checks for contact
 LIFT_TIME = 0.03  # s of each of the three moves of a re-contact
 
 
 def push_axes(block: int) -> tuple[np.ndarray, np.ndarray]:
-    """Directions along (u) and across (v) a push of a block that lies where it was built, (3,) each."""
+    """Unit vectors u along and v across a push of a block in its original place, (3,) each."""
     along = np.array([1.0, 0.0, 0.0]) if (block // PER_LAYER) % 2 == 0 else np.array([0.0, 1.0, 0.0])
     return along, np.cross([0.0, 0.0, 1.0], along)
 
 
 class Robot:
-    """Pushes blocks of one tower and says what it feels and sees.
+    """Pushes blocks of one tower and reads the sensors.
 
-    After `start(block)`: `touch(offset)`, `push(heading)` as often as wanted, then `retract()`.  Lengths in m here,
-    in mm in `state` and `observe`.
+    After `start(block)`: `touch(offset)` and `push(heading)` any number of times, then `retract()`.  Arguments are in
+    m; `state` and `observe` are in mm.
     """
 
     def __init__(self, tower: Tower, sensor: Sensor):
@@ -56,7 +50,7 @@ class Robot:
     # -- primitives ---------------------------------------------------------------------------------------------------
 
     def start(self, block: int, offset: float = 0.0) -> np.ndarray:
-        """Put the finger before a block's end face and touch it; the first reading, (7,).
+        """Bring the finger to a block's end face and touch it; the first reading, (7,).
 
         Raises:
             UserError: the block cannot be reached.
@@ -84,16 +78,16 @@ class Robot:
         return self._look()
 
     def touch(self, offset: float) -> np.ndarray:
-        """Make contact at `offset` (m, across the face from its centre) pressed as before; the reading, (7,).
+        """Make contact at `offset` (m, across the face from its centre) with the same deflection; the reading, (7,).
 
-        Nothing moves where the contact is there already, within `recontact`; the last reading is then still right.
+        Within `recontact` of the present contact nothing moves, and the last reading is returned.
         """
         tip = self.tower.data.geom_xpos[self._tip]
         here = self.tower.matrix(self.block).T @ (tip - self.tower.position(self.block))
         if abs(here[1] - offset) <= self.settings.recontact:
             return self._seen
         pressed = max(self.force @ self.u, 0.0) / self.settings.stiffness
-        # before lifting: a block that springs back is pressed to where it was
+        # found before lifting: a block that springs back is pressed to where it was
         wanted = self._tip_place(offset)
         self._move(self.arm - (pressed + self.settings.clearance) * self.u, LIFT_TIME)
         self._move(wanted - self.settings.clearance * self.u, LIFT_TIME)
@@ -101,7 +95,7 @@ class Robot:
         return self._look()
 
     def push(self, heading: float) -> np.ndarray:
-        """Advance by 1 mm with this heading (rad, 0 along the block); the reading after it, (7,)."""
+        """Advance by 1 mm with this heading (rad, 0 along the block); the reading afterwards, (7,)."""
         self.steps += 1
         self._move(
             self.arm + self.settings.step * (np.cos(heading) * self.u + np.sin(heading) * self.v),
@@ -110,12 +104,12 @@ class Robot:
         return self._look()
 
     def push_step(self, offset: float, heading: float) -> tuple[np.ndarray, np.ndarray]:
-        """Contact at `offset`, then 1 mm: the readings before (after re-contact) and after the advance, (7,) each."""
+        """Contact at `offset` (m), then 1 mm; readings after re-contact and after the advance, (7,) each."""
         before = self.touch(offset)
         return before, self.push(heading)
 
     def retract(self) -> None:
-        """Take the finger off the block and out of the way."""
+        """Lift the finger off the block and park it."""
         pressed = max(self.force @ self.u, 0.0) / self.settings.stiffness
         self._move(self.arm - (pressed + self.settings.clearance) * self.u, 2 * LIFT_TIME)
         for axis, value in zip("xyz", PARKED):
@@ -131,11 +125,11 @@ class Robot:
         return float((self.arm - self.first_contact) @ self.u)
 
     def at_end(self) -> bool:
-        """Whether the longest push is over: 45 steps, also where contact was made anew further back."""
+        """Whether the longest push is over: 45 steps, even if re-contacts moved the finger back."""
         return self.steps * self.settings.step >= self.settings.longest_push - 0.5 * self.settings.step
 
     def state(self) -> np.ndarray:
-        """The true state, (7,), mm and N; see `samples.STATE`.  Displacements are since the push began."""
+        """The true state s_t, (7,), mm and N; see `samples.STATE`.  Displacements are since the push began."""
         moved = self.tower.position(self.block) - self.start_position
         yaw = self._yaw() - self.start_yaw
         tower, _ = self.tower.perturbation(self.block, since=self.start_poses)
@@ -152,15 +146,15 @@ class Robot:
         )
 
     def observe(self) -> np.ndarray:
-        """The last reading, (7,), mm and N."""
+        """The last reading z_t, (7,), mm and N."""
         return self._seen
 
     def context(self) -> np.ndarray:
-        """`Tower.context` of the block that is pushed, (2,)."""
+        """`Tower.context` of the pushed block, (2,)."""
         return self.tower.context(self.block)
 
     def out(self, block: int) -> float:
-        """How far a block stands out of where it belongs, m, along its push."""
+        """Displacement of a block out of its place along its push, m."""
         return float((self.tower.position(block) - self.tower.reference[block, :3]) @ push_axes(block)[0])
 
     def reached_goal(self) -> bool:
@@ -178,13 +172,13 @@ class Robot:
         return float(np.arctan2(along @ self.v, along @ self.u))
 
     def _tip_place(self, offset: float) -> np.ndarray:
-        """Centre of the tip when it touches the end face at `offset`, (3,), m."""
+        """Centre of the tip in contact with the end face at `offset`, (3,), m."""
         matrix, length = self.tower.matrix(self.block), self.tower.sizes[self.block, 0]
         face = self.tower.position(self.block) + matrix @ np.array([-length / 2.0, offset, 0.0])
         return face - self.settings.tip_radius * matrix[:, 0]
 
     def _move(self, goal: np.ndarray, seconds: float) -> None:
-        """Take the arm to `goal` evenly, hold it there, and average the force on the block meanwhile (on geom 2)."""
+        """Move the arm evenly to `goal` (3,), m, hold it there, and average the contact force meanwhile."""
         steps = max(round(seconds / self.tower.settings.timestep), self.settings.averaged + 1)
         ramp, start, total = steps - self.settings.averaged, self.arm, np.zeros(3)
         for step in range(steps):

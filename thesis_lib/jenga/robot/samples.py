@@ -1,15 +1,8 @@
-"""Samples of pushes: what the robot saw before and after each advance of 1 mm (the data that every learner shares).
+"""Samples of pushes: the robot's readings before and after each advance of 1 mm, common to all learners.
 
-A sample is the tuple (z_t, z_{t+1}, a_t) of the thesis (section 5.4.3); a push is a sequence of samples of one block.
-State and next state are what the sensors said, noise included.  Learners work in mm and N; an angle is made a length
-with the block's radius of gyration, as in the thesis: yaw · r_g, r_g = 23 mm.
-
-| paper | code | unit | shape |
-|---|---|---|---|
-| z_t | `state` | mm, N (`STATE`) | (n, 7) |
-| z_{t+1} | `next_state` | mm, N (`STATE`) | (n, 7) |
-| a_t | `action` | mm, rad (`ACTION`) | (n, 2) |
-| – | `context` | 1 (`CONTEXT`) | (n, 2) |
+A sample is the tuple (z_t, z_{t+1}, a_t) = (`state`, `next_state`, `action`) of the thesis (section 5.4.3); a push is a
+sequence of samples of one block. State and next state are sensor readings, noise included.  Learners work in mm and N.
+Angles become lengths through the block's radius of gyration, as in the thesis: yaw · r_g, r_g = 23 mm.
 
 `truth` is the hidden label of the push: for evaluation only, never for learning.
 Source: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123.
@@ -30,9 +23,9 @@ ACTION = ("offset", "heading")
 CONTEXT = ("layer", "side")
 FREE, STUCK, UNKNOWN = 0, 1, -1
 
-# Outside these a block has left the tower or the tower has left the robot: nothing that a push of 45 mm can give.
+# Beyond what a push of 45 mm can give: the block has left the tower, or the tower has fallen.
 RANGE = {
-    "x": (-6.0, 60.0),  # mm: 45 pushed at most; a block's own slide and the camera's noise come on top
+    "x": (-6.0, 60.0),  # mm: at most 45 pushed, plus sliding of the block and camera noise
     "y": (-25.0, 25.0),  # mm: one width sideways
     "yaw": (-25.0, 25.0),  # mm: 62 degrees
     "f_n": (-1.0, 12.0),  # N: the whole tower weighs 8 N; the pusher's limit is lower
@@ -44,9 +37,9 @@ RANGE = {
     "layer": (0.0, 60.0),  # layers above: no more than blocks
     "side": (0.0, 1.0),
 }
-# N; a tower that stands has blocks that resist more (a layer's weight alone gives 0.35 N of friction)
+# N; some blocks of a standing tower resist more (the weight of one layer alone gives 0.35 N of friction)
 RESISTANCE = 0.5
-ENOUGH = 100  # samples in which at least one must meet that resistance
+ENOUGH = 100  # samples, of which at least one must reach that resistance
 
 
 def _unknown() -> np.ndarray:
@@ -58,10 +51,10 @@ class Samples:
     """Samples in order of collection.
 
     push: (n,) int, id of the push.  step: (n,) int, from 0 within the push.  state, next_state: (n, 7), mm and N, see
-    `STATE`; x, y, yaw and tower are displacements since the push began, advance counts from first contact, and `state`
-    is taken before the advance and after contact at the new place is made.  action: (n, 2), mm and rad, see `ACTION`.
-    context: (n, 2), layers above the block; 0 middle and 1 side block.  truth: (n,) int, `FREE`, `STUCK` or `UNKNOWN`.
-    tower, block: (n,) int, seed of the tower and number of the block (-1 where not given).
+    `STATE`; x, y, yaw and tower are displacements since the push began, advance counts from first contact.  `state` is
+    read before the advance, after any re-contact.  action: (n, 2), mm and rad, see `ACTION`.  context: (n, 2), layers
+    above the block; 0 middle or 1 side block.  truth: (n,) int, `FREE`, `STUCK` or `UNKNOWN`.  tower, block: (n,) int,
+    seed of the tower and number of the block (-1 if unknown).
 
     Raises:
         UserError: arrays of unequal length, numbers that are not finite, or rows outside `RANGE`.
@@ -122,10 +115,10 @@ class Samples:
             raise UserError("samples: truth must be 0 (free), 1 (stuck) or -1 (unknown).")
 
     def check_resistance(self) -> None:
-        """Refuse a whole data set in which no block resists: an exploded or empty tower gives forces of 0.
+        """Refuse a data set in which no block resists: an exploded or empty tower gives forces of 0.
 
         Raises:
-            UserError: no sample of `ENOUGH` or more reaches `RESISTANCE`.
+            UserError: none of at least `ENOUGH` samples reaches `RESISTANCE`.
         """
         if len(self) >= ENOUGH and self.next_state[:, STATE.index("f_n")].max() < RESISTANCE:
             raise UserError(
@@ -149,7 +142,7 @@ class Samples:
 
 
 def join(parts: list[Samples]) -> Samples:
-    """One after the other; pushes are numbered anew from 0."""
+    """Concatenate, with pushes renumbered from 0; UserError without parts."""
     if not parts:
         raise UserError("samples: nothing to join; collect from at least one tower.")
     numbered, start = [], 0
@@ -175,7 +168,7 @@ _GROUPS = {
 
 
 def as_table(samples: Samples) -> pd.DataFrame:
-    """One row a sample: push, step, tower, block, s_*, a_*, n_*, c_*, truth."""
+    """A row per sample: push, step, tower, block, s_*, a_*, n_*, c_*, truth."""
     table = {name: getattr(samples, name) for name in _INTEGERS[:-1]}
     for group, names in _GROUPS.items():
         table |= dict(zip(names, getattr(samples, group).T))
@@ -183,13 +176,13 @@ def as_table(samples: Samples) -> pd.DataFrame:
 
 
 def from_table(table: pd.DataFrame) -> Samples:
-    """Inverse of `as_table`; errors as in `Samples`."""
+    """Inverse of `as_table`.  Errors as in `Samples`."""
     groups = {group: table[names].to_numpy() for group, names in _GROUPS.items()}
     return Samples(**{name: table[name].to_numpy() for name in _INTEGERS}, **groups)
 
 
 def write_samples(samples: Samples, path: str | Path) -> None:
-    """Write one CSV; errors as in `Samples.check_resistance`."""
+    """Write one CSV.  Errors as in `Samples.check_resistance`."""
     samples.check_resistance()
     write_table(as_table(samples), path)
 
@@ -198,7 +191,7 @@ def read_samples(path: str | Path) -> Samples:
     """Read what `write_samples` wrote.
 
     Raises:
-        UserError: the file is missing, or holds what `Samples` or `Samples.check_resistance` refuse.
+        UserError: the file is missing, or `Samples` or `Samples.check_resistance` refuses it.
         CorruptFileError: it cannot be parsed or lacks a column.
     """
     columns = [*_INTEGERS, *(name for names in _GROUPS.values() for name in names)]

@@ -1,13 +1,8 @@
-"""What the robot is told of a push: z_t = s_t + noise, Gaussian and independent from reading to reading.
+"""Readings of a push: z_t = s_t + noise, Gaussian and independent from reading to reading.
 
-The camera sees little of a block at the start of a push, so the noise of its pose falls with the advance a (thesis,
-section 5.5.4): σ_pose(a) = σ_last + (σ_first − σ_last) exp(−a/ℓ).  Forces have constant noise; the arm knows its own
-advance exactly.  All numbers are own choices (`SensingSettings`).
-
-| paper | code | unit | shape |
-|---|---|---|---|
-| s_t | `state` | mm, N (`samples.STATE`) | (7,) |
-| z_t | `Sensor.read` | mm, N | (7,) |
+The camera sees little of a block at the start of a push, so pose noise falls with the advance a (thesis, section
+5.5.4): σ_pose(a) = σ_last + (σ_first − σ_last) exp(−a/ℓ).  Force noise is constant, and the arm knows its advance
+exactly.  All numbers are own choices (`SensingSettings`).
 """
 
 import numpy as np
@@ -19,7 +14,7 @@ MM = 1e3
 
 
 def standard_deviations(advance: np.ndarray, settings: SensingSettings) -> np.ndarray:
-    """One sigma of each entry of `STATE`, mm and N, at these advances (mm); (..., 7)."""
+    """Standard deviations (..., 7) of `STATE`, mm and N, for advances (...), mm."""
     advance = np.maximum(np.asarray(advance, dtype=float), 0.0)
     falling = (settings.pose_first - settings.pose_last) * np.exp(-advance / (MM * settings.pose_length))
     sigma = np.zeros((*advance.shape, len(STATE)))
@@ -36,6 +31,6 @@ class Sensor:
         self.settings, self.rng = settings, rng
 
     def read(self, state: np.ndarray) -> np.ndarray:
-        """A noisy reading of a true state, (7,), mm and N."""
+        """A reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`)."""
         sigma = standard_deviations(state[STATE.index("advance")], self.settings)
         return state + sigma * self.rng.standard_normal(len(STATE))
