@@ -1,33 +1,26 @@
 """Model predictive control on a learned model: where to push, and when to give up.
 
 At each step n action sequences a^j of H steps are rolled out through the learner from the last reading.  A rollout has
-a branch for each abstraction k, which starts in it for certain and goes on as the learner's own weights say:
+one branch per abstraction k, which starts with certainty in k and then follows the learner's weights:
 
     s^{jk}_0 = z_t,   s^{jk}_{h+1} = Σ_l p(l | s^{jk}_h, a^j_h, e_k) μ_l(s^{jk}_h, a^j_h)
     J_j = Σ_k p(k | z_t, a^j_0, b_t) C(s^{jk}) + w_a |a^j|² + w_c [contact elsewhere] + w_n g(b_t)
     C = w_p (1 − (x_H − x_0)/H)₊ + w_g (T_H − T_0)₊/H + (T_H / T_d)² + (y_H² + ψ_H²)/y_d²
     g = (b_t(no move) − b_0(no move))₊ / (1 − b_0(no move)),   b_0: before contact
 
-The first action of the cheapest sequence is executed; if it costs more than giving up, J* > J_g, the robot retracts
-(not before `probe` pushes: before contact any block is as likely stuck as not, and nothing is known of this one).
-The same costs and weights hold for every learner.  The term of p(no move) is there only for learners with abstractions
-that have such a one, named by the learner's own rule (`abstractions.stuck_group`), and can be switched off: in the
-thesis the other learners do not have it, so the comparison would otherwise measure the term.  It is the same for all
-pushes (where a block is pushed does not change its mode, and a reading to come cannot be expected to change the
-belief), so it weighs pushing against giving up, and nothing else.  Predicted variances play no part: C is nearly linear
-where it matters, and the branches hold the spread that decides.
+The first action of the cheapest sequence is executed.  If it costs more than giving up, J* > J_g, the robot retracts,
+but not before `probe` pushes: before contact nothing is known of the block.  All learners share costs and weights.
+
+Only learners with abstractions that count as stuck (`abstractions.stuck_group`) have the term g of p(no move).  In the
+thesis the other learners lack it, so it can be switched off: the comparison would otherwise measure the term.  It is
+the same for all pushes, because the contact location does not change a block's mode and no change of belief can be
+expected from a future reading.  So it only weighs pushing against giving up.  Predicted variances are not used: C is
+nearly linear where it matters, and the branches carry the spread that decides.
 
 Sequences: all pairs of a few contact locations and headings held for H steps, the straight push and the present contact
-among them, and random pairs of which the second takes over midway.
+among them, and random pairs of which the second takes over midway.  x, y, ψ and T are those of `samples.STATE`, in mm.
 
-| paper | code | unit | shape |
-|---|---|---|---|
-| a^j | `sequences` | mm, rad | (n, H, 2) |
-| s^{jk}_h | `rollout` | mm, N | (H + 1, n, K, 7) |
-| b_t | `belief` | 1 | (K,) |
-| x, y, ψ, T | of `samples.STATE` | mm | – |
-
-Source: thesis, section 5.5.4, figure 5-9 (the form of the costs is ours: the thesis names them, without equations).
+Source: thesis, section 5.5.4, figure 5-9, which names the costs without equations; their form is an own choice.
 """
 
 from typing import ClassVar
@@ -41,15 +34,15 @@ from thesis_lib.jenga.play.policies import Action, Push, Retract
 from thesis_lib.jenga.robot.samples import STATE
 
 X, Y, YAW, TOWER = (STATE.index(name) for name in ("x", "y", "yaw", "tower"))
-OFFSETS, HEADINGS = 5, 5  # held pairs: these many values each, from one extreme to the other
+OFFSETS, HEADINGS = 5, 5  # values of each in the held pairs, from one extreme to the other
 
 
 def rollout(
     learner: Learner, state: np.ndarray, context: np.ndarray, belief: np.ndarray, sequences: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Predicted states (H + 1, n, K, 7) of each branch, and the branches' weights (n, K).
+    """Predicted s^{jk}_h (H + 1, n, K, 7) of each branch, mm and N, and weights (n, K) of the branches.
 
-    state: (7,), mm and N.  context: (2,).  belief: (K,).  sequences: (n, H, 2), mm and rad.
+    state: (7,), mm and N.  context: (2,).  belief: (K,).  sequences: a^j (n, H, 2), mm and rad.
     """
     n, horizon, _ = sequences.shape
     k = len(belief)
@@ -68,7 +61,7 @@ def rollout(
 
 
 def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray:
-    """C (n, K) of rollouts (H + 1, n, K, 7)."""
+    """C (n, K) of rollouts (H + 1, n, K, 7), mm and N."""
     first, last, horizon = states[0], states[-1], len(states) - 1
     shortfall = np.maximum(1.0 - (last[..., X] - first[..., X]) / horizon, 0.0)
     growth = np.maximum(last[..., TOWER] - first[..., TOWER], 0.0) / horizon
@@ -81,9 +74,9 @@ def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray
 
 
 class Learned:
-    """A `policies.Policy`: the controller on a fitted learner.
+    """The controller on a fitted learner, as a `policies.Policy`.
 
-    learner: fitted.  settings: weights and sizes.  name: default the learner's.  belief: (K,), of the block pushed.
+    name: default the learner's.  belief: (K,), of the pushed block.
     """
 
     SEES_TOWER: ClassVar[bool] = False
@@ -117,10 +110,10 @@ class Learned:
         self.belief = self.learner.update(self.belief[None], *step, next_state[None])[0]
 
     def sequences(self) -> np.ndarray:
-        """The action sequences (n, H, 2) of this step; the first is straight where the finger is."""
+        """Action sequences (n, H, 2), mm and rad, of this step; the first is straight at the present contact."""
         settings = self.settings
         held = self._held.copy()
-        # the location nearest to where the finger is becomes that one, so that going on there is among the choices
+        # the location nearest to the finger becomes the finger's, so that pushing on there is among the choices
         near = np.abs(held[:, 0] - self.contact).min() == np.abs(held[:, 0] - self.contact)
         held[near, 0] = self.contact
         pairs = np.concatenate([[[self.contact, 0.0], [0.0, 0.0]], held])[: settings.sequences]
@@ -144,7 +137,7 @@ class Learned:
         return cost + settings.no_move * self.growth()
 
     def growth(self) -> float:
-        """Growth of p(no move) since before contact; 0 for a learner that has no such abstraction."""
+        """g: growth of p(no move) since before contact; 0 for a learner without such an abstraction."""
         if self.no_move is None or not self.settings.no_move:
             return 0.0
         first, now = (float(belief[self.no_move].sum()) for belief in (self._first, self.belief))

@@ -1,22 +1,18 @@
-"""A game: one tower, one policy, until something falls or every block has been tried.
+"""A game: one tower and one policy, until something falls or every block has been tried.
 
-The nominal execution loop of the thesis (section 5.4.3): take a block at random, push it in steps of 1 mm until the
-policy retracts, the block is out far enough or 45 mm are over; extract it, place it on top.  The run ends when a block
-falls off the tower, the tower topples, or all blocks have been tried.
+The nominal execution loop of the thesis (section 5.4.3): take a random block and push it in steps of 1 mm until the
+policy retracts, the block is out far enough or 45 mm are reached; extract it and place it on top.  The run ends when a
+block falls off the tower, the tower topples, or all blocks have been tried.
 
-Pairing: the seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of the readings of each
-block and the places on top, whatever the policy does; its own choices come from a stream of their own.
+Pairing: the seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of each block's readings
+and the places on top, whatever the policy does.  The policy's random choices come from a separate stream.
 
-What counts (thesis, section 5.5.3, where it is its criterion of success): a push succeeds if the block reaches the goal
-and no other block has moved by more than 10 mm or turned by more than 15 degrees in that push; extraction and placement
-alike, each by itself.  The score is the number of blocks that were pushed and extracted with success before the run
-ended; a retreat does not break the row (thesis: the robot may retract), damage costs the block but ends nothing,
-placement is counted beside it.  A tower that cannot be used gives a game that is `refused`: counted, and not a score.
-
-| paper | code | unit |
-|---|---|---|
-| consecutive successful extractions (figure 5-5B) | `Game.extractions` | blocks |
-| successes of push, extract, place (figure 5-6) | `pushed`, `extracted`, `placed` of `Game.table` | 1; −1 not tried |
+Success (thesis, section 5.5.3): a push succeeds if the block reaches the goal and no other block moves by more than
+10 mm or turns by more than 15 degrees in that push.  Extraction and placement are judged likewise, each by itself.  The
+score (`Game.extractions`, figure 5-5B) is the number of blocks pushed and extracted with success before the run ended.
+A retreat does not break the row (thesis: the robot may retract), damage costs the block without ending the run, and
+placement is counted separately.  An unusable tower gives a `refused` game, which is counted but has no score.  Figure
+5-6 counts `pushed`, `extracted` and `placed` of `Game.table`.
 """
 
 from dataclasses import asdict, dataclass, field, fields
@@ -44,11 +40,11 @@ NOT_TRIED = -1
 
 @dataclass
 class Attempt:
-    """One block: what was done and what came of it.
+    """One block, the actions on it and their results.
 
-    layer, side: where it lay (0 middle, 1 side).  truth: hidden label (0 free, 1 stuck, -1 not asked).  steps: pushes
-    of 1 mm.  peak_force (N), perturbation (mm): largest readings.  damage: true largest displacement (mm) of any other
-    block during the push.  pushed, extracted, placed: 1 success, 0 failure, -1 not tried.  reason: why it ended.
+    layer, side: its first place (side: 0 middle, 1 side).  truth: hidden label (0 free, 1 stuck, -1 not asked).  steps:
+    pushes of 1 mm.  peak_force (N), perturbation (mm): largest readings.  damage: true largest displacement (mm) of any
+    other block during the push.  pushed, extracted, placed: 1 success, 0 failure, -1 not tried.  reason: why it ended.
     """
 
     block: int
@@ -69,8 +65,8 @@ class Attempt:
 class Game:
     """A finished game.
 
-    blocks: how many were to be tried.  end: why it ended.  error: of a refused one.  frames: (title, block,
-    poses (54, 7)) after each block that came out, first the untouched tower; `sizes` (54, 3), m, go with them.
+    blocks: number of blocks to be tried.  end: why it ended.  error: of a refused game.  frames: (title, block, poses
+    (54, 7)) of the untouched tower and after each extracted block; `sizes` (54, 3), m, belong to them.
     """
 
     policy: str
@@ -85,7 +81,7 @@ class Game:
 
     @property
     def refused(self) -> bool:
-        """Whether the tower could not be used, so that the game has no score."""
+        """Whether the tower was unusable, so that the game has no score."""
         return self.end == REFUSED
 
     @property
@@ -100,12 +96,12 @@ class Game:
 
     @property
     def placements(self) -> int:
-        """Blocks placed with success; errors as in `extractions`."""
+        """Blocks placed with success.  Errors as in `extractions`."""
         self._must_count()
         return sum(attempt.placed == 1 for attempt in self.attempts)
 
     def table(self) -> pd.DataFrame:
-        """A row per block tried: policy, tower, and the fields of `Attempt`."""
+        """A row per block tried: policy, tower and the fields of `Attempt`."""
         names = [item.name for item in fields(Attempt)]
         rows = pd.DataFrame([asdict(attempt) for attempt in self.attempts], columns=names)
         return rows.assign(policy=self.policy, tower=self.seed)[["policy", "tower", *names]]
@@ -119,7 +115,7 @@ class Game:
 
 
 class _Play:
-    """A game that is going on."""
+    """A game in progress."""
 
     def __init__(self, seed: int, policy: Policy, setup: Setup, base_seed: int, label: bool):
         self.seed, self.policy, self.setup, self.base_seed, self.label = seed, policy, setup, base_seed, label
@@ -134,7 +130,7 @@ class _Play:
         return _stream(self.base_seed, self.seed, name)
 
     def try_block(self, attempt: Attempt) -> str:
-        """Push and, if it comes out, extract and place; why the run ends, or nothing."""
+        """Push and, if the block comes out, extract and place; the reason that ends the run, or ""."""
         tower, policy, block = self.tower, self.policy, attempt.block
         context = tower.context(block)
         if self.label:
@@ -153,7 +149,7 @@ class _Play:
         return self._extract_and_place(attempt)
 
     def _push(self, robot: Robot, attempt: Attempt, context: np.ndarray) -> str:
-        """Until there is a reason to stop, which is returned."""
+        """Push until there is a reason to stop, which is returned."""
         policy, reading = self.policy, robot.start(attempt.block)
         while True:
             action = policy.act(reading, context)
@@ -204,9 +200,9 @@ def play(
 ) -> Game:
     """Play the tower of `seed`, trying at most `blocks` blocks.
 
-    label: ask for the hidden label of each block before it is touched (6 pushes more each; for evaluation only).
-    frames: keep the poses after each block that came out.
-    A tower that cannot be used, or whose simulation breaks down while it stands, gives a refused game.
+    label: find the hidden label of each block before it is touched (6 more pushes each; for evaluation only).
+    frames: keep the poses after each extracted block.
+    A tower that is unusable, or whose simulation breaks down while it stands, gives a refused game.
     """
     setup = setup or Setup()
     game = Game(policy.name, seed, base_seed, blocks, [], ALL_TRIED)
@@ -228,7 +224,7 @@ def play(
                 game.end = ended
                 break
     except TowerError as error:
-        # a collapse may be too violent for the solver: that is a toppled tower, not one that could not be used
+        # a collapse may be too violent for the solver: the tower toppled, it was not unusable
         if playing is not None and np.isfinite(tower.data.qpos).all() and tower.fallen().size:
             game.end = TOPPLED
             game.attempts[-1].reason = TOPPLED
@@ -238,7 +234,7 @@ def play(
 
 
 def block_order(seed: int, base_seed: int) -> np.ndarray:
-    """The order (45,) in which every policy tries the blocks of a tower."""
+    """Order (45,) in which every policy tries the blocks of a tower."""
     return _stream(base_seed, seed, "order").permutation(REACHABLE)
 
 
@@ -248,7 +244,7 @@ def _stream(base_seed: int, seed: int, name: str) -> np.random.Generator:
 
 
 def _rounded(values: object) -> list:
-    """For files: finer than any sensor (0.1 nm)."""
+    """Rounded to 0.1 nm, finer than any sensor."""
     return np.round(np.asarray(values, dtype=float), 7).tolist()
 
 
@@ -262,7 +258,7 @@ def read_game(path: str | Path) -> Game:
 
     Raises:
         UserError: the file is missing.
-        CorruptFileError: it is not a finished game.
+        CorruptFileError: it is no finished game.
     """
     value = read_json(path)
     try:

@@ -1,12 +1,10 @@
-"""The oracle: simulates a push on the tower itself before it makes it, and so sets the ceiling.
+"""The oracle simulates each push on the tower before making it: an upper bound for the other policies.
 
-For each block the tower is saved, a straight push is simulated to the goal and the block extracted, and the tower
-restored.  The push is made only if that went without damage.  It is greedy: it judges each block alone, without asking
-what the tower will be worth afterwards, so it is a ceiling for policies that push straight and decide block by block,
-not for every conceivable one.
+For each block a straight push to the goal and the extraction are simulated, and the tower is restored.  The push is
+made only if no damage was done.  The oracle is greedy: it judges each block alone, whatever the tower is worth
+afterwards.  So it bounds policies that push straight and decide block by block, not every conceivable policy.
 
-The simulated push and the real one are the same to the last bit, for the simulator is deterministic and readings play
-no part in it.
+Simulated and real push agree to the last bit: the simulator is deterministic and does not use readings.
 """
 
 from typing import ClassVar
@@ -22,7 +20,7 @@ from thesis_lib.jenga.tower.tower import Tower, TowerError
 
 
 class Oracle:
-    """A `Policy` that is given the tower."""
+    """A `Policy` with access to the tower."""
 
     name = "oracle"
     SEES_TOWER: ClassVar[bool] = True
@@ -49,8 +47,10 @@ class Oracle:
 
 
 def would_succeed(tower: Tower, block: int, push: Push, damage: float) -> bool:
-    """Whether repeating `push` brings the block out, and the gripper extracts it, with other blocks moved by at most
-    `damage` (mm) in all; the tower is as before afterwards."""
+    """Whether `push`, repeated, and the gripper extract the block with others moved by at most `damage` (mm).
+
+    The tower is restored afterwards.
+    """
     before, poses = tower.save(), tower.poses()
     robot, gripper = silent_robot(tower), Gripper(tower)
 
@@ -70,7 +70,7 @@ def would_succeed(tower: Tower, block: int, push: Push, damage: float) -> bool:
     iterations = tower.iterations_needed
     try:
         return extracted()
-    except TowerError:  # an imagined collapse too violent to simulate is a collapse
+    except TowerError:  # a collapse too violent to simulate is still a collapse
         return False
     finally:
         gripper.forget()

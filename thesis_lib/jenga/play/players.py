@@ -1,8 +1,8 @@
-"""Who plays: policies by their names, trained on what they are given; and the samples that they learn from.
+"""Policies by name, trained on samples if they learn.
 
 A learner's name is hma, mor or network; hma_without_cost is hma whose controller lacks the term of p(no move),
-hma_one_shot learns abstractions and transitions jointly.  The others do not learn: rule, always_push, exploration,
-oracle.  (PPO is trained in `ppo`.)
+hma_one_shot learns abstractions and transitions jointly.  The policies without training are rule, always_push,
+exploration and oracle.  (PPO is trained in `ppo`.)
 """
 
 from collections.abc import Sequence
@@ -16,18 +16,14 @@ from thesis_lib.jenga.play.policies import AlwaysPush, Exploration, Policy, Rule
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import Samples
 
-if TYPE_CHECKING:  # those who learn need torch, which takes longer to import than a rule to play a block
+if TYPE_CHECKING:  # learners need torch, which takes longer to import than a rule takes to play a block
     from thesis_lib.jenga.learners.hma import Hma
     from thesis_lib.jenga.learners.learner import Learner
     from thesis_lib.jenga.play.controller import Learned
 
 
 def learner_of(name: str, settings: Chapter5) -> "Learner":
-    """An unfitted learner; hma_without_cost is hma.
-
-    Raises:
-        UserError: there is no such learner.
-    """
+    """An unfitted learner, hma for hma_without_cost; UserError for an unknown name."""
     from thesis_lib.jenga.learners.hma import Hma
     from thesis_lib.jenga.learners.mor import Mor
     from thesis_lib.jenga.learners.network import Network
@@ -41,19 +37,19 @@ def learner_of(name: str, settings: Chapter5) -> "Learner":
     }
     if name not in learners:
         raise UserError(f"there is no learner {name}; known are {', '.join(learners)}.")
-    own = settings.learner
+    chosen = settings.learner
     if name == "hma_one_shot":
-        own = own.model_copy(update={"one_shot": True})
-    return learners[name](own)
+        chosen = chosen.model_copy(update={"one_shot": True})
+    return learners[name](chosen)
 
 
 def policy_of(
     name: str, samples: Samples | None, size: int, settings: Chapter5, rng: np.random.Generator
 ) -> Policy:
-    """Who plays, trained on the first `size` samples if it learns.
+    """The policy of this name, trained on the first `size` samples if it learns.
 
     Raises:
-        UserError: there is no such policy, or fewer samples than asked for.
+        UserError: an unknown name, or fewer than `size` samples.
     """
     play = settings.play
     fixed = {
@@ -77,14 +73,14 @@ def policy_of(
 
 
 def learned_policy(name: str, samples: Samples, settings: Chapter5, rng: np.random.Generator) -> "Learned":
-    """The controller on a learner fitted to all `samples`; errors as in `policy_of`."""
+    """The controller on a learner fitted to all `samples`.  Errors as in `policy_of`."""
     return policy_of(name, samples, len(samples), settings, rng)
 
 
 def fitted(
     sets: Sequence[Samples], settings: Chapter5, rng: np.random.Generator
 ) -> "dict[tuple[int, int], Hma]":
-    """HMA of every size and set, by (size, number of the set)."""
+    """HMA for every size and set, by (size, number of the set)."""
     return {
         (size, i): learner_of("hma", settings).fit(samples.first(size), rng)
         for size in settings.games.sizes

@@ -1,13 +1,8 @@
-"""What decides in a game: one interface for rules, exploration, learned controllers and the oracle.
+"""Policies of a game: one interface for rules, exploration, learned controllers and the oracle.
 
-At each step a policy is told the last reading z_t and answers with a push of 1 mm or a retreat.  After a push it is
-told what came of it.  Policies see readings only; the oracle alone is given the tower (`SEES_TOWER`).
-
-| paper | code | unit | shape |
-|---|---|---|---|
-| z_t | `state` | mm, N (`samples.STATE`) | (7,) |
-| a_t | `Push` | mm, rad | contact location from the face's centre, heading |
-| – | `context` | 1 (`samples.CONTEXT`) | (2,) |
+At each step a policy gets the last reading z_t and answers with a push a_t of 1 mm or a retreat; after a push it gets
+the reading that follows.  Policies see readings only, except the oracle, which has the tower (`SEES_TOWER`).  Readings
+are (7,), mm and N (`samples.STATE`); contexts are (2,) (`samples.CONTEXT`).
 
 Source: thesis, sections 5.4.3 (execution loop, base exploration policy) and 5.5.3 (the exploration's supervisor).
 """
@@ -35,7 +30,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Retract:
-    """Give the block up, and why."""
+    """Give the block up, for this reason."""
 
     reason: str = "gave up"
 
@@ -45,13 +40,13 @@ Action = Push | Retract
 
 
 class Policy(Protocol):
-    """Plays one game at a time, one block at a time."""
+    """Plays one game at a time, block by block."""
 
     name: str
     SEES_TOWER: ClassVar[bool]
 
     def begin(self, rng: np.random.Generator) -> None:
-        """A new game; the policy's own random choices come from `rng`."""
+        """A new game; the policy's random choices come from `rng`."""
         ...
 
     def start(self, block: int, context: np.ndarray) -> None:
@@ -59,11 +54,11 @@ class Policy(Protocol):
         ...
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
-        """What to do, given the last reading (7,)."""
+        """The next action after the last reading (7,)."""
         ...
 
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        """Readings (7,) before (contact made) and after the push that was asked for."""
+        """Readings (7,) before the push, in contact, and after it."""
         ...
 
 
@@ -83,7 +78,7 @@ class _Plain:
 
 
 class AlwaysPush(_Plain):
-    """Straight and centred, and never gives up."""
+    """Pushes straight and centred and never gives up."""
 
     name = "always_push"
 
@@ -92,7 +87,7 @@ class AlwaysPush(_Plain):
 
 
 class Rule(_Plain):
-    """Straight and centred; gives up on a force or a tower perturbation above a threshold."""
+    """Pushes straight and centred; gives up when force or tower perturbation exceeds a threshold."""
 
     name = "rule"
 
@@ -110,7 +105,7 @@ class Rule(_Plain):
 class Exploration(_Plain):
     """The base exploration policy (random contact locations and headings) under the thesis's supervisor.
 
-    Unlike in collection it does not give up at random: the supervisor alone ends a push.
+    Unlike collection it never gives up at random: only the supervisor ends a push.
     """
 
     name = "exploration"

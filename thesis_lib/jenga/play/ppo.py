@@ -2,20 +2,16 @@
 
     max_θ  E[min(ρ_t A_t, clip(ρ_t, 1 − ε, 1 + ε) A_t)],   ρ_t = π_θ(a_t | o_t) / π_old(a_t | o_t)
     A_t = Σ_l (γ λ)^l δ_{t+l},   δ_t = r_t + γ V(o_{t+1}) − V(o_t)
-    π_θ = Normal(m_θ(o), diag e^{2 s_θ}),   when it plays:  a = m_θ(o)
+    π_θ = Normal(m_θ(o), diag e^{2 s_θ}),   in a game:  a = m_θ(o)
 
-One training passes all numbers of samples that are asked for, and leaves a policy at each.  It runs in segments, from
-checkpoint to checkpoint and at most `segment` samples long; each starts from the saved weights and optimiser with
-random streams of its own, so a training that was interrupted and continued gives the same policies to the last bit
-(and other checkpoints in between give another training).  A segment of n samples holds ⌈n / `rollout`⌉ rollouts of
-equal length: no policy has seen more samples than its number says, and even 100 samples give an update.  A sample is
-one step of the environment; retreats count.  Network sizes (64 × 64) are second-hand (a student's re-implementation).
+o_t is `push_env.observation` (9,), m_θ the tanh layers `PpoPolicy.layers`; ε, γ, λ are `clip`, `discount`, `trace`.
 
-| paper | code | unit | shape |
-|---|---|---|---|
-| o_t | `push_env.observation` | 1 | (9,) |
-| m_θ | `PpoPolicy.layers` | 1 | weights (out, in) and biases (out,) of tanh layers |
-| ε, γ, λ | `clip`, `discount`, `trace` | 1 | scalars |
+One training passes all requested numbers of samples and leaves a policy at each.  It runs in segments of at most
+`segment` samples, from checkpoint to checkpoint.  Each segment starts from the saved weights and optimiser with its own
+random streams, so an interrupted and continued training gives the same policies to the last bit (other checkpoints in
+between give another training).  A segment of n samples holds ⌈n / `rollout`⌉ rollouts of equal length: no policy has
+seen more samples than its number, and even 100 samples give an update.  A sample is one step of the environment,
+retreats included.  Network sizes (64 × 64) are second-hand (a student's re-implementation).
 
 Sources: J. Schulman et al. 2017, doi 10.48550/arXiv.1707.06347; A. Raffin et al., JMLR 22 (268), 2021
 (stable-baselines3); thesis, section 5.5.2.
@@ -48,18 +44,18 @@ State = dict[str, Any]
 
 
 class PpoPolicy:
-    """A trained policy as it plays: deterministic, without memory; a `policies.Policy`.
+    """A trained policy as it plays, deterministic and without memory; a `policies.Policy`.
 
-    samples: those it was trained on, at most.  layers: weights and biases.  settings: of its training.
-    episodes: the pushes of the training so far, a row each: samples (so far, at its end), tower, block, steps, reward
-    (before scaling) and the reason why it ended.
+    samples: most samples that it was trained on.  layers: weights (out, in) and biases (out,).  settings: of its
+    training. episodes: a row per push of the training so far: samples (total at its end), tower, block, steps, reward
+    (before scaling) and reason of its end.
     """
 
     name = "ppo"
     SEES_TOWER: ClassVar[bool] = False
 
     def __init__(self, state: State):
-        """From what `train_ppo` saves."""
+        """Build from a state that `train_ppo` saved."""
         self.samples: int = state["samples"]
         self.settings = PpoSettings.model_validate(json.loads(state["record"])["settings"])
         weights = state["policy"]
@@ -82,10 +78,10 @@ class PpoPolicy:
         )
 
     def begin(self, rng: np.random.Generator) -> None:
-        """Nothing is random."""
+        """Not used: nothing is random."""
 
     def start(self, block: int, context: np.ndarray) -> None:
-        """Nothing is remembered."""
+        """Not used: nothing is remembered."""
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
         """The mean action for a reading (7,) and context (2,), mm and N."""
@@ -96,7 +92,7 @@ class PpoPolicy:
         return as_action(weight @ x + bias, self.settings.episode)
 
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        """Nothing is learned while it plays."""
+        """Not used: nothing is learned during a game."""
 
 
 def train_ppo(
@@ -112,13 +108,13 @@ def train_ppo(
 ) -> dict[int, PpoPolicy]:
     """The policies of one training at these numbers of samples.
 
-    folder: where each segment's end is saved (`ppo_<samples>.pt`); a training with the same settings, setup, seed and
-    checkpoints continues from the last one there.  device: PyTorch's; "auto" is a GPU if there is one.
-    say: told of progress, with the time left.  The library seeds the global streams of random, numpy and PyTorch.
+    folder: where the end of each segment is saved (`ppo_<samples>.pt`); a training with the same settings, setup, seed
+    and checkpoints continues from the last one.  device: PyTorch's; "auto" is a GPU if there is one.  say: receives
+    progress lines.  The library seeds the global streams of random, numpy and PyTorch.
 
     Raises:
         UserError: checkpoints that are not increasing and at least 2 apart.
-        TowerError: towers cannot be used, see `PushEnv.reset`.
+        TowerError: unusable towers, see `PushEnv.reset`.
     """
     settings, setup, say = settings or PpoSettings(), setup or Setup(), say or (lambda line: None)
     torch.set_num_threads(1)
@@ -138,10 +134,10 @@ def train_ppo(
             first = begin if first is None else first
 
             def report(done: int, rewards: list[float], first: int = first) -> None:
-                left = (time.monotonic() - started) * (ends[-1] - done) / max(done - first, 1)
+                remaining = (time.monotonic() - started) * (ends[-1] - done) / max(done - first, 1)
                 mean = f"{np.mean(rewards[-RECENT:]):.2f}" if rewards else "none yet"
                 say(
-                    f"PPO: {done} of {ends[-1]} samples, mean reward of a push {mean}, {left / 60:.1f} min left"
+                    f"PPO: {done} of {ends[-1]} samples, mean reward of a push {mean}, {remaining / 60:.1f} min left"
                 )
 
             env = environment(settings.episode, settings.reward, setup)
@@ -159,7 +155,7 @@ def read_policy(path: str | Path) -> PpoPolicy:
 
     Raises:
         UserError: the file is missing.
-        CorruptFileError: it is something else.
+        CorruptFileError: it is no policy.
     """
     path = Path(path)
     state = _read(path)
@@ -184,7 +180,7 @@ def _segment_ends(checkpoints: Sequence[int], segment: int) -> list[int]:
 
 
 def _record(settings: PpoSettings, setup: Setup, seed: int, ends: list[int]) -> str:
-    """All that a saved segment depends on."""
+    """Everything that a saved segment depends on."""
     value = {
         "settings": settings.model_dump(mode="json"),
         "setup": setup.model_dump(mode="json"),
@@ -198,7 +194,7 @@ def _read(path: Path) -> State:
     if not path.is_file():
         raise UserError(f"{path} does not exist; train PPO first.")
     try:
-        # torch does not look at the check sums of its archive
+        # torch does not verify the check sums of its archive
         with zipfile.ZipFile(path) as archive:
             if (bad := archive.testzip()) is not None:
                 raise ValueError(f"{bad} is damaged")
@@ -212,10 +208,10 @@ def _read(path: Path) -> State:
 
 
 def _saved(path: Path, record: str) -> State | None:
-    """The segment saved there, if it is whole and of this training."""
+    """The segment saved there, if it is whole and belongs to this training."""
     try:
         state = _read(path)
-    except UserError:  # missing, or cut off in a crash: trained again either way
+    except UserError:  # missing, or truncated by a crash: trained again either way
         return None
     return state if state["record"] == record else None
 
@@ -230,7 +226,7 @@ def _segment(
     device: str,
     report: Callable[[int, list[float]], None],
 ) -> State:
-    """Train from `begin` to `end` samples, from the end of the segment before."""
+    """Train from `begin` to `end` samples, from the state at the end of the previous segment."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.logger import Logger
@@ -246,7 +242,7 @@ def _segment(
     length = (end - begin) // rollouts
     stream = np.random.SeedSequence(seed, spawn_key=(5, begin)).generate_state(1)[0]
     with warnings.catch_warnings():
-        # equal parts of a rollout differ by one sample: no harm in the last being the shorter
+        # the mini-batches of a rollout may differ by one sample, which does no harm
         warnings.filterwarnings(
             "ignore", message="You have specified a mini-batch size", category=UserWarning
         )
@@ -285,7 +281,7 @@ def _segment(
 
 
 def _on_cpu(value: Any) -> Any:
-    """A copy on the CPU, of tensors in any nesting, with plain containers."""
+    """A CPU copy of nested tensors, in plain containers."""
     if isinstance(value, torch.Tensor):
         return value.detach().cpu().clone()
     if isinstance(value, dict):

@@ -1,7 +1,7 @@
 """Settings of the reinforcement-learning baseline: reward, episodes and optimiser.
 
-The thesis gives no number of them.  The reward's weights are as quoted by a third party (`push_env`), the optimiser's
-are stable-baselines3's, the rest is own choice.
+The thesis gives none of them.  The reward's weights are as quoted by a third party (`push_env`), the optimiser's
+settings are stable-baselines3's, the others are own choices.
 """
 
 from pydantic import Field

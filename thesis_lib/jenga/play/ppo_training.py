@@ -1,7 +1,7 @@
-"""One training of PPO whose checkpoints become files; an interrupted one goes on from the segments beside them.
+"""One training of PPO, with a file per checkpoint; an interrupted training continues from the segments beside them.
 
-The segments (`segments/ppo_<samples>.pt`) are no results: a pipeline that deletes the results of a job that failed
-leaves them alone.
+The segments (`segments/ppo_<samples>.pt`) are not declared results, so a pipeline that deletes the results of a failed
+job keeps them.
 """
 
 import shutil
@@ -22,7 +22,7 @@ def train_to_files(
     seed: int,
     say: Callable[[str], None] | None = None,
 ) -> None:
-    """Train once through all `sizes` (samples) and put the policy at each into its path; errors as of `train_ppo`."""
+    """Train once through all `sizes` (samples) and write the policy at each to its path.  Errors as in `train_ppo`."""
     segments = Path(paths[0]).with_name("segments")
     train_ppo(sizes, settings, seed, setup=setup, folder=segments, say=say)
     for size, path in zip(sizes, paths):

@@ -3,23 +3,18 @@
     R = Σ_t [b1 Δx_t − b2 D1(p_t) − b3 D2(p_t)] + b4 D3
     p = 0.4 · max(d / 20 mm, θ / 30°),   D1 = clip((p − 0.08) / (0.4 − 0.08), 0, 1),   D2 = [p > 0.4 or a fall]
 
-The reward is second-hand: a student's re-implementation quotes it from the paper's supplement, which is not public to
-us.  What that leaves open is own choice: D1 runs from 0 to 1; D2 is 1 instead of 100 (with b3 = 100 it would be 10⁴);
-it is given once and ends the episode; D3 = 1 where the block reaches the goal and no other block has moved by more than
-10 mm or turned by more than 15° in the push, for extraction itself is not simulated.  Rewards come from the true poses
-(training is in simulation); the policy sees readings only.  Retracting gives 0.
+Δx (mm) is the block's progress, d and θ are the largest displacement and turn of any other block, b1 … b4 are
+`RewardSettings`.
 
-Each push begins on a settled tower as if it were the first: on the reduced tower (default) nothing is written back, and
-the full one is restored.  So the policy never trains on a tower that a game has worn.  A new tower, drawn from the
-training seeds, follows after `pushes_per_tower` pushes and after each fall.
+The reward is second-hand: a student's re-implementation quotes it from the paper's supplement, which is not public.
+Own choices fill the gaps.  D1 runs from 0 to 1.  D2 is 1 instead of 100 (with b3 = 100 it would be 10⁴), counts once
+and ends the episode.  D3 = 1 if the block reaches the goal and no other block moves by more than 10 mm or turns by more
+than 15° in the push, because extraction is not simulated.  Rewards use the true poses (training is in simulation); the
+policy sees readings only.  Retracting gives 0.
 
-| paper | code | unit | shape |
-|---|---|---|---|
-| z_t, context | observation | 1, see `observation` | (9,) |
-| a_t | action in [−1, 1]: contact location, heading, retract | 8 mm, 0.15 rad, 1 | (3,) |
-| Δx | `progress` of the block | mm | scalar |
-| p; d, θ | `perturbation`; of any other block | 1; mm, degrees | scalar |
-| b1 … b4 | `RewardSettings` | – | scalars |
+Each push begins on a freshly settled tower: the reduced one (default) leaves the full tower unchanged, and the full one
+is restored.  So the policy never trains on a tower worn by a game.  A new tower is drawn from the training seeds after
+`pushes_per_tower` pushes and after each fall.
 
 Sources: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123 (thesis, section 5.5.2);
 for the interface, gymnasium.
@@ -42,17 +37,17 @@ from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, TowerError
 
 X = STATE.index("x")
-# mm, N: what makes each reading about 1 (goal, half a block's width, force limit, longest push, damage), layers, side
+# mm, N: scales each reading to about 1 (goal, half a block's width, force limit, longest push, damage); layers, side
 TYPICAL = np.array([33.0, 12.0, 12.0, 4.0, 2.0, 45.0, 10.0, LAYERS, 1.0])
-SEEN_LIMIT = 5.0  # times typical, beyond which a reading is cut
-REFUSED = 3  # towers in a row: then it is the settings, not the tower
+SEEN_LIMIT = 5.0  # bound of a scaled reading
+REFUSED = 3  # unusable towers in a row that point to the settings, not the tower
 REASONS = ("goal", "damaged", "retracted", "longest push", "fell", "tower dragged", "broke down")
 GOAL, DAMAGED, RETRACTED, LONGEST, FELL, DRAGGED, BROKEN = range(len(REASONS))
 
 
 @dataclass(frozen=True)
 class Episode:
-    """A finished push: tower, block, samples (advances and a retreat), reward before scaling, index of `REASONS`."""
+    """A finished push: seed, block, samples (advances and a retreat), reward before scaling, index of `REASONS`."""
 
     tower: int
     block: int
@@ -62,13 +57,13 @@ class Episode:
 
 
 def observation(state: np.ndarray, context: np.ndarray) -> np.ndarray:
-    """What the policy is shown of a reading (7,) and context (2,): (9,) float32, about 1, within ±`SEEN_LIMIT`."""
+    """The policy's input (9,), float32, of a reading (7,) and context (2,): about 1, within ±`SEEN_LIMIT`."""
     seen = np.concatenate([state, context]) / TYPICAL
     return np.clip(seen, -SEEN_LIMIT, SEEN_LIMIT).astype(np.float32)
 
 
 def as_action(action: np.ndarray, settings: EpisodeSettings) -> Action:
-    """Push or retreat that an action (3,) in [−1, 1] stands for."""
+    """Push or retreat for an action (3,) in [−1, 1]: contact location, heading, retract."""
     offset, heading, retract = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
     if retract > settings.retract:
         return Retract()
@@ -81,17 +76,14 @@ def perturbation(distance: float, angle: float, settings: RewardSettings) -> flo
 
 
 def step_reward(progress: float, p: float, fell: bool, settings: RewardSettings) -> float:
-    """Reward of one step without the terminal bonus: progress in mm, p as in `perturbation`."""
+    """Reward of one step without the terminal bonus, for progress in mm and p as in `perturbation`."""
     d1 = np.clip((p - settings.start) / (settings.limit - settings.start), 0.0, 1.0)
     d2 = float(fell or p > settings.limit)
     return float(settings.progress * progress - settings.tower * d1 - settings.fall * d2)
 
 
 class PushEnv(gymnasium.Env):
-    """Pushes of random blocks of random training towers.
-
-    episodes: the finished ones since the environment was made.
-    """
+    """Pushes of random blocks of random training towers; `episodes` lists the finished ones."""
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (gymnasium declares it so)
 
@@ -110,16 +102,16 @@ class PushEnv(gymnasium.Env):
         self._pushes_left = 0
 
     def build(self, seed: int) -> Tower:
-        """The settled tower of `seed`; errors as in `health.check`."""
+        """The settled tower of `seed`.  Errors as in `health.check`."""
         return settled_tower(seed, self.setup)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """The first reading of a new push, finger at the centre of the block; a seed starts all randomness anew.
+        """The first reading of a new push at the centre of a block; a seed restarts all randomness.
 
-        options: {"block": number} pushes that one instead of a random one.
+        options: {"block": number} selects the block instead of a random one.
 
         Raises:
-            TowerError: `REFUSED` towers or pushes in a row cannot be used.
+            TowerError: `REFUSED` towers or pushes in a row are unusable.
         """
         super().reset(seed=seed)
         if seed is not None:
@@ -142,7 +134,7 @@ class PushEnv(gymnasium.Env):
         try:
             _, self._reading = robot.push_step(asked.offset / MM, asked.heading)
         except TowerError:
-            # a collapse may be too violent for the solver: that is a fall, anything else no fault of the policy
+            # a collapse may be too violent for the solver: that is a fall; other breakdowns are no fault of the policy
             fell = bool(np.isfinite(tower.data.qpos).all() and tower.fallen().size)
             return self._end(-self.reward.fall, FELL) if fell else self._end(0.0, BROKEN)
         x = robot.state()[X]
@@ -183,7 +175,7 @@ class PushEnv(gymnasium.Env):
         return observation(self._reading, self._context)
 
     def _end(self, reward: float, reason: int) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """A step that ends the episode; one that broke down is cut short rather than ended."""
+        """End the episode; one that broke down is truncated instead of terminated."""
         if reason in (FELL, DRAGGED, BROKEN):
             self._pushes_left = 0
         tower, block = self._robot.tower.seed, self._robot.block

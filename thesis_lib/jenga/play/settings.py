@@ -1,4 +1,4 @@
-"""Settings of the whole of chapter 5: which towers, how many samples, who plays."""
+"""Settings of all of chapter 5: towers, numbers of samples, policies."""
 
 from pydantic import Field
 

@@ -1,13 +1,8 @@
-"""Whether a tower may be used: it stands as high as its blocks, rests, and the solver did its work.
+"""Whether a tower may be used: it has the height of its blocks, is at rest, and the solver converged.
 
-A tower that exploded looks like an ordinary data set (hardly any force, nearly every block movable), so every tower is
-checked before and after it is used.  A layer's top lies between the heights of its second-highest and highest block, so
-Σ h_(2) − s ≤ H ≤ Σ h_(3) + s with s for the elastic sinking.
-
-| paper | code | unit |
-|---|---|---|
-| H | `height` | m |
-| drift | `drift` | m/s, median over blocks of the displacement in `drift_time` |
+A tower that exploded gives data that look ordinary (hardly any force, nearly every block movable), so every tower is
+checked before and after use.  The top of a layer lies between its second-highest and highest block, so the height H of
+the tower satisfies Σ h_(2) − s ≤ H ≤ Σ h_(3) + s, with s for the elastic sinking.
 """
 
 from dataclasses import dataclass
@@ -20,7 +15,7 @@ from thesis_lib.jenga.tower.tower import BLOCKS, LAYERS, PER_LAYER, Tower, Tower
 
 @dataclass(frozen=True)
 class Health:
-    """What was found: height, lowest and highest right height (m), drift (m/s), most solver iterations."""
+    """Results: height with its allowed range (m), median drift of blocks (m/s), most solver iterations of a step."""
 
     seed: int
     height: float
@@ -34,7 +29,7 @@ def settled_tower(seed: int, setup: Setup) -> Tower:
     """The tower of a seed, at rest and checked.
 
     Raises:
-        TowerError: it did not pass its checks.
+        TowerError: it failed a check.
     """
     tower = Tower(seed, setup.tower, setup.robot).settle()
     check(tower, setup.health)
@@ -42,16 +37,16 @@ def settled_tower(seed: int, setup: Setup) -> Tower:
 
 
 def height_range(tower: Tower, settings: HealthSettings) -> tuple[float, float]:
-    """Lowest and highest top, m, that a standing tower of these blocks can have."""
+    """Lowest and highest possible top of a standing tower of these blocks, m."""
     heights = np.sort(tower.sizes[:, 2].reshape(LAYERS, PER_LAYER), axis=1)
     return heights[:, -2].sum() - settings.sinking, heights[:, -1].sum() + settings.sinking
 
 
 def check(tower: Tower, settings: HealthSettings | None = None) -> Health:
-    """Check a freshly settled tower; its state is as before afterwards.
+    """Check a freshly settled tower, whose state is restored afterwards.
 
     Raises:
-        TowerError: with the seed, what is wrong and what to do.
+        TowerError: with the seed, the defect and the remedy.
     """
     settings = settings or HealthSettings()
     check_standing(tower)
@@ -78,11 +73,7 @@ def check(tower: Tower, settings: HealthSettings | None = None) -> Health:
 
 
 def check_standing(tower: Tower, handled: int | None = None) -> None:
-    """Refuse a tower that lacks blocks or from which any but the `handled` block has fallen.
-
-    Raises:
-        TowerError: with the seed, what is wrong and what to do.
-    """
+    """Refuse a tower that lacks blocks, or from which one other than `handled` has fallen: TowerError as in `check`."""
     name = f"tower {tower.seed}"
     if len(tower.present) != BLOCKS:
         raise TowerError(

@@ -1,4 +1,4 @@
-"""Settings of tower, robot, sensing and collection (SI in the simulator; "own choice" where the thesis is silent)."""
+"""Settings of tower, robot, sensing and collection: SI units; "own choice" where the thesis gives no number."""
 
 import math
 

@@ -1,12 +1,7 @@
-"""A tower of 54 blocks that differ in height, standing in MuJoCo, with what has happened to it.
+"""A tower of 54 blocks of unequal height in MuJoCo, and its present state.
 
 Heights are h_b = h + δ_b, δ_b ~ N(0, σ_h²) cut at 2.5 σ_h, drawn from the tower's seed: the only cause of loose and
-stuck blocks.  A tower is settled before it is used; `reference` is then how it stood.
-
-| paper | code | unit | shape |
-|---|---|---|---|
-| – | `poses()` | m, unit quaternions | (54, 7) |
-| tower perturbation | `perturbation(block)` | m, rad | 2 scalars |
+stuck blocks.  A tower is settled before use; `reference` then holds the settled poses.
 
 Blocks are numbered 3 layer + place, from the bottom; 0 to 44 are reachable (thesis: the last three layers are not).
 Even layers lie along x, odd ones along y; place 1 is the middle.
@@ -31,7 +26,7 @@ class TowerError(UserError):
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that is needed to continue from here: MuJoCo's integration state, and where each block belongs."""
+    """All that is needed to continue: MuJoCo's integration state, and layer, place and reference of each block."""
 
     state: np.ndarray
     layer: np.ndarray
@@ -52,9 +47,9 @@ def draw_sizes(settings: TowerSettings, seed: int) -> np.ndarray:
 class Tower:
     """One tower and the robot's bodies beside it; `settle` it before use.
 
-    seed: of the heights, for messages and records.  model, data: MuJoCo's.  sizes: (54, 3), m.  layer, place: (54,)
-    int, where each block belongs now (18 and up: put on top).  reference: (54, 7), poses from which falls are judged.
-    iterations_needed: the most that the solver took in any step so far.
+    seed: of the heights, also quoted in messages.  model, data: MuJoCo's.  sizes: (54, 3), m.  layer, place: (54,) int,
+    present place of each block (layer 18 and up: put on top).  reference: (54, 7), poses from which falls are judged.
+    iterations_needed: most solver iterations in a step so far.
     """
 
     def __init__(
@@ -101,7 +96,7 @@ class Tower:
     # -- MuJoCo -------------------------------------------------------------------------------------------------------
 
     def set_joint(self, name: str, value: float) -> None:
-        """Put a joint of the robot somewhere at rest, and its drive with it."""
+        """Set a joint of the robot (m or rad), at rest, and the target of its drive."""
         joint = self.model.joint(name)
         self.data.qpos[joint.qposadr[0]] = value
         self.data.qvel[joint.dofadr[0]] = 0.0
@@ -111,7 +106,7 @@ class Tower:
         """Advance `n` time steps.
 
         Raises:
-            TowerError: numbers that are not finite, or the solver reached its cap (its forces are then wrong).
+            TowerError: numbers are not finite, or the solver reached its cap, so that its forces are wrong.
         """
         data = self.data
         for _ in range(n):
@@ -139,11 +134,11 @@ class Tower:
         self.step(max(1, round(seconds / self.settings.timestep)))
 
     def settle(self) -> "Tower":
-        """Let the tower come to rest; what stands then is the `reference`.  Errors as in `step`."""
+        """Let the tower come to rest and make its poses the `reference`.  Errors as in `step`."""
         model, undamped = self.model, self.model.dof_damping.copy()
         free = model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
         for dof in range(6):
-            # a block turns with about its inertia over its mass, (23 mm)²
+            # (23 mm)²: about a block's inertia over its mass
             model.dof_damping[free + dof] = self.settings.settling_damping * (1.0 if dof < 3 else 23e-3**2)
         self.simulate(self.settings.settling * 2.0 / 3.0)
         model.dof_damping[:] = undamped
@@ -152,16 +147,16 @@ class Tower:
         return self
 
     def save(self) -> Snapshot:
-        """The present state; `load` continues from it exactly."""
+        """The present state, from which `load` continues exactly."""
         state = np.empty(mujoco.mj_stateSize(self.model, STATE_KIND))
         mujoco.mj_getState(self.model, self.data, state, STATE_KIND)
         return Snapshot(state, self.layer.copy(), self.place.copy(), self.reference.copy())
 
     def load(self, snapshot: Snapshot) -> None:
-        """Back to a snapshot of this tower."""
+        """Return to a snapshot of this tower."""
         mujoco.mj_setState(self.model, self.data, snapshot.state, STATE_KIND)
         mujoco.mj_forward(self.model, self.data)
-        # mj_forward moves the solver's warm start; set it again so that a continued run repeats to the last bit
+        # mj_forward changes the solver's warm start: without a reset a continued run would differ in the last bits
         mujoco.mj_setState(self.model, self.data, snapshot.state, STATE_KIND)
         self.layer, self.place = snapshot.layer.copy(), snapshot.place.copy()
         self.reference = snapshot.reference.copy()
@@ -186,14 +181,11 @@ class Tower:
         return self.data.geom_xmat[self.core_of(block)].reshape(3, 3).copy()
 
     def core_of(self, block: int) -> int:
-        """MuJoCo's number of the box of a block."""
+        """MuJoCo's geom id of a block's box."""
         return int(self.core[np.searchsorted(self.present, block)])
 
     def perturbation(self, block: int, since: np.ndarray | None = None) -> tuple[float, float]:
-        """Largest displacement (m) and largest rotation (rad) of any block but `block` since poses `since`.
-
-        since: (54, 7), default `reference`.
-        """
+        """Largest displacement (m) and rotation (rad) of any other block since poses (54, 7), default `reference`."""
         others = self.present[self.present != block]
         before = (self.reference if since is None else since)[others]
         rows = self.core[self.present != block]
@@ -203,7 +195,7 @@ class Tower:
         return float(distance), float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)).max())
 
     def fallen(self) -> np.ndarray:
-        """Numbers of the blocks that lie lower than `reference` by half a block, or tilted."""
+        """Numbers of the blocks that lie half a block below `reference`, or are tilted."""
         z = self.data.geom_xpos[self.core, 2]
         upright = self.data.geom_xmat[self.core, 8]
         low = self.reference[self.present, 2] - z > self.settings.topple_drop
@@ -214,7 +206,7 @@ class Tower:
         return block in self.fallen()
 
     def toppled(self, pushed: int | None = None) -> bool:
-        """Whether any block but the one that is handled has fallen."""
+        """Whether any block other than `pushed` has fallen."""
         return bool(np.any(self.fallen() != (-1 if pushed is None else pushed)))
 
     @property
@@ -223,7 +215,7 @@ class Tower:
         return float((self.data.geom_xpos[self.core, 2] + self.sizes[self.present, 2] / 2.0).max())
 
     def layers_above(self, block: int) -> int:
-        """Layers above a block, a begun one counted."""
+        """Layers above a block, incomplete ones included."""
         return int(self.layer.max() - self.layer[block])
 
     def is_side(self, block: int) -> bool:

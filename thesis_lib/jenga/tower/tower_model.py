@@ -1,9 +1,9 @@
 """The tower as a MuJoCo model: blocks on small spheres, a point pusher and a gripper.
 
 MuJoCo's box-box contact flips between one and four points when faces are not quite parallel, so a tower of boxes never
-rests.  Here a block's box touches nothing but spheres: 12 feet let into the TOP face of each block (four under each
-place of the layer above; the support does not move with a block that is pushed out from above it) and 4 bumpers on its
-long sides.  A sphere against a box is smooth and exact.
+comes to rest.  Here a block's box touches only spheres: 12 feet let into the TOP face of each block (four under each
+place of the layer above, so that the support does not move with a block pushed out above it) and 4 bumpers on its long
+sides.  Contact of a sphere with a box is smooth and exact.
 
 | what | contype | conaffinity | touches |
 |---|---|---|---|
@@ -12,12 +12,12 @@ long sides.  A sphere against a box is smooth and exact.
 | bumper | 2 | 0 | box |
 | tip | 4 | 0 | box |
 | floor | 8 | 1 | box, foot |
-| jaw | 16 | 0 | the box that it is to hold |
+| jaw | 16 | 0 | the held box |
 
-Contacts: stiff (solref 4 ms, solimp 0.99 to 0.999), elliptic cone, impratio 30 (a pyramidal cone or impratio 1 lets
-blocks creep), implicit integration, Newton's method to 1e-10: a looser solution is a worse start for the next step, and
-1e-6 takes twice as long.  See E. Todorov, T. Erez, Y. Tassa, IROS 2012, doi 10.1109/IROS.2012.6386109.  The pusher's
-and gripper's numbers are `RobotSettings`.
+Contacts are stiff (solref 4 ms, solimp 0.99 to 0.999) with an elliptic cone and impratio 30: with a pyramidal cone or
+impratio 1 blocks creep.  Integration is implicit, with Newton's method to 1e-10; a tolerance of 1e-6 takes twice as
+long because each step starts from a worse solution.  See E. Todorov, T. Erez, Y. Tassa, IROS 2012,
+doi 10.1109/IROS.2012.6386109.  Numbers of pusher and gripper: `RobotSettings`.
 """
 
 import numpy as np
@@ -27,12 +27,12 @@ from thesis_lib.jenga.tower.settings import RobotSettings, TowerSettings
 LAYERS, PER_LAYER = 18, 3
 BLOCKS = LAYERS * PER_LAYER
 FOOT = 2.5e-3  # m, radius of feet, bumpers and pads
-FOOT_INSET = 9.5e-3  # m from the middle of a place to its feet
+FOOT_INSET = 9.5e-3  # m along each axis from the middle of a place to its feet
 HAND_MASS, JAW_MASS = 0.2, 0.02  # kg
 HAND_STIFFNESS, JAW_STIFFNESS = 5000.0, 2000.0  # N/m
 HAND_TURN = 20.0  # N m/rad
 OPEN = 8e-3  # m between an open jaw's pads and the block
-PARKED = np.array([0.4, 0.4, 0.5])  # m: where idle tools are kept
+PARKED = np.array([0.4, 0.4, 0.5])  # m, position of idle tools
 
 
 def _numbers(values) -> str:
@@ -40,7 +40,7 @@ def _numbers(values) -> str:
 
 
 def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarray | None) -> str:
-    """The geoms of one block, in the frame of its body: at `pose` (7,) of that frame, or at its origin."""
+    """Geoms of one block in the frame of its body, at `pose` (7,) in that frame or at its origin."""
     length, width, _ = settings.block
     pitch = width + settings.gap
     half = size / 2.0
@@ -56,7 +56,7 @@ def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarr
         origin, turn = pose[:3], pose[3:]
     matrix = rotation(turn)
     slippery = settings.hidden.slippery_layer == block // PER_LAYER
-    # the higher friction of two geoms counts unless one has priority
+    # MuJoCo takes the higher friction of two geoms unless one has priority
     surface = f' priority="1" friction="{settings.hidden.slippery_friction} .005 .0001"' if slippery else ""
     lines = [
         f'<geom class="core" name="core{block}" size="{_numbers(half)}" pos="{_numbers(origin)}" '
@@ -79,13 +79,13 @@ def rotation(quaternion: np.ndarray) -> np.ndarray:
 
 
 def stacked(sizes: np.ndarray, settings: TowerSettings) -> np.ndarray:
-    """Poses (54, 7) of blocks laid layer by layer on the highest block below, before they settle; m, quaternions."""
+    """Poses (54, 7), m and quaternions, of blocks laid on the highest block of the layer below, not yet settled."""
     pitch = settings.block[1] + settings.gap
     poses, base = np.zeros((BLOCKS, 7)), 0.0
     for layer in range(LAYERS):
         rows = np.arange(PER_LAYER) + layer * PER_LAYER
         across = (np.arange(PER_LAYER) - 1) * pitch
-        # odd layers are turned by a quarter: the block's long axis is y, and its own y axis is -x
+        # odd layers are turned by 90 degrees: the block's long axis is y and its y axis is -x
         poses[rows, 0], poses[rows, 1] = (0.0, across) if layer % 2 == 0 else (-across, 0.0)
         poses[rows, 2] = base + sizes[rows, 2] / 2.0
         poses[rows, 3:] = (1, 0, 0, 0) if layer % 2 == 0 else (np.sqrt(0.5), 0, 0, np.sqrt(0.5))
@@ -124,7 +124,7 @@ def _gripper(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
             for x in (-5e-3, 5e-3)
             for z in (-4e-3, 4e-3)
         )
-        # the joint counts the distance between pads and the nominal side of the block
+        # the joint coordinate is the distance between pads and the block's nominal side
         joint = f'<joint name="jaw_{name}" type="slide" axis="0 {side} 0"/>'
         jaws += f'<body name="{name}" gravcomp="1">{joint}{pads}</body>'
         drives += (
@@ -152,8 +152,8 @@ def tower_xml(
 ) -> str:
     """MJCF of a tower with its robot.
 
-    sizes: (54, 3), m.  poses: (54, 7), m and quaternions.  `static` blocks are fixed to the world, those of `lump` are
-    one body, those of `absent` are left out; so are the settings' glued blocks one body.  All others are free bodies.
+    sizes: (54, 3), m.  poses: (54, 7), m and quaternions.  `static` blocks are fixed to the world, `lump` blocks form
+    one body, as do the settings' glued blocks, and `absent` blocks are left out.  All others are free bodies.
     """
     bodies = []
     groups = [sorted(lump - absent), sorted(set(settings.hidden.glued) - static - lump - absent)]
