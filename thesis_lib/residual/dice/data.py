@@ -100,15 +100,15 @@ def flight_drag(flights: LongFlights) -> tuple[float, float]:
     With linear drag Δv_x = −c_v Δx and Δω = −c_w Δθ exactly, for a flight of any length: the line through the origin
     of least absolute deviation, that is the median of −Δv/Δq weighted by |Δq|.  Not below 0.
     """
-    found = []
+    drags = []
     for i in (0, 2):
         dq, dv = flights.dq[:, i], flights.dv[:, i]
         used = np.abs(dq) > 0.0
         ratio, weight = -dv[used] / dq[used], np.abs(dq[used])
         order = np.argsort(ratio)
         half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
-        found.append(max(0.0, float(ratio[order][half])) if used.any() else 0.0)
-    return found[0], found[1]
+        drags.append(max(0.0, float(ratio[order][half])) if used.any() else 0.0)
+    return drags[0], drags[1]
 
 
 def read_throws(
@@ -152,11 +152,17 @@ def read_throws(
             if len(inside) >= settings.long_flight:
                 (last, _), (head, _) = fits[-1][3], fits[-1][5]
                 long.append((trial, *(last - head).T.ravel()))
-        for one, two in pairwise(fits):
-            if two[0] - one[1] <= settings.longest_contact:
-                before, after = one[3][0], two[5][0]
+        for flight, following in pairwise(fits):
+            if following[0] - flight[1] <= settings.longest_contact:
+                before, after = flight[3][0], following[5][0]
                 contacts.append(
-                    (trial, one[0] == -np.inf, *before.T.ravel(), *after.T.ravel(), two[4] - one[2])
+                    (
+                        trial,
+                        flight[0] == -np.inf,
+                        *before.T.ravel(),
+                        *after.T.ravel(),
+                        following[4] - flight[2],
+                    )
                 )
         tail = pose[-settings.last :]
         moved = np.ptp(tail * [1.0, 1.0, dataset.k_g], axis=0).max()
@@ -193,12 +199,12 @@ def _flights(
     t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings
 ) -> list[tuple[float, float, np.ndarray]]:
     """Begin, end (hits in s, −∞ before the first) and samples of each stretch between hits that is long enough."""
-    found = []
+    stretches = []
     for begin, end in zip(np.r_[-np.inf, hits], np.r_[hits, np.inf]):
         inside = np.flatnonzero((t > begin + settings.guard) & (t < end - settings.guard))
         if len(inside) >= settings.fewest:
-            found.append((begin, end, inside))
-    return found
+            stretches.append((begin, end, inside))
+    return stretches
 
 
 def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
@@ -214,9 +220,9 @@ def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
         raise UserError("No throw begins with a flight before its first hit.")
     # a lost frame in one throw must not blur all
     limit = ROBUST * MAD_TO_STD * np.median(np.abs(np.concatenate(residuals)), axis=0)
-    residuals = [np.clip(left, -limit, limit) for left in residuals]
-    square = sum((left**2).sum(0) for left in residuals)
-    rho = sum((left[1:] * left[:-1]).sum(0) for left in residuals) / np.maximum(square, 1e-300)
+    residuals = [np.clip(residual, -limit, limit) for residual in residuals]
+    square = sum((residual**2).sum(0) for residual in residuals)
+    rho = sum((residual[1:] * residual[:-1]).sum(0) for residual in residuals) / np.maximum(square, 1e-300)
     rho = np.clip(rho, 0.0, 0.9)
     sigma = np.sqrt(square / freedom * (1.0 + rho) / (1.0 - rho))
     return np.maximum(sigma, FINEST)

@@ -98,11 +98,11 @@ def propagate(
     shape = q.shape[:2]
     q, v = q.reshape(-1, 3).copy(), v.reshape(-1, 3).copy()
     mean, cov = np.hstack([q, v]), np.zeros((len(q), 6, 6))
-    left, outside = np.repeat(np.asarray(span, float), shape[1]), np.zeros(len(q), bool)
+    remaining, outside = np.repeat(np.asarray(span, float), shape[1]), np.zeros(len(q), bool)
     rows = np.arange(len(q))
     for _ in range(MOST):
         t, corner = first_touch(body, q[rows], v[rows])
-        hits = t <= left[rows]
+        hits = t <= remaining[rows]
         rows, t, corner = rows[hits], t[hits], corner[hits]
         if not len(rows):
             break
@@ -111,12 +111,12 @@ def propagate(
         slow = -(at_v[:, 1] + r[:, 0] * at_v[:, 2]) < micro
         out = draw(contact, at_q, at_v, r, slow, rng)
         mean[rows], cov[rows], q[rows], v[rows] = out.mean, out.cov, out.q, out.v
-        left[rows] -= t + out.took
+        remaining[rows] -= t + out.took
         outside[rows] |= ~out.in_range
     # whoever has still not come to its last hit stays where it is
-    left[rows] = np.minimum(left[rows], 0.0)
-    mean, cov = fly_gaussian(body, mean, cov, left)
-    sample = np.hstack(fly(body, q, v, left))
+    remaining[rows] = np.minimum(remaining[rows], 0.0)
+    mean, cov = fly_gaussian(body, mean, cov, remaining)
+    sample = np.hstack(fly(body, q, v, remaining))
     return StateBelief(
         mean.reshape(*shape, 6),
         cov.reshape(*shape, 6, 6),

@@ -193,26 +193,26 @@ def train_missed(
     speed = velocity_error(v_0, model.k_g)
     edges = [edge for edge in settings.edges if min((speed <= edge).sum(), (speed > edge).sum()) >= FEWEST]
     edges.append(np.inf)
-    processes, left, outliers = [], [], 0
+    processes, parts, outliers = [], [], 0
     for rows in split(speed, edges):
         size = np.linalg.norm(residual[rows, 3:], axis=1)
         good = rows[size < settings.outlier * np.median(size)]
         outliers += len(rows) - len(good)
         if not learned:
             processes.append(None)
-            left.append(residual[rows])
+            parts.append(residual[rows])
             continue
         some = rng.permutation(good)[: settings.training_contacts]
         X = contact_features(q_0[some], v_0[some], model.k_g)
         process = fit_gaussian_process(X, residual[some], rng, settings.process, centred=False)
         processes.append(process)
-        left.append(leave_one_out(process))
+        parts.append(leave_one_out(process))
         # outliers teach no process, but they happen, so that they belong to its tails
         wild = np.setdiff1d(rows, good)
         if len(wild):
             mean, variance = process.predict(contact_features(q_0[wild], v_0[wild], model.k_g), noise=True)
-            left[-1] = np.vstack([left[-1], (residual[wild] - mean) / np.sqrt(variance)])
-    scales, freedom = student(left)
+            parts[-1] = np.vstack([parts[-1], (residual[wild] - mean) / np.sqrt(variance)])
+    scales, freedom = student(parts)
     return Missed(tuple(map(Regime, edges, processes, scales)), freedom, outliers)
 
 

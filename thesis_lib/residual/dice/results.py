@@ -104,10 +104,10 @@ def over_splits(table: pd.DataFrame, keys: list[str], value: str) -> pd.DataFram
 
 def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Histograms of the PIT of resting positions in the first split (whose throws are all different), and coverages."""
-    one = throws[throws["split"] == 0]
+    first_split = throws[throws["split"] == 0]
     histograms = [
         pit_histogram(part["pit"].to_numpy()).assign(model=model)
-        for model, part in one.groupby("model", sort=False)
+        for model, part in first_split.groupby("model", sort=False)
     ]
     return pd.concat(histograms, ignore_index=True), coverage[coverage["kind"] == "roll"]
 

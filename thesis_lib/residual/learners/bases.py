@@ -51,8 +51,8 @@ class LawBase:
 
     def fit(self, impacts: Impacts) -> "LawBase":
         """The law with (μ, ε) from training impacts."""
-        found = fit_ensemble(LAWS[self.law], target_of(impacts), "velocity")
-        return LawBase(self.law, found.mu, found.epsilon)
+        fitted = fit_ensemble(LAWS[self.law], target_of(impacts), "velocity")
+        return LawBase(self.law, fitted.mu, fitted.epsilon)
 
     def predict(self, impacts: Impacts) -> np.ndarray:
         """Velocity after impact, (n, 3); NaN where the law has no solution."""

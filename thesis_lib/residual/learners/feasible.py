@@ -77,15 +77,15 @@ def to_latent(
     from scipy.special import ndtri
 
     frame = _frame(r, k_g)
-    left = _radius_squared(v_pre, frame, k_g, wrench)
+    remaining = _radius_squared(v_pre, frame, k_g, wrench)
     z = coordinates(project(v_pre, v_post, r, k_g, wrench=wrench), frame, k_g)
     s = np.empty((len(z), 3 if wrench else 2))
     for i in range(s.shape[1]):
-        share = z[:, i] / np.sqrt(np.maximum(left, 1e-300))
+        share = z[:, i] / np.sqrt(np.maximum(remaining, 1e-300))
         share = share if i == 0 else 0.5 * (1.0 + share)
         share = np.clip(share, MARGIN, 1.0 - MARGIN)
         s[:, i] = ndtri(share)
-        left = left - z[:, i] ** 2
+        remaining = remaining - z[:, i] ** 2
     return s
 
 
@@ -95,12 +95,12 @@ def from_latent(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float
 
     frame = _frame(r, k_g)
     wrench = latent.shape[1] == 3
-    left = _radius_squared(v_pre, frame, k_g, wrench)
+    remaining = _radius_squared(v_pre, frame, k_g, wrench)
     z = coordinates(v_pre, frame, k_g)
     for i in range(latent.shape[1]):
         share = ndtr(latent[:, i])
-        z[:, i] = np.sqrt(np.maximum(left, 0.0)) * (share if i == 0 else 2.0 * share - 1.0)
-        left = left - z[:, i] ** 2
+        z[:, i] = np.sqrt(np.maximum(remaining, 0.0)) * (share if i == 0 else 2.0 * share - 1.0)
+        remaining = remaining - z[:, i] ** 2
     return _velocity(z, frame, k_g)
 
 
@@ -126,10 +126,10 @@ def _velocity(z: np.ndarray, frame: np.ndarray, k_g: float) -> np.ndarray:
 
 
 def _frame(r: np.ndarray, k_g: float) -> np.ndarray:
-    one, zero = np.ones(len(r)), np.zeros(len(r))
-    n = np.stack([zero, one, r[:, 0] / k_g], axis=1)
+    ones, zeros = np.ones(len(r)), np.zeros(len(r))
+    n = np.stack([zeros, ones, r[:, 0] / k_g], axis=1)
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    t = np.stack([one, zero, -r[:, 1] / k_g], axis=1)
+    t = np.stack([ones, zeros, -r[:, 1] / k_g], axis=1)
     t -= np.sum(t * n, axis=1, keepdims=True) * n
     t /= np.linalg.norm(t, axis=1, keepdims=True)
     return np.stack([n, t, np.cross(n, t)], axis=1)

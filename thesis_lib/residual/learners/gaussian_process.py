@@ -170,19 +170,19 @@ def fit_gaussian_process(
     count, d = min(len(x), settings.hyperparameter_impacts), x.shape[1]
     fixed = start is not None and start.n_hyper >= count
     theta, value, weight = np.empty((y.shape[1], d + 2)), np.empty(y.shape[1]), np.ones_like(y)
-    for i, one in enumerate(y.T):
+    for i, output in enumerate(y.T):
         if fixed:
             theta[i], value[i] = known[i], start.log_likelihood[i]
         else:
             first = starts(d, rng, settings.restarts, None if known is None else known[i])
-            theta[i], value[i] = search(x[:count], one[:count], weight[:count, i], first, settings, device)
+            theta[i], value[i] = search(x[:count], output[:count], weight[:count, i], first, settings, device)
         for _ in range(settings.robust_rounds):
-            weight[:, i] = weights(theta[i], x, one, weight[:, i], device)
+            weight[:, i] = weights(theta[i], x, output, weight[:, i], device)
             if weight[:, i].min() == 1.0:
                 break
             if not fixed:
                 theta[i], value[i] = search(
-                    x[:count], one[:count], weight[:count, i], theta[i : i + 1], settings, device
+                    x[:count], output[:count], weight[:count, i], theta[i : i + 1], settings, device
                 )
     h = np.exp(theta)
     count = start.n_hyper if fixed else count

@@ -50,9 +50,9 @@ class TrainingRange:
         x = features(impacts, "X1_omega")
         centre, scale = x.mean(axis=0), x.std(axis=0)
         scale = np.where(scale > 1e-12 * (1e-300 + np.abs(x).max(axis=0)), scale, 1.0)
-        found = cls(centre, scale, (x - centre) / scale, np.nan)
-        own = found._nearest(found.points, skip=1)
-        return cls(centre, scale, found.points, float(np.quantile(own, quantile)))
+        uncalibrated = cls(centre, scale, (x - centre) / scale, np.nan)
+        distances = uncalibrated._nearest(uncalibrated.points, skip=1)
+        return cls(centre, scale, uncalibrated.points, float(np.quantile(distances, quantile)))
 
     def distance(self, impacts: Impacts) -> np.ndarray:
         """Mean distance (n,) to the nearest training impacts, in standard deviations."""

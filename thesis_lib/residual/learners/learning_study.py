@@ -77,27 +77,27 @@ def learning_curves(
         train, held_out = _split(impacts, settings.held_out_share, generator(seed, "split", str(split)))
         sizes = _sizes(settings.sizes, len(train))
         shown = min(sizes, key=lambda n: abs(n - settings.density_size))
-        for n, found in _trained(models, train, held_out, sizes, seed, split):
+        for n, by_model in _trained(models, train, held_out, sizes, seed, split):
             table = {
-                name: velocity_error(held_out.v_post - p.v_post, held_out.k_g) for name, p in found.items()
+                name: velocity_error(held_out.v_post - p.v_post, held_out.k_g) for name, p in by_model.items()
             }
-            curves += [_row(name, n, split, p, held_out) for name, p in found.items()]
+            curves += [_row(name, n, split, p, held_out) for name, p in by_model.items()]
             table |= _bounds(table, settings.laws, held_out)
             curves += [_error_row(name, n, split, table[name]) for name in BOUNDS]
             if split == 0 and n == shown:
-                errors = [_errors(name, error, found.get(name), held_out) for name, error in table.items()]
+                errors = [_errors(name, error, by_model.get(name), held_out) for name, error in table.items()]
     return pd.DataFrame(curves), pd.concat(errors, ignore_index=True).assign(n=shown)
 
 
 def named_physics_models(law: str, model: SavedModel, settings: LearningStudySettings) -> dict[str, Learner]:
     """The models of `NAMED`: a plain law and the critique's law with its effects, alone and with residuals."""
     gp, plain, augmented = settings.gaussian_process, LawBase(law), AugmentedBase(model)
-    found: dict[str, Learner] = {}
+    models: dict[str, Learner] = {}
     for name, base in (("law", plain), ("effects", augmented)):
-        found[name] = LawLearner(base)
-        found[f"{name}_rigid"] = ImpulseLearner("X1", False, base, True, gp)
-        found[f"{name}_wrench"] = ImpulseLearner("X1", True, base, True, gp)
-    return found
+        models[name] = LawLearner(base)
+        models[f"{name}_rigid"] = ImpulseLearner("X1", False, base, True, gp)
+        models[f"{name}_wrench"] = ImpulseLearner("X1", True, base, True, gp)
+    return models
 
 
 def named_physics(
@@ -138,10 +138,10 @@ def named_physics(
     for split in range(settings.splits):
         say(f"draw {split + 1} of {settings.splits}")
         train = _in_random_order(pool, generator(seed, "draw", str(split)))
-        for n, found in _trained(models, train, test, sizes, seed, split):
-            curves += [_row(name, n, split, p, test) for name, p in found.items()]
+        for n, by_model in _trained(models, train, test, sizes, seed, split):
+            curves += [_row(name, n, split, p, test) for name, p in by_model.items()]
             if n == shown:
-                for name, p in found.items():
+                for name, p in by_model.items():
                     sums[name] = sums[name] + velocity_error(test.v_post - p.v_post, test.k_g)
     means = {name: total / settings.splits for name, total in sums.items()}
     for name, seen in (("irb_bound", test), ("irb_bound_effects", AugmentedBase(model).seen(test))):
@@ -189,7 +189,7 @@ def convergence(curves: pd.DataFrame, within: float, rng: np.random.Generator) -
         drawn = values[rng.integers(len(values), size=(BOOTSTRAP, len(values)))].mean(axis=1)
         row = {"model": model}
         for name, by_fall in (("n_converged", False), ("n_learned", True)):
-            at = [_settled(sizes, one, within, by_fall) for one in (values.mean(axis=0), *drawn)]
+            at = [_settled(sizes, curve, within, by_fall) for curve in (values.mean(axis=0), *drawn)]
             low, high = np.quantile(at[1:], CENTRAL_95, method="nearest")
             row |= {name: int(at[0]), f"{name}_low": int(low), f"{name}_high": int(high)}
         rows.append(row)
@@ -254,10 +254,10 @@ def _in_random_order(impacts: Impacts, rng: np.random.Generator) -> Impacts:
 
 
 def _sizes(sizes: Sequence[int], available: int) -> list[int]:
-    found = [n for n in sorted(set(sizes)) if n <= available]
-    if not found:
+    usable = [n for n in sorted(set(sizes)) if n <= available]
+    if not usable:
         raise ValueError(f"the smallest size is {min(sizes)}, but there are {available} training impacts")
-    return found
+    return usable
 
 
 def _trained(
@@ -266,12 +266,12 @@ def _trained(
     """Predictions of all models for each size; a model starts its search from its smaller self."""
     previous = dict.fromkeys(models)
     for n in sizes:
-        subset, found = train.select(np.arange(n)), {}
+        subset, predictions = train.select(np.arange(n)), {}
         for name, learner in models.items():
             # streams by name, so that a further model changes no other
             trained = learner.fit(subset, generator(seed, name, str(split), str(n)), previous[name])
-            previous[name], found[name] = trained, trained.predict(test, covariance=False)
-        yield n, found
+            previous[name], predictions[name] = trained, trained.predict(test, covariance=False)
+        yield n, predictions
 
 
 def _row(name: str, n: int, split: int, p: Prediction, held_out: Impacts) -> dict:

@@ -98,10 +98,10 @@ def search(
 
     data = tuple(torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
     best = None
-    for one in starts:
-        found = minimize(
+    for start in starts:
+        optimum = minimize(
             objective,
-            one,
+            start,
             (*data, settings.prior),
             jac=True,
             method="L-BFGS-B",
@@ -109,8 +109,8 @@ def search(
             # beyond this the likelihood changes by less than a hundredth of a nat
             options={"maxiter": settings.iterations, "ftol": 1e-6 / max(1, len(x)) ** 0.5, "gtol": 1e-3},
         )
-        if best is None or found.fun < best.fun - EQUAL:
-            best = found
+        if best is None or optimum.fun < best.fun - EQUAL:
+            best = optimum
     return best.x, -objective(best.x, *data)[0]
 
 
@@ -126,8 +126,8 @@ def weights(
     K_y.diagonal().add_(t[-1] / W)
     inverse = torch.cholesky_inverse(torch.linalg.cholesky(K_y))
     kappa = inverse.diagonal()
-    left = (inverse @ Y) / kappa
-    square = left**2 / (1.0 / kappa - t[-1] / W + t[-1])
+    residual = (inverse @ Y) / kappa
+    square = residual**2 / (1.0 / kappa - t[-1] / W + t[-1])
     return torch.clamp(WILD**2 / square, max=1.0).cpu().numpy()
 
 

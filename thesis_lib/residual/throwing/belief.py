@@ -107,11 +107,11 @@ class RestBelief:
 
     def density(self, x: np.ndarray, face: int | None = None) -> np.ndarray:
         """p(x | face) in 1/m at positions (n,); over all sides if face is None."""
-        own = self.x if face is None else self.x[self.face == face]
-        own = own if len(own) >= FEW else self.x
+        particles = self.x if face is None else self.x[self.face == face]
+        particles = particles if len(particles) >= FEW else self.x
         spread = max(float(np.std(self.x)), NARROWEST)
-        width = max(_silverman(own), NARROWEST)
-        kernels = _normal((x[:, None] - own) / width).mean(1) / width
+        width = max(_silverman(particles), NARROWEST)
+        kernels = _normal((x[:, None] - particles) / width).mean(1) / width
         return (1.0 - WIDE) * kernels + WIDE * _normal((x - self.x.mean()) / (5.0 * spread)) / (5.0 * spread)
 
 

@@ -95,22 +95,24 @@ def compliant_path(
     Bodies that have had too many contacts by then get NaN.
     """
     n = len(q)
-    q, v, left = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
+    q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
     moving = np.arange(n)
     for _ in range(_ROUNDS):
         t, _ = first_touch(body, q[moving], v[moving])
-        t = np.minimum(t, left[moving])
+        t = np.minimum(t, remaining[moving])
         q[moving], v[moving] = fly(body, q[moving], v[moving], t)
-        left[moving] -= t
-        moving = moving[left[moving] > 1e-9]
+        remaining[moving] -= t
+        moving = moving[remaining[moving] > 1e-9]
         if not len(moving):
             return q, v
-        q[moving], v[moving], took = press(body, contact, q[moving], v[moving], left[moving], longest, dt)
-        left[moving] -= took
+        q[moving], v[moving], took = press(
+            body, contact, q[moving], v[moving], remaining[moving], longest, dt
+        )
+        remaining[moving] -= took
         # what still presses after `longest` goes on from the surface
         pressed = moving[took >= longest - 1e-9]
         q[pressed, 1] += np.maximum(-body.gap(q[pressed]), 0.0)
-        moving = moving[left[moving] > 1e-9]
+        moving = moving[remaining[moving] > 1e-9]
         if not len(moving):
             return q, v
     q[moving], v[moving] = np.nan, np.nan

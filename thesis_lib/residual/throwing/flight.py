@@ -160,7 +160,7 @@ def first_touch(body: ThrownBody, q: np.ndarray, v: np.ndarray) -> tuple[np.ndar
     spin = np.abs(v[:, 2])
     A = body.gravity + body.c_v * np.maximum(v[:, 1], 0.0) + body.reach * spin * (spin + body.c_w)
     t, corner = np.zeros(n), np.zeros(n, dtype=np.intp)
-    left = np.arange(n)
+    flying = np.arange(n)
     q_0, v_0, A_0, t_0 = q, v, A, t
     for _ in range(_ADVANCES):
         q_t, v_t = fly(body, q_0, v_0, t_0)
@@ -171,19 +171,19 @@ def first_touch(body: ThrownBody, q: np.ndarray, v: np.ndarray) -> tuple[np.ndar
         touching = (gap <= TOUCH) & (rate < 0.0)
         done = touching.any(axis=1)
         if done.any():
-            rows = left[done]
+            rows = flying[done]
             t[rows] = t_0[done]
             corner[rows] = np.argmin(np.where(touching[done], rate[done], np.inf), axis=1)
             if done.all():
                 return t, corner
             keep = ~done
-            left, q_0, v_0, A_0, t_0 = left[keep], q_0[keep], v_0[keep], A_0[keep], t_0[keep]
+            flying, q_0, v_0, A_0, t_0 = flying[keep], q_0[keep], v_0[keep], A_0[keep], t_0[keep]
             gap, rate = gap[keep], rate[keep]
         # φ + φ̇ t − A t²/2 = 0, in the form that loses no digits for φ̇ < 0; TOUCH/2 makes the last step arrive
         gap = np.maximum(gap - 0.5 * TOUCH, 0.0)
         root = np.sqrt(rate * rate + 2.0 * A_0[:, None] * gap) + np.abs(rate)
         step = np.where(rate < 0.0, 2.0 * gap / np.maximum(root, 1e-300), root / A_0[:, None])
         t_0 = t_0 + np.min(step, axis=1)
-    t[left] = t_0
-    corner[left] = np.argmin(gap, axis=1)
+    t[flying] = t_0
+    corner[flying] = np.argmin(gap, axis=1)
     return t, corner

@@ -97,27 +97,27 @@ def draw(
     tally.sampled += int(uncertain.sum())
     root = np.zeros_like(cov)
     root[uncertain] = covariance_root(cov[uncertain])
-    left = np.arange(len(q))
+    pending = np.arange(len(q))
     for i in range(contact.draws):
-        noise = contact.noise(len(left), rng)
-        out[left] = mean[left] + np.einsum("nij,nj->ni", root[left], noise)
-        good = contact.feasible(q[left], v[left], r[left], out[left], took[left])
+        noise = contact.noise(len(pending), rng)
+        out[pending] = mean[pending] + np.einsum("nij,nj->ni", root[pending], noise)
+        good = contact.feasible(q[pending], v[pending], r[pending], out[pending], took[pending])
         # the law's own outcomes are not samples
-        good |= ~uncertain[left]
-        tally.drawn += int(uncertain[left].sum())
+        good |= ~uncertain[pending]
+        tally.drawn += int(uncertain[pending].sum())
         tally.rejected += int((~good).sum())
         if i == 0:
             tally.first_rejected += int((~good).sum())
-        left = left[~good]
-        if not len(left):
+        pending = pending[~good]
+        if not len(pending):
             break
-    if len(left):
-        tally.given_up += len(left)
-        q_law, v_law, _ = contact.law(q[left], v[left], r[left], slow[left], rng)
-        out[left] = mean[left] = np.hstack([q_law, v_law])
-        cov[left] = 0.0
+    if len(pending):
+        tally.given_up += len(pending)
+        q_law, v_law, _ = contact.law(q[pending], v[pending], r[pending], slow[pending], rng)
+        out[pending] = mean[pending] = np.hstack([q_law, v_law])
+        cov[pending] = 0.0
         took = took.copy()
-        took[left] = 0.0
+        took[pending] = 0.0
     q_new, v_new = out[:, :3], out[:, 3:]
     # what is not quite above the surface is lifted onto it
     deep = took > 0.0

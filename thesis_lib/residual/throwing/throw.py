@@ -161,22 +161,22 @@ def state_at(
     Particles that have used up `max_contacts` stay where they were at that contact, NaN marks them.
     """
     n = len(q)
-    q, v, left = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
+    q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
     hits, moving = np.zeros(n, int), np.arange(n)
     for _ in range(settings.max_contacts):
         if not len(moving):
             break
-        q_m, v_m, left_m = q[moving], v[moving], left[moving]
+        q_m, v_m, remaining_m = q[moving], v[moving], remaining[moving]
         t, corner = first_touch(body, q_m, v_m)
-        touches = t < left_m
-        t = np.minimum(t, left_m)
+        touches = t < remaining_m
+        t = np.minimum(t, remaining_m)
         q_m, v_m = fly(body, q_m, v_m, t)
         if touches.any():
             r = body.contact_point(q_m[touches, 2], corner[touches])
             before = v_m[touches]
             slow = -(before[:, 1] + r[:, 0] * before[:, 2]) < settings.micro
             _, v_m[touches], _ = impact(q_m[touches], before, r, slow, rng)
-        q[moving], v[moving], left[moving] = q_m, v_m, left_m - t
+        q[moving], v[moving], remaining[moving] = q_m, v_m, remaining_m - t
         hits[moving] += touches
         moving = moving[touches]
     q[moving], v[moving] = np.nan, np.nan

@@ -247,10 +247,10 @@ class _Drops:
                 tick[i] += 1
                 coming[i] = np.append(self.ticks, np.inf)[tick[i]]
             # those that have separated wait, unchanged, to be taken out
-            mine = held[:, None]
-            q, v = np.where(mine, new_q, q), np.where(mine, new_v, v)
+            held_column = held[:, None]
+            q, v = np.where(held_column, new_q, q), np.where(held_column, new_v, v)
             t = t + h * held
-            impulse[here] += c * mine
+            impulse[here] += c * held_column
             held &= ~free
             if step % _COMPACT == 0 and not held.all():
                 store(~held)
