@@ -1,15 +1,13 @@
-"""What the recorded throws of a die show: state before the first contact, each contact from flight to flight, the end.
+"""Recorded throws of a die: state before the first contact, contacts between flights, and pose at rest.
 
-Between contacts a pose is a parabola in time.  Its acceleration is nearly known, so that it enters as a measurement,
-too:
+Between contacts a pose is a parabola in time.  Its acceleration is nearly known and enters as a measurement:
 
     q_j = q + v t_j + a t_j²/2 + noise,    a = −(0, g, 0) − c v ± stray          weighted least squares, each coordinate
 
     noise: white of one sigma σ √((1 + ρ)/(1 − ρ)), σ and the lag-one correlation ρ pooled over all first flights
 
-A contact of the table reaches from the last sample of one flight to a sample early in the next.  Hits that follow
-each other too fast for a flight of `fewest` samples between them are one contact: the camera cannot tell them apart,
-and from the two flights nothing needs to be assumed about them.
+A contact reaches from the last sample of one flight to an early sample of the next.  Hits with fewer than `fewest`
+samples between them are one contact: the camera cannot resolve them, and the two flights need no assumption about them.
 
 | on paper | in code            | unit               | shape        | meaning                                  |
 |----------|--------------------|--------------------|--------------|------------------------------------------|
@@ -18,8 +16,8 @@ and from the two flights nothing needs to be assumed about them.
 |          | `end`              | m, m, rad          | (n, 3)       | pose at rest                             |
 |          | `span`             | s                  | (n,)         | from the first state to the second       |
 
-A throw counts as at rest if it moves by less than `still` over its last samples; the others have no resting pose, and
-throws without a usable first flight no initial state: both are left out of the study of throws and counted.
+A throw is at rest if it moves by less than `still` over its last samples.  Throws without a pose at rest, or without a
+usable first flight, are left out and counted.
 """
 
 from dataclasses import dataclass
@@ -33,17 +31,16 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.dice.settings import DiceDataSettings
 
 ROBUST = 4.0  # standard deviations beyond which a sample counts as lost
-# four digits of statistics.spread's: thrown dice are chaotic, and with more the stored throws would be others
+# four digits of the value in statistics.spread: dice are chaotic, more digits would change the stored throws
 MAD_TO_STD = 1.4826
-FINEST = 1e-9  # m, rad; simulated poses may have no noise at all
+FINEST = 1e-9  # m, rad; simulated poses may have no noise
 
 
 @dataclass(frozen=True)
 class Releases:
-    """Throws with a usable first flight and end at rest; see the module's table.
+    """Throws with a usable first flight and a pose at rest; see the module's table.
 
-    `left_out` counts the others by reason; `sigma` (3,) is the noise of a sample of x, y (m) and θ (rad), correlation
-    included.
+    `left_out` counts the others by reason; `sigma` (3,) is the noise of x, y (m) and θ (rad), correlation included.
     """
 
     trial: np.ndarray
@@ -55,14 +52,14 @@ class Releases:
     sigma: np.ndarray
 
     def select(self, rows: np.ndarray) -> "Releases":
-        """The throws at `rows` (mask or indices)."""
+        """Throws of a mask or of indices."""
         parts = (getattr(self, name)[rows] for name in ("trial", "q", "v", "cov", "end"))
         return Releases(*parts, self.left_out, self.sigma)
 
 
 @dataclass(frozen=True)
 class MeasuredContacts:
-    """Contacts between two flights: states before and after, `span` apart; `first` marks the first of a throw."""
+    """Contacts: states before and after, `span` (s) apart; `first` marks the first contact of a throw."""
 
     trial: np.ndarray
     first: np.ndarray
@@ -76,29 +73,29 @@ class MeasuredContacts:
         return len(self.trial)
 
     def select(self, rows: np.ndarray) -> "MeasuredContacts":
-        """The contacts at `rows` (mask or indices)."""
+        """Contacts of a mask or of indices."""
         names = ("trial", "first", "q", "v", "q_after", "v_after", "span")
         return MeasuredContacts(*(getattr(self, name)[rows] for name in names))
 
 
 @dataclass(frozen=True)
 class LongFlights:
-    """Long flights: change of pose and velocity (n, 3) between an early sample and the last one."""
+    """Long flights: change of pose and velocity (n, 3) between an early and the last sample."""
 
     trial: np.ndarray
     dq: np.ndarray
     dv: np.ndarray
 
     def select(self, rows: np.ndarray) -> "LongFlights":
-        """The flights at `rows`."""
+        """Flights of a mask or of indices."""
         return LongFlights(self.trial[rows], self.dq[rows], self.dv[rows])
 
 
 def flight_drag(flights: LongFlights) -> tuple[float, float]:
-    """Linear drag (c_v, c_w) in 1/s of translation (along x) and spin.
+    """Linear drag (c_v, c_w) in 1/s of translation along x and of spin, at least 0.
 
-    With linear drag Δv_x = −c_v Δx and Δω = −c_w Δθ exactly, for a flight of any length: the line through the origin
-    of least absolute deviation, that is the median of −Δv/Δq weighted by |Δq|.  Not below 0.
+    Linear drag gives Δv_x = −c_v Δx and Δω = −c_w Δθ exactly, for any length of flight.  The fit is the line through
+    the origin of least absolute deviation: the median of −Δv/Δq weighted by |Δq|.
     """
     drags = []
     for i in (0, 2):
@@ -114,15 +111,10 @@ def flight_drag(flights: LongFlights) -> tuple[float, float]:
 def read_throws(
     dataset: Dataset, hits: pd.DataFrame, settings: DiceDataSettings
 ) -> tuple[Releases, MeasuredContacts, LongFlights]:
-    """States, contacts and long flights of all throws.
+    """States, contacts and long flights of all throws of a dataset with trajectories.
 
-    Args:
-        dataset: with trajectories.
-        hits: columns trial, t (s): all detected hits, measurable or not, as arcs.csv.
-        settings: see `DiceDataSettings`.
-
-    Raises:
-        UserError: the dataset has no trajectories, or no throw is usable.
+    `hits` has columns trial, t (s) of all detected hits, measurable or not, as in arcs.csv.  Raises UserError if there
+    are no trajectories or no throw is usable.
     """
     if dataset.trajectories is None:
         raise UserError(f"{dataset.name} has no trajectories, so there are no throws to follow to rest.")
@@ -198,7 +190,7 @@ def read_throws(
 def _flights(
     t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings
 ) -> list[tuple[float, float, np.ndarray]]:
-    """Begin, end (hits in s, −∞ before the first) and samples of each stretch between hits that is long enough."""
+    """Begin, end (s; ±∞ without a hit) and samples of each long enough stretch between hits."""
     stretches = []
     for begin, end in zip(np.r_[-np.inf, hits], np.r_[hits, np.inf]):
         inside = np.flatnonzero((t > begin + settings.guard) & (t < end - settings.guard))
@@ -208,7 +200,7 @@ def _flights(
 
 
 def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
-    """σ √((1 + ρ)/(1 − ρ)) (3,) of x, y, θ from parabolas through the first flights."""
+    """Noise σ √((1 + ρ)/(1 − ρ)) (3,) of x, y, θ from parabolas through the first flights."""
     residuals, freedom = [], 0
     for _, t, pose, flights in throws:
         if flights and flights[0][0] == -np.inf:
@@ -218,7 +210,7 @@ def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
             freedom += len(rows) - 3
     if not residuals or freedom < 1:
         raise UserError("No throw begins with a flight before its first hit.")
-    # a lost frame in one throw must not blur all
+    # one lost frame must not raise the noise of all throws
     limit = ROBUST * MAD_TO_STD * np.median(np.abs(np.concatenate(residuals)), axis=0)
     residuals = [np.clip(residual, -limit, limit) for residual in residuals]
     square = sum((residual**2).sum(0) for residual in residuals)
@@ -231,12 +223,12 @@ def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
 def _fit(
     t: np.ndarray, pose: np.ndarray, at: float, sigma: np.ndarray, gravity: float, settings: DiceDataSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(q, v) as rows [q_i, v_i] (3, 2) at the instant `at`, and the covariance (6, 6) of (q, v)."""
+    """State [q_i, v_i] (3, 2) at the time `at` in s, and covariance (6, 6) of (q, v)."""
     tau = t - at
     powers = np.column_stack([np.ones_like(tau), tau, 0.5 * tau**2])
     state, cov = np.empty((3, 2)), np.zeros((6, 6))
     for i, (noise, stray, pull) in enumerate(zip(sigma, settings.stray, (0.0, gravity, 0.0))):
-        # the measurement of the acceleration: a + c v = −pull ± stray
+        # acceleration as a measurement: a + c v = −pull ± stray
         rows = np.vstack([powers / noise, [0.0, settings.drag / stray, 1.0 / stray]])
         right = np.append(pose[:, i] / noise, -pull / stray)
         inverse = np.linalg.inv(rows.T @ rows)

@@ -1,14 +1,14 @@
-"""Body and contact of a thrown square, fitted to the contacts of training throws by simulation error.
+"""Body and contact of a thrown square, fitted to training contacts by simulation error.
 
-Each training contact is simulated from the measured flight before it to the measured flight after it (all hits between
-them included); with e the kinetic norm of the velocity error,
+Each contact is simulated from the measured flight before it to the measured flight after it, all hits between them
+included.  With e the kinetic norm of the velocity error,
 
     minimise over body and contact    Σ min(e_i, e_max)
 
-by CMA-ES from the believed body and a contact that is the same at every place and angle, seeded.  The cap keeps
-contacts that the camera lost from bending everything.  Drag is no part of it: contacts are too short for it, flights
-tell it directly (`data.flight_drag`).  Unlike a fit to isolated impacts this one uses double hits, and it counts
-geometry by what it does.
+by seeded CMA-ES, from the believed body and a contact that is the same at every place and angle.  The cap limits the
+influence of contacts that the camera lost.  Contacts are too short to show drag, which is fitted to flights
+(`data.flight_drag`).  Unlike a fit to isolated impacts, this one uses double hits and weighs geometry by its effect on
+them.
 
 | on paper | in code   | unit | meaning                                                                      |
 |----------|-----------|------|------------------------------------------------------------------------------|
@@ -22,7 +22,7 @@ geometry by what it does.
 |          | `contact` |      | `compliant_contact.CompliantContact`; None: the law alone                    |
 |          | `law`, `mu`, `epsilon` | | impact law of contacts if `contact` is None, else of the slowest ones    |
 
-Source of CMA-ES: Hansen, arXiv 1604.00772 (constants as in its table 1); the fit by simulation is an own choice.
+Source of CMA-ES: Hansen, arXiv 1604.00772 (constants of its table 1).
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, state_at
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-# first step of each parameter: a few times what a rig is off by, and what changes a contact visibly
+# first step of each parameter: a few times a rig's error, enough to change a contact visibly
 BODY_STEPS = {
     "half": 2e-3,
     "rho": 2e-3,
@@ -64,7 +64,7 @@ CONTACT_STEPS = {
     "flat": 0.3,
     "flat_dashpot": 0.3,
 }
-TOUCHES = 1e-5  # m, by which a body that already touches at the last sample of a flight is lifted
+TOUCHES = 1e-5  # m, clearance given to a body that already touches at the last sample of a flight
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class DiceModel:
 
     @property
     def body(self) -> ThrownBody:
-        """What flies."""
+        """The thrown body."""
         corners = CORNERS * self.half - np.array([self.c_x, self.c_y])
         return ThrownBody(
             tuple(map(tuple, corners.tolist())),
@@ -102,18 +102,18 @@ class DiceModel:
 
     @property
     def impact(self) -> LawImpact:
-        """The impact law."""
+        """The impact law with its parameters."""
         return LawImpact(LAWS[self.law], self.mu, self.epsilon, self.k_g)
 
     def seen(self, q: np.ndarray) -> np.ndarray:
-        """True poses (n, 3) of measured ones, lifted where they touch already."""
+        """True poses (n, 3) of measured poses `q` (n, 3), lifted where they already touch."""
         q = np.array(q, float)
         q[:, 2] -= self.d_theta
         q[:, 1] += np.maximum(TOUCHES - self.body.gap(q), 0.0)
         return q
 
     def face(self, theta: np.ndarray) -> np.ndarray:
-        """Side (n,) that is down at the measured angle `theta` (n,)."""
+        """Side (n,) that is down at the measured angle `theta` (n,) in rad."""
         return self.body.face(np.asarray(theta) - self.d_theta)
 
 
@@ -122,7 +122,7 @@ def contact_path(
 ) -> tuple[np.ndarray, np.ndarray]:
     """True pose and velocity (n, 3) at the times `until` in s, all contacts by the model alone.
 
-    A body that chatters for the whole time is left where it was, at rest.
+    A body that chatters all the time stays where it was, at rest.
     """
     until = np.broadcast_to(until, len(q))
     if model.contact is not None:
@@ -138,7 +138,7 @@ def contact_path(
 def fit_dice(
     start: DiceModel, contacts: MeasuredContacts, rng: np.random.Generator, settings: DiceFitSettings
 ) -> tuple[DiceModel, float]:
-    """The body with a compliant contact that follows training contacts best, and its mean capped error in m/s."""
+    """Body and compliant contact that best follow training contacts, and their mean capped error in m/s."""
     quick = ThrowSettings(snapshots=0)
     rows = np.flatnonzero(velocity_error(contacts.v, start.k_g) > settings.slowest)
     if len(rows) > settings.contacts:
@@ -177,7 +177,7 @@ def cma_es(
     evaluations: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, float]:
-    """Minimum of a function of d numbers that may have kinks: point (d,) and value of the best one seen."""
+    """Best point (d,) found, and its value, of a function of d numbers that may have kinks."""
     d = len(start)
     lam = 4 + int(3 * np.log(d)) + 2
     n_best = lam // 2

@@ -1,11 +1,11 @@
-"""The limit of prediction: how far the noise of the measured start alone moves the end of a simulated throw.
+"""The limit of prediction: how far noise of the measured start alone moves the end of a simulated throw.
 
-Each throw is simulated from its measured state and from states drawn from that state's covariance, by the same
-deterministic model.  What moves then is no fault of a model: no prediction from these measurements can be better.  (A
-model whose throws are less sensitive than the true ones gives too low a limit.)
+The same deterministic model throws from each measured state and from states drawn from its covariance.  No prediction
+from these measurements can be better than the resulting spread.  A model whose throws are less sensitive than the true
+ones gives too low a limit.
 
     spread = median over throws of the standard deviation of (x_end − x_end of the measured state)
-    kept   = share of all drawn starts that end on the side on which the measured state ends
+    kept   = share of drawn starts that end on the same side as the measured state
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from thesis_lib.residual.throwing.throw import ImpactModel, simulate_throws
 
 
 def perturbed(releases: Releases, copies: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Poses and velocities (n copies, 3) drawn from the covariance of each start, throws slowest."""
+    """Poses and velocities (n copies, 3) drawn from the covariance of each start, copies of a throw together."""
     root = covariance_root(releases.cov)
     noise = np.einsum("nij,ncj->nci", root, rng.standard_normal((len(root), copies, 6)))
     state = np.hstack([releases.q, releases.v])[:, None, :] + noise
@@ -36,7 +36,7 @@ def noise_limit(
     settings: ThrowSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """One row for each throw: trial, spread (standard deviation of the end, in sides of length `side` m), face_kept."""
+    """Rows per throw: trial, spread (standard deviation of the end, in sides of length `side` m), face_kept."""
     mu = model.mu
     still = simulate_throws(model.body, model.seen(releases.q), releases.v, impact, mu, settings, rng)
     q, v = perturbed(releases, copies, rng)

@@ -3,22 +3,22 @@
     s_i ~ p(s_0),  i = 1 … m                    of the measured start
     s_i → contact                               deterministic flight in closed form, all samples at once
     p(s⁺) = Σ_i N(s⁺ | m(s_i), S(s_i))/m        the uncertain contact (`propagation`); 4.12 to 4.15 and 4.17
-    s_i ~ N(m(s_i), S(s_i)), feasible           and on to its next contact, if it has one before the instant asked for
-    m → fly(m),  S → F S Fᵀ,  F = ∂fly/∂s       flights are affine in the state, so this is exact
+    s_i ~ N(m(s_i), S(s_i)), feasible           repeated for each contact before the requested time
+    m → fly(m),  S → F S Fᵀ,  F = ∂fly/∂s       exact, as flights are affine in the state
 
-GP-SUM's weights stay 1/m, because nothing is observed on the way.  Samples that penetrate or gain energy are rejected;
-a state without a feasible sample goes the law's way, without uncertainty of its own.  The Gaussians themselves are not
-truncated.  Beside the mixture stand the particles, its feasible samples s_i, as a density with kernels of covariance
-S_i = h² cov(s), h = (4/(5 m))^(1/7) (Silverman's in three dimensions).
+The weights stay 1/m because nothing is observed on the way.  Samples that penetrate or gain energy are rejected; a
+state without a feasible sample follows the law, without added uncertainty.  The Gaussians are not truncated.  The
+particle belief has the same feasible samples s_i with kernels of covariance S_i = h² cov(s), h = (4/(5 m))^(1/7)
+(Silverman's in three dimensions).
 
-What is compared is the velocity, in the kinetic metric: in the pose most contacts put no uncertainty of their own, and
-it is measured a hundred times more finely than any body is known.  What was measured is y = v + noise of covariance R,
+Velocities are compared in the kinetic metric.  Poses are not: most contacts add no uncertainty to them, and they are
+measured a hundred times more finely than any body is known.  The measurement is y = v + noise of covariance R,
 
     p(y) = (1 − γ) Σ_i N(y | m_i, S_i + R)/m + γ N(y | m̄, 25 S̄)
 
-with m̄ and S̄ the moments of the sum; γ = 0.01 says that a finite sample never makes an outcome impossible (as in
-`belief`).  The PIT is u = P(p(Y) > p(y)), the smallest region of highest density that holds y, by samples; the CRPS is
-that of each coordinate in closed form, and its mean over (v_x, v_y, k ω), and over (x, y, k θ) of the pose.
+with m̄ and S̄ the moments of the sum.  γ = 0.01, as in `belief`: a finite sample makes no outcome impossible.  The PIT
+u = P(p(Y) > p(y)), the smallest region of highest density that holds y, is estimated from samples.  The CRPS of each
+coordinate has a closed form; scores are its means over (v_x, v_y, k ω) and over (x, y, k θ).
 
 | on paper | in code  | unit               | shape        | meaning                                                  |
 |----------|----------|--------------------|--------------|----------------------------------------------------------|
@@ -26,9 +26,9 @@ that of each coordinate in closed form, and its mean over (v_x, v_y, k ω), and 
 | s_i      | `sample` | m, rad; m/s, rad/s | (n, m, 6)    | particles                                                |
 | R        | `noise`  | their products     | (n, 6, 6)    | of the measured state after contact                      |
 
-Own choices: R is the covariance of the measured start (the flight after a contact is read like that before it), and
-what is compared is the state at the instant of the measured flight after the first contact, further hits until then
-included (hits that follow each other too fast are one contact: `data`).
+R is the covariance of the measured start, since flights before and after a contact are fitted alike.  States are
+compared at the time of the measured flight after the first contact, with all hits until then (`data` counts hits in
+fast succession as one contact).
 
 Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; regions of highest density: Hyndman 1996,
 doi:10.1080/00031305.1996.10474359.
@@ -52,14 +52,14 @@ from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.propagation import Sampled, Tally, draw
 
 SAMPLES = 200  # of a belief, for its regions of highest density
-MOST = 100  # hits of a throw before the instant asked for: more are micro-hops that move nothing any more
+MOST = 100  # hits of a throw before the requested time: more are micro-hops that hardly move the body
 
 
 @dataclass(frozen=True)
 class StateBelief:
-    """Beliefs over the states of n throws, m components of equal weight each; see the module's table.
+    """Beliefs over the states of n throws, m equally weighted components each; see the module's table.
 
-    `out_of_range` (n,) is the share of particles that met a contact outside the range of training.
+    `out_of_range` (n,) is the share of particles with a contact outside the range of training.
     """
 
     mean: np.ndarray
@@ -69,7 +69,7 @@ class StateBelief:
 
     @property
     def particles(self) -> "StateBelief":
-        """The same belief as particles with kernels."""
+        """The belief as particles with kernels."""
         count = self.sample.shape[1]
         away = self.sample - self.sample.mean(1, keepdims=True)
         kernel = np.einsum("nmi,nmj->nij", away, away) / (count - 1) * (4.0 / (5.0 * count)) ** (2.0 / 7.0)
@@ -85,15 +85,10 @@ def propagate(
     micro: float,
     rng: np.random.Generator,
 ) -> StateBelief:
-    """Beliefs over n throws at the instants `span`.
+    """Beliefs over n throws at the times `span` (n,) in s after the start.
 
-    Args:
-        body: thrown.
-        q, v: (n, m, 3) samples of the start; poses above the surface.
-        contact: uncertain contact.
-        span: (n,) s after the start.
-        micro: m/s, approach below which a contact keeps its energy (`ThrowSettings`).
-        rng: of the samples after contacts.
+    `q` and `v` (n, m, 3; m, rad and m/s, rad/s) are samples of the start, above the surface.  Contacts that approach
+    more slowly than `micro` (m/s) keep their energy (`ThrowSettings`).
     """
     shape = q.shape[:2]
     q, v = q.reshape(-1, 3).copy(), v.reshape(-1, 3).copy()
@@ -113,7 +108,7 @@ def propagate(
         mean[rows], cov[rows], q[rows], v[rows] = out.mean, out.cov, out.q, out.v
         remaining[rows] -= t + out.took
         outside[rows] |= ~out.in_range
-    # whoever has still not come to its last hit stays where it is
+    # particles that have not reached their last hit stay where they are
     remaining[rows] = np.minimum(remaining[rows], 0.0)
     mean, cov = fly_gaussian(body, mean, cov, remaining)
     sample = np.hstack(fly(body, q, v, remaining))
@@ -128,7 +123,7 @@ def propagate(
 def fly_gaussian(
     body: ThrownBody, mean: np.ndarray, cov: np.ndarray, t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (n, 6) and covariance (n, 6, 6) after the times t (n,) of free flight, negative ones included."""
+    """Mean (n, 6) and covariance (n, 6, 6) after free flight of t (n,) s; t may be negative."""
     q, v = mean[:, :3], mean[:, 3:]
     end = np.hstack(fly(body, q, v, t))
     F = np.tile(np.eye(6), (len(mean), 1, 1))
@@ -140,14 +135,14 @@ def fly_gaussian(
 def state_scores(
     belief: StateBelief, measured: np.ndarray, noise: np.ndarray, k_g: float, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """How well beliefs over n throws foretold their measured states; see the module's equations.
+    """Scores of beliefs over n throws at their measured states; see the module's equations.
 
     Args:
         belief: of n throws.
         measured: (n, 6) pose and velocity.
-        noise: (n, 6, 6) their covariance, positive definite.
-        k_g: radius of gyration, m: makes lengths of angles.
-        rng: samples for the PIT.
+        noise: (n, 6, 6) covariance of `measured`, positive definite.
+        k_g: radius of gyration in m.
+        rng: draws the samples for the PIT.
 
     Returns:
         pit and log_score (nats; of a density in m³/s³) of the velocity, crps_velocity (m/s), crps_pose (m),
@@ -170,7 +165,7 @@ def state_scores(
 
 
 def widened(mean: np.ndarray, cov: np.ndarray) -> GaussianMixture:
-    """Mixture of equal Gaussians (m, d), (m, d, d) and, with weight γ, one of five times the spread of all."""
+    """Mixture of equal Gaussians (m, d), (m, d, d) and, with weight γ, one of five times their total spread."""
     equal = GaussianMixture(mean, cov, np.full(len(mean), 1.0 / len(mean)))
     centre, width = equal.moments
     return GaussianMixture(
@@ -187,18 +182,10 @@ def first_contact_scores(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Beliefs of each model over the state after the first contact, against the measured one.
+    """Scores of trained models' beliefs over the state after the first contact of held-out throws.
 
-    Args:
-        throwers: trained models.
-        releases: held-out throws.
-        contacts: measured contacts; the first of each held-out throw is used, if there is a flight soon after it.
-        settings: particles of a belief, and when contacts are micro.
-        rng: of the starts and of all samples.
-
-    Returns:
-        A row for each throw, model and belief (mixture or particles): trial, model, belief and the columns of
-        `state_scores`.
+    The first measured contact of each throw is used, if a flight follows soon.  A row per throw, model and belief
+    (mixture or particles): trial, model, belief, columns of `state_scores`.
     """
     first = contacts.select(contacts.first & np.isin(contacts.trial, releases.trial))
     order = np.argsort(releases.trial)
@@ -223,8 +210,8 @@ def first_contact_scores(
 def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
     """A row per model, belief and quantity: value, std, low, high (bootstrap over throws), n.
 
-    Quantities: coverage_50, coverage_80, coverage_95 (regions of highest density), log_score, crps_velocity,
-    crps_pose, out_of_range: means over throws; log_score_median.
+    Quantities are means over throws, but for log_score_median: coverage_50, coverage_80, coverage_95 (regions of
+    highest density), log_score, crps_velocity, crps_pose, out_of_range.
     """
     rows, stream = [], streams(rng)
     for (model, belief), part in scores.groupby(["model", "belief"], sort=False):
@@ -236,7 +223,7 @@ def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.G
             values = column.to_numpy(float)
             interval = spread(values, np.mean, bootstrap, stream(model, belief, name))
             rows.append((model, belief, name, float(values.mean()), *interval, len(values)))
-        # a contact that the camera lost can decide a mean of logarithms
+        # one contact that the camera lost can dominate a mean of logarithms
         values = part["log_score"].to_numpy()
         interval = spread(values, np.median, bootstrap, stream(model, belief, "median"))
         rows.append((model, belief, "log_score_median", float(np.median(values)), *interval, len(values)))

@@ -1,8 +1,8 @@
 """Contact models that can be thrown: the law, its residuals, the critique's, and those fitted to training contacts.
 
-Each is a geometry with a flight, an uncertain contact, and its side without uncertainty (`Thrower`).  What a model
-misses is measured on contacts between two flights, double hits included: its own path is followed for the time T after
-the first touch, the flight after the contact is traced back to that instant, and the difference is
+A `Thrower` joins a body in flight, its uncertain contact, and that contact without uncertainty.  What a model misses is
+measured on contacts between two flights, double hits included.  The model runs for the time T after the first touch,
+the flight after the contact is traced back to that time, and the difference is
 
     residual = ((Δx, Δy, k Δθ)/(s T), (Δv_x, Δv_y, k Δω)/s),    s = √(v_x² + v_y² + k² ω²) at the touch
 
@@ -53,7 +53,7 @@ KNOWN_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inerti
 
 @dataclass(frozen=True)
 class Thrower:
-    """A model that can be thrown: geometry, uncertain contact and its side without uncertainty."""
+    """A body in flight with an uncertain contact, and the same contact without uncertainty."""
 
     name: str
     model: DiceModel
@@ -63,11 +63,7 @@ class Thrower:
 
 
 def critique_model(saved: SavedModel, side: float) -> DiceModel:
-    """The critique's body and law as a model that can be thrown.
-
-    Raises:
-        UserError: it has effects other than `KNOWN_EFFECTS`.
-    """
+    """The critique's body and law as a model that can be thrown; UserError for effects not in `KNOWN_EFFECTS`."""
     strange = [name for name in saved.effects if name not in KNOWN_EFFECTS]
     if strange:
         raise UserError(
@@ -98,7 +94,7 @@ def law_models(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> tuple[list[Thrower], pd.DataFrame]:
-    """Law with the least error on isolated training impacts, and its two residuals, learned on single hits."""
+    """The law with the least error on isolated training impacts, and its two residuals, learned on single hits."""
     target = target_of(impacts)
     fits = {name: fit_ensemble(LAWS[name], target, "velocity") for name in SIX_LAWS}
     name = min(fits, key=lambda law: fits[law].cost)
@@ -119,7 +115,7 @@ def law_models(
 
 
 def single_hits(model: DiceModel, impacts: Impacts, settings: DiceStudySettings) -> Impacts:
-    """The impacts after which no other corner hits before a camera could tell, by the law's account (`double_hits`)."""
+    """The impacts after which, by the model's law, no other corner hits before a camera could tell (`double_hits`)."""
     return impacts.select(~hit_again(model.body, model.impact, impacts, settings.data.longest_contact))
 
 
@@ -128,10 +124,11 @@ def contact_residuals(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What a model misses of measured contacts, at `duration` after the first touch.
 
+    Contacts slower than `slowest`, or followed by a flight later than twice the duration after the touch, are left out.
+
     Returns:
-        rows (m,) of the contacts used, pose and velocity (m, 3) at the touch, the residual (m, 6) in the units of the
-        contact map, and the model's normal impulse (m,) per unit mass.  Left out are contacts that approach more slowly
-        than `slowest`, or whose next flight starts later than twice the duration after the touch.
+        Indices (m,) of the contacts used, pose and velocity (m, 3) at the touch, residual (m, 6) in the contact map's
+        units, and the model's normal impulse (m,) per unit mass in m/s.
     """
     body = model.body
     q = model.seen(contacts.q)
@@ -157,10 +154,10 @@ def contact_residuals(
 def scattered(
     name: str, model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings
 ) -> Thrower:
-    """A law with the scatter of its training residuals: (Δv_x, Δv_y, k Δω)/c_n, robust against lost contacts."""
+    """A law with the scatter of its training residuals (Δv_x, Δv_y, k Δω)/c_n, robust against lost contacts."""
     _, _, v_0, residual, c_n = contact_residuals(model, contacts, settings)
     relative = residual[:, 3:] * (velocity_error(v_0, model.k_g) / np.maximum(c_n, settings.slowest))[:, None]
-    # means are not taken off: what is always missed is scatter, too
+    # means stay in: a systematic miss counts as scatter
     size = MAD_TO_STD * np.median(np.abs(relative), axis=0)
     # as a wrench about the centre: the couple per normal impulse is k times the spin's share
     wrench = np.diag(size * [1.0, 1.0, model.k_g]) ** 2
@@ -174,7 +171,7 @@ def scattered(
 
 @dataclass(frozen=True)
 class Missed:
-    """What a model misses of training contacts, ready for a contact map; `left_out` counts outliers."""
+    """What a model misses of training contacts, for a contact map; `left_out` counts outliers."""
 
     regimes: tuple[Regime, ...]
     freedom: float
@@ -188,7 +185,7 @@ def train_missed(
     rng: np.random.Generator,
     learned: bool = True,
 ) -> Missed:
-    """Processes (not `learned`: only the scatter) of what a model misses, and Student's t of what they leave."""
+    """Processes of what a model misses (if not `learned`, its scatter alone), and Student's t of their residuals."""
     _, q_0, v_0, residual, _ = contact_residuals(model, contacts, settings)
     speed = velocity_error(v_0, model.k_g)
     edges = [edge for edge in settings.edges if min((speed <= edge).sum(), (speed > edge).sum()) >= FEWEST]
@@ -207,7 +204,7 @@ def train_missed(
         process = fit_gaussian_process(X, residual[some], rng, settings.process, centred=False)
         processes.append(process)
         parts.append(leave_one_out(process))
-        # outliers teach no process, but they happen, so that they belong to its tails
+        # no process is trained on outliers, but they occur and belong to its tails
         wild = np.setdiff1d(rows, good)
         if len(wild):
             mean, variance = process.predict(contact_features(q_0[wild], v_0[wild], model.k_g), noise=True)
@@ -241,7 +238,7 @@ def slide_fitted(
     side: float,
     settings: DiceStudySettings,
 ) -> Thrower:
-    """The thrower whose sliding, and slowest contacts, have the friction with the least |error| of training throws."""
+    """Thrower whose friction, in sliding and in its slowest contacts, gives the least |error| of training throws."""
     best = None
     for mu in settings.slide_grid:
         thrower = make(replace(model, mu=mu))
@@ -262,6 +259,6 @@ def throw_starts(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> Throws:
-    """The ends of throws from measured poses and velocities (n, 3), by one of the thrower's two contacts."""
+    """Ends of throws from measured poses and velocities (n, 3) with one of the two contacts of a thrower."""
     model = thrower.model
     return simulate_throws(model.body, model.seen(q), v, contact, model.mu, settings.throw, rng)

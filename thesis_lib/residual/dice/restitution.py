@@ -1,16 +1,14 @@
 """Restitution against the place of the contact: what measured contacts show, and what the fitted contact says.
 
-    e_n = −v_n⁺/v_n⁻    at the corner that touches, both velocities taken at the instant of the touch
+    e_n = −v_n⁺/v_n⁻    at the corner that touches, both velocities at the time of the touch
 
-The flight after a contact is traced back to that instant, the model's in the same way.  Shown are contacts of one
-corner, far from landing flat (|sin 2θ| above `ASKEW`), that approach faster than `FAST`.
+Flights after a contact, measured and simulated, are traced back to the touch.  Only contacts of one corner are used,
+far from landing flat (|sin 2θ| above `ASKEW`) and faster than `FAST`.
 
 | on paper | in code             | unit | shape | meaning                          |
 |----------|---------------------|------|-------|----------------------------------|
 | x        | `x`                 | m    | (m,)  | of the contact point             |
 | e_n      | `measured`, `model` | 1    | (m,)  | restitution at the contact point |
-
-Source: own, found in the residuals of the dice's first contacts.
 """
 
 import numpy as np
@@ -22,11 +20,11 @@ from thesis_lib.residual.throwing.flight import first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 
 ASKEW = 0.75  # 24 degrees from a side: the neighbour touches much later, if at all
-FAST = 0.5  # m/s; slower ones say little of restitution
+FAST = 0.5  # m/s; slower contacts give poor estimates of restitution
 
 
 def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:
-    """Columns x (m), measured, model (1), speed (m/s of approach), first (0 or 1), trial, a row per contact shown."""
+    """A row per contact: x (m), measured, model (1), speed (m/s of approach), first (0 or 1), trial."""
     body = model.body
     q = model.seen(contacts.q)
     t, corner = first_touch(body, q, contacts.v)

@@ -1,11 +1,11 @@
-"""What is written and drawn of the study of dice: tables over all splits, and the throws that figures show.
+"""Results of the study of dice: tables over all splits, and the throws in figures.
 
-    value = mean over splits;   std, low, high: means over splits of what the bootstrap gives within one
+    value = mean over splits;   std, low, high: means over splits of bootstrap values within one split
     std_splits = standard deviation of the value over splits
 
-Splits share throws, so their mean is hardly more certain than one of them: std is that of one split, and std_splits is
-beside it to show what the choice of training throws does.  Coverages count the held-out throws of all splits, with
-intervals from the bootstrap over throws.  Figures of single throws, and of one belief, are those of the first split.
+Splits share throws, so their mean is hardly more certain than one split: `std` is that of one split, and `std_splits`
+shows the effect of the choice of training throws.  Coverages count held-out throws of all splits, with intervals from
+the bootstrap over throws.  Figures of single throws and of one belief use the first split.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,8 +31,8 @@ SAMPLES = 200  # of a drawn belief
 class Examples:
     """An easy and a hard held-out throw of the first split, chosen by the belief alone.
 
-    `samples`: contact, t, x, y, theta of the hard throw's belief; `rest`: its x at rest in m; `beliefs`: case, distance
-    of both at rest, and `marks`: case, law, measured ends, in sides from the start.
+    `samples`: contact, t, x, y, theta of the hard throw's belief; `rest`: its x at rest in m; `beliefs`: case and
+    distance at rest of both throws; `marks`: case, law and measured end.  Distances are in sides from the start.
     """
 
     easy: int
@@ -44,12 +44,7 @@ class Examples:
 
 
 def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    """Tables by the name of their file; `dice` is the summary.
-
-    Args:
-        studies: of all splits.
-        rng: bootstrap of the coverages.
-    """
+    """Tables of all splits by file name; `dice` is the summary.  `rng` is for the bootstrap of the coverages."""
     throws = stacked(studies, lambda s: s.throws)
     pits = stacked(studies, lambda s: s.contact_pits)
     stream = streams(rng)
@@ -84,7 +79,7 @@ def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[
 
 
 def stacked(studies: Sequence[DiceStudy], table: Callable[[DiceStudy], pd.DataFrame]) -> pd.DataFrame:
-    """A table of all splits, `split` in front."""
+    """A table of all splits, with `split` as first column."""
     parts = []
     for i, study in enumerate(studies):
         part = table(study).copy()
@@ -94,7 +89,7 @@ def stacked(studies: Sequence[DiceStudy], table: Callable[[DiceStudy], pd.DataFr
 
 
 def over_splits(table: pd.DataFrame, keys: list[str], value: str) -> pd.DataFrame:
-    """Means over splits of `value`, its standard error and interval, the spread over splits, and how many they are."""
+    """Means over splits of `value`, its standard error and interval; spread over splits and their number."""
     groups = table.groupby(keys, sort=False)
     mean = groups[[value, "std", "low", "high"]].mean()
     mean["std_splits"] = groups[value].std(ddof=1)
@@ -103,7 +98,7 @@ def over_splits(table: pd.DataFrame, keys: list[str], value: str) -> pd.DataFram
 
 
 def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Histograms of the PIT of resting positions in the first split (whose throws are all different), and coverages."""
+    """PIT histograms of resting positions in the first split, whose throws are all different, and coverages."""
     first_split = throws[throws["split"] == 0]
     histograms = [
         pit_histogram(part["pit"].to_numpy()).assign(model=model)
@@ -113,7 +108,7 @@ def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFr
 
 
 def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.DataFrame:
-    """Restitution against place of held-out contacts, as measured and by the compliant contact (`restitution`)."""
+    """Restitution against place of held-out contacts, measured and by the compliant contact (`restitution`)."""
     held = study.contacts.select(~np.isin(study.contacts.trial, study.train))
     return restitution(study.outcomes[COMPLIANT].thrower.model, held, settings.throw)
 
@@ -121,7 +116,7 @@ def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.Da
 def examples(
     study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> Examples:
-    """Throws that the figures show, and what `BELIEVED` believes of them; `side` in m."""
+    """Throws that the figures show, and the beliefs of model `BELIEVED` about them; `side` in m."""
     believed, plain = study.outcomes[BELIEVED], study.outcomes[PLAIN]
     held = study.releases.select(~np.isin(study.releases.trial, study.train))
     easy, hard = easy_and_hard(study.throws, BELIEVED)

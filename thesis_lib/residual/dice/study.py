@@ -1,6 +1,6 @@
-"""Where do thrown dice come to rest?  Each contact model thrown to rest from the measured starts of held-out throws.
+"""Where thrown dice come to rest: contact models compared on held-out throws, from measured starts.
 
-Throws are split by trial and seed, `splits` times; what is fitted is fitted on the training throws of its split alone.
+Throws are split at random by trial, `splits` times; every fit uses the training throws of its split alone.
 
 | model               | body, flight          | contact                                                              |
 |---------------------|-----------------------|----------------------------------------------------------------------|
@@ -8,26 +8,21 @@ Throws are split by trial and seed, `splits` times; what is fitted is fitted on 
 | residual            | as believed, no drag  | that law + rigid residual on X1                                      |
 | residual_wrench     | as believed, no drag  | that law + wrench residual on X1                                     |
 | critique            | model.json            | the critique's law with its effects                                  |
-| compliant           | `fit`            | body and springs fitted to training contacts by simulation           |
-| compliant_residual  | `fit`            | those over 12 ms + what they miss (`contact_map`)                    |
+| compliant           | `fit`                 | body and springs fitted to training contacts by simulation           |
+| compliant_residual  | `fit`                 | those over 12 ms + what they miss (`contact_map`)                    |
 
-Every model has a belief: its start is drawn from the covariance of the measured start, and its contacts are uncertain
-(laws scatter in proportion to c_n, the compliant models in proportion to the speed, by training residuals).  Each is
-also thrown once without uncertainty, as in the thesis.
+Each belief draws its start from the covariance of the measured start and has uncertain contacts, from training
+residuals: laws scatter in proportion to c_n, compliant models in proportion to the speed.  Each model is also thrown
+once without uncertainty, as in the thesis.  `tables` defines the scores.
 
-    error      = (x measured − x expected)/side,  x expected the mean of the belief
-    face right = the side that is down is the most likely one of the belief
-    score      = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
+Published: 750 throws, of which 500 are public.  For compliant models, the friction of sliding and of the slowest
+contacts is the value on a grid with the least mean |error| of training throws; the others slide with their law's μ.
 
-Published: 750 throws, of which 500 are public.  Friction of the slowest contacts and of sliding, of the compliant
-models only, is the value with the least mean |error| of training throws, from a grid; the other models slide with
-their law's μ.
-
-Two settings have reasons that do not depend on the throws: `slowest` = g T, and processes are conditioned on all
-training contacts.  Yet the held-out throws were not wholly unseen.  While this study was written, variants of the
-learned models, including `slowest` and the number of contacts, were compared on held-out throws of some splits of these
-500 throws.  And the residuals of the first contacts of all throws showed that contacts take time, and that restitution
-depends on the place and on the angle of landing.
+The settings `slowest` = g T and the use of all training contacts in the processes have reasons independent of the
+throws.  Yet the held-out throws were not wholly unseen.  Variants of the learned models, including `slowest` and the
+number of contacts, were compared on held-out throws of some splits while this study was written.  The residuals of the
+first contacts of all throws showed that contacts take time, and that restitution depends on the place and on the angle
+of landing.
 """
 
 from collections.abc import Callable
@@ -72,7 +67,7 @@ from thesis_lib.residual.throwing.propagation import LearnedImpact
 
 @dataclass(frozen=True)
 class DiceStudy:
-    """Everything that one split says."""
+    """Results of one split."""
 
     releases: Releases  # releases, contacts: all that were measured, training and held out
     contacts: MeasuredContacts
@@ -102,16 +97,16 @@ def dice_study(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda _: None,
 ) -> list[DiceStudy]:
-    """The study of a dataset of throws of a square, for each of `splits` random splits of the throws.
+    """Studies of a dataset of throws of a square, one for each of `splits` random splits of the throws.
 
     Args:
         dataset: with trajectories.
-        hits: trial, t of all detected hits (arcs.csv).
+        hits: trial, t (s) of all detected hits (arcs.csv).
         impacts: isolated measured impacts (impacts.csv).
-        critique: the critique's model (model.json); None leaves its row out.
-        settings: see `DiceStudySettings`.
-        rng: splits, fits, particles and bootstrap.
-        say: receives a line for each split.
+        critique: the critique's model (model.json); None omits it.
+        settings: of data, fits, throws and splits.
+        rng: for splits, fits, particles and bootstrap.
+        say: called with a line for each split.
 
     Raises:
         UserError: the shape is no square, or the critique's model has effects that throws do not know.
@@ -127,7 +122,7 @@ def dice_study(
 
 @dataclass(frozen=True)
 class Measured:
-    """What was recorded of some throws."""
+    """Measurements of some throws."""
 
     releases: Releases
     contacts: MeasuredContacts
@@ -135,7 +130,7 @@ class Measured:
     impacts: Impacts
 
     def of(self, trials: np.ndarray) -> "Measured":
-        """What was recorded of the throws of `trials` (n,)."""
+        """Measurements of the throws `trials` (n,)."""
         return Measured(
             *(
                 part.select(np.isin(part.trial, trials))
@@ -153,7 +148,7 @@ def _one_split(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> DiceStudy:
-    """Draw the training throws, train all models on them, and judge each on the other throws."""
+    """Train all models on drawn throws and judge them on the others."""
     split_rng, law_rng, bootstrap_rng, first_rng, named_rng = rng.spawn(5)
     stream = streams(named_rng)
     trials = np.unique(measured.releases.trial)
@@ -235,7 +230,7 @@ def _compliant_models(
     settings: DiceStudySettings,
     stream: Callable[..., np.random.Generator],
 ) -> tuple[list[Thrower], int]:
-    """The compliant contact fitted from `start`, without and with what it misses, and the outliers left out of that."""
+    """The compliant contact fitted from `start`, without and with its learned residual, and the number of outliers."""
     c_v, c_w = flight_drag(training.flights)
     fitted, _ = fit_dice(replace(start, c_v=c_v, c_w=c_w), training.contacts, stream("fit"), settings.fit)
     throwers, outliers = [], 0
@@ -248,7 +243,7 @@ def _compliant_models(
 
 
 def _rejections(thrower: Thrower) -> dict[str, object]:
-    """Samples that a thrower drew and rejected."""
+    """Counts and rates of rejected samples."""
     tally = thrower.contact.tally
     rates = {name: getattr(tally, name) for name in ("rejection_rate", "first_rejection_rate")}
     return {"model": thrower.name, **vars(tally), **rates}
@@ -257,7 +252,7 @@ def _rejections(thrower: Thrower) -> dict[str, object]:
 def throw_held_out(
     thrower: Thrower, releases: Releases, settings: DiceStudySettings, rng: np.random.Generator
 ) -> HeldOutThrows:
-    """All held-out throws of one model, with belief and without."""
+    """All held-out throws of one model, with and without uncertainty."""
     certain = throw_starts(thrower, thrower.certain, releases.q, releases.v, settings, rng)
     q, v = perturbed(releases, settings.particles, rng)
     out = throw_starts(thrower, thrower.contact, q, v, settings, rng)
@@ -276,9 +271,9 @@ def first_contacts(
     settings: DiceStudySettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Samples of the belief over one throw's measured pose: contact (0: at the start, 1, 2, ...), t (s), x, y, theta.
+    """Samples of the belief over one throw: contact (0: start, 1, 2, ...), t (s), x, y (m), theta (rad), trial.
 
-    A row stands at the end of its contact; particles that have come to rest earlier are left out.
+    Rows are at the end of their contact; particles at rest before it are left out.
     """
     row = np.flatnonzero(releases.trial == trial)
     q, v = perturbed(releases.select(row), count, rng)
@@ -291,7 +286,7 @@ def first_contacts(
 
 
 def side_of(dataset: Dataset) -> float:
-    """Length of the square's side in m."""
+    """Side in m of the dataset's square; raises UserError unless it is centred with sides along the body's axes."""
     shape = dataset.shape
     if isinstance(shape, Polygon) and len(shape.vertices) == 4:
         p = np.array(shape.vertices)

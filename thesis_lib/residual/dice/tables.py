@@ -1,10 +1,10 @@
-"""Tables of the study of dice: a row per throw, per model, and how well the spread of a belief grades difficulty.
+"""Tables of the study of dice: errors and scores by throw and by model, and how well a belief ranks difficulty.
 
     error      = (x measured − x expected)/side,  x expected the mean of the belief
     face right = the side that is down is the most likely one of the belief
     score      = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
 
-Intervals are the central 95 % of a bootstrap over throws.  Every column is explained in foundation/columns.yaml.
+Intervals are the central 95 % of a bootstrap over throws.  foundation/columns.yaml explains every column.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
 
 @dataclass(frozen=True)
 class HeldOutThrows:
-    """A model's held-out throws: particles (n, M) in m, and the same throw without uncertainty.
+    """Held-out throws of one model: particles x (n, M) in m and their face (n, M), and throws without uncertainty.
 
     `after_first` (n,) is the spread of the velocity after the first contact in the kinetic norm, m/s.
     """
@@ -43,11 +43,11 @@ class HeldOutThrows:
 
 
 def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStudySettings) -> pd.DataFrame:
-    """Held-out contacts under a law with scatter or a contact map: trial, model, pit, misfit (a row per contact).
+    """PIT of held-out contacts under a law with scatter or a contact map: trial, model, pit, misfit, a row per contact.
 
-    What is compared is the velocity `duration` after the first touch, in the kinetic metric: `pit` is the probability
-    of the measured one in three dimensions, χ² or, for a contact map, of Student's t (`calibration`), `misfit` its
-    distance from the mean in m/s.
+    The velocity `duration` after the first touch is compared in the kinetic metric.  `pit` is its χ² probability in
+    three dimensions, for a contact map that of Student's t (`calibration`); `misfit` is its distance from the mean in
+    m/s.
     """
     model = thrower.model
     rows, q, v, residual, c_n = contact_residuals(model, contacts, settings)
@@ -74,14 +74,13 @@ def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStu
 
 
 def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
-    """Held-out isolated impacts under a learned impact: trial, model, pit, misfit, as `contact_pits`.
+    """PIT of held-out isolated impacts under a learned impact: trial, model, pit, misfit, as in `contact_pits`.
 
-    The covariance is that of the impulse, noise included, through the dynamics (equation 4.14): of rank two for a
-    rigid learner, so that for it the part of the velocity that an impulse through the contact point reaches is
-    compared.
+    The covariance is that of the impulse, noise included, through the dynamics (equation 4.14).  For a rigid learner it
+    has rank two, so only the velocities that an impulse through the contact point can reach are compared.
     """
     out = thrower.contact.trained.predict(impacts, noise=True)
-    # in the kinetic metric, or a spin that no impulse through the point reaches would leak into the impulse
+    # in the kinetic metric, or spin that no impulse through the point reaches would leak into the impulse
     metric = np.array([1.0, 1.0, impacts.k_g])
     A = np.linalg.pinv(metric[:, None] * out.jacobian)
     away = np.einsum("nij,nj->ni", A, (impacts.v_post - out.v_post) * metric)
@@ -95,7 +94,7 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
 def throw_rows(
     outcome: HeldOutThrows, releases: Releases, side: float, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """A row for each held-out throw; see foundation/columns.yaml."""
+    """A row per held-out throw; see foundation/columns.yaml."""
     model = outcome.thrower.model
     face = model.face(releases.end[:, 2])
     x = releases.end[:, 0]
@@ -123,7 +122,7 @@ def throw_rows(
 
 
 def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
-    """Trials whose belief at rest is the narrowest and the widest but a twentieth; outcomes are not looked at."""
+    """Trials with the narrowest and widest beliefs at rest, beyond a twentieth at each end; outcomes are not used."""
     part = throws[throws["model"] == model].sort_values(["spread_rest", "trial"])
     away = len(part) // 20
     return int(part["trial"].iloc[away]), int(part["trial"].iloc[-1 - away])
@@ -132,7 +131,7 @@ def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
 def summary(
     throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """A row per model and quantity, with a 95 % bootstrap interval over throws; `limit_…` is that of noise."""
+    """A row per model and quantity, with a 95 % bootstrap interval over throws; `limit_…`: the limit of noise."""
     rows, stream = [], streams(rng)
     for model, part in throws.groupby("model", sort=False):
         error, certain = part["error"].to_numpy(), part["error_certain"].to_numpy()
@@ -182,7 +181,7 @@ def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -
 def spread(
     values: np.ndarray, statistic: Callable, bootstrap: int, rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """Standard error of a statistic of rows, and the ends of its 95 % interval, by the bootstrap; NaN without one."""
+    """Bootstrap standard error of a statistic of rows, and its 95 % interval; NaN with fewer than two replicates."""
     if bootstrap < 2:
         return np.nan, np.nan, np.nan
     drawn = resampled(values, statistic, bootstrap, rng)
