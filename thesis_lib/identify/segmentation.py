@@ -1,9 +1,10 @@
 """Flights and impacts in the noisy states of a drop: noise from differences, impact steps by dynamic programming.
 
 A time stepper with step h moves a free body by v_{k+1} = v_k + h g + Δv_k and q_{k+1} = q_k + h v_{k+1}, Δv_k ≠ 0 only
-at an impact.  With gravity taken out, ỹ_k = y_k + g h² k (k+1) / 2 and ṽ_y,k = v_y,k + g h k, every flight is
+at an impact.  Without gravity, ỹ_k = y_k + g h² k (k+1) / 2 and ṽ_y,k = v_y,k + g h k, every flight has two numbers for
+each of x, y, θ:
 
-    q̃_k = q_a + (k - a) h v_a,    ṽ_k = v_a        for each of x, y, θ: two numbers from all samples of the flight.
+    q̃_k = q_a + (k - a) h v_a,    ṽ_k = v_a.
 
 Noise (robust against the few impacts): median |difference| / 0.6745, of first differences of ṽ over √2 and of second
 differences of q̃ over √6.  Segmentation: with C(a, b) the χ² of the best flight through samples a..b-1 (running sums,
@@ -26,13 +27,13 @@ import numpy as np
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.spread import robust_std
 
-MIN_SAMPLES = 8  # of a drop: fewer leave no second differences to judge the noise by
+MIN_SAMPLES = 8  # of a drop: fewer do not give enough second differences for the noise
 SIGMA_FLOOR = 1e-6  # of a channel's spread: exact data count as noisy by that much, so that χ² stays finite
-_PENALTY = 60.0  # χ² a flight more has to save: 6 numbers and a place at log(1500) each, with a margin
+_PENALTY = 60.0  # χ² to be saved by a further flight: 6 numbers and a place at log(1500) each, with a margin
 
 
 def without_gravity(h: float, q: np.ndarray, v: np.ndarray, gravity: float) -> tuple[np.ndarray, np.ndarray]:
-    """States (m+1, 3) as they were without gravity: straight lines in every flight."""
+    """States (m+1, 3) without gravity: straight lines in every flight."""
     k = np.arange(len(q))
     q, v = q.astype(float).copy(), v.astype(float).copy()
     q[:, 1] += gravity * h**2 * k * (k + 1) / 2.0
@@ -61,7 +62,7 @@ def check_states(h: float, q: np.ndarray, v: np.ndarray) -> None:
 
 
 def noise_from_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Standard deviations (2, 3) of q and v from states without gravity, each (m+1, 3); impacts do not count."""
+    """Standard deviations (2, 3) of q and v from states without gravity, (m+1, 3) each; robust against impacts."""
     second = q[2:] - 2.0 * q[1:-1] + q[:-2]
     sigma = np.stack(
         [
@@ -81,13 +82,10 @@ def floored(sigma: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def flight_costs(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     """χ² (m+1, m+2) of the best flight through samples a..b-1; infinite where b <= a.
 
-    Args:
-        h: time step, s.
-        q, v: (m+1, 3) states without gravity.
-        sigma: (2, 3).
+    `q`, `v` (m+1, 3) are states without gravity, `sigma` (2, 3) their noise, `h` the time step in s.
     """
     n = len(q)
-    # one straight line per channel taken out: running sums then lose few digits
+    # a straight line per channel is removed: running sums then lose few digits
     k = np.arange(n)[:, None] * h
     v_mean = v.mean(axis=0)
     q, v = (q - q.mean(axis=0) - k * v_mean) / sigma[0], (v - v_mean) / sigma[1]
@@ -117,15 +115,10 @@ def flight_costs(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> n
 def impact_steps(
     h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray, penalty: float = _PENALTY
 ) -> np.ndarray:
-    """Steps k (n_impacts,), ascending, at which the velocity changes from v_k to v_{k+1}.
+    """Steps k (n_impacts,), ascending, at which the velocity changes from v_k to v_{k+1}; arguments as `flight_costs`.
 
-    Flights are not yet held to meet at the impacts; `mass_ratio.estimate` does that and moves the steps.
-
-    Args:
-        h: time step, s.
-        q, v: (m+1, 3) states without gravity, see `without_gravity`.
-        sigma: (2, 3) standard deviations.
-        penalty: χ² that one more flight has to save.
+    A further flight has to save χ² of `penalty`.  Flights need not meet at the impacts; `mass_ratio.estimate` enforces
+    that and moves the steps.
     """
     cost = flight_costs(h, q, v, sigma)
     n = len(q)

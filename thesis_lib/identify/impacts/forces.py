@@ -1,27 +1,27 @@
 """Force at impact (thesis section 2.5, figure 2-15): impulses from 250 Hz poses against those of a force sensor.
 
-Ellipses fall onto a plate in Drake, with compliant contact of about 1.4 ms (`simulate.drake.drops`).  The force on the
-body is known at every instant f(t); a sensor under the plate answers it as a resonance and is read 1000 times a second,
+Ellipses fall onto a plate in Drake, with compliant contact of about 1.4 ms (`simulate.drake.drops`).  The force f(t) on
+the body is known.  A sensor under the plate responds as a resonance and is sampled 1000 times a second,
 
     s̈/ω² + 2ζ ṡ/ω + s = f,    so that  ∫ s dt = ∫ f dt,  but max s ≠ max f.                                  (1)
 
-The estimator sees noisy poses only, and states no noise: arcs on either side of the hit (`datasets.impacts.arcs`) give
-velocities just before and after, with covariance, and
+The estimator uses noisy poses only, of unknown noise level.  Arcs on either side of the hit (`datasets.impacts.arcs`)
+give the velocities just before and after, with covariance, and the method `arcs`
 
-    c = m (Δv_x, Δv_y),     cov c = m² cov Δv                                                               (2)
+    c = m (Δv_x, Δv_y),     cov c = m² cov Δv.                                                              (2)
 
-(`arcs`).  With k known, `arcs_link` adds that one impulse at the contact point and no couple did it,
-g = Δω − (r_x Δv_y − r_y Δv_x)/k² = 0, by x ← x − C ∇g (∇g' C ∇g)⁻¹ g for x = (q, v−, v+) of covariance C.  That is
-the thesis's assumption of rigid contact; the body turns while this one lasts, and the stated intervals do not know it.
-In flight nothing but gravity acts, as in the thesis: the allowance of `datasets.impacts.arcs` for more is off.
+With k known, `arcs_link` adds that a single impulse at the contact point acted, without a couple:
+g = Δω − (r_x Δv_y − r_y Δv_x)/k² = 0, by x ← x − C ∇g (∇g' C ∇g)⁻¹ g for x = (q, v−, v+) of covariance C.  This is the
+thesis's assumption of rigid contact; the body turns during the real contact, which the stated intervals ignore.
+In flight only gravity acts, as in the thesis: the further acceleration allowed by `datasets.impacts.arcs` is off.
 
-A force is not in such data: the samples are 4 ms apart, the contact lasts a third of that.  A peak follows from an
+Such data do not contain a force: samples are 4 ms apart, the contact lasts a third of that.  A peak follows from an
 impulse only with a *declared* duration T_c and pulse shape, here the half-sine
 
     f̂(t) = f̂ sin(π t / T_c),     f̂ = π c_n / (2 T_c),                                                        (3)
 
-and is as good as that declaration; the thesis gives a peak of 135 N and no duration.  Rows report the true peak of f
-and that of the sensor beside it.
+and is no better than that declaration; the thesis gives a peak of 135 N and no duration.  Rows also report the true
+peaks of f and of the sensor.
 
 | on paper | in code                   | unit  | shape  |                                            |
 |----------|---------------------------|-------|--------|--------------------------------------------|
@@ -57,19 +57,19 @@ METHODS = ("arcs", "arcs_link")
 THESIS = {"mean": -12.12, "std": 31.59, "average": 135.0}  # N: error of the peak, and the peak; section 2.5
 LEVELS = {68: 0.994457883209753, 95: Z95}  # %: two-sided normal quantiles
 NOT_DETECTED = "not_detected"
-_LONGEST = 4.0  # contact times after which a contact that has not ended is no impact
+_LONGEST = 4.0  # contact times after which an unfinished contact is no impact
 _FINE = 200  # steps of force and response between the sensor's samples; 50 would miss 0.3 mN s of changing friction
 
 
 @dataclass(frozen=True)
 class ForceHistory:
-    """Force on the body over one contact, and what the sensor shows."""
+    """Force on the body over one contact, and the sensor's response."""
 
     t: np.ndarray  # (s,) s since the touch, from 0 to the end of the contact
     force: np.ndarray  # (s, 2) N, tangential and normal
     sensor_t: np.ndarray  # (p,) s since the touch, instants of the sensor's samples
-    reading: np.ndarray  # (p,) N, normal, at these
-    response_t: np.ndarray  # response_t, response: (f,) s, N; the same in continuous time, s of equation 1
+    reading: np.ndarray  # (p,) N, normal, at these instants
+    response_t: np.ndarray  # response_t, response: (f,) s, N; the continuous response, s of equation 1
     response: np.ndarray
 
     @property
@@ -79,7 +79,7 @@ class ForceHistory:
 
 
 class ForcePlate:
-    """Drake's plate and body, on which single contacts are repeated to read the force in them."""
+    """Drake's plate and body, on which single contacts are repeated to read their force."""
 
     def __init__(self, settings: ImpactForces):
         from thesis_lib.simulate.drake.clock import Clock
@@ -148,7 +148,7 @@ class Impulses:
 
 
 def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
-    """Impulses of all impacts of `found` by each of `METHODS`; `rig` gives shape and k."""
+    """Impulses of all impacts by each of `METHODS`; `rig` gives shape, mass and k."""
     impacts = found.impacts
     m, cov = impacts.mass, impacts.cov
     change = np.zeros((2, 9))  # Δv_x, Δv_y from `impacts.STATE`
@@ -166,7 +166,7 @@ def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
 
 
 def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Drops:
-    """Drops in Drake, poses with noise."""
+    """Drops in Drake, with noisy poses."""
     from thesis_lib.simulate.drake.drops import simulate_drake_drops
 
     return simulate_drake_drops(
@@ -184,7 +184,7 @@ def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Drops:
 def study_impact_forces(
     drops: Drops, settings: ImpactForces | None = None
 ) -> tuple[pd.DataFrame, dict[str, int]]:
-    """Estimates and truth, a row per impact and method, and how many impacts were left out for each reason.
+    """A row per impact and method with estimates and truth, and the numbers of impacts left out by reason.
 
     Columns: trial, impact, method, t, c_t, c_n, c_t_std, c_n_std, true_c_t, true_c_n, sensor_c_n, peak, peak_true,
     peak_sensor, declared_duration, true_duration; s, N s and N.
@@ -237,10 +237,10 @@ def peak_force(c_n: float, declared_duration: float) -> float:
 
 
 def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """Errors of `study_impact_forces`'s rows, a row per method and comparison.
+    """Errors of the rows of `study_impact_forces`, by method and comparison; the thesis compares its peak and sensor.
 
     Columns: method, quantity, reference, unit, n, mean (of the reference), mean_error, mean_error_std, std,
-    std_stated, coverage_68, coverage_95, thesis_mean_error, thesis_std.  The thesis compares its peak with its sensor.
+    std_stated, coverage_68, coverage_95, thesis_mean_error, thesis_std.
     """
     table = []
     for method, group in rows.groupby("method", sort=False):
@@ -274,7 +274,7 @@ def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_impact(rows: pd.DataFrame, drops: Drops, settings: ImpactForces) -> tuple[pd.Series, ForceHistory]:
-    """The impact of figure 2-15: of the first hits, that of the median true peak; its row by `arcs`, its history."""
+    """The impact of figure 2-15, the first hit of median true peak: its row of method `arcs` and its history."""
     first = rows[(rows["impact"] == 0) & (rows["method"] == METHODS[0])].sort_values(
         "peak_true", kind="stable"
     )

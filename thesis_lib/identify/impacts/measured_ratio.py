@@ -1,27 +1,27 @@
-"""m/I of a measured body from its single impacts, by errors in variables, whatever the contact law.
+"""m/I of a measured body from its single impacts, by errors in variables, for any contact law.
 
-One impulse (c_t, c_n) at the contact point r, and no couple, changes the velocities of a planar body such that
+One impulse (c_t, c_n) at the contact point r, without a couple, changes the velocities of a planar body such that
 
     Δω = (m/I) L,     L = r_x Δv_y − r_y Δv_x,     m/I = 1/k².                                             (1)
 
-Both sides are measured, so regression of Δω on L is biased towards 0 and that of L on Δω towards infinity; with errors
-of the two sides independent of each other, the truth lies between the two whatever their sizes (Frisch).  With noise
-known up to one factor, maximum likelihood over the unknown true states is, to first order in the noise,
+Both sides are measured: regression of Δω on L is biased towards 0, that of L on Δω towards infinity.  If the errors of
+the two sides are independent, the truth lies between the two (Frisch).  For noise known up to a factor, maximum
+likelihood over the unknown true states is, to first order in the noise,
 
     minimise  Σ ρ(u_i / s),    u_i = g_i / σ_i(p),    g_i = Δω_i − (m/I) L_i,    σ_i² = ∇g_i' C_i ∇g_i,     (2)
 
-p = (m/I, parameters of what may be wrong with the measurement).  ρ = u² is weighted total least squares; Tukey's
-biweight is as consistent under normal noise (E[∂u/∂p | u] does not depend on u) and does not see outliers.  s is the
-median deviation of u.  Intervals: percentiles of a bootstrap over trials.
+p = (m/I, parameters of the measurement hypothesis).  ρ = u² is weighted total least squares; Tukey's biweight is as
+consistent under normal noise (E[∂u/∂p | u] does not depend on u) and ignores outliers.  s is the median deviation of u.
+Intervals are percentiles of a bootstrap over trials.
 
-Where the dataset states no noise and has no trajectories, velocities are taken to be equally uncertain in the kinetic
-metric (σ_ω = σ_v / k, own choice, with k as published, and θ exact): that is the one ratio that prefers no direction.
-Then χ² cannot test (1), and `lower` and `upper`, the two regressions, say what any other ratio could give.
+A dataset without stated noise and trajectories is taken to have equal velocity noise in the kinetic metric
+(σ_ω = σ_v / k with k as published, θ exact; our choice, since this ratio prefers no direction).  χ² then cannot test
+(1); `lower` and `upper`, the two regressions, bound the results of any other ratio.
 
-(1) knows only products m/I × r: lengths of the body that are s too large make m/I that much too small.
+(1) determines only m/I × r: body lengths too large by a factor make m/I too small by the same factor.
 
-Variants are hypotheses about the measurement that the critique names: what the camera reports (mirrored_rotation, on
-or off; angle_offset), and where the body is touched (rounded_corners); their parameters are estimated with m/I.
+Variants are hypotheses about the measurement, named as in the critique: the camera's angle (mirrored_rotation, on or
+off; angle_offset) and the contact point (rounded_corners).  Their parameters are estimated with m/I.
 
 | on paper | in code            | unit           | shape     |                                              |
 |----------|--------------------|----------------|-----------|----------------------------------------------|
@@ -62,12 +62,12 @@ CORNERED: tuple[tuple[str, ...], ...] = (
     ("angle_offset", "rounded_corners"),
 )
 AS_PUBLISHED = "as_published"
-# 1/m², section 2.5: the authors' value, their estimate and the standard deviation of its error, on 280 drops that are
-# not public.  Their value is near 4/(a² + b²) = 540.5 with the axes of 70 and 50 mm for the semi-axes, which give 2162.
+# 1/m², section 2.5: the authors' value, their estimate and the standard deviation of its error, on 280 unpublished
+# drops.  Their value is near 4/(a² + b²) = 540.5 with the axes of 70 and 50 mm for the semi-axes, which give 2162.
 THESIS = {"truth": 535.03, "estimate": 587.50, "std": 27.6}
 TUKEY = 4.685  # of the biweight: 95 % efficient on normal noise; beyond it a weight is 0
 MIN_IMPACTS = 8
-BENT = "arc_deviation"  # flag of impacts whose arcs are no free flight; others depend on k or μ and are not asked
+BENT = "arc_deviation"  # flag of impacts whose arcs are no free flight; other flags depend on k or μ and are not used
 _ITERATIONS = 30
 _CONVERGED = 1e-3  # standard errors
 _CONVERGED_RESAMPLED = 0.05  # the same in the bootstrap: adds 0.1 % to a spread
@@ -81,14 +81,14 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class RatioFit:
-    """Estimate from n impacts."""
+    """Fit of (2) to n impacts."""
 
     p: np.ndarray  # (1 + extra,) m/I in 1/m², then the parameters of the variant
-    u: np.ndarray  # (n,) residuals of (1) in units of the noise
+    u: np.ndarray  # (n,) residuals of (1) over the noise
     sigma: np.ndarray  # (n,) that noise, rad/s
     weight: np.ndarray  # (n,) of the biweight, 0 for outliers
     scale: float  # median deviation of u; 1 if the noise explains the residuals
-    converged: bool  # whether the iteration came to rest
+    converged: bool
 
 
 class ImpactLink:
@@ -97,10 +97,10 @@ class ImpactLink:
     Args:
         impacts: with or without covariance.
         rig: shape and believed radius of gyration.
-        variant: names of effects, as in `SMOOTH` and `CORNERED`.
+        variant: names of effects in `SMOOTH` and `CORNERED`.
 
     Raises:
-        UserError: poses or velocities that are not finite.
+        UserError: poses or velocities are not finite.
     """
 
     def __init__(self, impacts: Impacts, rig: Rig, variant: tuple[str, ...] = ()):
@@ -111,7 +111,7 @@ class ImpactLink:
         self.rig = rig
         effects = [EFFECTS[name] for name in variant]
         self.free = [(e, e.parameters[0]) for e in effects if e.parameters[0].discrete is None]
-        # a contact point that the dataset gives belongs to the angle that it gives
+        # a contact point from the dataset belongs to the dataset's angle
         self.offset = impacts.r - rig.shape.contact_point(impacts.q[:, 2])
         self.has_cov = impacts.cov is not None
         self.cov = _equal_noise(len(impacts), rig.k_g) if impacts.cov is None else impacts.cov
@@ -124,7 +124,7 @@ class ImpactLink:
             self.offset = np.zeros_like(self.offset)
 
     def select(self, rows: np.ndarray) -> "ImpactLink":
-        """The impacts at `rows`, any of them any number of times."""
+        """The impacts at `rows`, with repetition."""
         other = object.__new__(ImpactLink)
         other.__dict__.update(self.__dict__)
         for name in ("offset", "theta", "dv", "cov", "trial"):
@@ -133,7 +133,7 @@ class ImpactLink:
 
     @property
     def start(self) -> np.ndarray:
-        """p as the dataset has it, from which a fit starts: m/I from the medians of both sides of (1)."""
+        """Starting value of p: m/I from the medians of both sides of (1), other parameters as in the dataset."""
         extra = [parameter.null for _, parameter in self.free]
         p = np.array([0.0, *extra])
         lever, spin = self.sides(p)
@@ -142,7 +142,7 @@ class ImpactLink:
         return p
 
     def contact(self, p: np.ndarray, turn: float = 0.0) -> np.ndarray:
-        """Contact point r (n, 2) in m, the body turned further by `turn`."""
+        """Contact point r (n, 2) in m, with the body rotated further by `turn` in rad."""
         effects = [(effect, {parameter.name: value}) for (effect, parameter), value in zip(self.free, p[1:])]
         theta = self.theta + turn
         zero = np.zeros_like(theta)
@@ -182,9 +182,9 @@ def _equal_noise(n: int, k_g: float) -> np.ndarray:
 
 
 def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: float = _CONVERGED) -> RatioFit:
-    """Minimise (2) by reweighted Gauss-Newton steps, until parameter is below `tolerance` standard errors.
+    """Minimise (2) by reweighted Gauss-Newton steps, until a step is below `tolerance` standard errors.
 
-    `start` (1 + extra,) is `link.start` if None.
+    `start` (1 + extra,) is `link.start` by default.
 
     Raises:
         UserError: fewer than `MIN_IMPACTS` impacts.
@@ -218,7 +218,7 @@ def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: floa
 def _bounded_step(
     information: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """Newton step within bounds; what a bound stops goes there, and the rest is solved for given that."""
+    """Newton step within bounds: stopped parameters go to their bound, and the others are solved for given that."""
     step = np.linalg.lstsq(information, -slope, rcond=None)[0]
     stopped = (step < low) | (step > high)
     if stopped.any():
@@ -236,7 +236,7 @@ def _weights(u: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def bootstrap(link: ImpactLink, fit: RatioFit, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Estimates p (count, 1 + extra) from `count` resamplings of the trials with replacement."""
+    """Estimates p (count, 1 + extra) from resamplings of the trials with replacement."""
     trials, of = np.unique(link.trial, return_inverse=True)
     order = np.argsort(of, kind="stable")
     members = np.split(order, np.cumsum(np.bincount(of))[:-1])
@@ -250,7 +250,7 @@ def bootstrap(link: ImpactLink, fit: RatioFit, count: int, rng: np.random.Genera
 
 
 def regressions(lever: np.ndarray, spin: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """m/I by weighted regression of Δω on L, and of L on Δω, in 1/m²."""
+    """m/I in 1/m² by weighted regression of Δω on L, and of L on Δω; arguments (n,)."""
     cross = weight @ (lever * spin)
     return float(cross / (weight @ lever**2)), float((weight @ spin**2) / cross)
 
@@ -258,12 +258,9 @@ def regressions(lever: np.ndarray, spin: np.ndarray, weight: np.ndarray) -> tupl
 def measured_ratio(
     dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio | None = None
 ) -> pd.DataFrame:
-    """m/I of a measured body under each hypothesis about the measurement, a row each, with `COLUMNS`.
+    """m/I of a measured body, a row with `COLUMNS` per hypothesis about the measurement.
 
-    Args:
-        dataset: with trajectories or impacts.
-        rng: for the bootstrap.
-        settings: `MeasuredRatio()` if None.
+    `dataset` holds trajectories or impacts; `rng` is for the bootstrap.
 
     Raises:
         UserError: too few impacts can be measured.
@@ -287,7 +284,7 @@ def measured_ratio(
 
 
 def absent(name: str) -> pd.DataFrame:
-    """The row of `measured_ratio` for a published set that is not there, with what to do."""
+    """The row of `measured_ratio` for a missing published set, with instructions."""
     status = f"not present; python -m thesis_lib datasets fetch {name.replace('_', '-')} gets it"
     return pd.DataFrame([{"dataset": name, "variant": AS_PUBLISHED, "status": status}]).reindex(
         columns=list(COLUMNS)
@@ -337,6 +334,6 @@ def _row(
 
 
 def gather(tables: Sequence[pd.DataFrame], absent_names: Sequence[str]) -> pd.DataFrame:
-    """Tables of `measured_ratio`, and the rows of the published sets that are not there."""
+    """Tables of `measured_ratio` and the rows of missing published sets, as one table."""
     parts = [*tables, *(absent(name) for name in absent_names)]
     return pd.concat([part.dropna(axis=1, how="all") for part in parts]).reindex(columns=list(COLUMNS))

@@ -1,15 +1,15 @@
 """Cramér-Rao bound on m/I from the noisy states of one drop.
 
-No unbiased estimator has a smaller variance than the inverse of the Fisher information at the truth.  With impact
-steps and vertices known, the arcs are linear in their numbers u (information N) and linked by the rows g(u, η) = 0 of
-`likelihood`; the information on η that is left when u is estimated too is
+No unbiased estimator has a smaller variance than the inverse of the Fisher information at the truth.  For known impact
+steps and vertices, the arcs are linear in their numbers u (information N) and linked by the rows g(u, η) = 0 of
+`likelihood`.  With u estimated too, the information on η is
 
     I_η = G_η' (G N⁻¹ G')⁻¹ G_η,     std(m/I) >= √(I_η⁻¹)_{00}.
 
-Without a contact law (free impulses, η = m/I) it bounds every estimator that knows nothing of friction and restitution;
-with the law, η = (m/I, ε, μ).  Two things are left out.  The steps of the impacts tell something about the gap; they
-are not differentiable, and an estimator that uses them may fall below the bound.  At a low signal-to-noise ratio the
-steps are uncertain, and the true limit lies above the bound.
+Without a contact law (free impulses, η = m/I) this bounds every estimator that does not use friction and restitution;
+with the law, η = (m/I, ε, μ).  Two things are left out.  The impact steps carry information on the gap but are not
+differentiable, so an estimator that uses them may fall below the bound.  At a low signal-to-noise ratio the steps are
+uncertain, and the true limit lies above the bound.
 
 | on paper | in code  | unit               | shape    |                                            |
 |----------|----------|--------------------|----------|--------------------------------------------|
@@ -30,7 +30,7 @@ from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
 from thesis_lib.identify.segmentation import check_states, without_gravity
 from thesis_lib.simulate.stepping.stepping import Record
 
-# of μ c_n that |c_t| reaches when an impact slides; sticking ones miss it by far more
+# share of μ c_n that |c_t| reaches when an impact slides; sticking ones miss it by far more
 SLIDE_SHARE = 1.0 - 1e-6
 
 
@@ -41,11 +41,11 @@ class TrueImpacts:
     steps: np.ndarray  # (J,) steps with a contact force
     vertices: np.ndarray  # (J,) contact pair with the largest force
     modes: np.ndarray  # (J,) 0 stick, ±1 slide with that sign of c_t
-    alone: np.ndarray  # (J,) bool, no second pair has a force in that step
+    alone: np.ndarray  # (J,) bool, whether no second pair has a force in that step
 
 
 def true_impacts(record: Record, mu: float) -> TrueImpacts:
-    """The steps of `record` with contact forces, friction coefficient `mu`."""
+    """The steps of `record` with contact forces; `mu` is the friction coefficient."""
     steps = np.flatnonzero((record.c_n > 0).any(axis=1))
     c_n, c_t = record.c_n[steps], record.c_t[steps]
     vertices = c_n.argmax(axis=1)
@@ -66,14 +66,13 @@ def ratio_bound(
     *,
     law: bool = False,
 ) -> float:
-    """Least standard deviation of m/I in 1/m²; infinite if the drop says nothing about it.
+    """Least standard deviation of m/I in 1/m²; infinite if the drop does not determine it.
 
     Args:
         h: time step, s.
         q, v: (m+1, 3) true states.
-        sigma: (2, 3) noise.
-        impacts: the true ones.
-        shape, gravity: of the body; m/s².
+        sigma: (2, 3) noise of q and v.
+        gravity: m/s².
         law: Newton's restitution and Coulomb's friction are known to hold, with unknown coefficients.
 
     Raises:
@@ -89,6 +88,6 @@ def ratio_bound(
     sums = ArcSums(h, *without_gravity(h, q, v, gravity))
     statistics = sums.statistics(impacts.steps[None], np.asarray(sigma, dtype=float))
     modes = impacts.modes[None] if law else None
-    # at the truth the rows already hold: the fit stays there and its std is the bound
+    # at the truth the rows already hold: the fit does not move and its std is the bound
     fit = fit_arcs(ArcModel(statistics, impacts.vertices[None], h, shape, gravity, modes))
     return float(fit.std[0, 0])

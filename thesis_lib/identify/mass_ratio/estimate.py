@@ -5,15 +5,15 @@ and 2.23) are therefore biased, see `plain_program`.  Here the true states are u
 
 1. noise from differences, flights by dynamic programming (`segmentation`);
 2. noise again, from the residuals of the arcs;
-3. every hypothesis that the samples leave open about steps, vertices and modes is fitted (`hypotheses`) by maximum
+3. every hypothesis about steps, vertices and modes that the samples leave open (`hypotheses`) is fitted by maximum
    likelihood (`likelihood`);
-4. the estimate is the mean over the hypotheses with weights exp(-χ²/2), its variance theirs plus that between them;
-5. a χ² test of what links the arcs, and one of the noise of the arcs against that of differences, decide whether the
-   drop is believed; a drop that fails is first tried with one impact more, two vertices that hit within few steps.
+4. the estimate is the mean over hypotheses with weights exp(-χ²/2); its variance is theirs plus that between them;
+5. a χ² test of the links between arcs, and a test of the arcs' noise against that of differences, accept or reject the
+   drop; a rejected drop is first tried with one more impact, as two vertices may hit within few steps.
 
 With `law=True` all impacts of a drop share an unknown ε and μ, and the fit starts from the free impulses; if the
-samples reject the law, the estimate with free impulses stands.  The remaining bias is of second order in the noise and
-is removed by refitting around the estimate (`hypotheses`).
+samples reject the law, the estimate with free impulses is returned.  The remaining bias is of second order in the noise
+and is removed by refitting around the estimate (`hypotheses`).
 
 | on paper | in code | unit   |                                             |
 |----------|---------|--------|---------------------------------------------|
@@ -41,19 +41,19 @@ from thesis_lib.identify.segmentation import (
     without_gravity,
 )
 
-P_MISFIT = 1e-4  # probability of a larger χ² under which a drop is not believed
+P_MISFIT = 1e-4  # probability of a larger χ² below which a drop is rejected
 NOISE_SIGMAS = 5.0  # standard deviations by which noise of arcs may exceed that of differences
-MAX_IMPACTS = 6  # more in one window make the hypotheses too many; cut the window
+MAX_IMPACTS = 6  # in one window: more make too many hypotheses; cut the window
 
 
 class EstimateStatus(IntEnum):
-    """What became of one drop."""
+    """Outcome of one drop."""
 
     OK = 0
-    NO_IMPACT = 1  # nothing in the window tells m/I: no impact was found
+    NO_IMPACT = 1  # no impact in the window, so no information on m/I
     NOT_DETERMINED = 2  # impacts, but their levers r_x Δv_y - r_y Δv_x are lost in the noise
     MISFIT = 3  # the impacts contradict each other at any m/I
-    NOISE = 4  # the arcs leave residuals larger than the noise of differences: not free flight
+    NOISE = 4  # the arcs' residuals exceed the noise of differences: not free flight
     NOT_CONVERGED = 5
     TOO_MANY_IMPACTS = 6
 
@@ -62,11 +62,11 @@ class EstimateStatus(IntEnum):
 class Estimate:
     """m/I of one drop."""
 
-    # m/I in 1/m²; NaN where no number could be computed, else also given for drops that are not believed
+    # m/I in 1/m²; NaN if it could not be computed; rejected drops may have a value, too
     value: float
     std: float  # its standard deviation, 1/m²
-    status: EstimateStatus  # `EstimateStatus`; only `OK` is to be used
-    chi2: float  # χ² of what links the arcs, `dof` its degrees of freedom, `p_value` the probability of more
+    status: EstimateStatus  # use only `OK`
+    chi2: float  # of the links between arcs, `dof` its degrees of freedom, `p_value` the probability of more
     dof: int
     p_value: float
     # impact steps k of the best hypothesis: the velocity changes from v_k to v_{k+1}
@@ -96,11 +96,11 @@ def estimate_ratio(
     Args:
         h: time step between samples, s.
         q, v: (m+1, 3) noisy positions (m, m, rad) and velocities; θ continuous.
-        shape: of the body; a polygon's vertices are its possible contact points.
+        shape: a polygon's vertices are its possible contact points.
         gravity: m/s².
         law: assume Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop.
         use_gap: use that an impulse acts in the first step that would end in the surface.
-        correct: take the second-order bias out.
+        correct: remove the second-order bias.
         sigma: (2, 3) noise if known; estimated otherwise.
 
     Raises:

@@ -1,9 +1,9 @@
 """Hypotheses about the impacts of one drop: which steps, which vertices, which modes, one hit or two.
 
-The samples leave open what a drop consisted of: impact steps up to `STEP_WINDOW` away from those of the segmentation,
-vertices of nearly equal height, two vertices that hit within a few steps instead of one, and under the contact law
-the mode of each impact.  χ²_free, which costs next to nothing, bounds χ² of a hypothesis from below and rules out
-most; the rest are fitted together (`likelihood`).
+The samples leave the events of a drop open: impact steps up to `STEP_WINDOW` from those of the segmentation, vertices
+of nearly equal height, two vertices that hit within a few steps instead of one, and under the contact law the mode of
+each impact.  χ²_free is cheap and bounds the χ² of a hypothesis from below, which rules out most; the others are fitted
+together (`likelihood`).
 
 | on paper  | in code     | unit | shape  |                                       |
 |-----------|-------------|------|--------|---------------------------------------|
@@ -32,29 +32,28 @@ from thesis_lib.identify.mass_ratio.likelihood import (
 from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcStatistics, ArcSums
 from thesis_lib.identify.segmentation import floored
 
-STEP_WINDOW = 2  # steps to each side of the segmentation's that are tried
-# with more, one step to each side is tried: the hypotheses grow as 5 to the number of impacts
+STEP_WINDOW = 2  # steps tried on each side of the segmentation's
+# with more impacts, one step on each side is tried: the number of hypotheses is 5 to the number of impacts
 MANY_IMPACTS = 4
-# χ² by which a hypothesis may be worse than the best and still be tried: weights of e^-12 do not count
+# χ² by which a tried hypothesis may exceed the best: weights of e^-12 do not count
 OPEN = 25.0
 MAX_HYPOTHESES = 3000  # per number of impacts; the best by χ²_free are kept
-DOUBLE_HIT_STEPS = 8  # how far apart the two hits of a split impact are looked for
-P_SPLIT = 0.02  # probability of a larger χ² under which a split is tried
-SLIDE_COST = 8.0  # χ² that letting impacts slide has to save: it adds μ, known then to about 1 % of its range
+DOUBLE_HIT_STEPS = 8  # largest distance of the two hits of a split impact
+P_SPLIT = 0.02  # probability of a larger χ² below which a split is tried
+SLIDE_COST = 8.0  # χ² that sliding has to save: it adds μ, then known to about 1 % of its range
 # a sticking impact with |Δv_x| above this times μ Δv_y contradicts the μ of the sliding ones
 CONE_SLACK = 1.2
-SPLIT_GAIN = 20.0  # χ² a split has to save: three unknowns more, looked for at about a hundred places
+SPLIT_GAIN = 20.0  # χ² a split has to save: it adds three unknowns and is sought at about a hundred places
 
 
 @dataclass
 class FittedHypotheses:
-    """Hypotheses of one number of impacts, fitted.
+    """Fits of B hypotheses with one number of impacts; `modes` is None where impulses are free.
 
     Attributes:
-        statistics, vertices, modes, fit: of B hypotheses; `modes` is None where impulses are free.
-        tried: number of hypotheses fitted on the way here.
+        tried: number of hypotheses fitted so far.
         any: whether one of them converged.
-        row: the best one, `chi2_min` its χ²; `dof` and `p_value` are of its misfit.
+        row: index of the best one; `chi2_min`, `dof` and `p_value` are its χ² and those of its misfit.
         weight: (B,) exp(-χ²/2) relative to the best; 0 where not converged.
     """
 
@@ -73,7 +72,7 @@ class FittedHypotheses:
             slides = self.modes != STICK
             u, mu = self.fit.u, self.fit.eta[:, 2]
             held = np.abs(u[:, 0, 2:]) <= CONE_SLACK * mu[:, None] * u[:, 1, 2:]
-            # a negative μ is the other direction of sliding, which has a hypothesis of its own
+            # a negative μ is the other direction of sliding, which is a separate hypothesis
             usable &= ~slides.any(axis=1) | ((mu >= 0) & (held | slides).all(axis=1))
             score += SLIDE_COST * slides.any(axis=1)
         score[~usable] = np.inf
@@ -87,14 +86,9 @@ class FittedHypotheses:
 
 
 class DropHypotheses:
-    """What may have happened in one drop.
+    """Possible courses of one drop, with time step `h` in s and noise `sigma` (2, 3).
 
-    Args:
-        sums: of the samples.
-        h: time step, s.
-        shape, gravity: of the body; m/s².
-        use_gap: whether the gaps at the impacts are part of the likelihood.
-        sigma: (2, 3) noise.
+    `use_gap`: whether the gaps at the impacts are part of the likelihood.
     """
 
     def __init__(
@@ -104,14 +98,14 @@ class DropHypotheses:
         self.sigma = sigma
 
     def estimate_noise(self, steps: np.ndarray) -> None:
-        """Noise from the residuals of the best free arcs near `steps`."""
+        """Set the noise from the residuals of the best free arcs near `steps` (J,)."""
         near = self._near(steps)
         best = near.take(np.argmin(near.chi2_free)[None])
         spread = self.sums.residual_spread(best.steps[0], best.u[0])
         self.sigma = floored(spread, self.sums.q, self.sums.v)
 
     def fit_best(self, steps: np.ndarray) -> FittedHypotheses:
-        """As `fit`, with one impact taken as two hits where the samples clearly prefer that."""
+        """As `fit`, with one impact split into two hits where the samples clearly prefer that."""
         unsplit = best = self.fit(steps)
         if corner_points(self.shape) is not None:
             for j in range(len(steps)):
@@ -121,11 +115,11 @@ class DropHypotheses:
         return best
 
     def fit(self, steps: np.ndarray) -> FittedHypotheses:
-        """Every open hypothesis with the number of impacts of `steps`, impulses free."""
+        """Every open hypothesis with as many impacts as `steps` (J,), with free impulses."""
         return self._fit_all(self._near(steps))
 
     def fit_split(self, steps: np.ndarray, j: int, unsplit: FittedHypotheses) -> FittedHypotheses | None:
-        """As `fit`, with impact j taken as two; None if that promises nothing over `unsplit`."""
+        """As `fit`, with impact j split into two; None if that cannot improve on `unsplit`."""
         k = steps[j]
         pairs = [
             (a, b)
@@ -192,7 +186,7 @@ class DropHypotheses:
         return ArcModel(statistics, vertices, self.h, self.shape, self.gravity, modes, self.use_gap)
 
     def _fit_all(self, statistics: ArcStatistics) -> FittedHypotheses:
-        # χ²_free bounds χ² from below: what is far above the best of it stays so
+        # χ²_free bounds χ² from below: a value far above the best cannot become the best
         order = np.argsort(statistics.chi2_free, kind="stable")
         order = order[statistics.chi2_free[order] < statistics.chi2_free[order[0]] + 2.0 * OPEN]
         rows, vertices = self._vertices(statistics.take(order))
@@ -220,7 +214,7 @@ class DropHypotheses:
         low = np.argmin(r_y, axis=2)[..., None]
         above = r_y - np.take_along_axis(r_y, low, 2)
         turn = np.abs(r_x - np.take_along_axis(r_x, low, 2))
-        # a higher vertex can hit if the angle is uncertain, or after a few steps more (two hits in a row)
+        # a higher vertex can hit if the angle is uncertain, or a few steps later (two hits in a row)
         travel = 2.0 * self.h * np.abs(s.u[:, 1, 2:])
         able = above <= 4.0 * theta_std[..., None] * turn + travel[..., None]
         rows, chosen = [], []

@@ -4,26 +4,26 @@ An impulse (c_t, c_n) at the contact point r changes the velocities by Δv_x = c
 
     Δω_j = (m/I) (r_x Δv_y - r_y Δv_x)_j,     r = r(θ_{k_j}),                                             (1)
 
-so m/I is what links the arcs of θ to those of x and y; nothing is assumed about friction or restitution.  The
-samples determine the arcs u with information N (`sufficient_statistics`), so that maximum likelihood is a small
-constrained problem,
+which links the arcs of θ to those of x and y; nothing is assumed about friction or restitution.  The samples determine
+the arcs u with information N (`sufficient_statistics`), so maximum likelihood is a small constrained problem,
 
     minimise χ²_free + (u - û)' N (u - û)   over u, η    subject to  g(u, η) = 0,                              (2)
 
+
 with η = (m/I, ε, μ) and g the rows (1).  It is solved by Newton steps on the linearised rows G du + G_η dη + g = 0.  As
-in multiple shooting every arc keeps its own numbers, so that an early error does not grow through later impacts.  A
+in multiple shooting every arc has its own unknowns, so an early error does not grow through later impacts.  A
 hypothesis gives the impact steps k_j, the vertex of a polygon that hits, and under a contact law the mode of each
 impact.  Two kinds of rows may be added:
 
 Gap.  The time stepper applies an impulse in the first step that would end in the surface.  The gap at the start of
 that step, φ_j = y + r_y at k_j, therefore lies between 0 and the travel h |v_n| of the contact point in the step.  This
-is geometry, not a contact law.  Over drops φ_j is uniform there; it enters as a normal variable of equal mean and
+is geometry, not a contact law.  φ_j is uniform there over drops; it enters as a normal variable of equal mean and
 variance,
 
     √12 (φ_j / (h |v_n|_j) - 1/2) ~ N(0, 1),   with 2 log(h |v_n|_j) in -2 log likelihood.                        (3)
 
-Contact law.  Newton's restitution and Coulomb's friction with unknown ε and μ, the same at all impacts of
-the drop; v- is v_k, v+ is v_{k+1}:
+Contact law.  Newton's restitution and Coulomb's friction with unknown ε and μ shared by the drop's impacts; v- is v_k,
+v+ is v_{k+1}:
 
     J_n v+ + ε J_n v- = 0;     J_t v+ = 0 (stick)   or   Δv_x = ± μ Δv_y (slide).                               (4)
 
@@ -36,7 +36,7 @@ the drop; v- is v_k, v+ is v_{k+1}:
 | S        | `S`        |        | (B, n_g, n_g) | G N⁻¹ G', plus the variance of soft rows (3)        |
 
 Sources: thesis eq. 2.3, 2.18-2.23; W. A. Fuller, Measurement Error Models, Wiley 1987, doi 10.1002/9780470316665 (m/I
-multiplies quantities that are themselves noisy: least squares on (1) is biased, maximum likelihood not to first order).
+multiplies noisy quantities: least squares on (1) is biased, maximum likelihood not to first order).
 """
 
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ SPEED_FLOOR = 0.05  # m/s; |v_n| in the gap's scale: a trial value of zero would
 RATIO, EPSILON, MU = range(3)  # columns of η
 SLIDE_FORWARD, STICK, SLIDE_BACK = 1, 0, -1  # modes: sign of c_t of an impact that slides
 _BACKTRACK = (1.0, 0.5, 0.2, 0.05)  # fractions of a Newton step that are tried
-# information added to η: an unknown that no row holds (μ if all impacts stick) stays where it started
+# information added to η: an unknown in no row (μ if all impacts stick) keeps its starting value
 _SOFT_PRIOR = 1e-12
 
 
@@ -64,12 +64,12 @@ class ArcFit:
     """Fits of B hypotheses."""
 
     u: np.ndarray  # (B, 3, 2+J) arcs
-    eta: np.ndarray  # (B, 3) m/I in 1/m², ε, μ; the last two as they started where no law is assumed
+    eta: np.ndarray  # (B, 3) m/I in 1/m², ε, μ; without a law, ε and μ are the starting values
     chi2: np.ndarray  # (B,) -2 log likelihood, up to a constant
-    # (B,) χ² of what links the arcs: of (2) without χ²_free, and of (3) without its logarithm
+    # (B,) χ² of the links between arcs: of (2) without χ²_free, and of (3) without its logarithm
     misfit: np.ndarray
     dof: np.ndarray  # (B,) degrees of freedom of `misfit`
-    std: np.ndarray  # (B, 3) standard deviations of η; infinite where the drop says nothing about it
+    std: np.ndarray  # (B, 3) standard deviations of η; infinite where the drop does not determine it
     converged: np.ndarray  # (B,) bool
 
     @property
@@ -79,7 +79,7 @@ class ArcFit:
 
 
 def corner_points(shape: BodyShape) -> np.ndarray | None:
-    """Points (n, 2) in m of the body that may touch: vertices of a polygon, ends of a rod; None if it is smooth."""
+    """Points (n, 2) in m of the body that may touch: polygon vertices or rod ends; None for a smooth shape."""
     if isinstance(shape, Polygon):
         return np.array(shape.vertices)
     return shape.outline() if isinstance(shape, Rod) else None
@@ -88,7 +88,7 @@ def corner_points(shape: BodyShape) -> np.ndarray | None:
 def contact_offset(shape: BodyShape, theta: np.ndarray, vertex: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Contact point r (n, 2) in m at angles (n,), and the derivative (n,) of r_x by θ; that of r_y is r_x.
 
-    `vertex` (n,) numbers the vertex of a polygon that touches; other shapes ignore it.
+    `vertex` (n,) is the touching vertex of a polygon; other shapes ignore it.
     """
     sin, cos = np.sin(theta), np.cos(theta)
     corners = corner_points(shape)
@@ -135,15 +135,13 @@ class ImpactMotion:
 
 
 class ArcModel:
-    """The rows g of (1), (3) and (4) and their derivatives, for B hypotheses.
+    """The rows g of (1), (3) and (4), in this order, and their derivatives, for B hypotheses.
 
-    The rows stand in that order, J of each kind; those of (4) are J of restitution, then J of friction.
+    There are J rows of each kind; those of (4) are J of restitution, then J of friction.
 
     Args:
-        statistics: of the samples, B hypotheses of J impacts.
         vertices: (B, J) numbers of the touching vertices.
-        h: time step, s.
-        shape, gravity: of the body; m/s².
+        h, gravity: s, m/s².
         modes: (B, J) modes under the contact law, or None for free impulses.
         use_gap: whether (3) is part of the likelihood.
     """
@@ -185,13 +183,13 @@ class ArcModel:
         return ImpactMotion(r_x, r_y, dr_x, *changes, v_y_before, _apply(self.before, u[:, 2]))
 
     def travel(self, motion: ImpactMotion) -> np.ndarray:
-        """Distance h |v_n| (B, J) in m of the contact point in a step, the scale of (3); 1 where (3) is not used."""
+        """Scale h |v_n| (B, J) of (3) in m, the contact point's travel in a step; 1 where (3) is not used."""
         if not self.use_gap:
             return np.ones((self.B, self.J))
         return self.h * np.maximum(self.gravity * self.h - motion.v_n_before, SPEED_FLOOR)
 
     def rows(self, u: np.ndarray, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray) -> np.ndarray:
-        """Rows g (B, n_g) at arcs u (B, 3, 2+J) with their motion, η (B, 3), and the scale `travel` (B, J) of (3)."""
+        """Rows g (B, n_g) at arcs u (B, 3, 2+J) with their `motion`, η (B, 3) and the scale `travel` (B, J) of (3)."""
         ratio, epsilon, mu = eta.T[:, :, None]
         g = [motion.d_omega - ratio * motion.lever]
         if self.use_gap:
@@ -208,7 +206,7 @@ class ArcModel:
     def derivatives(
         self, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the rows by u and by η, G (B, n_g, 3, 2+J) and G_η (B, n_g, 3); `travel` is held."""
+        """Derivatives of the rows by u and η, G (B, n_g, 3, 2+J) and G_η (B, n_g, 3), at constant `travel`."""
         ratio, epsilon, mu = eta.T[:, :, None]
         m, none = motion, np.zeros_like(self.position)
         d_lever = m.dr_x * m.dv_y - m.r_x * m.dv_x
@@ -271,9 +269,9 @@ def _apply(linear: np.ndarray, channel: np.ndarray) -> np.ndarray:
 
 
 def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | None = None) -> ArcFit:
-    """Solve (2) for every hypothesis of `model`, from the free arcs or from `u` (B, 3, 2+J) and `eta` (B, 3).
+    """Solve (2) for every hypothesis, from the free arcs or from `u` (B, 3, 2+J) and `eta` (B, 3).
 
-    Fits that do not converge within `MAX_ITERATIONS` are returned as they are, with `converged` false.
+    Fits that do not converge within `MAX_ITERATIONS` have `converged` false.
     """
     s = model.s
     u = s.u.copy() if u is None else u.copy()

@@ -1,14 +1,13 @@
-"""The thesis's program for m/I of one free body, eq. 2.23, on samples taken as the truth: what the noise does to it.
+"""The thesis's program for m/I of one free body, eq. 2.23, with noisy samples taken as the truth.
 
     minimise over m/I, c   Σ_k |v_{k+1} - v_k - h g - diag(1, 1, m/I) (J_n' c_n + J_t' c_t)_k|²
     subject to             c_n >= 0,  |c_t| <= μ c_n,  c_n = 0 off contact,  c_t = -sign(v_t) μ c_n if sliding,
 
-impulses per mass.  For given samples the gap, the Jacobians and the sliding velocity are numbers, so that for each
-m/I the program falls apart into one convex problem of two unknowns per step, solved in closed form (projection on a
-cone in the plane): the whole program is a search over one number.  One pair, the lowest at its end, may act in a
-step.  With noise no sample lies on the contact manifold; as the thesis softens the distance (its approach 1), a gap
-or a sliding velocity within `TOLERANCE` standard deviations of zero counts as zero.  That the thesis used just this
-variant is not known.
+impulses per mass.  The samples fix the gap, the Jacobians and the sliding velocity.  For each m/I the program splits
+into one convex problem of two unknowns per step, solved in closed form (projection on a plane cone), so the whole is a
+search over one number.  In a step one pair may act, the lowest at its end.  With noise no sample lies on the contact
+manifold; as the thesis softens the distance (its approach 1), a gap or a sliding velocity within `TOLERANCE` standard
+deviations of zero counts as zero.  Whether the thesis used this variant is not known.
 
 | on paper | in code   | unit   | shape    |                                                           |
 |----------|-----------|--------|----------|-----------------------------------------------------------|
@@ -37,10 +36,10 @@ def plain_ratio(
     """m/I in 1/m² by eq. 2.23; NaN if no sample is near contact.
 
     Args:
-        body: its shape and gravity are used, its inertia is not.
+        body: only its shape and gravity are used.
         h: time step, s.
         q, v: (m+1, 3) noisy states.
-        mu: friction coefficient, known.
+        mu: friction coefficient.
         sigma: (2, 3) noise of q and v, for the tolerances; None: exact data.
 
     Raises:
@@ -81,8 +80,8 @@ def impact_least_squares(
 ) -> float:
     """m/I in 1/m² by least squares of Δω on r_x Δv_y - r_y Δv_x at known impact steps (J,); NaN without any.
 
-    What eq. 2.23 comes to when the contact steps are known, friction is left free and only Δω has to be explained:
-    the classical case of noise in the regressor, which draws the slope towards zero.
+    Eq. 2.23 reduces to this for known contact steps, free friction and Δω alone.  Noise in the regressor biases the
+    slope towards zero.
     """
     check_states(h, q, v)
     if not len(steps):

@@ -4,16 +4,16 @@ Drops are simulated (`simulate.chapter2.motions`) and cut before the fourth impa
 in which two corners hit in one step (no state shows how they share the impulse), drops with fewer than two impacts, and
 drops with fewer than `min_after` samples after the last one.  Each ratio adds fresh noise.  Methods on the same states:
 
-- plain: eq. 2.23 on the samples, noise level and μ given (`plain_program.plain_ratio`)
+- plain: eq. 2.23 on the samples, noise level and μ known (`plain_program.plain_ratio`)
 - least_squares: Δω against lever at the true impact steps (`plain_program.impact_least_squares`)
 - arcs: maximum likelihood over arcs and impulses, noise estimated (`estimate.estimate_ratio`), impulses free, no gap
 - arcs_gap: the same, with the gap at the impacts
 - arcs_law: the same, with the contact law, μ and ε unknown
 
-The bound of a row is the root mean square of the Cramér-Rao bounds of its drops.  It assumes no contact law for any
-method: where arcs_gap and arcs_law fall below it, geometry and the law add information.  `law_bound` is the bound with
-the law.  The worst drops dominate a root mean square (an ellipse that hardly turns says little); `error_over_bound`
-therefore divides each error by the bound of the same drop, and is 1 for an efficient estimator.
+The bound of a row is the root mean square of the Cramér-Rao bounds of its drops, without a contact law: arcs_gap and
+arcs_law fall below it where geometry and the law add information.  `law_bound` is the bound with the law.  The worst
+drops dominate a root mean square (an ellipse that hardly turns carries little information), so `error_over_bound`
+divides each error by the bound of its drop; it is 1 for an efficient estimator.
 
 The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.
 
@@ -61,12 +61,12 @@ _MAX_BATCHES = 100
 
 @dataclass(frozen=True)
 class KeptDrops:
-    """Drops of one body that are kept."""
+    """Accepted drops of one body."""
 
-    body: PlanarFreeBody  # what fell
+    body: PlanarFreeBody
     records: tuple[Record, ...]  # windows of the simulation
     impacts: tuple[TrueImpacts, ...]  # of each record
-    left_out: dict[str, int]  # number of drops left out for each reason of `LEFT_OUT`
+    left_out: dict[str, int]  # number of drops left out, by reason of `LEFT_OUT`
 
 
 def make_drops(
@@ -76,10 +76,10 @@ def make_drops(
     settings: Table21 | None = None,
     bodies: Chapter2Bodies = DEFAULT,
 ) -> KeptDrops:
-    """Simulate drops of "block" or "ellipse" until n are kept.
+    """Simulate drops of "block" or "ellipse" until n are accepted.
 
     Raises:
-        RuntimeError: hardly any drop is kept; the settings contradict each other.
+        RuntimeError: hardly any drop is accepted; the settings contradict each other.
     """
     settings = settings or Table21()
     body = BODIES[kind](bodies)
@@ -120,7 +120,7 @@ def _window(record: Record, mu: float, settings: Table21) -> tuple[Record, TrueI
 
 
 def left_out_table(kind: str, drops: KeptDrops) -> pd.DataFrame:
-    """Numbers of drops that were left out, a row per reason of `LEFT_OUT`."""
+    """Numbers of drops left out, a row per reason of `LEFT_OUT`."""
     reasons = list(drops.left_out)
     return pd.DataFrame({"shape": kind, "reason": reasons, "drops": [drops.left_out[r] for r in reasons]})
 
@@ -133,7 +133,7 @@ def study(
     bodies: Chapter2Bodies = DEFAULT,
     methods: tuple[Method, ...] = METHODS,
 ) -> pd.DataFrame:
-    """Every method on every drop at every ratio, a row each.
+    """A row per drop, ratio and method.
 
     Columns: shape, snr, drop, method, ratio (1/m²), error (%), std (%, stated), bound, law_bound (%), status.
     """
@@ -173,7 +173,7 @@ def _rms(values: pd.Series) -> float:
 
 
 def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
-    """Table of `study`'s rows: a row per shape, method and ratio; errors over the drops whose status is ok."""
+    """A row per shape, method and ratio, from the rows of `study`; errors over drops with status ok."""
     ok = EstimateStatus.OK.name.lower()
     table = []
     for (shape, method, snr), group in rows.groupby(["shape", "method", "snr"], sort=False):

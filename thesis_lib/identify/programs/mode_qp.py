@@ -1,24 +1,24 @@
 """The identification programs as convex programs: contact modes are data (thesis eqs. 2.12 to 2.14).
 
-In eq. 2.12 gaps φ and sliding velocities v_rel are data, and with them the mode of every contact.  From
-0 ≤ c_± ⟂ λ ± v_rel ≥ 0 follows λ ≥ |v_rel|, and every cost and constraint that holds λ grows with it, so λ = |v_rel|.
+In eq. 2.12 gaps φ and sliding velocities v_rel are data, and hence the mode of every contact.  From
+0 ≤ c_± ⟂ λ ± v_rel ≥ 0 follows λ ≥ |v_rel|; every cost and constraint with λ grows with it, so λ = |v_rel|.
 A contact force is then a non-negative sum of the two edges of its friction cone,
 
     (c_n, c_t) = Σ_e a_e (1, s_e μ),   s_e = ±1,   a_e ≥ 0,   price π_e = w_n φ + w_t μ (|v_rel| + s_e v_rel),
 
-where π_e a_e is what the complementarity products of the edge add up to.  With B the edges' generalised forces,
+where π_e a_e is the sum of the edge's complementarity products.  With B the edges' generalised forces, the programs
 
     2.12       min ‖Y Θ − B a − f‖²              over edges of price 0: closed gap, and against the sliding
     2.13       min ‖Y Θ − B a − f‖² + w_n φ'c_n   over edges that obey friction
     2.14       min π'a   subject to Y Θ − B a = f over all edges
     2.14 soft  min ‖Y Θ − B a − f‖² + π'a         over all edges
 
-are convex (three quadratic programs and a linear one): their minimum is global, and the nonlinear programs of
-`nonlinear.py` can be measured on it.  (In 2.14 both friction products weigh w_t.)
+are convex (three quadratic programs and a linear one).  Their minimum is global and serves as a reference for the
+nonlinear programs of `nonlinear.py`.  (In 2.14 both friction products weigh w_t.)
 
-When the least-squares solution over edges of price 0 already has a ≥ 0, it is the answer; it takes time linear in the
-window, eliminating the forces step by step.  Else Clarabel solves the program, and least squares on the edges in use
-polishes the answer.
+If the least-squares solution over edges of price 0 has a ≥ 0, it is the answer; eliminating the forces step by step
+takes time linear in the window.  Otherwise Clarabel solves the program, and least squares on the edges in use polishes
+the solution.
 
 | on paper | in code     | unit | shape    |                                                     |
 |----------|-------------|------|----------|-----------------------------------------------------|
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 Program = Literal["2.12", "2.13", "2.14", "2.14 soft"]
 PROGRAMS: tuple[Program, ...] = ("2.12", "2.13", "2.14", "2.14 soft")
-REACH = 0.05  # m: contacts farther away get no force variables; what a step of 5 ms could close at 10 m/s
+REACH = 0.05  # m: farther contacts get no force variables; a step of 5 ms closes this gap at 10 m/s
 NEGATIVE = 1e-12  # of the force scale: an amplitude above minus this is rounding of zero
 SUPPORT = 1e-7  # of the force scale: Clarabel's zeros end below it
 
@@ -52,7 +52,7 @@ SUPPORT = 1e-7  # of the force scale: Clarabel's zeros end below it
 class Edges:
     """Edges of the friction cones that may carry force; symbols as in the module's table."""
 
-    step: np.ndarray  # step, pair: (E,) to which contact of the window an edge belongs
+    step: np.ndarray  # step, pair: (E,) contact of each edge
     pair: np.ndarray
     sign: np.ndarray  # (E,) s_e of its friction
     direction: np.ndarray
@@ -76,9 +76,7 @@ def edges_of(
 ) -> Edges:
     """Edges that a program admits on a window, with their prices; gap and slip are priced per scale of the window.
 
-    Args:
-        reach: m, contacts with a larger gap have none.
-        w_n, w_t: weights of the products of gap and of friction, dimensionless.
+    `reach` in m is the largest gap of a contact with edges; `w_n`, `w_t` weigh the products of gap and of friction.
     """
     step, pair = np.nonzero(window.gap <= reach)
     step, pair, sign = np.repeat(step, 2), np.repeat(pair, 2), np.tile([1.0, -1.0], len(step))
@@ -110,7 +108,7 @@ def solve_mode_qp(
     free = edges[edges.price == 0.0]
     theta, amplitude, misfit = least_squares(window, free)
     admissible = _admissible(window, theta, amplitude)
-    # at no price and without misfit nothing can be better; for 2.12 the free least squares is the cost itself
+    # a solution without price and misfit is optimal; for 2.12 the free least squares is the cost itself
     if admissible and (program == "2.12" or misfit <= NEGATIVE):
         claimed, solver, edges = True, "least squares", free
     else:
@@ -148,10 +146,10 @@ def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tup
 
 
 def least_squares(window: ContactWindow, edges: Edges) -> tuple[np.ndarray, np.ndarray, float]:
-    """min ‖Y Θ − B a − f‖² without bounds: Θ (n_Θ,), a (E,) in N, and the misfit over the force scale (rms).
+    """min ‖Y Θ − B a − f‖² without bounds: Θ (n_Θ,), a (E,) in N, and the rms misfit over the force scale.
 
-    The forces of a step appear in its equations only: projecting those on the complement of the step's edges leaves a
-    small problem in Θ.  Where edges are dependent, their shortest solution is returned.
+    The forces of a step appear only in its equations.  Projection on the complement of the step's edges leaves a small
+    problem in Θ.  For dependent edges the shortest solution is returned.
     """
     Y, f = window.Y.copy(), window.f.copy()
     order = np.argsort(edges.step, kind="stable")
@@ -179,7 +177,7 @@ def _admissible(window: ContactWindow, theta: np.ndarray, amplitude: np.ndarray)
 
 
 def parameter_scale(window: ContactWindow) -> np.ndarray:
-    """(n_Θ,) size of each parameter whose effect equals the largest known force: makes solvers' variables about 1."""
+    """(n_Θ,) sizes of the parameters whose effect equals the largest known force, to scale solvers' variables to 1."""
     largest = np.abs(window.Y).max(axis=(0, 1))
     return window.force_scale / np.where(largest > 0.0, largest, window.force_scale)
 
@@ -233,7 +231,7 @@ def dynamics_rows(
 def _polish(
     window: ContactWindow, edges: Edges, program: Program, theta: np.ndarray, amplitude: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares on the edges in use, kept if admissible and no dearer; removes the solver's last digits."""
+    """Least squares on the edges in use, kept if admissible and not dearer; corrects the solver's last digits."""
     if not (np.isfinite(theta).all() and np.isfinite(amplitude).all()):
         return theta, amplitude
     amplitude = np.maximum(amplitude, 0.0)

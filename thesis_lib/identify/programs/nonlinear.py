@@ -1,21 +1,21 @@
 """The identification programs of the thesis as nonlinear programs (eqs. 2.12, 2.13, 2.14), solved with SNOPT or IPOPT.
 
-Unknown are the base parameters Θ and for every contact within reach its c_n, c_+, c_- and λ ≥ 0; c_t = c_+ − c_-.
+Unknown are the base parameters Θ and, for every contact within reach, c_n, c_+, c_- and λ ≥ 0; c_t = c_+ − c_-.
 With the complementarity products
 
     gap       φ c_n,            cone   λ (μ c_n − c_+ − c_-),            slip   c_+ (λ + v_rel) + c_- (λ − v_rel),
 
-all of non-negative factors (the linear constraints c, λ, μ c_n − c_+ − c_-, λ ± v_rel ≥ 0 stand in every program),
+all of non-negative factors (every program has the linear constraints c, λ, μ c_n − c_+ − c_-, λ ± v_rel ≥ 0),
 
     2.12       min ‖Y Θ − J' c − f‖²                         gap, cone, slip = 0
     2.13       min ‖Y Θ − J' c − f‖² + w_n Σ gap              cone, slip = 0         (treatment 1: softened distance)
     2.14       min w_n Σ gap + w_t Σ (cone + slip)           Y Θ − J' c = f         (treatment 2: products as cost)
     2.14 soft  min ‖Y Θ − J' c − f‖² + w_n Σ gap + w_t Σ (cone + slip)              (the same with dynamics as cost)
 
-Eq. 2.14 as printed repeats the products as constraints; the text moves them to the cost, and so does this.  Products as
+Eq. 2.14 as printed repeats the products as constraints; the text moves them to the cost, as is done here.  Products as
 constraints are kept below a bound that falls to zero over a sequence of programs, each started at the last answer
 (Scholtes); `products="strict"` solves at zero at once.  Treatment 3, projection of the poses to the contact manifold,
-acts on the data: see `projection.py`.  The start is the convex program's answer (`mode_qp`) and random ones.
+acts on the data: see `projection.py`.  Starts are the convex program's answer (`mode_qp`) and random points.
 
 | on paper    | in code        | unit | shape  |                                                                      |
 |-------------|----------------|------|--------|----------------------------------------------------------------------|
@@ -48,10 +48,10 @@ Products = Literal["relaxed", "strict"]
 # bounds of the products in scaled units; the last: the solvers' zero
 RELAXATION = (1e-1, 1e-3, 1e-5, 1e-7, 1e-10)
 START_RANGE = np.log(10.0)  # a random start of Θ is within a factor of ten of the typical size
-VANISHING = 1e-12  # of the force scale: equations with smaller coefficients say nothing
-# SNOPT's "Scale option" to try in turn, for products and for dynamics as constraints.  With option 1
-# it reports infeasible constraints (exit 14) for two contacts from a quarter of the random starts; with option 2 for
-# contacts that are far away, and products as constraints then need ten times the iterations
+VANISHING = 1e-12  # of the force scale: equations with smaller coefficients carry no information
+# SNOPT's "Scale option" to try in turn, for products and for dynamics as constraints.  Option 1 reports infeasible
+# constraints (exit 14) for two contacts from a quarter of the random starts; option 2 does so for contacts that are far
+# away, and products as constraints then need ten times the iterations
 SCALINGS = {False: (1,), True: (2, 0)}
 MAX_ITERATIONS = 500  # of a solver; starts that succeed need fewer than a hundred
 SOLVER_TOLERANCE = 1e-10  # of feasibility and optimality, on variables of about 1
@@ -59,7 +59,7 @@ SOLVER_TOLERANCE = 1e-10  # of feasibility and optimality, on variables of about
 
 @dataclass(frozen=True)
 class ProgramPoint:
-    """Values of the unknowns in scaled units: theta (n_Θ,), and c_n, c_plus, c_minus, lam of the K contacts (K,)."""
+    """Unknowns in scaled units: theta (n_Θ,), and c_n, c_plus, c_minus, lam (K,) of the K contacts."""
 
     theta: np.ndarray
     c_n: np.ndarray
@@ -89,14 +89,14 @@ def identify(
     tolerance: float = RESIDUAL_TOLERANCE,
     dynamics_tolerance: float | None = None,
 ) -> ProgramResult:
-    """Parameters and contact forces of a window; the best of several starts, with an honest status.
+    """Parameters and contact forces of a window from the best of several starts, with a status judged on residuals.
 
     Args:
         program: "2.12", "2.13", "2.14" or "2.14 soft".
-        solver: "auto" takes SNOPT, and IPOPT from a start at which SNOPT's answer fails, or where there is no SNOPT.
+        solver: "auto" uses SNOPT, and IPOPT where SNOPT fails or is not available.
         starts: number of starts; the first is the convex program's answer if `warm_start`, the others are random.
         rng: of the random starts; needed unless the only start is the warm one.
-        theta_guess: (n_Θ,) sizes around which random starts scatter; default: that whose effect is the largest force.
+        theta_guess: (n_Θ,) sizes around which random starts scatter; default: those whose effect is the largest force.
         products: how 2.12 and 2.13 hold the products at zero.
         reach, w_n, w_t: as in `mode_qp.edges_of`.
         tolerance, dynamics_tolerance: as in `result.judged`.
@@ -135,7 +135,7 @@ def _rank(result: ProgramResult) -> tuple[bool, float]:
 
 
 class ContactProgram:
-    """One of the programs on one window, in scaled variables; arguments as in `identify`."""
+    """One program on one window, in scaled variables; arguments as in `identify`."""
 
     def __init__(
         self,
@@ -168,8 +168,8 @@ class ContactProgram:
     def random_point(self, rng: np.random.Generator, theta_guess: np.ndarray | None = None) -> ProgramPoint:
         """Parameters scattered by a factor of ten either way, forces of about the largest known one, λ = |v_rel|.
 
-        λ is not scattered, because it is known: with a random λ a contact without force keeps it, as nothing moves λ
-        while c_n = 0, and from there on force at that contact seems to cost λ μ c_n, a false minimum of eq. 2.14.
+        λ is known and not scattered.  At a contact without force nothing would move a random λ while c_n = 0, and force
+        there would seem to cost λ μ c_n: a false minimum of eq. 2.14.
         """
         K = len(self.step)
         guess = np.ones(len(self.T)) if theta_guess is None else np.asarray(theta_guess, dtype=float) / self.T
@@ -185,7 +185,7 @@ class ContactProgram:
         return self.T * point.theta, c_n, c_t
 
     def solve(self, point: ProgramPoint, solver: str) -> tuple[bool, float, ProgramPoint]:
-        """Solves from a point: whether the solver claims success, the cost, and the answer."""
+        """Solve from a point: whether the solver claims success, the cost, and the solution."""
         constrained = self.program in ("2.12", "2.13")
         bounds = RELAXATION if constrained and self.products == "relaxed" else (0.0,)
         for bound in bounds:
@@ -202,7 +202,7 @@ class ContactProgram:
         tolerance: float = RESIDUAL_TOLERANCE,
         dynamics_tolerance: float | None = None,
     ) -> ProgramResult:
-        """The program solved from a point and judged; arguments as in `identify`."""
+        """The program solved from a point, with a judged status; arguments as in `identify`."""
         begin = time.process_time()
         claimed, cost, point = self.solve(point, solver)
         return judged(
@@ -231,7 +231,7 @@ class ContactProgram:
         prog.AddBoundingBoxConstraint(self.window.theta_min / self.T, np.full(len(theta), np.inf), theta)
         n_equations = sum(c.evaluator().num_constraints() for c in prog.linear_equality_constraints())
         if solver == "ipopt" and n_equations >= prog.num_vars():
-            # IPOPT needs more unknowns than equations; asked all the same it may end the whole process
+            # IPOPT needs more unknowns than equations; otherwise it may end the process
             nothing = [np.full(len(group), np.nan) for group in (theta, *groups)]
             return False, np.nan, ProgramPoint(*nothing)
         engine = SnoptSolver() if solver == "snopt" else IpoptSolver()
@@ -250,8 +250,8 @@ class ContactProgram:
         blocks = np.stack([-J_n, -J_t, J_t], axis=2)  # (K, nv, 3) for c_n, c_+, c_-
         idle = np.ones(len(f), dtype=bool)
         idle[self.step] = False
-        # steps out of reach of any contact hold Θ only: a triangle of n_Θ + 1 rows says the same as all of them, and on
-        # exact data in flight it is zero, which spares IPOPT more equations than unknowns
+        # steps out of reach of any contact involve Θ only: a triangle of n_Θ + 1 rows is equivalent to all of them, and
+        # on exact data in flight it is zero, which spares IPOPT more equations than unknowns
         triangle = np.linalg.qr(
             np.column_stack([Y[idle].reshape(-1, len(self.T)), f[idle].ravel()]), mode="r"
         )
@@ -295,7 +295,7 @@ class ContactProgram:
         )
 
     def _add_products(self, prog: "MathematicalProgram", variables: np.ndarray, bound: float) -> None:
-        """The products of each contact with variables (c_n, c_+, c_-, λ), as constraints or as cost."""
+        """The products of each contact with variables (c_n, c_+, c_-, λ), as constraints or as a cost."""
         mu = self.window.mu
         # λ (μ c_n − c_+ − c_-) as x' Q x / 2
         Q_cone = np.zeros((4, 4))
@@ -320,7 +320,7 @@ class ContactProgram:
 
 
 def solver_options(solver: str, scale: int = 0) -> "SolverOptions":
-    """Options that ask a solver for `SOLVER_TOLERANCE`, bound its effort and silence it."""
+    """Options with tolerance `SOLVER_TOLERANCE`, bounded effort and no output."""
     from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
     options = SolverOptions()

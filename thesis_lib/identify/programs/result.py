@@ -1,7 +1,7 @@
-"""What a solved identification program says, judged on its numbers and not on the solver's word.
+"""Result of an identification program, judged by its residuals and not by the solver's claim.
 
 The dynamics residual is rms(Y Θ − J' c − f) over the largest known generalised force F.  Complementarity is the natural
-residual of eq. 2.12 at λ = |v_rel|, whose solution λ is known because v_rel is data,
+residual of eq. 2.12 at λ = |v_rel|, known because v_rel is data,
 
     max of |min(φ/L, c_n/F)|, |min(λ/V, (μ c_n − |c_t|)/F)|, |min((λ ± v_rel)/V, c_±/F)|,
 
@@ -25,27 +25,27 @@ import numpy as np
 
 from thesis_lib.identify.base_parameters.window import ContactWindow
 
-# on exact data; SNOPT and IPOPT are asked for 1e-10 and reach it on scaled variables up to the sums over a window
+# on exact data; SNOPT and IPOPT run with 1e-10 and reach it on scaled variables up to the sums over a window
 RESIDUAL_TOLERANCE = 1e-8
 
 
 class SolveStatus(StrEnum):
-    """What became of a program; only SOLVED counts as success."""
+    """Outcome of a program; only SOLVED counts as success."""
 
     SOLVED = "solved"
-    SOLVER_FAILED = "solver failed"  # the solver says so, or its numbers are not finite
+    SOLVER_FAILED = "solver failed"  # the solver reports it, or its numbers are not finite
     DYNAMICS_VIOLATED = "dynamics violated"  # the forces do not explain the motion
     NOT_COMPLEMENTARY = "not complementary"  # forces at a distance, or against Coulomb's law
 
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """Answer of one program from its best start; symbols as in the module's table."""
+    """Result of one program from its best start; symbols as in the module's table."""
 
     program: str  # "2.12", "2.13", "2.14" or "2.14 soft"
-    solver: str  # which solver was used
+    solver: str
     status: SolveStatus
-    claimed: bool  # what the solver itself said about success; `status` is our judgement
+    claimed: bool  # whether the solver reports success; `status` is judged on the residuals
     theta: np.ndarray
     c_n: np.ndarray
     c_t: np.ndarray
@@ -53,14 +53,14 @@ class ProgramResult:
     complementarity: float
     cost: float  # value of the program's cost, dimensionless
     cpu_s: float  # CPU seconds of all starts
-    start: int = 0  # index of the start that the answer comes from
-    n_solved: int = 0  # n_solved, n_starts: starts that ended SOLVED, and all of them
+    start: int = 0  # index of the best start
+    n_solved: int = 0  # n_solved, n_starts: number of starts that ended SOLVED, and of all starts
     n_starts: int = 1
     names: tuple[str, ...] = ()  # (n_Θ,) of the parameters
 
     @property
     def solved(self) -> bool:
-        """Whether residuals, not only the solver, allow to trust the answer."""
+        """Whether the residuals confirm the answer."""
         return self.status is SolveStatus.SOLVED
 
 
@@ -71,7 +71,7 @@ def dynamics_residual(window: ContactWindow, theta: np.ndarray, c_n: np.ndarray,
 
 
 def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.ndarray) -> float:
-    """Natural residual of all complementarity conditions of a window, dimensionless; see the module's text."""
+    """Natural residual of all complementarity conditions of a window, dimensionless; see the module's head."""
     if not c_n.size:
         return 0.0
     F, L, V = window.force_scale, window.gap_scale, window.speed_scale
@@ -99,11 +99,10 @@ def judged(
     tolerance: float = RESIDUAL_TOLERANCE,
     dynamics_tolerance: float | None = None,
 ) -> ProgramResult:
-    """A solver's numbers with our own status.
+    """A solver's numbers with the status that their residuals imply.
 
-    Args:
-        tolerance: largest complementarity residual, and dynamics residual unless `dynamics_tolerance` says otherwise:
-            with noisy data the dynamics cannot hold better than the noise, pass its size there.
+    `tolerance` bounds the complementarity residual, and the dynamics residual unless `dynamics_tolerance` is set: with
+    noisy data the dynamics cannot hold better than the noise, so pass its size there.
     """
     dynamics_tolerance = tolerance if dynamics_tolerance is None else dynamics_tolerance
     if not all(np.isfinite(array).all() for array in (theta, c_n, c_t)):
@@ -116,7 +115,7 @@ def judged(
         elif not dynamics <= dynamics_tolerance:
             status = SolveStatus.DYNAMICS_VIOLATED
         elif not claimed and not dynamics <= tolerance:
-            # with exact dynamics and complementarity the cost is at its lower bound, whatever the solver says
+            # with exact dynamics and complementarity the cost is at its lower bound, whatever the solver reports
             status = SolveStatus.SOLVER_FAILED
         else:
             status = SolveStatus.SOLVED

@@ -2,14 +2,14 @@
 
 For each program, mechanism and window length m, windows of m steps around the first impact of several simulated motions
 are identified from random starts (`nonlinear.ContactProgram.random_point`: parameters within a factor of ten of the
-size whose effect is the largest force, forces of that size).  A start succeeds when its residuals are below tolerance,
+size whose effect is the largest force, forces of that size).  A start succeeds when its residuals are below tolerance
 and
 
     |Θ_j/Θ_j,true − 1| <= 1e-6 for every parameter,        ‖c − c_true‖ <= 1e-6 ‖c_true‖ over the window,
 
-whatever the solver says; `n_false_claims` counts answers that a solver calls a success and that are not.  Block,
-ellipse and wheel have known mass, and I (hence m/I) is the unknown; arm and disk are driven by known torques, and all
-base parameters are unknown.
+whatever the solver reports; `n_false_claims` counts successes that only the solver reports.  Block, ellipse and wheel
+have known mass, and I (hence m/I) is unknown; arm and disk are driven by known torques, and all base parameters are
+unknown.
 
 | on paper | in code       | unit | shape |                                                              |
 |----------|---------------|------|-------|--------------------------------------------------------------|
@@ -75,10 +75,9 @@ class TrueWindow:
 def cases(
     kind: str, n_steps: int, n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT
 ) -> list[TrueWindow]:
-    """n noise-free windows of n_steps around the first impact of motions of a kind, all of them identifiable.
+    """n noise-free identifiable windows of n_steps around the first impact of simulated motions.
 
-    Args:
-        kind: "block", "ellipse", "wheel" or "arm_disk".
+    `kind` is "block", "ellipse", "wheel" or "arm_disk".
 
     Raises:
         UserError: there is no such kind, or hardly any window of that length identifies its parameters.
@@ -105,7 +104,7 @@ def cases(
         if not (record.solved and len(contact)):
             continue
         motion = _whole(kind, record, settings)
-        # around the first impact; for the arm, where a short window seldom shows all, any that has contact will do
+        # around the first impact; for the arm, any window with contact, since a short one seldom determines everything
         middles = contact[:: max(n_steps // 4, 1)] if kind == "arm_disk" else contact[:1]
         for middle in middles:
             start = int(np.clip(middle - n_steps // 2, 0, record.steps - n_steps))
@@ -140,7 +139,7 @@ def _arm_motions(
 
 
 def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> TrueWindow:
-    """The whole motion as one case, from which windows are cut."""
+    """The whole motion as one case to cut windows from."""
     if kind == "arm_disk":
         window, theta = _arm_window(record, settings)
         return TrueWindow(window, theta, record.c_n, record.c_t)
@@ -177,7 +176,7 @@ def _arm_window(record: Record, settings: Chapter2Bodies) -> tuple[ContactWindow
 
 @dataclass(frozen=True)
 class ProgramRun:
-    """What to run: a program on a solver ("snopt", "ipopt" or "mode_qp", which needs no start)."""
+    """A program and its solver ("snopt", "ipopt" or "mode_qp", which needs no start)."""
 
     program: Program
     solver: str
@@ -200,7 +199,7 @@ MAIN = ("qp", "2.14", "2.14 ipopt")
 def study(
     what: ProgramRun, kind: str, windows: Sequence[TrueWindow], starts: int, rng: np.random.Generator
 ) -> dict[str, float | str]:
-    """One row of the table: successes, errors and CPU seconds of a program over windows and starts."""
+    """A row of the table: successes, errors and CPU seconds of a program over windows and starts."""
     theta_error, force_error, cpu = [], [], []
     n_solved = n_success = n_claims = n_false = 0
     for case in windows:

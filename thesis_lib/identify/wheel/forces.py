@@ -1,23 +1,23 @@
 """Contact forces of a rimless wheel that rolls without slip, from its noisy states (thesis 2.4, figure 2-11).
 
-Mass, geometry, slope and contact law are known, as in the thesis; the inertia about the hub need not be.  Two ways:
+Mass, geometry, slope and contact law are known, as in the thesis; the inertia about the hub may be unknown.
 
-`plain_forces`, the thesis's: the samples are the truth.  Gaps and sliding velocities within `TOLERANCE` standard
-deviations of zero count as zero, and eq. 2.12 is then a quadratic program in (I, c) (`mode_qp`).
+`plain_forces` is the thesis's method: the samples are the truth.  Gaps and sliding velocities within `TOLERANCE`
+standard deviations of zero count as zero, and eq. 2.12 is then a quadratic program in (I, c) (`mode_qp`).
 
-`fit_wheel`, ours: the samples are what a rolling wheel shows with noise.  A wheel that stands on a spoke without slip
-has three numbers at the start, and the time stepper predicts all samples, the sequence of spokes and the forces:
+`fit_wheel` takes the samples as those of a rolling wheel with noise.  Three numbers describe a wheel on a spoke without
+slip at the start; the time stepper predicts all samples, the sequence of spokes and the forces:
 
     η = (x_0, θ_0, ω_0, log I / (m l²)),    min_η Σ_k |(q_k - q_k(η)) / σ_q|² + |(v_k - v_k(η)) / σ_v|²
 
 The minimum is continuous in η, because a dead impact takes two steps that share its impulse (see `stepping`).  The
-start is blind: a parabola through the first samples, and every inertia of `INERTIAS`, first on a short stretch.  Where
+start is blind: a parabola through the first samples, with every inertia of `INERTIAS`, first on a short stretch.  If
 that fit is rejected, the best of a grid of angles, speeds and inertias are tried.  A window that begins within a
 touchdown is rejected too, since no standing wheel explains it: begin it elsewhere.
 
-σ is estimated, first from third differences d = Δ³ of each channel, σ = median |d| / (0.6745 √20), which see neither
-the smooth motion nor the few impacts, then from the residuals r of the fit.  Two tests decide whether the fit is
-believed: χ²/n of the residuals with the σ of the differences, and whether they are white (Ljung and Box),
+σ is estimated, first from third differences d = Δ³ of each channel, σ = median |d| / (0.6745 √20), which are
+insensitive to the smooth motion and the few impacts, then from the residuals r of the fit.  Two tests accept or reject
+the fit: χ²/n of the residuals with the σ of the differences, and their whiteness (Ljung and Box),
 
     Q = Σ_channels n (n + 2) Σ_{j=1..L} ρ_j² / (n - j)   ~  χ²(6 L),   ρ_j the autocorrelation of r at lag j.
 
@@ -51,21 +51,21 @@ from thesis_lib.simulate.stepping.stepping import Record, simulate
 from thesis_lib.statistics.spread import robust_std
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
-# I / (m l²) of the starts: all that a wheel with its mass inside the tips can have
+# starting values of I / (m l²): the whole range for a wheel with its mass inside the tips
 INERTIAS = (0.1, 0.3, 0.9)
-FIRST_SAMPLES = 10  # through which the start's parabola goes: a tenth of the time on one spoke
-INERTIA_RANGE = (1e-3, 1e3)  # I / (m l²) beyond which nothing more changes
+FIRST_SAMPLES = 10  # for the start's parabola: a tenth of the time on one spoke
+INERTIA_RANGE = (1e-3, 1e3)  # I / (m l²) beyond which the motion no longer changes
 KEPT = 2  # starts of the grid that are fitted
 STRETCH = 100  # steps of the first stage, one change of spoke: fits that start far off stay near the data
-MIN_SAMPLES = 20  # fewer leave too few differences to judge the noise by
-LAGS = 5  # autocorrelations tested; a wrong model leaves residuals that stay for tens of samples
-P_WHITE = 1e-4  # probability of a larger Q under which a fit is not believed
+MIN_SAMPLES = 20  # fewer give too few differences to estimate the noise
+LAGS = 5  # autocorrelations tested; model error persists in the residuals for tens of samples
+P_WHITE = 1e-4  # probability of a larger Q below which a fit is rejected
 CHI2_SIGMAS = 5.0  # standard deviations by which χ²/n may exceed 1
 _ROOT_20 = np.sqrt(20.0)  # norm of (1, -3, 3, -1)
 
 
 class WheelStatus(StrEnum):
-    """What became of a record; only OK is to be used."""
+    """Outcome for a record; use only OK."""
 
     OK = "ok"
     MISFIT = "misfit"  # the residuals are larger than the noise, or not white: it did not roll like this
@@ -84,7 +84,7 @@ class WheelFit:
     deviations: np.ndarray  # (8, 2, m, p) c_n and c_t at the sigma points minus the estimate, N
     chi2_n: float  # χ²/n of the residuals with the noise of the differences
     p_white: float  # probability of residuals less white than these, if the wheel rolled as fitted
-    status: WheelStatus  # whether to believe it
+    status: WheelStatus
 
     @property
     def std_n(self) -> np.ndarray:
@@ -107,7 +107,7 @@ def _std(deviations: np.ndarray) -> np.ndarray:
 
 
 def noise_of_third_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Standard deviations (2, 3) of the noise on q and v, each (m+1, 3), of a smooth motion with a few impacts."""
+    """Standard deviations (2, 3) of the noise of q and v, (m+1, 3) each, for a smooth motion with a few impacts."""
     third = [robust_std(np.diff(a, n=3, axis=0)) / _ROOT_20 for a in (q, v)]
     return floored(np.stack(third), q, v)
 
@@ -124,12 +124,12 @@ def plain_forces(
     """Forces and inertia with the samples taken as the truth (thesis eq. 2.12).
 
     Args:
-        wheel: geometry, mass, slope and gravity are used; its inertia is not.
+        wheel: only its geometry, mass, slope and gravity are used.
         h: time step, s.
         q, v: (m+1, 3) states.
         mu: friction coefficient.
         sigma: (2, 3) noise, which sets the tolerances; None: exact data.
-        program: which of the thesis's programs, see `mode_qp`.
+        program: of the thesis, see `mode_qp`.
 
     Raises:
         UserError: the states have a wrong shape or are not finite.
@@ -149,7 +149,7 @@ def plain_forces(
         gap_tolerance=TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2])),
         v_tolerance=TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2])),
     )
-    # what noise leaves of the dynamics: differences of v over h, with m l² as the largest inertia there is
+    # effect of noise on the dynamics: differences of v over h, with m l² as the largest possible inertia
     force = np.sqrt(2.0) * wheel.mass / h * sigma[1] * [1.0, 1.0, wheel.length**2]
     noise = TOLERANCE * float(np.linalg.norm(force)) / window.force_scale
     return solve_mode_qp(window, program, dynamics_tolerance=noise)
@@ -158,14 +158,13 @@ def plain_forces(
 def fit_wheel(
     wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float = 0.0
 ) -> WheelFit:
-    """Motion, inertia and contact forces of a wheel that stands on a spoke without slip at the first sample.
+    """Motion, inertia and contact forces of a wheel on a spoke without slip at the first sample.
 
     Args:
-        wheel: geometry, mass, slope and gravity are used; its inertia is not.
+        wheel: only its geometry, mass, slope and gravity are used.
         h: time step, s.
         q, v: (m+1, 3) noisy states.
-        mu: friction coefficient; it does not matter as long as nothing slips.
-        epsilon: coefficient of restitution.
+        mu, epsilon: friction and restitution; mu does not matter as long as nothing slips.
 
     Raises:
         UserError: the states have a wrong shape, are not finite or too few, or no spoke comes near the slope.
@@ -209,7 +208,7 @@ def fit_wheel(
 def _stages(
     fit: "_Fit", starts: list[np.ndarray], sigma: np.ndarray, stage: int
 ) -> tuple[object, float, float]:
-    """Best of the starts over the first steps, then over all: scipy's result, its χ²/n and its whiteness."""
+    """Best fit from the starts over the first steps, then over all: scipy's result, its χ²/n and its whiteness."""
     first = min((fit.minimise(eta, sigma, stage) for eta in starts), key=lambda found: found.cost)
     best = fit.minimise(first.x, sigma, len(fit.q) - 1)
     return best, float(np.mean(best.fun**2)), white(best.fun.reshape(2, -1, 3))
@@ -235,7 +234,7 @@ def white(residuals: np.ndarray, lags: int = LAGS) -> float:
 
 
 class _Fit:
-    """Least squares of one record; η as in the module's text."""
+    """Least squares of one record; η as in the module's head."""
 
     def __init__(
         self, wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float
@@ -250,7 +249,7 @@ class _Fit:
         return np.array([at[0], at[2], self.v[:FIRST_SAMPLES, 2].mean()])
 
     def around(self, start: np.ndarray, sigma: np.ndarray, steps: int) -> list[np.ndarray]:
-        """The `KEPT` best η, by χ² over the first steps, of a grid of angles, speeds and inertias about a start."""
+        """The `KEPT` best η, by χ² over the first steps, on a grid of angles, speeds and inertias about a start."""
         angles = start[1] + self.half * np.linspace(-1.0, 1.0, 7)
         speeds = start[2] * np.linspace(0.7, 1.3, 3)
         grid = [
@@ -263,7 +262,7 @@ class _Fit:
         return [grid[i] for i in np.argsort(costs)[:KEPT]]
 
     def motion(self, eta: np.ndarray, steps: int) -> Record:
-        """The wheel from η: it stands on the spoke that points down most nearly."""
+        """The motion from η, starting on the spoke nearest to the downward direction."""
         w = self.wheel
         inertia = w.mass * w.length**2 * float(np.exp(eta[3]))
         made = RimlessWheel(w.spokes, w.length, w.mass, inertia, w.slope, w.g)

@@ -1,20 +1,20 @@
-"""How well the contact forces of a rolling rimless wheel are found, and what its mass does to its motion (2.4).
+"""Accuracy of a rolling rimless wheel's contact forces, and the effect of its mass on the motion (thesis 2.4).
 
-Each record is one start of the wheel; the same motion is identified three ways, always with mass, geometry, slope and
+Each record is one start of the wheel.  The same motion is identified by three methods, with mass, geometry, slope and
 contact law known and the inertia unknown:
 
 - noise_free: eq. 2.12 on the exact states (`forces.plain_forces`)
-- plain: the same on noisy states, the tolerances set by the true noise level
+- plain: the same on noisy states, with tolerances from the true noise level
 - fit: maximum likelihood on the same noisy states, noise level estimated (`forces.fit_wheel`)
 
-The wheel is exactly the one that the estimators assume, so that the errors of the fit are what noise alone costs.
+The wheel is exactly the one that the estimators assume, so that only noise causes the errors of the fit.
 
-A spoke's touchdown is an impact of two steps, whose forces are 30 times those of the rolling.  It is taken out with a
+A spoke's touchdown is an impact of two steps, whose forces are 30 times those of the rolling.  It is excluded with a
 step of margin on either side, and judged by its impulse.  With K the other steps and D those of the touchdown,
 
     error = √(Σ_K (ĉ - c)² / Σ_K c²),    impulse_error = |Σ_D (ĉ - c)| / |Σ_D c|        for c_n and c_t of a spoke,
 
-where forces at steps without contact count in the first.  The first spoke stands from the start and has no touchdown.
+where K includes steps without contact.  The first spoke is in contact from the start and has no touchdown.
 
 Source: thesis section 2.4, figures 2-10 and 2-11.
 """
@@ -42,26 +42,26 @@ ERRORS = ("error_n", "error_t", "impulse_error_n", "impulse_error_t")
 
 @dataclass(frozen=True)
 class WheelForces:
-    """Forces of one spoke after another by every method, on one record."""
+    """Forces of successive spokes by every method, on one record."""
 
     truth: Record  # the simulated motion
     pairs: tuple[int, ...]  # (≤ 3,) contact pairs in the order in which they touch
     c_n: dict[str, np.ndarray]  # c_n, c_t: method -> (m, p) in N
     c_t: dict[str, np.ndarray]
-    status: dict[str, str]  # method -> what became of it
+    status: dict[str, str]  # method -> outcome
     inertia: dict[str, float]  # method -> kg m²
     fit: WheelFit  # the fit with its standard errors
 
 
 def touched_pairs(c_n: np.ndarray, count: int = SPOKES) -> tuple[int, ...]:
-    """The first contact pairs that carry a force, in that order; `c_n` (m, p) in N."""
+    """The first contact pairs that carry a force, in order of contact; `c_n` (m, p) in N."""
     carries = c_n > 0
     used = np.flatnonzero(carries.any(axis=0))
     return tuple(int(i) for i in used[np.argsort(carries[:, used].argmax(axis=0), kind="stable")][:count])
 
 
 def touchdown(c_n: np.ndarray, pair: int) -> slice | None:
-    """Steps of the impact with which a pair touches first, margin included; None if it does so from the start."""
+    """Steps of a pair's first impact, margin included; None if it is in contact from the start."""
     first = int((c_n[:, pair] > 0).argmax())
     return slice(first - BEFORE, min(first + AFTER, len(c_n))) if first >= BEFORE else None
 
@@ -79,7 +79,7 @@ def rolling_steps(c_n: np.ndarray) -> np.ndarray:
 def identify(
     truth: Record, made: RimlessWheel, mu: float, epsilon: float, snr: float, rng: np.random.Generator
 ) -> WheelForces:
-    """Forces of a simulated record by every method; `snr` in dB of the noise, drawn from `rng`.
+    """Forces of a simulated record by every method; `snr` in dB of the noise.
 
     Raises:
         UserError: the record holds a step that was not solved.
@@ -100,7 +100,7 @@ def identify(
 
 
 def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float]:
-    """`ERRORS` of one spoke; those of the impulse are NaN where it does not touch down."""
+    """`ERRORS` of one spoke; those of the impulse are NaN without a touchdown."""
     true_n = forces.truth.c_n
     rolling, impact = rolling_steps(true_n), touchdown(true_n, pair)
     out = {}
@@ -169,7 +169,7 @@ def wheel_force_study(
 
 
 def wheel_force_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Median and 90 % of the errors over the believed records, a row per method and spoke."""
+    """Median and 90 % of the errors over the accepted records, a row per method and spoke."""
     table = []
     for (method, order), group in rows.groupby(["method", "order"], sort=False):
         used = group[group["status"].isin(BELIEVED)]
@@ -186,9 +186,9 @@ def wheel_force_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def motion_by_mass(settings: WheelStudy | None = None, bodies: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
-    """Angle and angular velocity of the wheel against time for several masses at the same inertia (figure 2-10).
+    """Angle and angular velocity of the wheel for several masses at the same inertia (figure 2-10).
 
-    Only m l² / I changes the motion: a wheel with twice the mass and twice the inertia moves the same.
+    Only m l² / I changes the motion.
 
     Returns:
         Columns mass (kg), t (s), theta (rad), omega (rad/s), a row per mass and step.
