@@ -1,15 +1,15 @@
 """What a residual is added to: an impact law fitted on the training impacts, or the critique's law with its effects.
 
-A base also says how measured impacts look to the contact (`seen`) and back (`measured`), so that a learner works in the
-frame in which the physics holds: a mirrored rotation is turned round, a rounded corner moves the contact point, a wrong
-inertia is put right.  Both are the identity for a plain law.
+A base maps measured impacts to the frame of the contact (`seen`) and velocities back (`measured`), so that a learner
+works where the physics holds: it undoes a mirrored rotation, moves the contact point of a rounded corner, corrects a
+wrong inertia.  For a plain law both maps are the identity.
 
     seen:      q, v, r, k  ──  Model.contact:  to_true, to_contact, contact_point, radius_of_gyration
     measured:  v⁺          ──  from_contact, to_measured at the pose of impact
 
-What effects do to the coefficients and to the impulse is part of the prediction.  Effects on the flight (drag) act on
-the fits of the arcs before impacts are made of them, and are not applied here again.
-The parameters of the critique's model come with it: they were fitted on its training trials and stay as they are.
+Effects on coefficients and impulse are part of the prediction.  Effects on the flight (drag) act on the fits of arcs
+that give the impacts, and are not applied again.
+The critique's parameters were fitted on its own training trials and stay fixed.
 """
 
 from dataclasses import dataclass, replace
@@ -26,31 +26,31 @@ from thesis_lib.impact_study.ensemble import fit_ensemble
 
 
 class Base(Protocol):
-    """A prediction without learning, and the frame in which its contact is seen."""
+    """A prediction without learning, and the frame of its contact."""
 
     def fit(self, impacts: Impacts) -> "Base":
-        """The base with parameters from training impacts."""
+        """The base with parameters fitted to training impacts."""
 
     def predict(self, impacts: Impacts) -> np.ndarray:
         """Measured velocity after impact, (n, 3)."""
 
     def seen(self, impacts: Impacts) -> Impacts:
-        """The impacts as the contact sees them."""
+        """The impacts in the frame of the contact."""
 
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
-        """Measured velocity (n, 3) of one that the contact sees; affine in v_post."""
+        """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact; affine in v_post."""
 
 
 @dataclass(frozen=True)
 class LawBase:
-    """An impact law with one (μ, ε), fitted to the least mean velocity error of the training impacts."""
+    """An impact law with one (μ, ε) that minimises the mean velocity error of the training impacts."""
 
     law: str
     mu: float = np.nan
     epsilon: float = np.nan
 
     def fit(self, impacts: Impacts) -> "LawBase":
-        """The law with (μ, ε) from training impacts."""
+        """The law with (μ, ε) fitted to training impacts."""
         fitted = fit_ensemble(LAWS[self.law], target_of(impacts), "velocity")
         return LawBase(self.law, fitted.mu, fitted.epsilon)
 
@@ -75,7 +75,7 @@ class AugmentedBase:
     model: SavedModel
 
     def fit(self, impacts: Impacts) -> "AugmentedBase":
-        """Itself: its parameters were fitted by the critique."""
+        """Itself: the critique has fitted its parameters."""
         return self
 
     def predict(self, impacts: Impacts) -> np.ndarray:
@@ -88,7 +88,7 @@ class AugmentedBase:
         m = self.model
         before, r_x, r_y, k_g = m.model.contact(_state(impacts), m.values, m.believed, self._offset(impacts))
         after, *_ = m.model.contact(_state(impacts, impacts.v_post), m.values, m.believed)
-        # covariances are of the measured quantities
+        # cov=None: covariances belong to the measured quantities
         return replace(
             impacts,
             q=before.q,
@@ -100,7 +100,7 @@ class AugmentedBase:
         )
 
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
-        """Measured velocity (n, 3) of impacts whose contact sees v_post."""
+        """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact."""
         m = self.model
         active = m.model.active(m.values)
         state, *_ = m.model.contact(_state(impacts), m.values, m.believed)
@@ -110,7 +110,7 @@ class AugmentedBase:
         return m.model.to_measured(after, active, m.believed).v
 
     def _offset(self, impacts: Impacts) -> np.ndarray:
-        """Contact points as given minus those of the shape, (n, 2) m: what measured points add to the shape."""
+        """Measured contact points minus those of the shape, (n, 2) m."""
         shape = self.model.rig.shape
         offset = impacts.r - shape.contact_point(impacts.q[:, 2])
         return np.where(np.abs(offset) > ROUNDED * shape.extent, offset, 0.0)

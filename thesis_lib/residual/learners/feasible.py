@@ -1,15 +1,16 @@
-"""What an impact may do to a velocity: not penetrate and not gain energy; projection, and coordinates that keep to it.
+"""Velocities that an impact can produce without penetration or energy gain: projection and unbounded coordinates.
 
-With z = (v_x, v_y, k ω) the kinetic energy is m |z|²/2, so that the feasible set is a half ball in the kinetic metric:
+With z = (v_x, v_y, k ω) the kinetic energy is m |z|²/2, so the feasible set is a half ball in the kinetic metric:
 
     |z⁺| ≤ |z| = R        the energy ellipse (or, with a couple, the ellipsoid) of equations 4.4 and 4.5
     n̂ · z⁺ ≥ 0            no penetration, v_n⁺ = J_n v⁺ ≥ 0,  n̂ ∝ (0, 1, r_x/k)
 
 In the orthonormal frame (n̂, t̂, b̂), t̂ ∝ (1, 0, −r_y/k) less its part along n̂, b̂ = n̂ × t̂, an impulse through the
-contact point leaves z_b alone: the rigid set is the half disc z_n² + z_t² ≤ R² − z_b², the wrench's the half ball.
-The plane passes through the centre, so the nearest feasible point takes two steps: onto the plane, then into the ball.
+contact point does not change z_b.  The rigid set is the half disc z_n² + z_t² ≤ R² − z_b², that of a wrench the half
+ball.  The plane passes through the centre, so projection onto the plane and then into the ball gives the nearest
+feasible point.
 
-Feasible by construction: with Φ the normal distribution, every (s_n, s_t, s_b) ∈ ℝ³ is a feasible velocity,
+With Φ the normal distribution function, every (s_n, s_t, s_b) ∈ ℝ³ is a feasible velocity,
 
     z_n = R Φ(s_n),   z_t = √(R² − z_n²) (2 Φ(s_t) − 1),   z_b = √(R² − z_n² − z_t²) (2 Φ(s_b) − 1)
 
@@ -19,7 +20,6 @@ Feasible by construction: with Φ the normal distribution, every (s_n, s_t, s_b)
 | s          | `latent`     | 1    | (n, 2 or 3) | unbounded coordinates of the feasible set              |
 
 Source of the energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929; ellipsoid: thesis, figure 4-2.
-The coordinates s are an own choice.
 """
 
 import numpy as np
@@ -27,35 +27,34 @@ import numpy as np
 from thesis_lib.contact.space import velocity_error
 
 TOLERANCE = 1e-9  # of the speed before impact: rounding
-# share of the half ball's radius that targets keep from its boundary, where s is infinite
+# least distance of targets from the boundary, where s is infinite, as a share of the half ball's radius
 MARGIN = 1e-3
 
 
 def penetrates(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
-    """Mask (n,): the contact point still moves into the surface after impact."""
+    """Mask (n,): the contact point moves into the surface after impact."""
     return v_post[:, 1] + r[:, 0] * v_post[:, 2] < -TOLERANCE * velocity_error(v_pre, k_g)
 
 
 def gains_energy(v_pre: np.ndarray, v_post: np.ndarray, k_g: float) -> np.ndarray:
-    """Mask (n,): the kinetic energy after impact is above that before it."""
+    """Mask (n,): the kinetic energy is higher after impact than before."""
     return velocity_error(v_post, k_g) > (1.0 + TOLERANCE) * velocity_error(v_pre, k_g)
 
 
 def feasible(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
-    """Mask (n,) of the velocities after impact, (n, 3), that neither penetrate nor gain energy; NaN is not feasible."""
+    """Mask (n,) of velocities after impact (n, 3) that neither penetrate nor gain energy; NaN is not feasible."""
     wrong = penetrates(v_pre, v_post, r, k_g) | gains_energy(v_pre, v_post, k_g)
     return ~wrong & np.isfinite(v_post).all(axis=1)
 
 
 def project(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool) -> np.ndarray:
-    """Nearest feasible velocity after impact in the kinetic metric, (n, 3); feasible ones stay as they are.
+    """Nearest feasible velocity after impact in the kinetic metric, (n, 3); feasible ones are unchanged.
 
     Args:
         v_pre, v_post: (n, 3) m/s and rad/s.
         r: (n, 2) contact point, m.
         k_g: radius of gyration, m.
-        wrench: whether a couple may act; otherwise only what an impulse through the contact point reaches is looked
-            at, and `v_post` must be reached by one.
+        wrench: whether a couple may act; otherwise an impulse through the contact point must reach `v_post`.
     """
     frame = _frame(r, k_g)
     before, z = coordinates(v_pre, frame, k_g), coordinates(v_post, frame, k_g)
@@ -73,7 +72,7 @@ def project(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *,
 def to_latent(
     v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool
 ) -> np.ndarray:
-    """Coordinates s (n, 2 or 3) of a velocity after impact; what is not feasible is brought to the boundary first."""
+    """Coordinates s (n, 2 or 3) of a velocity after impact, projected first if it is not feasible."""
     from scipy.special import ndtri
 
     frame = _frame(r, k_g)
@@ -105,7 +104,7 @@ def from_latent(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float
 
 
 def latent_slopes(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
-    """∂v⁺/∂s, (n, 3, 2 or 3), by central differences: how uncertain coordinates make the velocity uncertain."""
+    """∂v⁺/∂s, (n, 3, 2 or 3), by central differences; carries uncertainty of s to the velocity."""
     step = 1e-4
     columns = []
     for i in range(latent.shape[1]):

@@ -1,9 +1,9 @@
-"""What learned contact models see and what they predict (thesis section 4.3.2, equations 4.9 to 4.11).
+"""Inputs and targets of learned contact models (thesis section 4.3.2, equations 4.9 to 4.11).
 
     X1 = (M_c,tt, M_c,tn, M_c,nn, v_t, v_n)                 inertia and velocity of the contact point, eq. 4.9
     X2 = ((M_c v_c)_t, (M_c v_c)_n)                         momentum of the contact point, eq. 4.10
     X2 polar = (atan2(p_n, p_t), |p|), p = M_c v_c          as in the authors' repository
-    X1 + ω                                                  own extension: ω is not a function of X1
+    X1 + ω                                                  an extension: ω is not a function of X1
 
     rigid   (c_t, c_n)        c_irb = M_C J Δv, the impulse through the contact point that is nearest to Δv
     wrench  (c_t, c_n, τ)     c = m (Δv_x, Δv_y),  τ = m (k² Δω − r_x Δv_y + r_y Δv_x) about the contact point
@@ -16,7 +16,7 @@ A wrench is a change of coordinates of Δv and loses nothing; a rigid impulse dr
 | (c, τ)        | `impulse_of` | N s, N m s        | (n, 2 or 3) | target of a learner                          |
 | M⁻¹ Jᵀ        | `velocity_map` | 1/kg, 1/(kg m), 1/(kg m²) | (n, 3, 2 or 3) | Δv by each component of the impulse |
 
-The thesis's class 2 names an undefined X5; it is read as X1.  A dataset without a mass has impulses per kilogram.
+The undefined X5 of the thesis's class 2 is read as X1.  Without a mass, impulses are per kilogram.
 Source: Fazeli, Zapolsky, Drumwright, Rodriguez, "Learning data-efficient rigid-body contact models", CoRL 2017.
 """
 
@@ -47,7 +47,7 @@ def _x2(impacts: Impacts) -> np.ndarray:
 
 
 def _x2_polar(impacts: Impacts) -> np.ndarray:
-    # an approaching contact has its momentum mostly downwards, so that the angle does not jump
+    # an approaching contact has mostly downward momentum, so the angle does not jump
     p_t, p_n = _x2(impacts).T
     return np.stack([np.arctan2(p_n, p_t), np.hypot(p_t, p_n)], axis=1)
 
@@ -65,12 +65,12 @@ _SETS: dict[FeatureSet, Callable[[Impacts], np.ndarray]] = {
 
 
 def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
-    """Features of n impacts, (n, 5), (n, 2), (n, 2) or (n, 6); they use nothing that is measured after impact."""
+    """Features of n impacts, (n, 5), (n, 2), (n, 2) or (n, 6), from quantities before impact only."""
     return _SETS[chosen](impacts)
 
 
 def impulse_of(dv: np.ndarray, impacts: Impacts, *, wrench: bool) -> np.ndarray:
-    """Impulse (c_t, c_n) or wrench (c_t, c_n, τ) that belongs to the velocity change dv (n, 3); linear in dv."""
+    """Impulse (c_t, c_n) or wrench (c_t, c_n, τ) of the velocity change dv (n, 3); linear in dv."""
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     if not wrench:
         return np.stack(measured_impulse(dv, impacts.r, **body), axis=1)
@@ -79,7 +79,7 @@ def impulse_of(dv: np.ndarray, impacts: Impacts, *, wrench: bool) -> np.ndarray:
 
 
 def velocity_map(impacts: Impacts, *, wrench: bool) -> np.ndarray:
-    """A = M⁻¹ Jᵀ, (n, 3, 2) or (n, 3, 3): Δv = A c; the columns are c_t, c_n and τ."""
+    """A = M⁻¹ Jᵀ, (n, 3, 2) or (n, 3, 3), in Δv = A c; columns are c_t, c_n and τ."""
     n, w = len(impacts), 1.0 / impacts.mass
     w_I = w / impacts.k_g**2
     A = np.zeros((n, 3, 3 if wrench else 2))

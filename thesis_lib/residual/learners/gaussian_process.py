@@ -1,6 +1,6 @@
 """Gaussian processes with several outputs: exact, ARD squared-exponential, hyperparameters by marginal likelihood.
 
-For each output by itself, in standardised inputs x and outputs y,
+Each output is independent, with standardised inputs x and outputs y,
 
     k(x, x') = s exp(−½ Σ_d (x_d − x'_d)² / l_d²),   K_y = K + σ² W⁻¹,   α = K_y⁻¹ y
     μ* = k*ᵀ α,   var* = s − k*ᵀ K_y⁻¹ k*
@@ -13,16 +13,15 @@ For each output by itself, in standardised inputs x and outputs y,
 | w        | `weight`       | 1    | (n, p) | of each measurement, 1 unless it is wild |
 |          | `log_likelihood` | nats | (p,) | of the impacts that gave hyperparameters |
 
-Kernel, factorisation and what is kept of it for predictions are GPyTorch's (exact, float64, all outputs in one batch);
-predictions ask it for the covariance with the training data only, not for that among themselves.
-Hyperparameters by marginal likelihood with wild measurements held back: see `marginal_likelihood`.
+GPyTorch supplies kernel, factorisation and prediction cache (exact, float64, all outputs in one batch); predictions use
+the covariance with the training data only.  `marginal_likelihood` finds the hyperparameters.
 
-On a GPU everything is float64, too, and no random number is drawn there; sums run in another order.  With the same
-hyperparameters predictions agree within `SAME` of the outputs' spread, after training within `SAME_TRAINED`, because
-the search for hyperparameters stops where the likelihood changes by less than a hundredth of a nat.
+GPU and CPU sum in different orders.  Both use float64, and the GPU draws no random numbers.  With the same
+hyperparameters predictions agree within `SAME` of the outputs' spread.  After training they agree within
+`SAME_TRAINED`, because the search stops where the likelihood changes by less than a hundredth of a nat.
 
 Sources: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006; Gardner et al. 2018 (GPyTorch),
-arXiv 1809.11165.  Standardisation: own choice, the thesis gives none.
+arXiv 1809.11165.
 """
 
 from dataclasses import dataclass
@@ -43,11 +42,7 @@ ROWS = 256  # predictions at a time: their covariances with 450 impacts fit the 
 
 
 def device_of(settings: GaussianProcessSettings) -> "torch.device":
-    """The device that the settings ask for.
-
-    Raises:
-        UserError: CUDA is asked for and not there.
-    """
+    """The device that the settings ask for; raises UserError for CUDA without a GPU."""
     import torch
 
     if settings.device == "cuda" and not torch.cuda.is_available():
@@ -58,7 +53,7 @@ def device_of(settings: GaussianProcessSettings) -> "torch.device":
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A trained process: data, standardisation and hyperparameters (module's table); arrays are NumPy's."""
+    """A trained process: data, standardisation and hyperparameters as NumPy arrays; see the module's table."""
 
     x: np.ndarray  # x, y: (n, d) and (n, p) standardised training data
     y: np.ndarray
@@ -77,15 +72,10 @@ class GaussianProcess:
     def predict(
         self, X: np.ndarray, *, noise: bool = False, variance: bool = True
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and variance, each (m, p) in the outputs' units, at X (m, d).
+        """Mean and variance, each (m, p) in the outputs' units, at X (m, d) in the inputs' units.
 
-        Args:
-            X: inputs in their own units.
-            noise: whether the variance is that of a new measurement, or of the function alone.
-            variance: False saves its cost; it is NaN then.
-
-        Raises:
-            ValueError: X is not (m, d), or not finite.
+        The variance is that of the function, or with `noise` of a new measurement; it is NaN if `variance` is False,
+        which saves its cost.  Raises ValueError if X is not (m, d) or not finite.
         """
         import torch
 
@@ -113,7 +103,7 @@ class GaussianProcess:
 
     @cached_property
     def _trained(self) -> "tuple[Any, torch.Tensor, torch.Tensor]":
-        """GPyTorch's model with what it keeps for predictions: K_y⁻¹ y (p, n, 1) and L⁻ᵀ (p, n, n)."""
+        """GPyTorch's model with its cache for predictions: K_y⁻¹ y (p, n, 1) and L⁻ᵀ (p, n, n)."""
         import torch
 
         x = torch.as_tensor(self.x, device=self.device).expand(self.y.shape[1], -1, -1).contiguous()
@@ -127,7 +117,7 @@ class GaussianProcess:
         return model, caches.mean_cache[..., None], caches.covar_cache
 
     def start_for(self, x_scale: np.ndarray, y_scale: np.ndarray) -> np.ndarray:
-        """Hyperparameters (p, d + 2) as logarithms, for data with another standardisation."""
+        """Logarithms of hyperparameters (p, d + 2) for data with another standardisation."""
         length = self.lengthscale * self.x_scale / x_scale
         square = ((self.y_scale / y_scale) ** 2)[:, None]
         return np.log(np.column_stack([length, self.signal[:, None] * square, self.noise[:, None] * square]))
@@ -145,15 +135,15 @@ def fit_gaussian_process(
     """Train one process for each column of Y.
 
     Args:
-        X, Y: (n, d) inputs and (n, p) outputs.
-        rng: draws the starts beyond the first.
+        X, Y: inputs (n, d) and outputs (n, p).
+        rng: draws all starts but the first.
         settings: restarts and device.
-        centred: whether the prior mean is that of Y, or zero (residuals: where there are no data the law stands).
-        start: an earlier process on other data of the same kind: its hyperparameters are the first start, and are
-            taken over unchanged if they already came from as many impacts as the settings allow.
+        centred: whether the prior mean is that of Y, or zero (residuals: without data, the law).
+        start: process on similar data; its hyperparameters are the first start, and are kept if they came from as many
+            impacts as the settings allow.
 
     Raises:
-        ValueError: shapes do not agree, fewer than two rows, or values that are not finite.
+        ValueError: shapes that disagree, fewer than two rows, or values that are not finite.
     """
     X, Y = np.asarray(X, dtype=float), np.asarray(Y, dtype=float)
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y):
@@ -210,7 +200,7 @@ def _scale(values: np.ndarray, about: np.ndarray) -> np.ndarray:
 
 
 def _exact() -> Any:
-    """GPyTorch's settings for exact Cholesky factors of any size, with their inverse kept for all predictions."""
+    """GPyTorch's settings for exact Cholesky factors of any size, with cached inverse."""
     import contextlib
 
     import gpytorch

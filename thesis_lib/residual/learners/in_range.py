@@ -1,17 +1,17 @@
-"""Is an impact within the range of those that a learner was trained on?
+"""Whether an impact lies within the range of the training impacts.
 
     d(x) = mean distance of x to its K nearest training impacts,   x = (X1, ω) in their standard deviations
-    x is in range  ⇔  d(x) ≤ d_q,   d_q = the q quantile of d over the training impacts, each left out of its own
+    x is in range  ⇔  d(x) ≤ d_q,   d_q = the q quantile of d over the training impacts, each without itself
 
-Distances and not the predictive variance of the process, because a process that has learned a long length scale from a
-narrow range is sure of itself far outside of it.  Nearest neighbours and not a Mahalanobis distance, because the
-inertia of the contact point runs along a curve: a body angle that was never seen can lie in the middle of an ellipsoid.
-By construction a share 1 − q of new impacts of the same kind is flagged.
+Distance is used instead of the predictive variance, since a process that learned a long length scale from a narrow
+range is certain far outside it.  Nearest neighbours replace a Mahalanobis distance, since the inertia of the contact
+point follows a curve: an unseen body angle can lie inside an ellipsoid.  A share 1 − q of new impacts of the same kind
+is flagged.
 
 | on paper | in code     | unit | shape |                                            |
 |----------|-------------|------|-------|--------------------------------------------|
 | d        | `distance`  | 1    | (n,)  | in standard deviations                     |
-| d_q      | `threshold` | 1    |       | calibrated by leaving out                  |
+| d_q      | `threshold` | 1    |       | leave-one-out quantile                     |
 
 Source: Ramaswamy, Rastogi and Shim 2000 (outliers by distance to nearest neighbours), doi:10.1145/335191.335437.
 """
@@ -25,8 +25,8 @@ import numpy as np
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.residual.learners.features import features
 
-NEIGHBOURS = 3  # one alone would make a single wild training impact a licence
-QUANTILE = 0.99  # own choice: one in a hundred ordinary impacts is flagged
+NEIGHBOURS = 3  # with one, a single wild training impact would admit its neighbourhood
+QUANTILE = 0.99  # flags one in a hundred ordinary impacts
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,7 @@ class TrainingRange:
 
     @classmethod
     def of(cls, impacts: Impacts, quantile: float = QUANTILE) -> "TrainingRange":
-        """Range of training impacts.
-
-        Raises:
-            ValueError: fewer than two impacts.
-        """
+        """Range of training impacts; raises ValueError for fewer than two."""
         if len(impacts) < 2:
             raise ValueError("a range needs at least two impacts")
         x = features(impacts, "X1_omega")
@@ -59,7 +55,7 @@ class TrainingRange:
         return self._nearest((features(impacts, "X1_omega") - self.centre) / self.scale, skip=0)
 
     def contains(self, impacts: Impacts) -> np.ndarray:
-        """Mask (n,): within the range.  What is not is extrapolated, and must be said to be."""
+        """Mask (n,) of impacts within the range; predictions for the others are extrapolations."""
         return self.distance(impacts) <= self.threshold
 
     @cached_property

@@ -6,9 +6,9 @@
     beyond    s ~ GP(X), v⁺ = v⁺(s)               every s is a feasible velocity (see `feasible`)
     v⁺ ~ N(v + A c̄, A Σ Aᵀ),  A = M⁻¹ Jᵀ           equations 4.14 and 4.15 (whose factors are printed transposed)
 
-One interface: `learner.fit(impacts, rng)` gives a trained model, `model.predict(impacts)` a `Prediction` with velocity,
-impulse and its covariance.  Predictions that are not feasible are flagged, with their projection beside them; so are
-impacts outside the range of training.  Neither is repaired in silence.
+`learner.fit(impacts, rng)` gives a trained model, and `model.predict(impacts)` a `Prediction` with velocity, impulse
+and its covariance.  Infeasible predictions are flagged and given with their projection; impacts outside the range of
+training are flagged.
 
 | on paper | in code      | unit            | shape               |                                                    |
 |----------|--------------|-----------------|---------------------|----------------------------------------------------|
@@ -16,10 +16,9 @@ impacts outside the range of training.  Neither is repaired in silence.
 | Σ        | `covariance` | their products  | (n, 2 or 3 square)  | of the function; with `noise=True` of an outcome   |
 | A        | `jacobian`   | 1/kg, 1/(kg m)  | (n, 3, 2 or 3)      | ∂v⁺/∂c, as measured                                |
 
-A law that has no solution for an impact gives NaN: the impact is left out of training, and its prediction is NaN.
-Own choices: outputs of class 1 have their mean as prior mean, residuals have zero; μ and ε are learned from those
-training impacts that the law can explain within `RANGE` (all, if fewer than `FEWEST`), and clipped to 0 ≤ μ ≤ 2 and
-0 ≤ ε ≤ 1.
+Where a law has no solution, the impact is left out of training and its prediction is NaN.  The prior mean of class 1 is
+the mean of its outputs, that of residuals zero.  μ and ε are learned from training impacts that the law can explain
+within `RANGE` (from all, if fewer than `FEWEST`), and clipped to 0 ≤ μ ≤ 2 and 0 ≤ ε ≤ 1.
 """
 
 from dataclasses import dataclass, field, replace
@@ -47,7 +46,7 @@ from thesis_lib.residual.learners.gaussian_process import (
 )
 from thesis_lib.residual.learners.in_range import TrainingRange
 
-# m/s in the kinetic metric: misfit of the best (μ, ε) up to which an outcome counts as the law's
+# m/s in the kinetic metric: largest misfit of the best (μ, ε) at which the law explains an outcome
 RANGE = 0.02
 FEWEST = 5
 IDENTITY = LawBase("")  # the frame of a learner without a base
@@ -72,11 +71,11 @@ class Trained(Protocol):
     """A trained contact model."""
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
-        """Prediction from what is known before impact; `v_post` of `impacts` is not looked at."""
+        """Prediction from quantities before impact; `v_post` of `impacts` is not used."""
 
 
 class Learner(Protocol):
-    """A contact model that can be trained; `start` is one trained on other impacts, to start the search from."""
+    """A contact model that can be trained; `start`, trained on other impacts, is where the search starts."""
 
     def fit(self, impacts: Impacts, rng: np.random.Generator, start: "Trained | None" = None) -> Trained:
         """Train on impacts; raises ValueError for fewer than two."""
@@ -86,7 +85,7 @@ class Learner(Protocol):
 class ImpulseLearner:
     """Impulse or wrench by a Gaussian process: data-driven, or a residual on `base` (its prior mean).
 
-    With `residual` False a base lends its frame only.
+    Without `residual`, a base gives only its frame.
     """
 
     feature_set: FeatureSet
@@ -136,7 +135,7 @@ class TrainedImpulse:
         )
         if self.learner.residual:
             prior = _seen_prediction(self.base, impacts)
-            # what the law's own v⁺ has beyond an impulse through the contact point is kept
+            # keep the part of the law's v⁺ that no impulse through the contact point gives
             v_seen = prior + velocity_after(impulse, seen) - seen.v_pre
             impulse = impulse + impulse_of(prior - seen.v_pre, seen, wrench=wrench)
         else:
@@ -220,7 +219,7 @@ class FeasibleLearner:
         self, impacts: Impacts, rng: np.random.Generator, start: "TrainedFeasible | None" = None
     ) -> "TrainedFeasible":
         """Train on impacts (n ≥ 2)."""
-        # an outcome that no point impulse reaches is taken at its nearest one that is reached
+        # replace an outcome that no point impulse reaches by the nearest one that it reaches
         v = velocity_after(impulse_of(impacts.dv, impacts, wrench=self.wrench), impacts)
         s = feasibility.to_latent(impacts.v_pre, v, impacts.r, impacts.k_g, wrench=self.wrench)
         process = fit_gaussian_process(
@@ -242,7 +241,7 @@ class TrainedFeasible:
     range: TrainingRange
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
-        """Prediction at the mean coordinates; the covariance is theirs, linearised."""
+        """Prediction at the mean coordinates; covariance by linearisation."""
         s, variance = self.process.predict(
             features(impacts, self.learner.feature_set), noise=noise, variance=covariance
         )
@@ -259,19 +258,19 @@ class TrainedFeasible:
 
 @dataclass(frozen=True)
 class LawLearner:
-    """A base alone, with the interface of a learner: what learning is compared with."""
+    """A base alone, as a learner, for comparison."""
 
     base: Base
 
     def fit(self, impacts: Impacts, rng: np.random.Generator, start: "Trained | None" = None) -> "TrainedLaw":
-        """Fit the base's parameters; `rng` and `start` are not needed."""
+        """Fit the base's parameters; `rng` and `start` are not used."""
         base = self.base.fit(impacts)
         return TrainedLaw(base, TrainingRange.of(base.seen(impacts)))
 
 
 @dataclass(frozen=True)
 class TrainedLaw:
-    """A fitted base: no uncertainty of its own."""
+    """A fitted base, without uncertainty."""
 
     base: Base
     range: TrainingRange
@@ -286,7 +285,7 @@ class TrainedLaw:
 
 
 def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
-    """The base's velocity after impact (n, 3) as the contact sees it."""
+    """The base's velocity after impact (n, 3) in the frame of the contact."""
     return base.seen(replace(impacts, v_post=base.predict(impacts))).v_post
 
 
@@ -307,7 +306,7 @@ def _prediction(
 ) -> Prediction:
     A = velocity_map(seen, wrench=impulse.shape[1] == 3)
     v_post = base.measured(impacts, v_seen)
-    # the way back is affine in the velocity, so that unit impulses give its slope
+    # `measured` is affine in the velocity, so unit impulses give its slope
     jacobian = np.stack(
         [base.measured(impacts, v_seen + A[:, :, i]) - v_post for i in range(A.shape[2])], axis=2
     )

@@ -1,12 +1,12 @@
-"""How well learned contact models predict, against how many impacts they were trained on (thesis, figures 4-5 and 4-6).
+"""Error of learned contact models against the number of training impacts (thesis, figures 4-5 and 4-6).
 
-Each random split holds a share of the trials out and puts the others in a random order; for every size n the models
-are trained on the impacts of the first trials, n in all, so that the training sets of a split are nested and all
-models of a split see the same impacts.  Errors are those of held-out impacts, √(δv_x² + δv_y² + (k δω)²).
+Each random split holds out a share of the trials and orders the others at random.  Models train on the first n impacts
+in that order, for every size n, so training sets are nested and all models of a split see the same impacts.  Errors are
+√(δv_x² + δv_y² + (k δω)²) of held-out impacts.
 
-The second study asks what is left to learn once the physics that a critique named is in: the same learners on the
-plain law and on the critique's law with its effects, judged on the trials that no choice of the critique has seen.
-Splits then differ in their training impacts only, and intervals come from the bootstrap over held-out trials.
+The second study measures what remains to be learned once the critique's physics is included.  The same learners are
+added to the plain law and to the critique's law with its effects, and tested on trials that the critique never used to
+choose.  Splits then differ in their training impacts only, and intervals come from the bootstrap over held-out trials.
 
 | in code       | unit | meaning                                                                                    |
 |---------------|------|--------------------------------------------------------------------------------------------|
@@ -14,9 +14,7 @@ Splits then differ in their training impacts only, and intervals come from the b
 | `mean`        | m/s  | mean error over the held-out impacts of one split                                          |
 | `infeasible`  | 1    | share of predictions that penetrate or gain energy                                         |
 | `n_converged` | 1    | least n from which on the mean error stays within 5 % of that at the largest n             |
-| `n_learned`   | 1    | the same within 5 % of the fall from the smallest to the largest n: what was to be learned |
-
-Own choices, where the thesis gives none: sizes, splits, the share held out, and all of `GaussianProcessSettings`.
+| `n_learned`   | 1    | the same within 5 % of the fall from the smallest to the largest n                         |
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -54,19 +52,16 @@ def learning_curves(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """All laws, bounds and learners on random splits.
-
-    Args:
-        impacts: approaching impacts, see `impact_study.study.select_impacts`.
-        settings: sizes and splits.
-        rng: of the splits and of the searches.
+    """Errors of all laws, bounds and learners on random splits of approaching impacts
+    (`impact_study.study.select_impacts`).
 
     Returns:
         curves: a row per model, n and split; errors: a row per model and held-out impact of the first split, at the
-        size of figure 4-5 (or the nearest that there is).
+        size
+        nearest to that of figure 4-5.
 
     Raises:
-        ValueError: the smallest size is above what a split has for training.
+        ValueError: the smallest size exceeds the training impacts of a split.
     """
     models: dict[str, Learner] = {name: LawLearner(LawBase(name)) for name in settings.laws}
     models |= learners(settings.base_law, settings.gaussian_process)
@@ -90,7 +85,7 @@ def learning_curves(
 
 
 def named_physics_models(law: str, model: SavedModel, settings: LearningStudySettings) -> dict[str, Learner]:
-    """The models of `NAMED`: a plain law and the critique's law with its effects, alone and with residuals."""
+    """The models of `NAMED`: a plain law and the critique's law with effects, each alone and with residuals."""
     gp, plain, augmented = settings.gaussian_process, LawBase(law), AugmentedBase(model)
     models: dict[str, Learner] = {}
     for name, base in (("law", plain), ("effects", augmented)):
@@ -113,19 +108,22 @@ def named_physics(
 
     Args:
         impacts: approaching impacts.
-        held_out: (n,) mask of the impacts whose trial no choice of the critique has seen.
+        held_out: (n,) mask of impacts whose trials the critique never used to choose.
         law: the critique's base law.
         model: the critique's model.json.
         settings: sizes and splits (here draws of the training impacts).
-        rng: of the draws and the searches.
+        rng: for draws and searches.
+        say: called with a line for each draw.
 
     Returns:
-        curves: a row per model, n and draw; rungs: a row per model at the size of figure 4-5 with the mean error over
-        draws and its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published
-        and as the effects see them.
+        curves: a row per model, n and draw; rungs: a row per model at the size of figure 4-5 with mean error over
+        draws,
+        its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published and under
+        the
+        effects.
 
     Raises:
-        ValueError: no impact on one of the sides.
+        ValueError: no training or no held-out impacts.
     """
     if held_out.all() or not held_out.any():
         raise ValueError("there must be impacts on both sides of the critique's held-out trials")
@@ -155,18 +153,16 @@ def named_physics(
 
 
 def held_out_by(critique: pd.DataFrame, impacts: Impacts) -> np.ndarray:
-    """Mask (n,) of the impacts whose trial a critique held out; a trial that it did not use was seen by no choice.
+    """Mask (n,) of impacts whose trials the critique held out or did not use.
 
-    Args:
-        critique: its impacts.csv, with columns trial and held_out.
-        impacts: of the same dataset.
+    `critique` is its impacts.csv, with columns trial and held_out, of the same dataset.
     """
     held = critique.groupby("trial")["held_out"].max()
     return held.reindex(impacts.trial).fillna(1).to_numpy() == 1
 
 
 def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
-    """Mean over splits with a 95 % interval of that mean (Student's t), and mean rates: a row per model and n."""
+    """A row per model and n: mean over splits, its 95 % interval (Student's t), and mean rates."""
     rows = []
     for (model, n), group in curves.groupby(["model", "n"], sort=False):
         mean, low, high = student_mean(group["mean"].to_numpy())
@@ -176,11 +172,10 @@ def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 def convergence(curves: pd.DataFrame, within: float, rng: np.random.Generator) -> pd.DataFrame:
-    """Impacts needed until the mean over splits stays within a share of that at the largest n, or of its fall.
+    """Impacts after which the mean over splits stays within a share of that at the largest n, or of its fall.
 
-    Returns:
-        model, n_converged and n_learned (module's table), each with the ends _low and _high of its 95 % interval by
-        the bootstrap over splits.
+    Returns model, n_converged and n_learned (module's table), each with the ends _low and _high of its 95 % interval by
+    the bootstrap over splits.
     """
     rows = []
     for model, group in curves.groupby("model", sort=False):
@@ -196,7 +191,7 @@ def convergence(curves: pd.DataFrame, within: float, rng: np.random.Generator) -
     return pd.DataFrame(rows)
 
 
-# numerator and denominator of what the thesis claims, as ratios of mean errors
+# numerator and denominator of the ratios of mean errors that the thesis claims
 CLAIMS = {
     "rigid_over_irb": ("rigid_x1", "irb_bound"),
     "residual_rigid_over_irb": ("residual_rigid", "irb_bound"),
@@ -243,7 +238,7 @@ def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) 
 
 
 def _split(impacts: Impacts, share: float, rng: np.random.Generator) -> tuple[Impacts, Impacts]:
-    """Training impacts in the random order of their trials, and held-out impacts."""
+    """Training impacts, with their trials in random order, and held-out impacts."""
     held = split_trials(impacts.trial, share, rng)
     return _in_random_order(impacts.select(~held), rng), impacts.select(held)
 
@@ -263,12 +258,12 @@ def _sizes(sizes: Sequence[int], available: int) -> list[int]:
 def _trained(
     models: Mapping[str, Learner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
 ) -> Iterator[tuple[int, dict[str, Prediction]]]:
-    """Predictions of all models for each size; a model starts its search from its smaller self."""
+    """Predictions of all models for each size; each search starts from the model of the previous size."""
     previous = dict.fromkeys(models)
     for n in sizes:
         subset, predictions = train.select(np.arange(n)), {}
         for name, learner in models.items():
-            # streams by name, so that a further model changes no other
+            # a stream per name, so that adding a model changes no other
             trained = learner.fit(subset, generator(seed, name, str(split), str(n)), previous[name])
             previous[name], predictions[name] = trained, trained.predict(test, covariance=False)
         yield n, predictions
@@ -313,7 +308,7 @@ def _errors(name: str, error: np.ndarray, p: Prediction | None, held_out: Impact
 
 
 def _interval(error: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
-    """Mean error and its 95 % interval by the bootstrap over trials; failed solves (NaN) are left out and counted."""
+    """Mean error and its 95 % interval by the bootstrap over trials; failed solves (NaN) are excluded and counted."""
     known = np.isfinite(error)
     low, high = bootstrap_mean(error[known], trial[known], BOOTSTRAP, rng)
     return {

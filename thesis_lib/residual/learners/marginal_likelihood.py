@@ -1,4 +1,4 @@
-"""Hyperparameters of a Gaussian process by marginal likelihood, with wild measurements held back.
+"""Hyperparameters of a Gaussian process by marginal likelihood, with less weight on wild measurements.
 
     log p(y) = −½ yᵀ α − ½ log |K_y| − ½ n log 2π,     K_y = K + σ² W⁻¹,   α = K_y⁻¹ y
     ∂ log p / ∂ log l_d = ½ Σ_ij G_ij (x_id − x_jd)² / l_d²,   G = (α αᵀ − K_y⁻¹) ∘ K     (R. & W., eq. 5.9)
@@ -10,17 +10,15 @@
 | w        | `weight`  | 1    | (n,)     | of each measurement, 1 unless it is wild                 |
 
 With Σ_ij G_ij (x_id − x_jd)² = 2 Σ_i x_id² (G 1)_i − 2 (Xᵀ G X)_dd the gradient needs one Cholesky factor and one
-inverse, where automatic differentiation keeps and walks back through every n × n step.  L-BFGS-B from several starts;
-the first is fixed (l = 3, s = σ² = 0.5), the others are drawn.  Weak log-normal priors keep a handful of impacts from
-being learned by heart (`PRIOR`; `prior: false` is marginal likelihood alone).
+inverse, without the n × n steps of automatic differentiation.  L-BFGS-B runs from several starts; the first is fixed (l
+= 3, s = σ² = 0.5), the others are drawn.  Weak log-normal priors (`PRIOR`) prevent overfitting of a handful of impacts;
+`prior: false` is marginal likelihood alone.
 
-Measured impacts hold wild ones (a second corner that hits within a frame), and one of them can make a Gaussian process
-take short lengths for all.  So an impact that the others, with it left out, contradict by more than `WILD` standard
-deviations has its noise raised to match, and the search goes on from there.  Of Gaussian noise one impact in 370 is
-touched.
+One wild impact (a second corner that hits within a frame) can give a Gaussian process short lengths everywhere.  So an
+impact more than `WILD` standard deviations from its leave-one-out prediction has its noise raised to match, and the
+search continues.  With Gaussian noise this affects one impact in 370.
 
-Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006.  Restarts, bounds, priors and weights:
-own choices, the thesis gives none.
+Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -33,16 +31,16 @@ from thesis_lib.foundation.settings import Section
 if TYPE_CHECKING:
     import torch
 
-# median and spread (of the logarithm) of the priors of l, s, σ²: smooth functions under some noise, a factor of three
-# to four either way; against the 1/2 nat that each impact brings they say little beyond some fifty impacts
+# median and spread (of the logarithm) of the priors of l, s, σ²: smooth functions with some noise, within a factor of
+# three to four; each impact brings 1/2 nat, so beyond some fifty impacts the priors matter little
 PRIOR = ((4.0, 1.0), (1.0, 1.5), (0.5, 1.0))
 # l, s, σ² of the first start: half of the variance a smooth function, half of it noise
 START = (3.0, 0.5, 0.5)
-# wider than any standardised problem needs: a length of 100 standard deviations is a feature that does not matter;
-# less noise than 1e-6 of the variance would leave nearly equal impacts to the last bits of the factorisation
+# wider than any standardised problem needs: a feature with a length of 100 standard deviations does not matter;
+# with noise below 1e-6 of the variance, rounding of the factorisation would decide between nearly equal impacts
 BOUNDS = {"lengthscale": (0.05, 100.0), "signal": (1e-3, 1e3), "noise": (1e-6, 4.0)}
-# nats: where nothing is to be learned, noise and a function of very short length explain the same data equally well;
-# the first start has noise, and stands unless another is clearly better
+# nats: where nothing can be learned, noise and a function of very short length explain the data equally well;
+# the first start has noise, and is kept unless another is clearly better
 EQUAL = 1.0
 WILD = 3.0  # standard deviations
 
@@ -72,7 +70,7 @@ class GaussianProcessSettings(Section):
 
 
 def starts(d: int, rng: np.random.Generator, count: int, known: np.ndarray | None) -> np.ndarray:
-    """Logarithms of hyperparameters (count, d + 2) from which the search starts: the known or fixed one, then drawn."""
+    """Logarithms of hyperparameters (count, d + 2) where searches start: the known or fixed one, then drawn ones."""
     bounds = log_bounds(d)
     first = np.log([START[0]] * d + [*START[1:]]) if known is None else known
     drawn = rng.uniform(size=(count - 1, d + 2)) * np.log([20.0] * d + [10.0, 500.0])
@@ -80,7 +78,7 @@ def starts(d: int, rng: np.random.Generator, count: int, known: np.ndarray | Non
 
 
 def log_bounds(d: int) -> np.ndarray:
-    """Logarithms of the ends (d + 2, 2) between which hyperparameters are looked for."""
+    """Logarithms of the bounds (d + 2, 2) of the hyperparameters."""
     return np.log([BOUNDS["lengthscale"]] * d + [BOUNDS["signal"], BOUNDS["noise"]])
 
 
@@ -117,7 +115,7 @@ def search(
 def weights(
     theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, device: "torch.device"
 ) -> np.ndarray:
-    """Weights w (n,): how far each measurement lies from what the others predict; see the module's equations."""
+    """Weights w (n,) from the distance of each measurement to its leave-one-out prediction; see the module."""
     import torch
 
     X, Y, W = (torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
@@ -132,7 +130,7 @@ def weights(
 
 
 def covariance(t: "torch.Tensor", x: "torch.Tensor") -> "tuple[torch.Tensor, torch.Tensor]":
-    """K (n, n) for hyperparameters (d + 2,), and x over the lengths."""
+    """K (n, n) for hyperparameters t (d + 2,), and x divided by the lengths."""
     import torch
 
     z = x / t[: x.shape[1]]
@@ -144,7 +142,7 @@ def covariance(t: "torch.Tensor", x: "torch.Tensor") -> "tuple[torch.Tensor, tor
 def objective(
     theta: np.ndarray, x: "torch.Tensor", y: "torch.Tensor", weight: "torch.Tensor", prior: bool = False
 ) -> tuple[float, np.ndarray]:
-    """Minus log marginal likelihood (and log prior) and its gradient by the logarithms of (l, s, σ²)."""
+    """Negative log marginal likelihood (and log prior) and its gradient by the logarithms of (l, s, σ²)."""
     value, gradient = likelihood(theta, x, y, weight)
     if prior:
         median, spread = np.array([PRIOR[0]] * x.shape[1] + [*PRIOR[1:]]).T
@@ -156,7 +154,7 @@ def objective(
 def likelihood(
     theta: np.ndarray, x: "torch.Tensor", y: "torch.Tensor", weight: "torch.Tensor"
 ) -> tuple[float, np.ndarray]:
-    """Minus log marginal likelihood and its gradient; see the module's equations."""
+    """Negative log marginal likelihood and its gradient; see the module's equations."""
     import torch
 
     t = torch.as_tensor(np.exp(theta), device=x.device)
@@ -170,7 +168,7 @@ def likelihood(
     inverse = torch.cholesky_inverse(L)
     alpha = inverse @ y
     value = 0.5 * (y @ alpha) + L.diagonal().log().sum() + 0.5 * n * np.log(2.0 * np.pi)
-    G = inverse.addr_(alpha, alpha, alpha=-1.0)  # minus that of the equations
+    G = inverse.addr_(alpha, alpha, alpha=-1.0)  # negative of G in the equations
     by_noise = 0.5 * (G.diagonal() @ noise)
     G.mul_(K)
     rows = G.sum(1)
