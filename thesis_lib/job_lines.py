@@ -76,8 +76,8 @@ class JobLines:
         name = f"{rule}: {self._names[job]}" if job in self._names else rule
         measured_left = sum(n * self._cpu_s.get(rule, UNMEASURED) for rule, n in self._left.items())
         pace = (cpu + TRUST) / (self._measured + TRUST)
-        left = f", about {duration(pace * measured_left / self._cores)} left" if measured_left > 0.0 else ""
-        return f"[{self._ended}/{self._total}] {name}; {duration(cpu)} of CPU in {duration(wall)}{left}"
+        rest = f", about {duration(pace * measured_left / self._cores)} left" if measured_left > 0.0 else ""
+        return f"[{self._ended}/{self._total}] {name}; {duration(cpu)} of CPU in {duration(wall)}{rest}"
 
 
 @contextlib.contextmanager

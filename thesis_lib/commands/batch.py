@@ -62,15 +62,15 @@ def find_datasets(paths: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
 
     A path that is given is a dataset if it or nothing below it looks like one: then reading it says what is wrong.
     """
-    found, others = [], []
+    datasets, others = [], []
     for path in map(Path, paths):
         below = []
         if path.is_dir() and not _looks_like_dataset(path):
             below = sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
         inside = [p for p in below if _looks_like_dataset(p)]
-        found += inside or [path]
+        datasets += inside or [path]
         others += [p for p in below if p not in inside] if inside else []
-    return list(dict.fromkeys(found)), others
+    return list(dict.fromkeys(datasets)), others
 
 
 def _looks_like_dataset(folder: Path) -> bool:
@@ -172,13 +172,13 @@ def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: flo
     """[ 3/100] my_drops: effects (com_offset), 21 s; about 12 min left"""
     what = row["reason"] if row["status"] == "failed" else row["verdict"]
     named = f" ({row['effects']})" if row["effects"] else ""
-    left = (total - count) * spent / ended
+    remaining = (total - count) * spent / ended
     rest = (
         ""
         if count == total
-        else f"; about {left / 60:.0f} min left"
-        if left > 90
-        else f"; about {left:.0f} s left"
+        else f"; about {remaining / 60:.0f} min left"
+        if remaining > 90
+        else f"; about {remaining:.0f} s left"
     )
     failed = "FAILED: " if row["status"] == "failed" else ""
     name = f"[{count:{len(str(total))}d}/{total}] {plain(row['dataset'])}"
@@ -233,15 +233,15 @@ def _key(path: Path, seed: int, effects: Sequence[str] | None, code: str) -> str
     from thesis_lib.foundation.provenance import file_sha256
     from thesis_lib.foundation.regular_file import FileProblem, regular_size
 
-    told = {"seed": seed, "effects": effects and list(effects), "code": code, "name": path.name}
+    inputs = {"seed": seed, "effects": effects and list(effects), "code": code, "name": path.name}
     try:
         for file in (path / name for name in INPUTS):
             if os.path.lexists(file):
                 regular_size(file, MAX_BYTES, path)
-                told[file.name] = file_sha256(file)
+                inputs[file.name] = file_sha256(file)
     except (OSError, FileProblem):
         return None
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
 
 
 def _code() -> str:

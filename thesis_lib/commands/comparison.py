@@ -80,22 +80,22 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
         _text("effects", _effects(a) or "none", _effects(b) or "none"),
     ]
     for key in ("base", "augmented", "noise_floor", "irb_bound", "irb_bound_augmented"):
-        one, two = a["error"], b["error"]
+        in_a, in_b = a["error"], b["error"]
         ends = f"{key}_interval"
         rows.append(
             _measured(
                 f"error, {key.replace('_', ' ')}",
-                one.get(key),
-                two.get(key),
-                one.get("unit", "m/s"),
-                one.get(ends),
-                two.get(ends),
+                in_a.get(key),
+                in_b.get(key),
+                in_a.get("unit", "m/s"),
+                in_a.get(ends),
+                in_b.get(ends),
             )
         )
-    one, two = _own(a), _own(b)
-    for name in dict.fromkeys([*one, *two]):
+    in_a, in_b = _own(a), _own(b)
+    for name in dict.fromkeys([*in_a, *in_b]):
         comparable = same_law or name not in a["base_model"]["parameters"]
-        rows.append(_parameter(name, one.get(name), two.get(name), comparable))
+        rows.append(_parameter(name, in_a.get(name), in_b.get(name), comparable))
     if not same_models:
         for law in dict.fromkeys([_law(a), _law(b)]):
             rows += _alone(law, a, b)
@@ -139,7 +139,7 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
             f"came or went; the rows “…{ALONE}” hold the same law without effects in both."
         )
     alone = table["quantity"].str.contains(ALONE, regex=False)
-    if any(one[0] != one[1] for one in (law, then, effects)) and not alone.any():
+    if any(pair[0] != pair[1] for pair in (law, then, effects)) and not alone.any():
         lines.append(f"Those rows are missing: {OLD_RUN}")
     sigmas = pd.to_numeric(table["sigmas"]).abs()
     far = table.loc[sigmas > FAR, "quantity"].tolist()
@@ -156,13 +156,13 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
 
 def _alone(law: str, a: Mapping, b: Mapping) -> list[dict]:
     """Rows of one law without effects in both; none where a run holds no law but its own."""
-    one, two = (content.get("laws", {}).get(law) for content in (a, b))
-    if one is None or two is None:
+    in_a, in_b = (content.get("laws", {}).get(law) for content in (a, b))
+    if in_a is None or in_b is None:
         return []
-    ends = one.get("interval"), two.get("interval")
-    rows = [_measured(f"{law}{ALONE}, error", one["error"], two["error"], "m/s", *ends)]
-    for name, p in one["parameters"].items():
-        rows.append(_parameter(f"{law}{ALONE}, {name}", p, two["parameters"].get(name)))
+    ends = in_a.get("interval"), in_b.get("interval")
+    rows = [_measured(f"{law}{ALONE}, error", in_a["error"], in_b["error"], "m/s", *ends)]
+    for name, p in in_a["parameters"].items():
+        rows.append(_parameter(f"{law}{ALONE}, {name}", p, in_b["parameters"].get(name)))
     return rows
 
 
@@ -177,17 +177,17 @@ def _effects(content: Mapping) -> str:
 def _own(content: Mapping) -> dict[str, Mapping]:
     """Parameters of a run's final model."""
     model = content.get("augmented_model") or content["base_model"]
-    found = dict(model["parameters"])
+    parameters = dict(model["parameters"])
     for effect in content["effects"]:
-        found |= {f"{effect['name']}.{name}": p for name, p in effect["parameters"].items()}
-    return found
+        parameters |= {f"{effect['name']}.{name}": p for name, p in effect["parameters"].items()}
+    return parameters
 
 
 def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: bool = True) -> dict:
-    values = [one["value"] if one else None for one in (p, q)]
+    values = [fit["value"] if fit else None for fit in (p, q)]
     ends = [
-        [one["value"] + s * Z95 * one["std"] for s in (-1, 1)] if one and one["std"] else None
-        for one in (p, q)
+        [fit["value"] + s * Z95 * fit["std"] for s in (-1, 1)] if fit and fit["std"] else None
+        for fit in (p, q)
     ]
     row = _measured(quantity, values[0], values[1], (p or q or {})["unit"], *ends)
     return row if comparable else row | {"difference": None, "sigmas": None}
@@ -215,7 +215,7 @@ def _measured(
         return row
     row["difference"] = b - a
     # a value without an interval (an effect that is on or off) is taken as exact
-    widths = [row[f"{one}_high"] - row[f"{one}_low"] for one in "ab" if row[f"{one}_low"] is not None]
+    widths = [row[f"{run}_high"] - row[f"{run}_low"] for run in "ab" if row[f"{run}_low"] is not None]
     std = math.hypot(*widths) / (2.0 * Z95)
     row["sigmas"] = row["difference"] / std if std > 0 else None
     return row

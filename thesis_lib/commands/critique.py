@@ -173,10 +173,10 @@ def _batch(args: argparse.Namespace) -> int:
     if others:
         say(f"no datasets, passed over: {', '.join(map(str, others))}")
     out = Path(args.out or "results/critique")
-    told = {"effects": _chosen(args), "jobs": args.jobs or len(os.sched_getaffinity(0)), "say": say}
+    options = {"effects": _chosen(args), "jobs": args.jobs or len(os.sched_getaffinity(0)), "say": say}
     memory = None if args.memory_limit is None else args.memory_limit * 1e9
     try:
-        batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, memory_limit=memory, **told)
+        batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, memory_limit=memory, **options)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return INTERRUPTED

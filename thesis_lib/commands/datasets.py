@@ -207,8 +207,8 @@ def _init(args: argparse.Namespace) -> int:
 
     out = Path(args.out)
     _refuse_existing(out, args.force)
-    given: str = args.delimiter
-    delimiter = {"\\t": "\t", "tab": "\t"}.get(given, given)
+    text: str = args.delimiter
+    delimiter = {"\\t": "\t", "tab": "\t"}.get(text, text)
     if len(delimiter) != 1:
         raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
     conversion = convert_logs(

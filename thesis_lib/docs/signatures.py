@@ -56,12 +56,12 @@ def signature(effect: Effect) -> pd.DataFrame:
     Velocities and accelerations in m/s and m/s², lengths in m; `at` in the unit of its variable.
     """
     if "impact" in effect.channels:
-        found = [_plane(effect), _curve(effect, "curve", RANGES, impact_change, ("v_x", "v_y", "k ω"))]
+        parts = [_plane(effect), _curve(effect, "curve", RANGES, impact_change, ("v_x", "v_y", "k ω"))]
     elif "flight" in effect.channels:
-        found = [_curve(effect, "flight", IN_FLIGHT, flight_change, ("a_x", "a_y", "k α")), _path(effect)]
+        parts = [_curve(effect, "flight", IN_FLIGHT, flight_change, ("a_x", "a_y", "k α")), _path(effect)]
     else:
-        found = [_curve(effect, "gap", {"theta": RANGES["theta"]}, gap_change, ("φ_n",))]
-    return pd.concat(found, ignore_index=True).assign(effect=effect.name)[COLUMNS]
+        parts = [_curve(effect, "gap", {"theta": RANGES["theta"]}, gap_change, ("φ_n",))]
+    return pd.concat(parts, ignore_index=True).assign(effect=effect.name)[COLUMNS]
 
 
 def states(rig: Rig, **changed: np.ndarray) -> State:
@@ -84,8 +84,8 @@ def states(rig: Rig, **changed: np.ndarray) -> State:
 def impact_change(effect: Effect, state: State) -> np.ndarray:
     """Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact in m/s."""
     rig, (with_it, values) = rig_for(effect), _model(effect)
-    one, two = Model(LAW).predict(state, values, rig), with_it.predict(state, values, rig)
-    return (two.v - one.v) * [1.0, 1.0, rig.k_g]
+    without, changed = Model(LAW).predict(state, values, rig), with_it.predict(state, values, rig)
+    return (changed.v - without.v) * [1.0, 1.0, rig.k_g]
 
 
 def flight_change(effect: Effect, state: State) -> np.ndarray:
@@ -103,8 +103,8 @@ def gap_change(effect: Effect, state: State) -> np.ndarray:
 
 
 def _model(effect: Effect) -> tuple[Model, dict[str, float]]:
-    own = {f"{effect.name}.{p.name}": size_that_matters(p) for p in effect.parameters}
-    return Model(LAW, (effect,)), COEFFICIENTS | own
+    sizes = {f"{effect.name}.{p.name}": size_that_matters(p) for p in effect.parameters}
+    return Model(LAW, (effect,)), COEFFICIENTS | sizes
 
 
 def _plane(effect: Effect) -> pd.DataFrame:
@@ -128,12 +128,12 @@ def _curve(
     best, most = None, -1.0
     for over, (low, high) in ranges.items():
         at = np.linspace(low, high, POINTS)
-        found = change(effect, states(rig_for(effect), **{over: at}))
-        spread = float(np.ptp(found, axis=0).max())
+        changes = change(effect, states(rig_for(effect), **{over: at}))
+        spread = float(np.ptp(changes, axis=0).max())
         if spread > most + 1e-9:
-            best, most = (over, at, found), spread
-    over, at, found = best
-    parts = [pd.DataFrame({"at": at, "series": name, "value": c}) for name, c in zip(series, found.T)]
+            best, most = (over, at, changes), spread
+    over, at, changes = best
+    parts = [pd.DataFrame({"at": at, "series": name, "value": c}) for name, c in zip(series, changes.T)]
     return pd.concat(parts).assign(panel=panel, over=over, at_n=np.nan)
 
 

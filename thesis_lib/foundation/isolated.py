@@ -123,12 +123,12 @@ class _Running:
 
     def __init__(self, context, work: Callable[..., dict], task: Task) -> None:
         self.task = task
-        self.channel, theirs = context.Pipe(duplex=False)
-        arguments = (work, task.arguments, str(task.log), theirs)
+        self.channel, child_end = context.Pipe(duplex=False)
+        arguments = (work, task.arguments, str(task.log), child_end)
         self.process = context.Process(target=_child, args=arguments, daemon=True)
         self.process.start()
         self.start = time.monotonic()  # the first start waits for the server
-        theirs.close()  # so that the end of the process ends the channel
+        child_end.close()  # so that the end of the process ends the channel
 
     def look(self, time_limit: float | None, memory_limit: float | None) -> Outcome | None:
         """The outcome if the task has ended, or was ended because it exceeded a limit; else None."""

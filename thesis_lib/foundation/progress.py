@@ -69,9 +69,9 @@ class Progress:
     def line(self) -> str:
         """What is shown now."""
         spent = self._clock() - self._start
-        left = self._end - spent
+        remaining = self._end - spent
         return f"{self._label}: {self._text}, {duration(spent)}" + (
-            f"; about {duration(left)} left" if left > 0.5 else ""
+            f"; about {duration(remaining)} left" if remaining > 0.5 else ""
         )
 
     def _share(self, text: str) -> float:

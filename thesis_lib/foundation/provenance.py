@@ -89,8 +89,8 @@ def _read_module(text: str, filename: str) -> _Module:
             block = getattr(node, field, None)
             if isinstance(block, list):
                 setattr(node, field, _without_paths(block, imports))
-    ours = tuple(dict.fromkeys(name for name in names if name.split(".")[0] == PACKAGE))
-    return _Module(ast.dump(tree), tuple(imports), ours)
+    of_package = tuple(dict.fromkeys(name for name in names if name.split(".")[0] == PACKAGE))
+    return _Module(ast.dump(tree), tuple(imports), of_package)
 
 
 def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> list[ast.stmt]:

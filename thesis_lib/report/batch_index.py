@@ -77,8 +77,8 @@ def write_index(
         seed, effects: what the critiques were told.
     """
     write_result(pd.DataFrame(rows, columns=COLUMNS).astype({"n_impacts": "Int64"}), out / "batch.csv")
-    told = {"seed": seed, "switched_on": None if effects is None else list(effects)}
-    write_json({"schema": 1, "n_datasets": total, **told, "datasets": list(rows)}, out / "batch.json")
+    options = {"seed": seed, "switched_on": None if effects is None else list(effects)}
+    write_json({"schema": 1, "n_datasets": total, **options, "datasets": list(rows)}, out / "batch.json")
     write_text(_page(rows, total), out / "index.html")
 
 
@@ -87,8 +87,8 @@ def summary_text(rows: Sequence[Mapping], total: int) -> str:
     counts = Counter(row["verdict"] or "failed" for row in rows)
     counts["not reached"] = total - len(rows)
     order = ("effects", "adequate", "unexplained", "failed", "not reached")
-    told = ", ".join(f"{counts[name]} {name}" for name in order if counts[name])
-    return f"{total} dataset{'' if total == 1 else 's'}: {told}"
+    verdicts = ", ".join(f"{counts[name]} {name}" for name in order if counts[name])
+    return f"{total} dataset{'' if total == 1 else 's'}: {verdicts}"
 
 
 def _page(rows: Sequence[Mapping], total: int) -> str:

@@ -104,8 +104,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     figure = find_figure(args.figure) if args.figure else None
     if args.json:
-        told = [as_dictionary(each, args.results) for each in ([figure] if figure else figures())]
-        print(json.dumps(told[0] if figure else told, indent=1, ensure_ascii=False))
+        entries = [as_dictionary(each, args.results) for each in ([figure] if figure else figures())]
+        print(json.dumps(entries[0] if figure else entries, indent=1, ensure_ascii=False))
     elif figure:
         print(figure_text(figure, args.results, _shown_dataset(figure, args.results, args.dataset)))
     else:

@@ -123,10 +123,10 @@ def _groups(
 def _figure(results: Path, figure: Figure, dataset: str) -> dict:
     file = results / figure.files[dataset]
     caption = figure.text(dataset, results)
-    found = caption.partition(FOUND_HERE)[2]
+    finding = caption.partition(FOUND_HERE)[2]
     return {
         "anchor": _anchor(figure, dataset),
-        "image": _image(file, f"{figure.title}. {found or caption}"),
+        "image": _image(file, f"{figure.title}. {finding or caption}"),
         "caption": _paragraphs(figure.label, caption),
         "links": [
             (str(file.with_suffix(suffix).relative_to(results)), word)

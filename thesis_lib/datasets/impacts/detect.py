@@ -102,9 +102,9 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
         UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
     """
     settings = settings or ArcSettings()
-    given = dataset.impacts
-    if given is not None and len(given):
-        return _from_given(given, dataset.header, settings)
+    impacts = dataset.impacts
+    if impacts is not None and len(impacts):
+        return _from_given(impacts, dataset.header, settings)
     if dataset.trajectories is None:
         raise UserError(
             f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them."

@@ -130,14 +130,14 @@ def _jump_scores(
 ) -> tuple[np.ndarray, np.ndarray]:
     """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines."""
     n = len(t)
-    left = _running_lines(t, q, segment, spoiled, w)
+    before = _running_lines(t, q, segment, spoiled, w)
     # the same from the other end: mirrored in time, the window after an instant is one before it
-    right = [a[::-1] for a in _running_lines(-t[::-1], q[::-1], -segment[::-1], spoiled[::-1], w)]
+    after = [a[::-1] for a in _running_lines(-t[::-1], q[::-1], -segment[::-1], spoiled[::-1], w)]
     scores = np.zeros((2, n))
     if n < 2:
         return scores[0], scores[1]
-    centre_l, slope_l, spread_l = (a[:-1] for a in left)
-    centre_r, slope_r, spread_r = (a[1:] for a in right)
+    centre_l, slope_l, spread_l = (a[:-1] for a in before)
+    centre_r, slope_r, spread_r = (a[1:] for a in after)
     ok = (segment[1:] == segment[:-1]) & (spread_l > 0) & (spread_r > 0)
     variance = 1.0 / np.where(ok, spread_l, 1.0) + 1.0 / np.where(ok, spread_r, 1.0)
     jump = -slope_r - slope_l

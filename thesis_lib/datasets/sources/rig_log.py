@@ -73,14 +73,14 @@ def parse_columns(text: str) -> dict[str, tuple[str, float]]:
     """
     columns: dict[str, tuple[str, float]] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
-        ours, equals, theirs = (piece.strip() for piece in part.partition("="))
-        if not equals or not theirs or ours not in TRAJECTORY_COLUMNS or ours in columns:
+        name, equals, log_column = (piece.strip() for piece in part.partition("="))
+        if not equals or not log_column or name not in TRAJECTORY_COLUMNS or name in columns:
             raise UserError(
                 f"--columns: '{part}' is not OURS=YOURS with OURS one of {', '.join(TRAJECTORY_COLUMNS)}, each once "
                 "(for example --columns t=time_s,x=X,y=-Z,theta=angle; a minus sign flips the axis)."
             )
-        sign = -1.0 if theirs.startswith("-") and ours in ("x", "y", "theta") else 1.0
-        columns[ours] = (theirs[1:] if sign < 0 else theirs, sign)
+        sign = -1.0 if log_column.startswith("-") and name in ("x", "y", "theta") else 1.0
+        columns[name] = (log_column[1:] if sign < 0 else log_column, sign)
     return columns
 
 
@@ -144,14 +144,14 @@ def convert_logs(
         raise UserError(f"--rate: {rate} Hz is impossible; give a number above 0.")
     notes: list[str] = []
     warnings: list[str] = []
-    source = {ours: columns.get(ours, (ours, 1.0)) for ours in TRAJECTORY_COLUMNS}
+    source = {column: columns.get(column, (column, 1.0)) for column in TRAJECTORY_COLUMNS}
     logs = [_read_log(Path(file), delimiter, warnings) for file in files]
     tables = []
     for number, (file, log) in enumerate(zip(files, logs)):
-        needed = ["x", "y", "theta", *(ours for ours in columns if ours in ("trial", "t"))]
-        _require(Path(file), log, [source[ours][0] for ours in needed], columns)
+        needed = ["x", "y", "theta", *(column for column in columns if column in ("trial", "t"))]
+        _require(Path(file), log, [source[column][0] for column in needed], columns)
         tables.append(_poses(Path(file), log, source, units, rate, number, per_trial_files))
-    used = {theirs for theirs, _ in source.values()}
+    used = {log_column for log_column, _ in source.values()}
     if ignored := [column for column in logs[0].columns if column and column not in used]:
         notes.append(f"columns left out: {', '.join(ignored)}")
 
@@ -213,9 +213,9 @@ def _poses(
     else:
         trial = np.full(len(log), str(number))
     table = pd.DataFrame({"trial": trial})
-    for ours in ("t", "x", "y", "theta") if has_t else ("x", "y", "theta"):
-        theirs, sign = source[ours]
-        table[ours] = sign * units[QUANTITY[ours]] * _numbers(path, log, theirs)
+    for column in ("t", "x", "y", "theta") if has_t else ("x", "y", "theta"):
+        log_column, sign = source[column]
+        table[column] = sign * units[QUANTITY[column]] * _numbers(path, log, log_column)
     if not has_t and rate is not None:
         table["t"] = table.groupby("trial", sort=False).cumcount() / rate
     return table

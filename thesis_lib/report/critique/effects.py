@@ -22,7 +22,7 @@ from thesis_lib.statistics.wording import listed, number
 
 def faults(d: Mapping) -> Markup:
     clear = [effect for effect in d["effects"] if effect["clears"]]
-    found = [effect for effect in clear if effect["family"] == "measurement"]
+    measured = [effect for effect in clear if effect["family"] == "measurement"]
     doubtful = [effect for effect in clear if possible_faults(effect)]
     maybe = Markup().join(
         paragraph(
@@ -32,12 +32,12 @@ def faults(d: Mapping) -> Markup:
         )
         for effect in doubtful
     )
-    if not found:
+    if not measured:
         return maybe
-    sentences = [f"{_effect_sentence(effect)} {_doubt(effect)}".strip() for effect in found]
+    sentences = [f"{_effect_sentence(effect)} {_doubt(effect)}".strip() for effect in measured]
     physics = any(
         name in EFFECTS and EFFECTS[name].family != "measurement"
-        for effect in found
+        for effect in measured
         for name in effect["indistinguishable_from"]
     )
     which = "This may be" if physics else "This is"
@@ -106,29 +106,29 @@ def _doubt(effect: Mapping) -> str:
 
 def remaining(critique: Critique, d: Mapping) -> Markup:
     """What is left after the last effect: structure, scatter beyond the noise, or nothing that matters."""
-    left = d["remaining"]
-    p = number(left["p_value"], 2)
-    if not left["structured"]:
+    rest = d["remaining"]
+    p = number(rest["p_value"], 2)
+    if not rest["structured"]:
         return paragraph(
             f"What is left in the residuals shows no structure that matters (p = {p} by permutation)."
         ) + _worst(d["error"])
     sentences = []
     judged = critique.ladder[-1][2]
-    for channel in left["channels"]:
+    for channel in rest["channels"]:
         times = judged.excess if channel == "impact" else np.sqrt(judged.sigmas[channel])
         sentences.append(
             f"With all that was found the held-out misfit of {CHANNEL_TEXT[channel]} is {number(times, 2)} times what "
             f"noise alone would give (far more than {number(critique.settings.excess_scatter, 2)} counts as "
             "unexplained)."
         )
-    if left["p_value"] <= critique.settings.alpha or not left["channels"]:
+    if rest["p_value"] <= critique.settings.alpha or not rest["channels"]:
         sentences.append(f"Structure remains that no named effect explains (p = {p} by permutation).")
-        if left.get("error") is not None and left.get("error_without_it") is not None:
+        if rest.get("error") is not None and rest.get("error_without_it") is not None:
             sentences.append(
-                f"A Gaussian process learns part of it: the error falls from {amount(left['error'], 'm/s')} to "
-                f"{amount(left['error_without_it'], 'm/s')} on training trials it was not fitted to."
+                f"A Gaussian process learns part of it: the error falls from {amount(rest['error'], 'm/s')} to "
+                f"{amount(rest['error_without_it'], 'm/s')} on training trials it was not fitted to."
             )
-        names = [feature_text(name) for name in left["depends_on"]]
+        names = [feature_text(name) for name in rest["depends_on"]]
         sentences.append(f"It depends most on: {'; '.join(names)}." if names else "")
     else:
         sentences.append(
@@ -238,14 +238,14 @@ def untold(d: Mapping) -> Markup:
         ("effect", "why"),
         [(effect_title(e["name"]), e["why"]) for e in d["not_testable"]],
     )
-    told = Markup()
+    content = Markup()
     if groups:
-        told = bullets(groups)
+        content = bullets(groups)
     elif d["effects"] and all(e["clears"] for e in d["effects"]):
-        told = paragraph(
+        content = paragraph(
             "Each effect that was found predicts these data better than any other in the library could in its place."
         )
-    return told + untested
+    return content + untested
 
 
 def capital(text: str) -> str:

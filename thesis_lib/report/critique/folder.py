@@ -114,9 +114,9 @@ def critique_folder(
         UserError: the dataset is too small, or an effect is unknown or cannot be tested with it.
     """
     rng = generator(seed, "critique", dataset.digest())
-    found = criticise(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+    critique = criticise(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
     say("writing tables, pictures and report")
-    return write_critique(found, folder, rng)
+    return write_critique(critique, folder, rng)
 
 
 def write_critique(critique: Critique, folder: str | Path, rng: np.random.Generator) -> dict:

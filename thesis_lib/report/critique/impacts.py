@@ -64,8 +64,8 @@ def explorer(critique: Critique, where: Mapping) -> Markup:
     finding = _finding(errors, known)
     numbers = _numbers(critique, base, residuals, errors, shown)
     labels = [
-        f"trial {one['trial']}, impact {one['impact']}, error {number(one['errors'][0])} m/s"
-        for one in numbers["impacts"]
+        f"trial {impact['trial']}, impact {impact['impact']}, error {number(impact['errors'][0])} m/s"
+        for impact in numbers["impacts"]
     ]
     return render(
         TEMPLATE,
@@ -163,7 +163,7 @@ def _numbers(
 def _rounded(value: np.ndarray) -> list | float:
     """Four significant digits: a hundredth of a pixel."""
     if value.ndim:
-        return [_rounded(one) for one in value]
+        return [_rounded(part) for part in value]
     return float(f"{value:.4g}")
 
 

@@ -45,10 +45,10 @@ WORDS = {
 def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str:
     """report.html from the content of diagnosis.json and pictures with their captions."""
     shown = {name: picture(drawn[0], caption) for name, (drawn, caption) in pictures.items()}
-    error, left = d["error"], d["left_out"]
+    error, lost = d["error"], d["left_out"]
     compare = paragraph(
-        f"{d['n_windows']} windows of {d['n_trials']} trials are used, {percent(left['share'])} of the steps are left "
-        f"out{_reasons(left)}. In each, the equations of motion with the believed parameters are summed over the "
+        f"{d['n_windows']} windows of {d['n_trials']} trials are used, {percent(lost['share'])} of the steps are left "
+        f"out{_reasons(lost)}. In each, the equations of motion with the believed parameters are summed over the "
         "steps, contact forces projected out, and the rest is divided by the noise of the measured states.",
         f"On trials that no choice has seen its root mean square is {number(error['base'])} "
         f"{interval(*error['base_interval'])} standard deviations; noise alone gives 1.",

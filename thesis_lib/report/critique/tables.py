@@ -158,7 +158,7 @@ def tests_table(where: Mapping) -> Markup:
         if p is None:
             rows.append((TESTS.get(name, name), "–", f"not tested: {test.get('why_not', 'no reason given')}"))
             continue
-        found = "contradicted" if p < LEVEL else "not contradicted"
+        verdict = "contradicted" if p < LEVEL else "not contradicted"
         detail = ""
         if name == "rigid_point":
             detail = (
@@ -170,7 +170,7 @@ def tests_table(where: Mapping) -> Markup:
             detail = f": {listed(parts)}" if parts else ""
         elif name == "homogeneity" and "speed_ratio" in test:
             detail = f", over speeds that differ by a factor of {number(test['speed_ratio'], 2)}"
-        rows.append((TESTS.get(name, name), number(p, 2) if p >= 1e-4 else "< 0.0001", found + detail))
+        rows.append((TESTS.get(name, name), number(p, 2) if p >= 1e-4 else "< 0.0001", verdict + detail))
     columns = ("what such laws have in common", "p", "what the data say")
     return table("Tests of the whole class of laws, before any effect is tried", columns, rows, numeric=(1,))
 
@@ -178,10 +178,10 @@ def tests_table(where: Mapping) -> Markup:
 def parameters_table(critique: Critique) -> Markup:
     """Each parameter without effects and with all of them."""
     first, last = critique.ladder[0][0], critique.ladder[-1][0]
-    found = parameter_table(critique)
-    before = found[found["label"] == first].set_index("parameter")
+    parameters = parameter_table(critique)
+    before = parameters[parameters["label"] == first].set_index("parameter")
     rows = []
-    for p in found[found["label"] == last].itertuples():
+    for p in parameters[parameters["label"] == last].itertuples():
         effect, _, name = p.parameter.rpartition(".")
         of = effect_title(effect) if effect else "base law"
         old = before.loc[p.parameter] if p.parameter in before.index else None

@@ -134,11 +134,11 @@ def where_it_fails(where: Mapping) -> Markup:
         )
     if not after:
         return paragraph(text, in_flight) + paragraph(used)
-    left = after["regions"]
+    rules = after["regions"]
     then = (
-        f"With the effects the error, over what noise and scatter let expect, is largest where {plain_rule(left[0])} "
-        f"(p = {number(left[0]['p_value'], 2)})."
-        if left
+        f"With the effects the error, over what noise and scatter let expect, is largest where {plain_rule(rules[0])} "
+        f"(p = {number(rules[0]['p_value'], 2)})."
+        if rules
         else "With the effects no such region is left."
     )
     return paragraph(text, in_flight, then) + paragraph(used)
@@ -173,9 +173,9 @@ def power(d: Mapping) -> Markup:
 
 def sources(d: Mapping) -> list[str]:
     laws = [LAWS[d[key]["name"]] for key in ("base_model", "augmented_model") if d[key]["name"] in LAWS]
-    found = [f"{law.title}: {law.reference}." for law in laws]
+    lines = [f"{law.title}: {law.reference}." for law in laws]
     for effect in d["effects"]:
         for name in (effect["name"], *effect["indistinguishable_from"][:NAMED]):
             if name in EFFECTS and EFFECTS[name].reference:
-                found.append(f"{capital(EFFECTS[name].title)}: {EFFECTS[name].reference}.")
-    return list(dict.fromkeys([*found, *METHOD_SOURCES]))
+                lines.append(f"{capital(EFFECTS[name].title)}: {EFFECTS[name].reference}.")
+    return list(dict.fromkeys([*lines, *METHOD_SOURCES]))

@@ -57,8 +57,8 @@ def _replace(folder: Path, part: Path) -> None:
     for name in reversed(LAST):
         (folder / name).unlink(missing_ok=True)
     for path in folder.iterdir():
-        ours = path.stem in {*NAMES, *TABLES} and path.suffix in (".csv", ".png", ".pdf")
-        if path.name not in new and (ours or path.name == REGIONS):
+        of_critique = path.stem in {*NAMES, *TABLES} and path.suffix in (".csv", ".png", ".pdf")
+        if path.name not in new and (of_critique or path.name == REGIONS):
             path.unlink()
     for name in (*sorted(new - set(LAST)), *(name for name in LAST if name in new)):
         (part / name).replace(folder / name)
