@@ -10,9 +10,8 @@ class Remaining:
     """Structure left in the residuals of the final model.
 
     Attributes:
-        p_value: of the structure, where noise alone is left.
-        error_before, error_after: error of the residual, and of what noise (or what is not learnable) alone would
-            leave; in the world's unit.
+        p_value: of the structure, under noise alone.
+        error_before: of the residual; error_after: of noise or the unlearnable part alone; in the world's unit.
         depends_on: names of the states on which it depends, by relevance.
     """
 
@@ -22,5 +21,5 @@ class Remaining:
     depends_on: tuple[str, ...]
 
     def is_structured(self, settings: SearchSettings, floor: float) -> bool:
-        """Whether it is significant and matters; `floor`: error of noise alone."""
+        """Whether it is significant and matters; `floor`: error of noise alone, in the world's unit."""
         return self.p_value <= settings.alpha and settings.matters(self.error_before, self.error_after, floor)

@@ -1,15 +1,15 @@
 """Score tests of all candidate effects at once, and their joint null distribution.
 
-With z the whitened residuals of the fitted model, B its columns ∂z/∂(fitted parameters) and U_c those of candidate c,
+With z the whitened residuals of the fitted model, B their slopes in its parameters and U_c those in candidate c's,
 
     gain_c = ½ |P_c z|²,    P_c the projector on U_c after B is projected out
 
-is the rise of the log score, to first order, when c is switched on and *all* parameters are refitted: what compensating
-parameters would have hidden is projected out, not fitted away.
+is the first-order rise of the log score when c is switched on and *all* parameters are refitted.  Projecting out B
+keeps compensating parameters from hiding an effect.
 
-Under the null z is noise; the largest gain of any candidate is then drawn by the same projectors from random z.  So the
-p-value of the best candidate counts how many were tried.  Where s = P z is the shift of a candidate that is at work,
-fitting another one c instead loses |s|² (1 − cos²)/2 nats, cos = |P_c s| / |s|.
+Under the null z is noise.  Drawing the largest gain of any candidate with the same projectors makes the p-value count
+how many were tried.  Let s = P z be the shift of a true candidate.  Fitting c instead loses |s|² (1 − cos²)/2 nats, cos
+= |P_c s| / |s|.
 
 Source: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948), doi 10.1017/S0305004100023987 (score test).
 """
@@ -20,7 +20,7 @@ import numpy as np
 
 from thesis_lib.critique.selection.world import Slopes
 
-RANK = 1e-8  # of the largest singular value: columns below it are combinations of others
+RANK = 1e-8  # of the largest singular value: columns below it depend on others
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Scan:
 
     Attributes:
         gain: by effect, nats; null: (draws,) largest gain of any candidate under the null.
-        basis: by effect, (N, rank) orthonormal basis of its columns after projection, for overlaps.
-        shift: by effect, (N,) the change of z that the fitted size makes.
-        information: by effect, (n_p, n_p) Fisher information of its parameters after projection.
+        basis: by effect, (N, rank) orthonormal basis of its projected columns.
+        shift: by effect, (N,) change of z at the fitted size.
+        information: by effect, (n_p, n_p) Fisher information after projection.
     """
 
     gain: dict[str, float]
@@ -41,23 +41,23 @@ class Scan:
     information: dict[str, np.ndarray]
 
     def p_value(self, gain: float) -> float:
-        """Share of null draws with a gain at least as large, with the draw itself counted."""
+        """Share of null draws with a gain at least as large, counting the observed one."""
         return float((1 + np.sum(self.null >= gain)) / (1 + len(self.null)))
 
     def expected_loss(self, truth: str, other: str) -> float:
-        """Expected loss of log score in nats, on this design, if `other` is fitted where `truth` is at work."""
+        """Expected loss in nats on this design if `other` is fitted and `truth` is at work."""
         shift = self.shift[truth]
         caught = self.basis[other].T @ shift
         return float(0.5 * (shift @ shift - caught @ caught))
 
     def cosine(self, truth: str, other: str) -> float:
-        """Share of the shift of `truth` that `other` can make, as a cosine."""
+        """Cosine between the shift of `truth` and the columns of `other`."""
         shift = self.shift[truth]
         return float(np.linalg.norm(self.basis[other].T @ shift) / max(np.linalg.norm(shift), 1e-300))
 
 
 def scan(slopes: Slopes, draws: int, rng: np.random.Generator) -> Scan:
-    """Score tests of all candidates in `slopes`; `rng` makes `draws` draws of the null."""
+    """Score tests of all candidates in `slopes`; `draws` draws of the null from `rng`."""
     Q = orthonormal(slopes.fitted)
     residual = slopes.residual - Q @ (Q.T @ slopes.residual)
     gain, basis, shift, information = {}, {}, {}, {}
@@ -69,7 +69,7 @@ def scan(slopes: Slopes, draws: int, rng: np.random.Generator) -> Scan:
         information[name] = U.T @ U
     null = np.zeros(draws)
     if basis:
-        # noise matters only in the space of all columns together
+        # only noise within the span of all columns matters
         joint = orthonormal(np.concatenate(list(basis.values()), axis=1))
         noise = 1.0 if slopes.unit_noise else np.sqrt(np.mean(residual**2))
         z = rng.standard_normal((joint.shape[1], draws)) * noise
@@ -78,7 +78,7 @@ def scan(slopes: Slopes, draws: int, rng: np.random.Generator) -> Scan:
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (N, rank) of the columns (N, p), without directions that are rounding."""
+    """Orthonormal basis (N, rank) of the columns (N, p), without rounding directions."""
     scale = np.linalg.norm(columns, axis=0)
     columns = columns[:, scale > 0] / scale[scale > 0]
     if columns.shape[1] == 0:

@@ -1,15 +1,14 @@
-"""Which effect is missing: forward selection with a backward check, and its refusals.
+"""Forward selection of missing effects with a backward check.
 
-1. Every base is fitted and judged by K-fold over training trials; the best is where the search starts.
-2. At each step all candidates are screened by score tests and quick fits.  The best few are fitted with *all*
-   parameters free, and the best three of them are judged by K-fold.
-3. An effect enters if its gain is beyond the null of the largest gain of all candidates, if its held-out gain is
-   positive by its paired interval, and if it lowers a held-out error materially.  Where a gain is not far beyond the
-   null, refits to data drawn without the effect say by how much refits stretch it.
-4. With the effect in, the other bases are tried again, and an earlier effect that it has made superfluous leaves.
+1. Every base is fitted and judged by K-fold over training trials; the search starts from the best.
+2. Each step screens all candidates by score tests and quick fits.  The best few are fitted with *all* parameters
+   free, and the best three of those are judged by K-fold.
+3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
+   and it lowers a held-out error materially.  A gain near the null is corrected by refits to data without the effect.
+4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 
-Candidates that these data cannot tell from a chosen one are named with it.  The model, its candidates and its data
-come as a `World`; streams of random numbers are named by the effects, so that a further candidate shifts no draw.
+A chosen effect is named with the candidates that the data cannot tell from it.  A `World` holds model, candidates and
+data.  Random streams are named by effects, so that a further candidate changes no draw of the others.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,9 +23,9 @@ from thesis_lib.critique.selection.world import E, F, J, Judgement, World
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.statistics.bootstrap import bootstrap_gain
 
-JUDGED = 3  # finalists that are judged by K-fold
-REFITS = 199  # of data drawn without the effect, where its gain is near the null
-FAR_BEYOND = 3.0  # times the largest draw of the null: no refit would stretch it as far
+JUDGED = 3  # finalists judged by K-fold
+REFITS = 199  # of data drawn without the effect, if its gain is near the null
+FAR_BEYOND = 3.0  # times the largest draw of the null: refits stretch no gain this far
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,10 @@ class Step(Generic[E, F, J]):
     """One chosen effect.
 
     Attributes:
-        effect: chosen; alternatives: names that the data cannot tell from it, nearest first.
-        clears: whether it passes all three tests; always so unless it was switched on by hand.
+        alternatives: names that the data cannot tell from it, nearest first.
+        clears: whether it passes all three tests; false only for an effect switched on by hand.
         p_value: of its gain against the null of the largest gain.
-        gain: held-out gain a unit by K-fold, with 95 % interval, nats.
+        gain: held-out gain per unit by K-fold with 95 % interval, nats.
         fitted: the model with it, on all training trials; judged: by K-fold.
         scan: score tests before it was added.
     """
@@ -54,13 +53,12 @@ class Step(Generic[E, F, J]):
 
 @dataclass(frozen=True)
 class Discovery(Generic[E, F, J]):
-    """The chosen model and how it was found.
+    """The chosen model and the steps that led to it.
 
     Attributes:
         bases: by name, fit and K-fold judgement without effects; base: name of the best.
-        steps: in order of selection.
-        first_scan, last_scan: score tests at the best base, and at the final model.
-        below: fit with the effect at which the search ended because it is significant but does not matter.
+        first_scan, last_scan: score tests at the best base and at the final model.
+        below: fit with a significant but immaterial effect, at which the search ended.
         not_testable: name -> why.
     """
 
@@ -79,18 +77,18 @@ class Discovery(Generic[E, F, J]):
 
     @property
     def judged(self) -> J:
-        """Its K-fold judgement."""
+        """K-fold judgement of the final model."""
         return self.steps[-1].judged if self.steps else self.bases[self.base][1]
 
     def verdict(self, is_structured: bool) -> str:
-        """adequate, effects or unexplained, as in diagnosis.json; `is_structured`: something that matters remains."""
+        """adequate, effects or unexplained; `is_structured`: something that matters remains."""
         if is_structured:
             return "unexplained"
         return "effects" if any(step.clears for step in self.steps) else "adequate"
 
 
 def split(trials: np.ndarray, share: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the training trials and of those held out, at least two of each where there are four."""
+    """Numbers of the training and of the held-out trials; at least two of each if there are four."""
     order = rng.permutation(trials)
     count = min(max(2, round(share * len(trials))), len(trials) - 2)
     return order[count:], order[:count]
@@ -107,10 +105,9 @@ def search(
 
     Args:
         world: training trials, candidates and models.
-        settings: thresholds.
         rng: draws the folds and seeds the named streams.
-        fixed: names of effects to switch on, in this order, instead of the automatic choice.
-        say: is given a line on each step.
+        fixed: effects to switch on, in this order, instead of the automatic choice.
+        say: receives a line for each step.
     """
     return _Search(world, settings, rng, say).run(fixed)
 
@@ -118,11 +115,10 @@ def search(
 def judge_held_out(
     training: World[E, F, J], held_out: World[E, F, J], discovery: Discovery[E, F, J]
 ) -> tuple[tuple[tuple[str, F, J], ...], dict[str, J]]:
-    """The ladder, and what each effect is worth in the end; every number on trials that no choice has seen.
+    """The ladder of models and the worth of each effect, all judged on held-out trials.
 
     Returns:
-        (label, fit, judgement) without effects and after each one; judgement of the final model without each of its
-        effects, all else refitted.
+        (label, fit, judgement) after 0, 1, ... effects; by effect, judgement of the final model refitted without it.
     """
     fits = [("no effect", discovery.bases[discovery.base][0])]
     fits += [(step.effect.name, step.fitted) for step in discovery.steps]
@@ -137,14 +133,14 @@ def judge_held_out(
 def paired_gain(
     better: Judgement, worse: Judgement, rng: np.random.Generator, draws: int = 999
 ) -> tuple[float, float, float]:
-    """Gain of log score a unit, with a 95 % interval from the bootstrap over trials; nats."""
+    """Gain of log score per unit in nats, with a 95 % interval from the bootstrap over trials."""
     trials = better.trials
     difference = better.by_trial(trials) - worse.by_trial(trials)
     return bootstrap_gain(difference, better.units, draws, rng)
 
 
 class _Search(Generic[E, F, J]):
-    """The search with what does not change on its way: data, thresholds, folds and seed."""
+    """State that stays fixed during the search: data, thresholds, folds and seed."""
 
     def __init__(
         self,
@@ -180,7 +176,7 @@ class _Search(Generic[E, F, J]):
             tests = self.scan(fitted, candidates, "null", *on)
             first_scan = first_scan or tests
             self.say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
-            # a missing effect may have made the wrong base the best one: the next best are tried with it, too
+            # a missing effect may favour the wrong base: the next best bases are tried with it, too
             contenders = [fitted] if steps else [bases[name][0] for name in ranked[: world.rivals]]
             step, below = self.best_step(fitted, judged, contenders, candidates, tests, fixed is not None)
             if step is None:
@@ -217,7 +213,7 @@ class _Search(Generic[E, F, J]):
         tests: Scan,
         forced: bool,
     ) -> tuple[Step[E, F, J] | None, F | None]:
-        """The candidate that enters, or None and the fit with one that is significant but does not matter."""
+        """The step that enters, or None and the fit with a significant but immaterial effect."""
         world, settings = self.world, self.settings
         by_name = {e.name: e for e in candidates}
         on = [e.name for e in fitted.effects]
@@ -228,11 +224,11 @@ class _Search(Generic[E, F, J]):
                 for rival in contenders
             ]
             quick[e.name] = max(tries, key=lambda fit: fit.score)
-        # ranked by a quick fit and not by the score test: far from the null a robust fit may have called outliers what
-        # the effect explains, and then the slope at the null says nothing
+        # quick fits rank better than score tests: far from the null a robust fit may treat as outliers what the
+        # effect explains, and the slope at the null then means nothing
         names = sorted(quick, key=lambda name: -quick[name].score)[: settings.finalists]
         full = {name: world.fit(quick[name].base, quick[name].effects, quick[name].values) for name in names}
-        # over the best base without it: that one of the rivals may fit better by chance is no gain of the effect
+        # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
         gains = {name: fit.score - best.score for name, fit in (quick | full).items()}
         names = sorted(names, key=lambda name: -gains[name])[:JUDGED]
@@ -257,10 +253,10 @@ class _Search(Generic[E, F, J]):
         return None, below
 
     def stretch_of_null(self, fitted: F, effect: E, tests: Scan, rng: np.random.Generator) -> float:
-        """Factor by which gains of full refits exceed those of the score test where nothing is hidden, at least 1.
+        """Ratio of the gains of full refits to those of the score test under the null, at least 1.
 
-        The mean gain of `REFITS` refits to data drawn from the model without the effect, over half the number of its
-        columns: the mean of the score test (Bartlett's correction).
+        Mean gain of `REFITS` refits to data drawn without the effect, over the mean of the score test: half the number
+        of its columns (Bartlett's correction).
         """
         gains = []
         for _ in range(REFITS):
@@ -279,14 +275,14 @@ class _Search(Generic[E, F, J]):
         for other in tests.basis:
             if other == name or not tests.basis[other].shape[1]:
                 continue
-            # what the data say counts, too
+            # the observed difference counts as well as the expected one
             loss = max(tests.expected_loss(name, other), gains[name] - gains[other])
             if loss < self.settings.tell_apart:
                 close[other] = loss
         return tuple(sorted(close, key=lambda other: close[other]))
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
-        """The step with the base that fits best now that the effect is in: without it another may have stood in."""
+        """The step with the base that fits best with the effect; without it another base may have compensated."""
         world, fitted, least = self.world, step.fitted, self.settings.tell_apart
         if len(world.bases) == 1:
             return step
@@ -300,7 +296,7 @@ class _Search(Generic[E, F, J]):
         return replace(step, fitted=fits[best], judged=judged)
 
     def superfluous(self, steps: Sequence[Step[E, F, J]]) -> str | None:
-        """The first earlier effect that the last one has made superfluous, if there is one (backward check)."""
+        """The first earlier effect that the last one makes superfluous, or None (backward check)."""
         world, last = self.world, steps[-1]
         names = [step.effect.name for step in steps]
         for step in steps[:-1]:
@@ -313,7 +309,7 @@ class _Search(Generic[E, F, J]):
         return None
 
     def without(self, steps: Sequence[Step[E, F, J]], name: str) -> list[Step[E, F, J]]:
-        """The steps without one effect, all that came after it fitted and judged again."""
+        """The steps without one effect; all later ones are fitted and judged again."""
         at = [step.effect.name for step in steps].index(name)
         kept = list(steps[:at])
         for step in steps[at + 1 :]:

@@ -22,5 +22,5 @@ class SearchSettings(Section):
     )
 
     def matters(self, before: float, after: float, floor: float) -> bool:
-        """Whether an error that falls from `before` to `after` falls by what counts; `floor` is that of noise alone."""
+        """Whether the fall from `before` to `after` is material; `floor`: error of noise alone."""
         return bool(before - after >= max(self.material_share * before, self.material_floor * floor))

@@ -1,14 +1,7 @@
-"""What the search must know of a world: its candidates, how a model is fitted and judged, its residuals' slopes.
+"""Interface between the search and a world.
 
-A *world* is the data of some trials together with the models that may explain them.  A model is a base (a contact law,
-the believed equations of motion) with effects switched on in order.  docs/architecture.md shows who implements it.
-
-| name in code | what the search reads of it                                                                    |
-|--------------|------------------------------------------------------------------------------------------------|
-| candidate    | `name`                                                                                         |
-| fit          | `base`, `effects`, `values` of the parameters, `score`: log score of the data fitted to, nats  |
-| judgement    | log score of other data by trial, their number of units, the total; what else the world shows  |
-| slopes       | whitened residuals and what each parameter, fitted or not, changes in them                     |
+A *world* is the data of some trials and the models that may explain them.  A model is a base (a contact law, or the
+believed equations of motion) with effects in order.  docs/architecture.md lists the implementations.
 """
 
 from abc import ABC, abstractmethod
@@ -29,7 +22,7 @@ class Candidate(Protocol):
 
 
 class Fit(Protocol):
-    """A model whose parameters are fitted."""
+    """A fitted model: base, effects, parameter values, and log score of the fitted data in nats."""
 
     @property
     def base(self) -> str: ...
@@ -51,7 +44,7 @@ class Judgement(Protocol):
 
     @property
     def units(self) -> int:
-        """Number of impacts, windows, ...: what a gain is told for one of."""
+        """Number of impacts or windows; gains are reported per unit."""
         ...
 
     @property
@@ -60,7 +53,7 @@ class Judgement(Protocol):
         ...
 
     def by_trial(self, trials: np.ndarray) -> np.ndarray:
-        """Log score of each of `trials` in nats."""
+        """Log score in nats of each of `trials`."""
         ...
 
 
@@ -75,10 +68,9 @@ class Slopes:
 
     Attributes:
         residual: (N,) whitened.
-        fitted: (N, p) change of the residual by a unit of each parameter in the model.
-        candidates: by name, (N, n_p) the same for parameters of candidates.
-        unit_noise: whether the noise is known, so that residuals of a right model have variance 1; else their own
-            variance is taken for it.
+        fitted: (N, p) change of the residual per unit of each fitted parameter.
+        candidates: by name, (N, n_p) the same for its parameters.
+        unit_noise: whether the noise is known; else it is estimated from the variance of the residuals.
     """
 
     residual: np.ndarray
@@ -93,9 +85,9 @@ class World(ABC, Generic[E, F, J]):
     Attributes:
         candidates: effects that these data can test, by name; not_testable: name -> why not.
         bases: names of the models without effects, of which the best is chosen.
-        rivals: number of bases with which the first effect is tried: without it the wrong one may be best.
+        rivals: number of bases tried with the first effect, which may have favoured the wrong base.
         trials: numbers of the trials, ascending.
-        unit: what a gain is told for one of: "impact", "window".
+        unit: "impact" or "window".
         resamples: draws of null distributions and of the bootstrap.
     """
 
@@ -116,29 +108,28 @@ class World(ABC, Generic[E, F, J]):
         *,
         quick: bool = False,
     ) -> F:
-        """All parameters fitted to these data, from `start` where it names them; `quick` may stop early."""
+        """Fit all parameters to these data, from `start` where it has them; `quick` may stop early."""
 
     @abstractmethod
     def judge(self, fitted: F) -> J:
-        """Judgement of a model that was fitted to other data."""
+        """Judge a model that was fitted to other data."""
 
     @abstractmethod
     def cross_validate(self, fitted: F, folds: np.ndarray) -> J:
-        """Judgement on these data, each fold's by a fit to the others; `folds` numbers the fold of each trial."""
+        """Judge each fold by a fit to the others; `folds` holds the fold of each trial."""
 
     @abstractmethod
     def slopes(self, fitted: F, candidates: Sequence[E]) -> Slopes:
-        """The fitted model to first order, and what candidates would add."""
+        """Slopes of the fitted model and of the candidates."""
 
     @abstractmethod
     def is_material(self, better: J, worse: J, candidate: E, settings: SearchSettings) -> bool:
-        """Whether the candidate lowers an error that it is about by an amount that matters."""
+        """Whether the candidate lowers an error of its channels by an amount that matters."""
 
     def start_with(self, fitted: F, candidate: E) -> Mapping[str, Any]:
-        """Values from which the fit with one more effect starts."""
+        """Start values for the fit with one more effect."""
         return fitted.values
 
     def drawn(self, fitted: F, rng: np.random.Generator) -> Self | None:
-        """These data as the fitted model would have made them; None where fits are linear, so that refits gain what
-        the score test says."""
+        """Data drawn from the fitted model; None for linear fits, whose refits gain what the score test predicts."""
         return None

@@ -1,12 +1,12 @@
-"""An augmented model acting in a Drake simulation: Drake flies the body, the model resolves its touches.
+"""An augmented model in a Drake simulation: Drake integrates the flight, the model resolves each touch.
 
-Drake's MultibodyPlant has the free body (`drake_plant`) and integrates its flight.  What the model's effects say of the
-flight enters as a force on it, f = M (a(q, v) − g), from a system that asks the model at every stage of the integrator.
-Where the model's gap vanishes, Drake is stopped, the velocity becomes what the model predicts, and Drake goes on:
+Drake's MultibodyPlant holds the free body (`drake_plant`).  A system evaluates the model at every stage of the
+integrator and applies its flight effects as a force f = M (a(q, v) − g).  Drake stops where the model's gap vanishes,
+and goes on with the velocity that the model predicts:
 
     M v̇ = M g + f     between touches,        v⁺ = predict(q, v⁻)     where φ_n(q) − gap(q, v⁻) = 0
 
-What is recorded is the model's map of the true state, as a camera with its faults would see it.
+The record holds the true state as the model's camera, with its faults, sees it.
 
 | on paper | in code         | unit               | shape  | meaning                                          |
 |----------|-----------------|--------------------|--------|--------------------------------------------------|
@@ -38,7 +38,7 @@ from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
 SAY_EVERY = 10  # drops
-MAX_TOUCHES = 50  # of one drop; a body at rest touches no more often, it is slower than REST
+MAX_TOUCHES = 50  # of one drop; it is slower than REST, and ends, before that
 
 
 def simulate_augmented_in_drake(
@@ -55,14 +55,12 @@ def simulate_augmented_in_drake(
     """Trajectories of n drops that Drake flies and a saved model resolves the touches of.
 
     Args:
-        model: law, effects, parameters and rig, as a critique saved them.
         release: distribution of the true release states.
-        n: number of drops.
-        duration: s; samples at 0, 1/rate, ... up to it, or until a body comes to rest.
-        rate: Hz.
-        noise: one-sigma noise of position and angle; none if None.
-        rng: spawns the streams for releases and noise, as `simulate_law_drops` does.
-        say: told how many drops are done, now and then.
+        duration: s; a record ends there or when the body comes to rest.
+        rate: samples per s.
+        noise: standard deviation of position and angle; None: no noise.
+        rng: spawns the streams for releases and noise, as in `simulate_law_drops`.
+        say: receives the number of finished drops.
 
     Raises:
         UserError: duration, rate or n is not positive.
@@ -84,7 +82,7 @@ def simulate_augmented_in_drake(
             say(f"{i + 1} of {n} drops")
     table = pd.concat(tables, ignore_index=True)
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    # drawn for all samples, so that a body that comes to rest early changes no other's noise
+    # drawn for all samples: a body that comes to rest early changes no other's noise
     noises = noise_rng.standard_normal((n, len(samples), 3))[
         table["trial"], np.rint(table["t"] * rate).astype(int)
     ]
@@ -102,7 +100,7 @@ def simulate_augmented_in_drake(
 
 
 class _Air(LeafSystem):
-    """Force of the model's flight effects on the plant: M (a − g) from its state."""
+    """Force of the model's flight effects on the plant, M (a − g), from its state."""
 
     def __init__(self, model: Model, saved: SavedModel, trial: list[int]) -> None:
         super().__init__()
@@ -122,7 +120,7 @@ class _Drops:
     """Drake's simulator of the free body, and the model that acts on it."""
 
     def __init__(self, saved: SavedModel, body: Body) -> None:
-        # the camera's faults act on what is recorded, and on nothing else
+        # faults of the camera act on the record only
         self.camera, self.inner = saved.model.camera_and_body()
         self.saved, self.rig = saved, saved.believed
         self._trial = [0]
@@ -131,17 +129,17 @@ class _Drops:
         self.clock = Clock(made, FLIGHT_STEP, ACCURACY)
 
     def run(self, trial: int, q: np.ndarray, v: np.ndarray, samples: np.ndarray) -> pd.DataFrame:
-        """What the camera sees of one drop, without noise: trial, t, x, y, theta."""
+        """Record of one drop without noise: trial, t (s), x, y (m), theta (rad)."""
         self._trial[0], t, legs = trial, 0.0, []
 
         def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
-            # effects that look at a velocity in flight do not exist: the gap is one of poses
+            # no effect depends on the velocity in flight here: the gap is a function of pose
             return self.inner.gap(_state(q, np.zeros_like(q), t, trial), self.saved.values, self.rig)
 
         for _ in range(MAX_TOUCHES):
             times, q_path, v_path, landed = fly(self.clock, gap, t, q, v, samples[samples > t + 1e-12])
             seen = samples[(samples >= t - 1e-12) & (samples <= times[-1] + 1e-12)]
-            # Drake stops at every sample: its log holds them
+            # Drake stops at every sample, so that its log holds them
             at = np.abs(times[:, None] - seen).argmin(axis=0)
             legs.append(self._seen(q_path[at], v_path[at], seen, trial))
             if not landed:

@@ -1,8 +1,8 @@
-"""Drops of a body whose impacts follow a given law with given effects: source (a) of the proof.
+"""Drops whose impacts follow a given law with given effects: source "law" of the proof.
 
-Flights are integrated in steps of a quarter of the sampling period (midpoint rule) with the model's acceleration; an
-impact is placed inside its step where the model's gap vanishes, and resolved by the model.  What the camera reports is
-the model's map of the true state.  So an effect acts here in every place in which it says that it acts.
+The midpoint rule integrates flights with the model's acceleration, in quarters of the sampling period.  An impact is
+located within its step where the model's gap vanishes; the model resolves it.  The model also maps the true state to
+what the camera reports.  So an effect acts at every stage that it declares.
 """
 
 from collections.abc import Mapping
@@ -17,15 +17,15 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.effects.effect import Rig, State
 
-SUBSTEPS = 4  # in a sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m in a flight
-REST = 0.15  # m/s; a body slower than this at an impact is taken to have come to rest, and its record ends
+SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
+REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
 
 
 class Releases(Protocol):
-    """Where drops begin: a distribution, or the measured releases of a dataset."""
+    """Distribution of release states, or the measured releases of a dataset."""
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Poses, above the surface, and velocities (n, 3)."""
+        """Poses above the surface (m, m, rad) and velocities (m/s, m/s, rad/s), both (n, 3)."""
         ...
 
 
@@ -42,7 +42,7 @@ def simulate_law_drops(
     noise: Noise,
     rng: np.random.Generator,
 ) -> Dataset:
-    """Trajectories of n drops, as a user would have measured them."""
+    """Trajectories of n drops as a camera records them; gravity in m/s², duration in s, rate in Hz."""
     rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0)
     camera, inner = model.camera_and_body()
     release_rng, noise_rng = rng.spawn(2)
@@ -83,7 +83,7 @@ def simulate_law_drops(
 
 
 def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.ndarray) -> State:
-    """Midpoint rule over times h (n,)."""
+    """Midpoint rule over times h (n,) in s."""
     a = model.acceleration(s, values, rig)
     half = s.flown(a, 0.5 * h)
     return s.flown(model.acceleration(half, values, rig), h)
@@ -92,7 +92,7 @@ def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.nd
 def _step(
     model: Model, values: Mapping[str, float], rig: Rig, s: State, h: float, alive: np.ndarray
 ) -> State:
-    """One step of all drops; drops that come to rest are marked in `alive`."""
+    """One step of h seconds for all drops; `alive` (n,) is cleared for drops that come to rest."""
     n = len(s.x)
     left = np.full(n, h)
     for _ in range(3):  # impacts of one body within a millisecond

@@ -1,10 +1,11 @@
-"""Drops as a saved model makes them: law, effects and rig of a model.json, acting in a simulator.
+"""Simulate drops of a saved model: law, effects and rig of a model.json.
 
-Two engines resolve every touch with the model and fly between touches with its acceleration: our own (`law_drops`) and
-Drake (`drake_augmented`).  Equal releases give equal paths in both.  Scatter beyond noise is no cause and is not drawn.
+Two engines resolve every touch with the model and fly with its acceleration: `law_drops` and Drake
+(`drake_augmented`).  Equal releases give equal paths in both.  Scatter beyond noise has no known cause and is not
+drawn.
 
-Releases are those of the proof, or those of a dataset: the state before the first impact of each of its trials, traced
-back to the first sample t_0 (impacts.csv has none: to where the body was let go, v_y = 0),
+Releases are those of the proof or of a dataset.  The latter are the states before the first impact of each trial,
+traced back to the first sample t_0, or without trajectories (impacts.csv) to v_y = 0:
 
     q_0 = q − v T + a T²/2,    v_0 = v − a T,    T = t_c − t_0   or   |v_y| / g
 
@@ -33,20 +34,20 @@ from thesis_lib.simulate.rig.release import Release
 
 ENGINES = ("own", "drake")
 RATE = 250.0  # Hz
-DURATION = 0.6  # s under 9.81 m/s², from the heights of the proof
-AFTER_FALL = 0.3  # s, recorded after the longest fall where no trajectories say how long to record
+DURATION = 0.6  # s, for releases of the proof under 9.81 m/s²
+AFTER_FALL = 0.3  # s, recorded after the longest fall if no trajectories give a duration
 CLEAR = 0.01  # m, least height of the lowest point at release
 
 
 @dataclass(frozen=True)
 class MeasuredReleases:
-    """Releases of a dataset: each once and in order, then drawn with replacement; q, v (m, 3)."""
+    """Releases of a dataset, q and v (m, 3): each once in order, then drawn with replacement."""
 
     q: np.ndarray
     v: np.ndarray
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Poses and velocities (n, 3)."""
+        """Poses (m, m, rad) and velocities (m/s, m/s, rad/s), both (n, 3)."""
         count = len(self.q)
         rows = np.r_[np.arange(min(n, count)), rng.integers(count, size=max(n - count, 0))]
         return self.q[rows].copy(), self.v[rows].copy()
@@ -61,15 +62,14 @@ def simulate_model(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
 ) -> Dataset:
-    """Trajectories of drops that a saved model makes.
+    """Trajectories of drops simulated with a saved model.
 
     Args:
-        model: as saved.
-        n: number of drops; None: 50, or as many as `like` has releases.
+        n: number of drops; None: 50, or one for each release of `like`.
         engine: "own" or "drake".
-        like: releases, noise, rate and duration as in this dataset, instead of those of the proof.
+        like: dataset whose releases, noise, rate and duration replace those of the proof.
         rng: equal streams give equal releases and noise in both engines.
-        say: called with a line on each step, for progress on a terminal.
+        say: receives a line for each step.
 
     Raises:
         UserError: n is not positive, the engine is unknown or not installed, or `like` shows no release.
@@ -100,7 +100,7 @@ def simulate_model(
 
 
 def proof_releases(model: SavedModel) -> Release:
-    """Releases of the proof, lifted where the body is too large for their lowest height."""
+    """Releases of the proof, lifted if the body is too large for their lowest height."""
     spread = PROOF_RELEASE.height
     lift = max(0.0, model.rig.shape.extent + CLEAR - spread.low)
     height = spread.model_copy(update={"low": spread.low + lift, "high": spread.high + lift})
@@ -110,10 +110,10 @@ def proof_releases(model: SavedModel) -> Release:
 def measured_releases(
     model: SavedModel, like: Dataset, observations: Observations
 ) -> tuple[MeasuredReleases, float]:
-    """Releases of a dataset, and for how long to record after them in s.
+    """Releases of a dataset, and the duration to record in s.
 
     Raises:
-        UserError: no trial shows how its body was released.
+        UserError: no trial shows a release above the surface.
     """
     o = observations
     first = np.flatnonzero(o.found.impacts.impact == 0)
@@ -142,7 +142,7 @@ def measured_releases(
 
 
 def _noise(like: Dataset, observations: Observations) -> Noise:
-    """Noise of a sample of x, y and of θ."""
+    """Noise of a sample: position in m, angle in rad."""
     if observations.arcs:
         used = observations.found.noise.used
         return Noise(position=float(used[:2].mean()), angle=float(used[2]))
@@ -172,7 +172,7 @@ def _in_ours(
         noise=noise,
         rng=rng,
     )
-    # it drops onto y = 0; effects know heights above the surface only
+    # simulated over y = 0; the surface is at `rig.height`
     table = made.trajectories.assign(y=made.trajectories["y"] + rig.height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
     header = made.header.model_copy(update={"surface": Surface(height=rig.height)})
     return replace(made, header=header, trajectories=table)
