@@ -1,7 +1,7 @@
-"""The whole critique of one dataset: compare, locate, discover, augment, and what to measure next.
+"""Critique of one dataset: compare laws, choose effects, and judge what remains.
 
-Trials are split once: 70 % for every choice (law, effects, where to stop; by K-fold) and 30 % that no choice sees, from
-which every reported error comes.
+Trials are split once: 70 % for every choice (law, effects, where to stop) by K-fold, and 30 % held out, from which all
+reported errors come.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,20 +32,18 @@ MIN_IMPACTS = 30
 
 @dataclass(frozen=True)
 class Critique:
-    """Everything that the critique found of one dataset.
+    """Result of criticising one dataset.
 
     Attributes:
-        dataset: its name; settings: how it was criticised.
         observations, training, held_out: all impacts, and the two parts.
         discovery: law and effects, chosen on training trials.
-        ladder: (label, fit, held-out judgement) without effects and after each one.
+        ladder: (label, fit, held-out judgement) after 0, 1, ... effects.
         laws: held-out judgement of each law without effects.
-        without: held-out judgement of the final model without each of its effects, all else refitted.
+        without: by effect, held-out judgement of the final model refitted without it.
         remaining: structure left on training trials after the last effect.
-        irb: held-out IRB bound of the data as measured, m/s; irb_augmented: with geometry, inertia and camera as the
-            final model has them.
-        no_impact: held-out error if nothing happened, m/s.
-        source: the dataset itself, for pictures of its samples.
+        irb, irb_augmented: held-out IRB bound, m/s, as measured, and with the final geometry, inertia and camera.
+        no_impact: held-out error if velocities stayed unchanged, m/s.
+        source: the dataset, for plots of its samples.
     """
 
     dataset: str
@@ -65,34 +63,34 @@ class Critique:
 
     @property
     def verdict(self) -> str:
-        """adequate, effects or unexplained, as in diagnosis.json."""
+        """adequate, effects or unexplained."""
         return self.discovery.verdict(self.is_structured)
 
     @property
     def is_structured(self) -> bool:
-        """Whether something remains that is material: learnable from the state, or misfit far beyond noise."""
+        """Whether what remains is material: learnable from the state, or a misfit far beyond noise."""
         return self.is_learnable or bool(self.misfit_channels)
 
     @property
     def misfit_channels(self) -> tuple[str, ...]:
-        """Channels whose held-out misfit stays far above noise with all effects: impact, flight, meet, touch."""
+        """Channels with a held-out misfit far above noise after all effects: impact, flight, meet, touch."""
         last, limit = self.ladder[-1][2], self.settings.excess_scatter
         far = ["impact"] if last.excess > limit else []
         for channel, mean_square in last.sigmas.items():
             count = len(last.flight_score if channel == "flight" else last.score)
-            # a root mean square from a median of n has a standard error of 1.17 / √(2n) of itself
+            # a root mean square from the median of n values has a relative standard error of 1.17 / √(2n)
             if np.sqrt(mean_square) > limit * (1.0 + 2.0 * 1.17 / np.sqrt(2.0 * max(count, 1))):
                 far.append(channel)
         return tuple(far)
 
     @property
     def is_learnable(self) -> bool:
-        """Whether structure that a Gaussian process can learn is significant and material."""
+        """Whether the structure that a Gaussian process learns is significant and material."""
         floor = self.ladder[-1][2].floor
         return self.remaining.is_structured(self.settings, floor if np.isfinite(floor) else 0.0)
 
 
-# matrices here are small: threads of BLAS would only wait for each other, and change last bits with their number
+# for these small matrices BLAS threads are no faster, and their number changes last digits
 @threadpool_limits.wrap(limits=1)
 def criticise(
     dataset: Dataset,
@@ -106,14 +104,14 @@ def criticise(
     """Criticise contact models against a dataset.
 
     Args:
-        dataset: measured drops.
-        rng: the split, the folds and the resamples; seed it from the dataset's content for reproducible results.
-        settings: thresholds; arcs: detection of impacts.
+        rng: for split, folds and resamples; seed it from the dataset's content for reproducible results.
+        arcs: settings of the detection of impacts.
         effects: names of effects to switch on instead of the automatic choice.
-        say: is given a line on each step.
+        say: receives a line for each step.
 
     Raises:
-        UserError: too few trials or impacts, or an effect that is unknown or cannot be tested.
+        UserError: too few trials or impacts, a channel that is constant, more than one planar rigid body, or an effect
+            that is unknown or cannot be tested.
     """
     settings = settings or CritiqueSettings()
     require_known(effects or ())
@@ -156,7 +154,7 @@ def criticise(
 
 
 def _irb(fitted: Fit, observations: Observations) -> float:
-    """Mean IRB bound, m/s, of the impacts as the model's contact sees them."""
+    """Mean IRB bound, m/s, of the impacts in the geometry of the fitted contact."""
     before, after = states_at_impact(fitted.model, fitted.values, observations)
     seen = [
         fitted.model.contact(state, fitted.values, observations.rig, observations.offset)
@@ -168,7 +166,7 @@ def _irb(fitted: Fit, observations: Observations) -> float:
 
 
 def _refuse_constant(dataset: Dataset) -> None:
-    """A channel that never changes was not measured, and any verdict on it would be made up."""
+    """Refuse a channel that never changes: it was not measured, so that no verdict is possible."""
     given = dataset.impacts is not None and len(dataset.impacts) > 0
     table = dataset.impacts if given else dataset.trajectories
     if table is None or len(table) < 2:
@@ -176,7 +174,7 @@ def _refuse_constant(dataset: Dataset) -> None:
     columns = (*V_PRE, *V_POST) if given else ("x", "y", "theta")
     lowest = dataset.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
     if given and np.ptp(lowest) > 1e-9 * dataset.shape.extent:
-        columns = ("theta", *columns)  # where the angle decides the contact point
+        columns = ("theta", *columns)  # only if the angle moves the contact point
     stuck = [name for name in columns if table[name].nunique() == 1]
     if stuck:
         many = len(stuck) > 1
@@ -209,5 +207,5 @@ def _split(
 
 
 def gain_of(critique: Critique, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Held-out gain of the final model over the one without `effect`, nats an impact, with 95 % interval."""
+    """Held-out gain of the final model over the one without `effect`: nats per impact, with 95 % interval."""
     return paired_gain(critique.ladder[-1][2], critique.without[effect], rng)

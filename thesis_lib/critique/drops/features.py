@@ -1,4 +1,4 @@
-"""What the error of an impact may depend on: the state in the contact frame, the pose, and when it happened."""
+"""Features on which the error of an impact may depend: state in the contact frame, pose, and time."""
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ FEATURES = {
 
 
 def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
-    """Features of each impact, columns as in `FEATURES`; t only from trajectories."""
+    """Features of n impacts, columns and units as in `FEATURES`; t only for trajectories."""
     before, _ = states_at_impact(fitted.model, fitted.values, observations)
     true = fitted.model.to_true(before, fitted.model.active(fitted.values), observations.rig)
     r = observations.rig.shape.contact_point(true.theta)

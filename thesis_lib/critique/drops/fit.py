@@ -1,11 +1,11 @@
-"""Fit of all parameters of a model, and its log score, under the measured noise.
+"""Fit all parameters of a model under the measured noise, and score it.
 
     log score of an impact   log t_ν(R; 0, S),   Student's t with ν = 8 in m dimensions
     log score of a flight    the same in 3 dimensions
 
-The t distribution keeps single bad impacts from deciding; with Gaussian residuals it costs 2 % of efficiency.  The fit
-is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residuals, with S and σ_m updated between
-rounds: the weights (ν + m)/(ν + d²) make it a maximum-likelihood fit at fixed S.
+The t distribution limits the influence of single impacts; for Gaussian residuals it loses 2 % of efficiency.  The fit
+is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residuals, with weights (ν + m)/(ν + d²).  At
+fixed S this maximises the likelihood; S and σ_m are updated between rounds.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,10 +28,10 @@ from thesis_lib.critique.drops.residuals import (
 from thesis_lib.effects.effect import Effect
 
 NU = 8.0
-ROUNDS = 3  # of S, σ_m and weights; parameters move by less than a tenth of their error in the third
-STEPS = 12  # Levenberg-Marquardt steps a round
-ENOUGH = 1e-3  # nats of gain in a step below which a round ends: a twentieth of a standard error
-# of the likelihood, over that of a normal one; heavier tails than Student's t have less
+ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
+STEPS = 12  # Levenberg-Marquardt steps per round
+ENOUGH = 1e-3  # nats; a round ends below this gain per step, a twentieth of a standard error
+# of the likelihood, over that of a normal one: a floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
@@ -41,11 +41,10 @@ class Fit:
     """A fitted model.
 
     Attributes:
-        model: law and effects.
         values, std: by full parameter name.
-        covariance: of the parameters, in their order.
-        sigma_m: m/s, scatter beyond noise.
-        score: log score of the training data, nats; n impacts.
+        covariance: (p, p) of the parameters in their order.
+        sigma_m: scatter beyond noise, m/s.
+        score: log score of the training data, nats; n: number of impacts.
     """
 
     model: Model
@@ -63,14 +62,14 @@ class Fit:
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """Effects that are switched on."""
+        """Effects in the order of selection."""
         return self.model.effects
 
 
 class Whitening:
-    """Residuals of a model in units of their noise, at fixed S and σ_m and any parameters.
+    """Whitened residuals of a model at fixed S and σ_m.
 
-    Flights, and so the states at impact, are kept as long as no parameter changes on which they depend.
+    Flights and states at impact are cached until one of their parameters changes.
     """
 
     def __init__(self, model: Model, observations: Observations, S: np.ndarray, sigma_m: float) -> None:
@@ -98,7 +97,7 @@ class Whitening:
 def log_scores(
     model: Model, values: Mapping[str, float], observations: Observations, sigma_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Log score of each impact (n,) and each flight (f,), in nats."""
+    """Log score in nats of each impact (n,) and each flight (f,)."""
     whitening = Whitening(model, observations, residual_covariance(model, values, observations), sigma_m)
     z, f = whitening(values)
     return _log_t(z, whitening.log_det), _log_t(f, whitening.flight_log_det)
@@ -110,7 +109,7 @@ def fit(
     start: Mapping[str, float] | None = None,
     rounds: int = ROUNDS,
 ) -> Fit:
-    """Fit all parameters from `start` (nulls where absent), trying every declared start of the last effect."""
+    """Fit all parameters from `start` (nulls if absent) and from every declared start of the last effect."""
     tries = [dict(start or {})]
     if model.effects:
         effect = model.effects[-1]
@@ -119,7 +118,7 @@ def fit(
             if p.discrete is not None:
                 tries = [{**t, key: p.discrete} for t in tries]
             elif key not in tries[0]:
-                # a start off the null: at the null itself many effects have no slope
+                # off the null, where many effects have no slope
                 options = p.starts or (
                     (p.null + p.scale, p.null - p.scale) if p.low < p.null < p.high else (p.null + p.scale,)
                 )
@@ -173,7 +172,7 @@ def _levenberg_marquardt(
     high: np.ndarray,
     step: np.ndarray,
 ) -> np.ndarray:
-    """Minimise |residuals(x)|² within bounds."""
+    """Minimise |residuals(x)|² over x (p,) within the bounds `low`, `high`; `step` (p,): finite differences."""
     r = residuals(x)
     cost, damping = r @ r, 1e-3
     J = np.zeros((len(r), len(x)))
@@ -185,7 +184,7 @@ def _levenberg_marquardt(
             J[:, i] = (residuals(moved) - r) / h
         JtJ, g = J.T @ J, J.T @ r
         for _ in range(6):
-            # parameters at a bound that want to leave the box stay there
+            # keep parameters at a bound if their step leaves the box
             held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
             move = ~held
             d = np.zeros_like(x)
@@ -215,14 +214,14 @@ def _covariance(
     step: np.ndarray,
     high: np.ndarray,
 ) -> np.ndarray:
-    """Covariance of the parameters `free` as an M-estimator has it, (p, p).
+    """Sandwich covariance (p, p) of the parameters `free`, as of an M-estimator.
 
-    With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the whitened residuals' Jacobian:
+    With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals,
 
         H⁻¹ B H⁻¹,   H = Σ a JᵀJ,  a = ⟨w + 2 w' d²/m⟩,   B = Σ b JᵀJ,  b = ⟨w² d²/m⟩
 
-    summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals that is 1.02 times the
-    Cramér-Rao bound; it grows with residuals that are larger than S says, and does not shrink with smaller ones.
+    summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals this is 1.02 times the Cramér-Rao
+    bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.
     """
     here = whitening(values)
     columns: list[list[np.ndarray]] = [[], []]
@@ -241,7 +240,7 @@ def _covariance(
         information = J.T @ J
         H += a * information
         B += b * information
-    # in units of each parameter's own information, so that the units of parameters do not matter
+    # scaled by the information of each parameter, so that units do not matter
     unit = np.sqrt(np.diag(H))
     unit = np.outer(unit, unit) + (unit == 0.0) + (unit == 0.0)[:, None]
     inverse = np.linalg.pinv(H / unit, hermitian=True) / unit
@@ -249,14 +248,14 @@ def _covariance(
 
 
 def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:
-    """a and b of `_covariance` for squared residuals d² (n,) in m dimensions."""
+    """a and b of `_covariance` from d² (n,) in m dimensions."""
     w = (NU + m) / (NU + d2)
     a = max(float(np.mean(w - 2.0 * w / (NU + d2) * d2 / m)), LEAST_CURVATURE)
     return a, float(np.mean(w * w * d2 / m))
 
 
 def _robust(z: np.ndarray) -> np.ndarray:
-    """Residuals whose squares sum to −2 log t_ν up to a constant."""
+    """Residuals with the sum of squares −2 log t_ν up to a constant."""
     if not len(z):
         return z
     m = z.shape[1]
@@ -297,17 +296,17 @@ def _best_sigma(
 
 
 def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
-    """Starts (μ, ε): the rough one, and with less friction, where more impacts slide and so tell what μ is."""
+    """Starts (μ, ε): the rough one, and others with less friction, where more impacts slide and determine μ."""
     values = {name: p.null for name, p in model.parameters.items()} | dict(start)
     rough = _rough_start(model, observations, values)
     return [{**rough, "mu": factor * rough["mu"]} for factor in (1.0, 0.5, 0.2)]
 
 
 def _rough_start(model: Model, observations: Observations, values: dict[str, float]) -> dict[str, float]:
-    """Best (μ, ε) on a grid in the kinetic norm: a start in the right basin.
+    """Best (μ, ε) on a grid in the kinetic norm, as a start in the right basin.
 
-    The mean over the better 90 % of the impacts, not the median: where more than half of them stick, μ would not count
-    in a median, and from a μ at which all stick no step leads back.
+    The cost is the mean over the better 90 % of the impacts.  A median would ignore μ if more than half of them stick,
+    and no step leads back from a μ at which all stick.
     """
     k = observations.rig.k_g
 
@@ -323,9 +322,9 @@ def _rough_start(model: Model, observations: Observations, values: dict[str, flo
 
 
 def cramer_rao(model: Model, true: Mapping[str, float], observations: Observations) -> dict[str, float]:
-    """Smallest std that any unbiased fit of all parameters could have on these impacts and flights, by name.
+    """Cramér-Rao bound on the std of each parameter, by name.
 
-    From the Fisher information JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
+    The Fisher information is JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
     """
     free = [name for name, p in model.parameters.items() if p.discrete is None]
     whitening = Whitening(model, observations, residual_covariance(model, true, observations), SIGMA_LOW)

@@ -2,12 +2,8 @@
 
     q(τ) = q_0 + v τ + a τ²/2,    τ = t − mean of t in the flight,    Σ_k B_k B_kᵀ (q_0, v, a)ᵀ = Σ_k B_k q(t_k)
 
-with B = (1, τ, τ²/2).  The variance of a is σ² times the last diagonal element of the inverse of the sum on the left.
-
-| on paper | in code        | unit         | shape  | meaning                                |
-|----------|----------------|--------------|--------|----------------------------------------|
-| a        | `acceleration` | m/s², rad/s² | (m, 3) | of each flight                         |
-| σ²       | `variance`     | m², rad²     | (3,)   | noise of a sample, correlation counted |
+with B = (1, τ, τ²/2).  The variance of a is σ² times the last diagonal element of (Σ_k B_k B_kᵀ)⁻¹, with σ² (3,) the
+noise of a sample in m² or rad², correlation included.
 """
 
 from dataclasses import dataclass
@@ -18,13 +14,13 @@ from thesis_lib.critique.drops.lines import GUARD, Hits
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects.effect import State
 
-MIN_FLIGHT = 12  # samples: a shorter flight's acceleration is noise
-MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds a hit that was not seen
+MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
+MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds an undetected hit
 
 
 @dataclass(frozen=True)
 class Flights:
-    """Accelerations of m flights between impacts: state at mid-flight, a (m, 3), its variance (m, 3), span (m,) s."""
+    """m flights: state at mid-flight, acceleration (m, 3) in m/s², rad/s² with variance (m, 3), span (m,) in s."""
 
     state: State
     acceleration: np.ndarray
@@ -43,10 +39,10 @@ NO_FLIGHTS = Flights(State(*(np.zeros(0),) * 8), np.zeros((0, 3)), np.zeros((0, 
 
 
 def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray) -> Flights:
-    """Accelerations of the flights with at least `MIN_FLIGHT` samples whose noise has `variance` (3,).
+    """Accelerations of the flights with at least `MIN_FLIGHT` samples, whose noise has `variance` (3,) in m², rad².
 
-    Only flights that a hit ends which is itself used: what follows the last hit of a trial may be a body at rest, and
-    an instant that is not known well leaves samples of two flights in one.
+    A flight must end at a hit that is used: after the last hit of a trial the body may rest, and a poorly known instant
+    mixes samples of two flights.
     """
     next_hit = hits.before(samples.trial, samples.t)
     near = np.zeros(len(samples), bool)
@@ -55,7 +51,7 @@ def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray) -> Flig
     samples, next_hit = samples.select(~near), next_hit[~near]
     trial, t, q = samples.trial, samples.t, samples.q
 
-    # samples are sorted: a flight begins where the trial or the next hit changes
+    # samples are sorted: a flight begins at a new trial or after a hit
     begins = np.r_[True, (trial[1:] != trial[:-1]) | (next_hit[1:] != next_hit[:-1])][: len(t)]
     first, flight = np.flatnonzero(begins), np.cumsum(begins) - 1
     count = np.bincount(flight)
@@ -77,7 +73,7 @@ def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray) -> Flig
     inverse = np.linalg.inv(np.moveaxis(normal, -1, 0))
     fitted = inverse @ np.moveaxis(right, -1, 0)  # (flights, [q_0, v, a], channel)
 
-    # a flight that is no parabola at all holds a hit that was not seen; the rest of it says nothing
+    # a path that is no parabola holds an undetected hit
     number = np.full(len(count), -1)
     number[rows] = np.arange(len(rows))
     inside = number[flight] >= 0

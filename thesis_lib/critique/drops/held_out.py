@@ -1,11 +1,11 @@
-"""Held-out judgement of a model: log score and errors, by K-fold over trials or on trials that no choice has seen.
+"""Judge a model on data that it was not fitted to: K-fold over trials, or held-out trials.
 
-Errors are the mean kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s, and for what needs
-trajectories the root mean square of the worst component in units of noise: flight (acceleration), meet (pose) and
-touch (gap).
+The error of an impact is the kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s.  The other
+channels need trajectories.  Their misfit is the root mean square of the worst component in units of noise: flight
+(acceleration), meet (pose) and touch (gap).
 
-The noise floor is the error that a perfect model would show, because its inputs and the outcome are measured with
-noise: the mean kinetic norm of a draw from the residual's covariance S.
+The noise floor is the error of a perfect model whose inputs and outcome are measured with noise: the mean kinetic norm
+of draws from the residual's covariance S.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from thesis_lib.statistics.spread import robust_std
 
 CHANNELS = ("impact", "flight", "meet", "touch")
 FLOOR_SEED = 0
-FLOOR_DRAWS = 64  # an impact; the mean over 100 impacts is then known to 1 %
+FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,11 @@ class Judgement:
     """Held-out result of one model.
 
     Attributes:
-        trial: (n,) of each impact; flight_trial: (f,).
+        trial, flight_trial: trial of each impact (n,) and flight (f,).
         score, flight_score: log scores in nats, (n,) and (f,).
         error: (n,) kinetic norm, m/s.
-        sigmas: mean square in units of noise, by channel "flight", "meet", "touch"; absent channels are NaN.
-        floor: m/s, noise floor of `error`; NaN if the noise is unknown.
-        excess: median error over the median that noise alone would give; NaN if the noise is unknown.
+        sigmas: mean square in units of noise, by channel "flight", "meet", "touch"; NaN if absent.
+        floor: noise floor of `error`, m/s; excess: median error over that of noise alone; NaN if the noise is unknown.
     """
 
     trial: np.ndarray
@@ -58,11 +57,11 @@ class Judgement:
 
     @property
     def total(self) -> float:
-        """Total log score, nats."""
+        """Log score in nats."""
         return float(self.score.sum() + self.flight_score.sum())
 
     def by_trial(self, trials: np.ndarray) -> np.ndarray:
-        """Log score of each of `trials`, impacts and flights together."""
+        """Log score in nats of each of `trials`, impacts and flights together."""
         total = np.zeros(len(trials))
         for trial, score in ((self.trial, self.score), (self.flight_trial, self.flight_score)):
             np.add.at(total, np.searchsorted(trials, trial), score)
@@ -87,7 +86,7 @@ def judge(fitted: Fit, observations: Observations) -> Judgement:
     floor, excess = np.nan, np.nan
     if o.noise_known:
         L = np.linalg.cholesky(S[:, :3, :3] + 1e-18 * np.eye(3))
-        # the same draws for every model, so that the same residuals have the same floor everywhere
+        # the same draws for every model: equal residuals then have equal floors
         unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), 3))
         draws = np.einsum("nij,dnj->dni", L, unit)
         noise = velocity_error(draws, o.rig.k_g)
@@ -105,7 +104,7 @@ def judge(fitted: Fit, observations: Observations) -> Judgement:
 
 
 def cross_validate(fitted: Fit, observations: Observations, folds: np.ndarray) -> Judgement:
-    """Judge by K-fold: `folds` numbers the fold of each trial of `np.unique(observations.trial)`."""
+    """Judge by K-fold; `folds` holds the fold of each trial of `np.unique(observations.trial)`."""
     trials = np.unique(observations.trial)
     parts = []
     for k in np.unique(folds):
@@ -138,7 +137,7 @@ def is_material(
             before, after = float(without.error.mean()), float(with_effect.error.mean())
             floor = without.floor if np.isfinite(without.floor) else 0.0
         else:
-            # root mean squares in units of noise, whose floor is 1
+            # root mean squares in units of noise, with floor 1
             before, after = np.sqrt(without.sigmas[channel]), np.sqrt(with_effect.sigmas[channel])
             floor = 1.0
         if np.isfinite(before) and settings.matters(before, after, floor):
@@ -147,8 +146,8 @@ def is_material(
 
 
 def _robust_mean_square(z: np.ndarray) -> float:
-    """Mean square of the worst component (of z (n, c)), as the median says it.
+    """Robust mean square, from the median, of the worst component of z (n, c).
 
-    A few flights that hold an unseen hit must not fill it, and a wrong gravity must not hide behind x and θ.
+    The median ignores a few flights with an undetected hit; the worst component shows a wrong gravity despite x and θ.
     """
     return float(np.max(robust_std(z)) ** 2)

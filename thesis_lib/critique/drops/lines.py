@@ -4,7 +4,7 @@ A line through a parabola with acceleration a has
 
     value(0) = q(t_c) + a b_0,    slope = v(t_c) + a b_1,     (b_0, b_1): the line through τ²/2
 
-and for any smooth path f(τ) it has value and slope Σ_k w_k f(τ_k) over a few nodes τ_k, which stand for all samples.
+and for any smooth path f(τ) it has value and slope Σ_k w_k f(τ_k) over a few nodes τ_k, which replace all samples.
 
 | on paper     | in code            | unit          | shape      |                                             |
 |--------------|--------------------|---------------|------------|---------------------------------------------|
@@ -22,14 +22,14 @@ from numpy.polynomial.legendre import legvander
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.impacts.lines import Lines, lines_through, rank
 
-NODES = 8  # a path that turns by 2.5 rad in a window of 0.1 s is then a polynomial to 1e-6 of its size
-GUARD = 1e-3  # s; samples this near to an impact may fall into the contact
+NODES = 8  # exact to 1e-6 of its size for a path that turns by 2.5 rad in a window of 0.1 s
+GUARD = 1e-3  # s; samples this near to an impact may lie in the contact
 LATER = 1e-9  # s; an instant this much after a hit counts as after it
 
 
 @dataclass(frozen=True)
 class Hits:
-    """All detected hits, whether an impact was measured or not, sorted by trial and time; trial, t in s, used (h,)."""
+    """All detected hits, sorted by trial and time: trial, t in s, used (h,)."""
 
     trial: np.ndarray
     t: np.ndarray
@@ -39,11 +39,11 @@ class Hits:
         return len(self.t)
 
     def before(self, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Number of hits before each instant, counted over all trials in their order."""
+        """Number of hits before each instant, over all trials in order."""
         return position(self.trial, self.t, trial, t)
 
     def instants(self, number: np.ndarray, trial: np.ndarray, otherwise: float) -> np.ndarray:
-        """Times in s of the hits of these numbers, or `otherwise` where there is none in this trial."""
+        """Times in s of the hits of these numbers; `otherwise` if the trial has no such hit."""
         times = np.full(len(number), otherwise)
         rows = np.flatnonzero((number >= 0) & (number < len(self)))
         rows = rows[self.trial[number[rows]] == trial[rows]]
@@ -53,7 +53,7 @@ class Hits:
 
 @dataclass(frozen=True)
 class SideLines:
-    """Lines on both sides of n impacts; see the module's table.  NaN in `unit_cov`: too few samples."""
+    """Lines on both sides of n impacts, as in the module's table; `unit_cov` is NaN with too few samples."""
 
     value: np.ndarray
     slope: np.ndarray
@@ -64,17 +64,14 @@ class SideLines:
 
 
 def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.ndarray) -> np.ndarray:
-    """Index at which each instant (of_trial, of_t) would stand among those sorted by trial and time, (trial, t)."""
-    # one key for both: trials are integers, times stay below a span
+    """Insertion index of each instant (of_trial, of_t) into (trial, t), sorted by trial and time."""
+    # one sort key: trials are integers, and times stay below a span
     span = 2.0 * (max(np.abs(t).max(initial=0.0), np.abs(of_t).max(initial=0.0)) + 1.0)
     return np.searchsorted(trial * span + t, of_trial * span + of_t)
 
 
 def side_lines(samples: Samples, hits: Hits, trial: np.ndarray, t: np.ndarray, most: np.ndarray) -> SideLines:
-    """Lines on either side of impacts at (trial, t), (n,), through at most `most` (n, 2) samples each.
-
-    A side ends at the next hit, used or not.
-    """
+    """Lines on either side of impacts at (trial, t), (n,), through at most `most` (n, 2) samples; hits end a side."""
     after = hits.before(trial, t + LATER)  # number of the first hit after the impact
     earliest = hits.instants(after - 2, trial, -np.inf) + GUARD
     latest = hits.instants(after, trial, np.inf) - GUARD
@@ -101,13 +98,13 @@ def side_lines(samples: Samples, hits: Hits, trial: np.ndarray, t: np.ndarray, m
 
 
 def _nodes(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights that do for smooth paths what all samples do: exact for polynomials of degree `NODES` − 1."""
+    """Nodes and weights that replace all samples: exact for polynomials of degree `NODES` − 1."""
     low = np.where(side > 0, tau[:, None], np.inf).min(axis=2, initial=np.inf)
     high = np.where(side > 0, tau[:, None], -np.inf).max(axis=2, initial=-np.inf)
     low, high = (np.where(np.isfinite(a), a, 0.0) for a in (low, high))
     half = np.maximum(0.5 * (high - low), 1e-9)[..., None]
     middle = 0.5 * (low + high)[..., None]
-    # how slope and value of the line weigh each sample
+    # weights of the samples in slope and value of the line
     spread = np.where(lines.spread > 0, lines.spread, 1.0)[..., None]
     slope = (tau[:, None] - lines.mean[..., None]) * side / spread
     value = side / np.maximum(lines.count, 1.0)[..., None] - slope * lines.mean[..., None]
