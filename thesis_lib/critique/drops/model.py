@@ -1,7 +1,7 @@
-"""A law with any set of effects switched on: what it predicts of measured states.
+"""A law with any set of effects: prediction of measured states.
 
-A measured state goes through the camera to the true one, through the effects to what the contact sees, through the law
-and back; `thesis_lib/effects/effect.py` names the stages.
+A measured state passes through the camera to the true state, the effects to what the contact sees, the law, and back;
+`thesis_lib/effects/effect.py` names the stages.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,19 +17,19 @@ BASE_PARAMETERS = (
     Parameter("mu", "1", null=0.1, low=0.0, high=2.0, scale=0.05),
     Parameter("epsilon", "1", null=0.5, low=0.0, high=1.0, scale=0.05),
 )
-_H = 1e-3  # s, for the derivative of a linear map
+_H = 1e-3  # s, for the derivative of a linear map: exact for any step
 
 
 @dataclass(frozen=True)
 class Model:
-    """A law with effects; parameters are `mu`, `epsilon` and `effect.parameter` for each effect's own."""
+    """A law with effects; parameters are `mu`, `epsilon`, and `effect.parameter` for each effect."""
 
     law: Law
     effects: tuple[Effect, ...] = ()
 
     @property
     def parameters(self) -> dict[str, Parameter]:
-        """All parameters in order, by their full name."""
+        """All parameters by full name, in order."""
         named = {p.name: p for p in BASE_PARAMETERS}
         for effect in self.effects:
             named |= {f"{effect.name}.{p.name}": p for p in effect.parameters}
@@ -47,7 +47,7 @@ class Model:
 
     @property
     def flight_parameters(self) -> list[str]:
-        """Names of the parameters on which the measured flights, and so the states at impact, depend."""
+        """Parameters on which the measured flights, and so the states at impact, depend."""
         hooks = ("to_true", "to_measured", "acceleration", "arc")
         return [
             f"{effect.name}.{p.name}"
@@ -67,13 +67,13 @@ class Model:
     def contact(
         self, measured: State, values: Mapping[str, float], rig: Rig, offset: np.ndarray | None = None
     ) -> tuple[State, np.ndarray, np.ndarray, float]:
-        """State as the contact sees it, contact point r_x, r_y (n,) from the true centre of mass, and true k, m."""
+        """State as the contact sees it, contact point r_x, r_y (n,) in m from the true centre of mass, true k and m."""
         active = self.active(values)
         true = self.to_true(measured, active, rig)
         r = rig.shape.contact_point(true.theta)
         r_x, r_y = r[:, 0], r[:, 1]
         if offset is not None and offset.any():
-            # a given contact point belongs to the measured angle; where that is mirrored, so is its offset
+            # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
             turned = self.to_true(measured.moved(theta=measured.theta + _H), active, rig)
             r_x, r_y = r_x + offset[:, 0] * np.sign(turned.theta - true.theta), r_y + offset[:, 1]
         seen, k_g = true, rig.k_g
@@ -94,7 +94,7 @@ class Model:
         mu: np.ndarray | None = None,
         epsilon: np.ndarray | None = None,
     ) -> State:
-        """Measured state after impact, from the measured state before it (see effects/effect.py for the stages)."""
+        """Measured state after impact, from the measured state before it; `mu`, `epsilon` (n,) replace the fitted."""
         active = self.active(values)
         seen, r_x, r_y, k_g = self.contact(measured, values, rig, offset)
         w = 1.0 / (k_g * k_g)
@@ -126,41 +126,41 @@ class Model:
         return self.to_measured(after, active, rig)
 
     def acceleration(self, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
-        """Measured acceleration in flight, (n, 3)."""
+        """Measured acceleration in flight (n, 3), m/s² and rad/s²."""
         active = self.active(values)
         true = self.to_true(measured, active, rig)
         a = np.zeros((len(true.x), 3))
         a[:, 1] = -rig.gravity
         for effect, p in active:
             a = effect.acceleration(a, true, p, rig)
-        # the camera's map is linear in the velocity: its difference quotient is exact
+        # the camera's map is linear in the velocity, so that a difference quotient is exact
         later = true.with_velocity(true.v + _H * a)
         return (self.to_measured(later, active, rig).v - self.to_measured(true, active, rig).v) / _H
 
     def arc(
         self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig
     ) -> np.ndarray | None:
-        """What flight paths have beyond constant acceleration at times τ (n, W), (n, W, 3); None if nothing."""
+        """Flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
         active = self.active(values)
         true = self.to_true(measured, active, rig)
         parts = [part for effect, p in active if (part := effect.arc(tau, true, p, rig)) is not None]
         return sum(parts[1:], parts[0]) if parts else None
 
     def gap(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
-        """Gap (n,) m between the true body and surface: that of the believed shape, less what effects take of it."""
+        """Gap (n,) in m between true body and surface: that of the believed shape less the effects' share."""
         taken = np.zeros(len(true.x))
         for effect, p in self.active(values):
             taken = effect.gap(taken, true, p, rig)
         return rig.shape.gap(true.y, true.theta, rig.height) - taken
 
     def camera_and_body(self) -> tuple["Model", "Model"]:
-        """The model of the camera (measurement effects only), and that of what happens (all others)."""
+        """The model with measurement effects only, and the one with all others."""
         camera = tuple(e for e in self.effects if e.family == "measurement")
         body = tuple(e for e in self.effects if e.family != "measurement")
         return Model(self.law, camera), Model(self.law, body)
 
     def active(self, values: Mapping[str, float]) -> list[tuple[Effect, dict[str, float]]]:
-        """The effects in order, each with the parameters p that its hooks take."""
+        """The effects in order, each with the parameters p of its hooks."""
         return [
             (effect, {p.name: values[f"{effect.name}.{p.name}"] for p in effect.parameters})
             for effect in self.effects
@@ -168,14 +168,14 @@ class Model:
 
     @staticmethod
     def to_true(state: State, active: Sequence, rig: Rig) -> State:
-        """True state behind a measured one; `active` as the method of that name gives it."""
+        """True state behind a measured one; `active` is the result of `active`."""
         for effect, p in reversed(active):
             state = effect.to_true(state, p, rig)
         return state
 
     @staticmethod
     def to_measured(state: State, active: Sequence, rig: Rig) -> State:
-        """What the camera makes of a true state."""
+        """State that the camera reports for a true one."""
         for effect, p in active:
             state = effect.to_measured(state, p, rig)
         return state

@@ -1,15 +1,8 @@
-"""What is measured of each impact and of each flight, with covariance: the data of the critique.
+"""Observations of impacts and flights with covariance: the data of the critique.
 
-Around each impact a straight line is fitted to the samples on either side, separately (`lines`): nothing is assumed
-about how the arcs meet, because that is among the things to be criticised.  Pose and velocity at the impact follow from
-the lines for *any* acceleration a model asks for (gravity, drag, tilt, ...).  Flights that are long enough also give
-their acceleration (`flights`).
-
-| on paper     | in code            | unit          | shape      |                                             |
-|--------------|--------------------|---------------|------------|---------------------------------------------|
-| value, slope | `value`, `slope`   | m, rad; m/s, rad/s | (n, 2, 3) | of the lines before and after at t_c     |
-| b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | the same line through τ²/2                  |
-| C            | `cov`              |               | (n, 2, 3, 2, 2) | of (value, slope), by side and channel |
+A straight line is fitted to the samples on either side of each impact separately (`lines`), because how the arcs meet
+is itself to be tested.  The lines give pose and velocity at the impact for *any* acceleration of a model (gravity,
+drag, tilt, ...).  Flights that are long enough also give their acceleration (`flights`).
 """
 
 from dataclasses import dataclass, replace
@@ -26,20 +19,19 @@ from thesis_lib.effects.effect import Rig
 
 @dataclass(frozen=True)
 class Observations:
-    """n impacts and m flights of one dataset.
+    """n impacts and m flights of one dataset; sides are before and after, channels x, y, θ.
 
     Attributes:
-        rig: what is believed of body and rig.
-        trial, t: (n,).
-        value, slope, bow, cov: see the module's table; `value` is NaN-free.
-        nodes, weights: (n, 2, `NODES`) s after impact, and (n, 2, 2, `NODES`): the line through the samples of any
-            smooth path f(τ) has value and slope `weights @ f(nodes)`.  First and last node: ends of the samples used.
-        t_std: (n,) s, how well t_c is known.
-        offset: (n, 2) contact point as given by the dataset minus that of the shape, m (zero from trajectories).
-        arcs: whether there are trajectories, so that poses before and after are measured separately.
+        rig: believed body and rig.
+        trial, t: (n,), t in s.
+        value, slope, bow, nodes, weights: as in `lines`; `value` has no NaN.
+        cov: (n, 2, 3, 2, 2) covariance of (value, slope), by side and channel.
+        t_std: (n,) standard deviation of the instant t_c, s.
+        offset: (n, 2) contact point of the dataset minus that of the shape, m; zero for trajectories.
+        arcs: whether there are trajectories, which measure the poses before and after separately.
         flights: accelerations, or none.
-        noise_known: whether `cov` comes from measurements or statements; else only the scatter is known.
-        found: what detection made of the dataset, for figures and tables; its impacts are these n.
+        noise_known: whether `cov` is measured or stated; else only the scatter is known.
+        found: result of the detection; its impacts are these n.
     """
 
     rig: Rig
@@ -72,7 +64,7 @@ class Observations:
         return replace(self, **arrays, flights=flights)
 
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
-        """The impacts `copies` times one after the other; without samples `nodes` and `weights` stay as they are."""
+        """The impacts repeated `copies` times; without samples `nodes` and `weights` are not repeated."""
         names = ("trial", "t", "value", "slope", "bow", "offset") + (
             ("nodes", "weights") if with_samples else ()
         )
@@ -84,7 +76,7 @@ class Observations:
 
 
 def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
-    """Observations of a dataset, from the samples in which its impacts were found, or else from its impacts.csv."""
+    """Observations from trajectories with detected impacts, or else from impacts.csv."""
     found = find_impacts(dataset, settings)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     return _from_impacts(found, rig) if found.samples is None else _from_samples(found.samples, found, rig)
@@ -123,7 +115,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
     impacts = found.impacts
     table = found.arcs.sort_values(["trial", "t"])
     hits = Hits(table["trial"].to_numpy(), table["t"].to_numpy(), table["used"].to_numpy(bool))
-    # a window that detection has cut short, because the arc was bent, stays short
+    # a window that detection cut short at a bent arc stays short
     most = found.used_arcs[["n_pre", "n_post"]].to_numpy()
     lines = side_lines(samples, hits, impacts.trial, impacts.t, most)
     variance = found.noise.used**2 * found.noise.colour

@@ -1,23 +1,23 @@
-"""Is it one body that moves in a plane?  What no law and no effect can repair is refused, with the trials concerned.
+"""Refuse data that are not of one planar rigid body, and name the trials concerned.
 
-Whatever the contact law is, one rigid body keeps two relations at each impact: its lowest point touches, and the
-impulse acts there.  With a wrong size s, displaced centre of mass d (body frame) and wrong k² they read
+For any contact law one rigid body satisfies two relations at each impact: its lowest point touches, and the impulse
+acts there.  With a wrong size s, a displaced centre of mass d (body frame) and a wrong k² they read
 
     g = y + r_y − h       = −s r_y  + d · ∂g,                 ∂g = (sin θ, cos θ)
     τ = k² Δω − r × Δv    = δ k² Δω − d · ∂τ,                 ∂τ = (Δv_y c − Δv_x s, −Δv_y s − Δv_x c)
 
-Two bodies need two sets of coefficients, and each *trial* belongs to one of them.  They are found by alternating fit
-and assignment; two sets count if they bring the scatter down by `SHRINK` and nearly every trial clearly belongs to
-one.  A quantity that drifts, wears or depends on place or angle is spread out instead: two sets then halve its
-scatter, and leave trials in between.
+Two bodies have two sets of coefficients, and each *trial* belongs to one body.  Alternating fit and assignment finds
+them.  They count as two if they reduce the scatter by `SHRINK` and nearly every trial clearly belongs to one.  A
+quantity that drifts, wears, or varies with place or angle is spread evenly instead: two sets then halve its scatter and
+leave trials in between.
 
 | on paper | in code   | unit    | shape  |                                                     |
 |----------|-----------|---------|--------|-----------------------------------------------------|
 | g, τ     | `value`   | σ       | (n,)   | gap and couple of n impacts, in units of their noise |
 | s, d, δ  | `coefficients` | 1, m | (2, p) | of either body                                      |
 
-Own choices of limits, tried on every cause of `thesis_lib.simulate.rig.hidden_causes`; a mixture of regressions with
-a group for each trial is De Veaux (1989).
+The limits were tried on every cause of `thesis_lib.simulate.rig.hidden_causes`.  De Veaux (1989) describes a mixture of
+regressions with one group per trial.
 """
 
 from dataclasses import dataclass
@@ -28,20 +28,20 @@ from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.spread import robust_std
 
-SHRINK = 3.0  # scatter with one body over that with two; an evenly spread quantity, split in two, gives 2
-CLEAR = 9.0  # difference of χ² between the bodies by which a trial clearly belongs to one
-UNCLEAR = 0.15  # share of the trials that may not
-SMALLEST = 0.2  # share of the trials that either body has at least
-WILD = 5.0  # standard deviations beyond which a residual counts no more than at this limit
+SHRINK = 3.0  # scatter with one body over that with two; splitting an even spread gives 2
+CLEAR = 9.0  # difference of χ² between the bodies at which a trial clearly belongs to one
+UNCLEAR = 0.15  # largest share of trials without a clear body
+SMALLEST = 0.2  # least share of trials of either body
+WILD = 5.0  # standard deviations at which residuals are clipped
 ROUNDS = 20
-PIECES = 12  # runs of trials that are spelled out
-NEAR_NOISE = 1.5  # scatter with two bodies in units of a known noise: each must be explained, not only halved
+PIECES = 12  # runs of trials that are listed
+NEAR_NOISE = 1.5  # largest scatter with two bodies over a known noise: each must explain its data
 SIDEWAYS = 0.4  # of gravity, one sigma in flight; a surface tilted by 0.13 rad gives 0.19
 
 
 @dataclass(frozen=True)
 class Groups:
-    """Two bodies: mask `second` over `trials`, coefficients (2, p), scatter with one body and with two."""
+    """Two bodies: mask `second` over `trials`, coefficients (2, p), scatter with one and with two bodies."""
 
     trials: np.ndarray
     second: np.ndarray
@@ -53,7 +53,7 @@ class Groups:
 
     @property
     def told_apart(self) -> bool:
-        """Whether the two are really two."""
+        """Whether the data show two bodies."""
         share = self.second.mean()
         enough = SMALLEST <= share <= 1.0 - SMALLEST
         explained = not self.noise_known or self.two < NEAR_NOISE
@@ -61,7 +61,7 @@ class Groups:
 
 
 def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
-    """Nothing, if `o` may be one body in a plane.
+    """Raise an error unless the observations `o` may be of one planar rigid body.
 
     Raises:
         UserError: the motion is not planar, or the trials are of two bodies.
@@ -115,7 +115,7 @@ def _runs(trials: np.ndarray) -> str:
 
 
 def touch_groups(o: Observations) -> Groups | None:
-    """Two bodies as far as heights at impact tell them."""
+    """Groups of trials by the heights at impact."""
     impacts = o.found.impacts
     theta = impacts.q[:, 2]
     r_y = o.rig.shape.contact_point(theta)[:, 1]
@@ -132,7 +132,7 @@ def touch_groups(o: Observations) -> Groups | None:
 
 
 def balance_groups(o: Observations) -> Groups | None:
-    """Two bodies as far as the balance of angular momentum tells them."""
+    """Groups of trials by the balance of angular momentum."""
     impacts, k2 = o.found.impacts, o.rig.k_g**2
     theta, dv = impacts.q[:, 2], impacts.dv
     r = o.rig.shape.contact_point(theta)
@@ -153,7 +153,7 @@ def balance_groups(o: Observations) -> Groups | None:
 def two_groups(
     trial: np.ndarray, value: np.ndarray, X: np.ndarray, std: np.ndarray, noise_known: bool
 ) -> Groups | None:
-    """The best two sets of coefficients of value (n,) on X (n, p), with noise std (n,), by trial; None if too few."""
+    """Best two sets of coefficients of value (n,) on X (n, p) with noise std (n,), by trial; None: too few trials."""
     trials, of = np.unique(trial, return_inverse=True)
     if len(trials) < 2 * X.shape[1] + 4 or not np.isfinite(std).all() or (std <= 0.0).any():
         return None
@@ -211,7 +211,7 @@ def _scale(residual: np.ndarray) -> float:
 
 
 def _fit(y: np.ndarray, X: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Coefficients (p,) by least absolute values (reweighted least squares): wild impacts do not count."""
+    """Coefficients (p,) by least absolute values (reweighted least squares), robust to wild impacts."""
     y, X = y[rows], X[rows]
     X = X / (scale := np.sqrt(np.mean(X**2, axis=0)) + 1e-300)
     weight = np.ones(len(y))

@@ -1,8 +1,8 @@
-"""What structure is left in the residuals of a model, how much of it is learnable, and on what it depends.
+"""Test for structure left in the residuals of a model, and for the features on which it depends.
 
-A Gaussian process with one length scale a feature (ARD) is fitted to the residuals of one half of the trials; on the
-other half its leave-one-out predictions say how much of the error could be learned there.  The p-value permutes the
-residuals of that second half over its impacts, so that the features stay as they are and nothing is left to learn.
+A Gaussian process with one length scale per feature (ARD) is fitted to the residuals of one half of the trials.  Its
+leave-one-out predictions on the other half estimate the learnable part of the error.  For the p-value the residuals of
+the second half are permuted over its impacts.
 """
 
 import warnings
@@ -17,13 +17,13 @@ from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.selection.remaining import Remaining
 from thesis_lib.statistics.spread import robust_std
 
-MOST = 160  # impacts in each half: the fit costs n³, and a structure that matters shows in 160
+MOST = 160  # impacts per half: the fit costs n³, and 160 show a structure that matters
 PERMUTATIONS = 199
-RELEVANT = 3.0  # standard deviations: a longer length scale says that a feature does not matter
+RELEVANT = 3.0  # standard deviations: a feature with a longer length scale does not matter
 
 
 def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Remaining:
-    """Look for structure in the residuals of the velocity after impact."""
+    """Test the residuals of the velocity after impact for structure; errors in m/s."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -38,7 +38,7 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
         (X - X.mean(axis=0))[:, used] / spread[used],
     )
     Y = impact_residuals(fitted.model, fitted.values, observations)[:, :3] * [1.0, 1.0, k]
-    # single wild impacts would be all that a Gaussian process sees
+    # a Gaussian process would fit single wild impacts only
     Y = Y - np.median(Y, axis=0)
     limit = 5.0 * robust_std(Y) + 1e-12
     Y = np.clip(Y, -limit, limit)
@@ -54,7 +54,7 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
         )
         process = GaussianProcessRegressor(kernel, normalize_y=False, alpha=1e-8)
         with warnings.catch_warnings():
-            # a length scale at its upper bound is an answer here: the feature does not matter
+            # a length scale at its upper bound is a valid result: the feature does not matter
             warnings.simplefilter("ignore", ConvergenceWarning)
             process.fit(X[first], Y[first, c] / scale)
         K = process.kernel_(X[second])  # pyright: ignore[reportCallIssue]

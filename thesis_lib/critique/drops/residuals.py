@@ -1,16 +1,15 @@
-"""Residuals of everything that is measured, and their covariance.
+"""Residuals of all measurements, and their covariance.
 
-For each impact the residual has up to seven components: velocity after impact, measured minus predicted (3, "impact"),
-pose after minus before (3, "meet") and gap at impact (1, "touch"); the last four need trajectories.  For each flight it
-has three, acceleration measured minus predicted ("flight").
-
-The covariance of the residual is that of *all* data in it, the inputs of the law included (they are measured too):
+The residual of an impact has three components, velocity after impact measured minus predicted ("impact").  Trajectories
+add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  The residual of a flight has three,
+acceleration measured minus predicted ("flight").  The covariance includes the noise of *all* data, also of the law's
+inputs:
 
     S = A C Aᵀ + κ² w wᵀ + σ_m² D,    A = ∂R/∂data,  w = ∂R/∂t_c,  D = diag(1, 1, 1/k²) on the impact components
 
-A by secants over one standard deviation of each datum, so that a kink of the law between sticking and sliding counts
-with the share of it that the noise reaches; κ wide, because the instant of impact is not known beforehand; σ_m is
-scatter that neither noise nor model explain.
+A is made of secants over one standard deviation of each datum, so that a kink between sticking and sliding counts as
+far as noise reaches it.  κ is wide, because the instant of impact is unknown a priori.  σ_m is scatter that neither
+noise nor model explains.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,9 +24,9 @@ from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects.effect import Rig, State
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
-ARC_POINTS = 33  # of a flight, at which its path is compared with a parabola
-# a line through τ³/6 on [−W, 0] has the slope 0.15 W², as if the acceleration were that at −0.3 W; the line's own slope
-# is the velocity at −0.5 W
+ARC_POINTS = 33  # points of a flight at which its path is compared with a parabola
+# a line through τ³/6 on [−W, 0] has the slope 0.15 W², as for the acceleration at −0.3 W; its own slope is the velocity
+# at −0.5 W
 ARC_MEAN = 0.6
 _PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
 _PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
@@ -44,7 +43,7 @@ def states_at_impact(
     values: Mapping[str, float],
     observations: Observations,
 ) -> tuple[State, State]:
-    """Measured states just before and just after impact, extrapolated with the model's flight."""
+    """Measured states just before and after impact, extrapolated with the model's flight."""
     o, value, slope = observations, observations.value, observations.slope
     sides = []
     for side in (0, 1):
@@ -71,10 +70,7 @@ def impact_residuals(
     observations: Observations,
     states: tuple[State, State] | None = None,
 ) -> np.ndarray:
-    """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m).
-
-    `states` are those of `states_at_impact` where they are known already.
-    """
+    """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m); `states` as of `states_at_impact`."""
     o, rig = observations, observations.rig
     before, after = states or states_at_impact(model, values, o)
     predicted = model.predict(before, values, rig, o.offset)
@@ -91,11 +87,11 @@ def impact_residuals(
 
 
 def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
-    """Acceleration measured minus predicted, (m, 3)."""
+    """Acceleration measured minus predicted (m, 3), m/s² and rad/s²."""
     state = flights.state
     predicted = model.acceleration(state, values, rig)
     if model.has_varying_flight:
-        # a parabola through x(τ) has the mean of x'' with the weight (1 − (2τ/T)²)²
+        # the parabola through x(τ) averages x'' with the weight (1 − (2τ/T)²)²
         first, total = predicted, 0.0
         for node, weight in zip(*_PARABOLA):
             tau = 0.5 * node * flights.span[:, None]
@@ -105,7 +101,7 @@ def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights
     tau = flights.span[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
     beyond = model.arc(tau, flights.state, values, rig)
     if beyond is not None:
-        # curvature of the parabola through what the path has beyond constant acceleration
+        # curvature of the parabola through the path's deviation from constant acceleration
         square = tau**2 - (tau**2).mean(axis=1, keepdims=True)
         predicted = predicted + 2.0 * np.einsum("nw,nwc->nc", square, beyond) / (square**2).sum(1)[:, None]
     return flights.acceleration - predicted
@@ -119,8 +115,7 @@ def residual_covariance(
 ) -> np.ndarray:
     """S (n, m, m) without σ_m.
 
-    `instant` is κ in s: wide where S weighs residuals (the instant is then fitted), `t_std` where S says how large
-    residuals at the estimated instant are.
+    `instant` is κ in s: wide if S weighs residuals (a fit of the instant), `t_std` for their size at the estimated one.
     """
     return noise_covariance(
         lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc
@@ -133,20 +128,19 @@ def noise_covariance(
     instant: np.ndarray | float,
     with_samples: bool,
 ) -> np.ndarray:
-    """Covariance (n, m, m) that the noise of all data gives to a statistic of n impacts, by secants (see above).
+    """Covariance (n, m, m) of a statistic of n impacts from the noise of all data, by secants.
 
     Args:
-        statistic: (n, m) of any observations.
-        observations: n impacts.
-        instant: κ in s.
-        with_samples: whether the statistic looks at `nodes` and `weights`.
+        statistic: maps any observations to (n, m).
+        instant: κ in s, scalar or (n,).
+        with_samples: whether the statistic uses `nodes` and `weights`.
     """
     o, n = observations, len(observations)
     std = np.sqrt(np.einsum("nsckk->nsck", o.cov))
     step = np.where(std > 0.0, std, 1e-6)
     data = list(product((0, 1), range(3), (0, 1)))  # side, channel, and value (0) or slope (1) of its line
-    # all secants in one call of the statistic, on copies of the impacts: two for each of the data, in which it is
-    # moved up and down, and two for the instant, as measured and a moment later
+    # all secants in one call, on copies of the impacts: each datum moved up and down, and the instant as measured and
+    # a moment later
     copies = o.tiled(2 * len(data) + 2, with_samples)
     lines = [array.reshape(-1, n, 2, 3) for array in (copies.value, copies.slope)]
     for i, (side, channel, k) in enumerate(data):

@@ -1,7 +1,6 @@
-"""Data as a model would have made them, at the states and with the noise of a given dataset.
+"""Draw observations from a model, at the states and with the noise of given observations.
 
-What a parametric bootstrap draws, and source (a) of the proof: the law of an effect injected into impacts.  The states
-before impact and at mid-flight are taken from the data as if they were true.
+The parametric bootstrap uses this.  The states before impact and at mid-flight are taken as true.
 """
 
 from collections.abc import Mapping
@@ -27,7 +26,7 @@ def synthesise(
     before, _ = states_at_impact(model, values, o)
     active = model.active(values)
     if o.arcs:
-        # the body touches: put its measured height where the model's gap wants it
+        # at impact the body touches: set its measured height accordingly
         true = model.to_true(before, active, rig)
         raised = model.to_measured(true.moved(y=true.y - model.gap(true, values, rig)), active, rig)
         before = before.moved(y=raised.y)
@@ -41,7 +40,7 @@ def synthesise(
             jump = np.zeros((len(o), 3))
             for effect, p in active:
                 jump = effect.meet(jump, before, after, p)
-            # the camera sees the pose of before, and a jump: what `after` holds of it counts once
+            # `after` contains the jump already: the pose is that of before plus one jump
             pose = before.q + jump
         if o.arcs:
             a = model.acceleration(state, values, rig)

@@ -1,4 +1,4 @@
-"""Plain words for what files and code call by short names: reasons, states, lists of them."""
+"""Plain words for the short names in files and code: reasons, states, lists of them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,8 +18,8 @@ CHANNEL_TEXT = {
     "meet": "the poses at impact, where the arcs before and after should meet",
     "touch": "the gap at impact",
 }
-NAMED = 2  # alternatives of an effect that are named; of more it is said how many
-FEW = 0.1  # share of what was left out below which reasons are summed up
+NAMED = 2  # alternatives that are named; the others are counted
+FEW = 0.1  # share of the impacts left out below which reasons are summed up
 
 
 def reason_text(reason: str) -> str:
@@ -28,12 +28,12 @@ def reason_text(reason: str) -> str:
 
 
 def feature_text(feature: str) -> str:
-    """A state before impact, in words, with the name that rules and tables use."""
+    """A feature in words, followed by its short name."""
     return f"{FEATURES[feature][1].split(',')[0]} ({feature})" if feature in FEATURES else feature
 
 
 def plain_rule(region: Mapping) -> str:
-    """The rule of a region as people write it: Greek letters and true minus signs."""
+    """The rule of a region with Greek letters and true minus signs."""
     rule = str(region["rule"])
     for name, letter in (("theta", "θ"), ("omega", "ω"), (" -", " −")):
         rule = rule.replace(name, letter)
@@ -41,13 +41,13 @@ def plain_rule(region: Mapping) -> str:
 
 
 def alternatives_listed(names: Sequence[str]) -> str:
-    """a or b; of more than `NAMED` the first ones and how many more."""
+    """a or b; beyond `NAMED` names, the number of the others."""
     names, more = list(names[:NAMED]), len(names) - NAMED
     return listed([*names, f"{more} more"] if more > 0 else names, "or")
 
 
 def reasons_listed(reasons: Mapping[str, int]) -> str:
-    """Reasons with their counts, the most frequent first and rare ones summed up."""
+    """Reasons with counts, the most frequent first; rare ones are summed up."""
     total = sum(reasons.values())
     ranked = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))
     often = [(name, count) for name, count in ranked if count >= FEW * total] or ranked

@@ -1,7 +1,7 @@
-"""Drops as a world for the search: laws as bases, effects that the data can test, impacts and flights as data.
+"""Drops as a world for the search: laws as bases, testable effects, impacts and flights as data.
 
-Columns of the score test are secants over a parameter's `scale`, because some effects have no slope at their null.  The
-t distribution's weights are in them: a bad impact counts as little in the score test as in the fit.
+Columns of the score test are secants over a parameter's `scale`, because some effects have no slope at their null.
+They include the weights of the t distribution, so that a bad impact counts as little as in the fit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,7 +57,7 @@ class Drops(World[Effect, Fit, Judgement]):
     def start_with(self, fitted: Fit, candidate: Effect) -> Mapping[str, float]:
         if all(p.discrete is None for p in candidate.parameters):
             return fitted.values
-        # a mirrored axis turns the world over: (μ, ε) found without it are no start
+        # a mirrored axis inverts the contact: (μ, ε) fitted without it are a bad start
         of_law = {p.name for p in BASE_PARAMETERS}
         return {name: value for name, value in fitted.values.items() if name not in of_law}
 
@@ -96,7 +96,7 @@ DropsDiscovery = Discovery[Effect, Fit, Judgement]
 
 
 def testable_effects(observations: Observations) -> tuple[dict[str, Effect], dict[str, str]]:
-    """Effects that this dataset can test, and why it cannot test the others."""
+    """Testable effects by name, and by name why the others cannot be tested."""
     testable, why_not = {}, {}
     for name, effect in EFFECTS.items():
         if not effect.applies_to(observations.rig):
@@ -114,7 +114,7 @@ def _stacked(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray:
 
 
 def _weights(z: np.ndarray) -> np.ndarray:
-    """Roots of the weights of the t distribution, (n m,) of whitened residuals (n, m)."""
+    """Square roots of the t distribution's weights, (n m,), for whitened residuals (n, m)."""
     if not len(z):
         return np.zeros(0)
     m = z.shape[1]
