@@ -1,1 +1,1 @@
-"""Figures: functions that take arrays and tables and return (Figure, table of the plotted numbers); no file access."""
+"""Functions from arrays and tables to (Figure, table of the plotted numbers); they read and write no files."""

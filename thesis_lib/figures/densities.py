@@ -2,29 +2,29 @@
 
     f̂(x) = 1/(n h) Σ_i [φ((x − x_i)/h) + φ((x − 2a + x_i)/h) + φ((x − 2b + x_i)/h)]     for a ≤ x ≤ b
 
-The two extra terms reflect the mass that a Gaussian kernel would leak past the boundaries a and b, so that the density
-integrates to one inside; without them an error density would seem to fall towards zero error.  h is Silverman's rule,
+The last two terms reflect the mass that a Gaussian kernel would leak past the boundaries a and b, so that the density
+integrates to one inside; without them a density of errors would seem to fall towards zero.  h is Silverman's rule,
 0.9 min(σ, IQR/1.34) n^(−1/5) (Silverman, Density Estimation, 1986, eq. 3.31), computed from the inner 98 %.
 """
 
 import numpy as np
 
-# share at either end that the bandwidth does not see: single wild impacts must not smear the peak
+# share at either end that the bandwidth ignores: single outliers must not smear the peak
 TRIM = 0.01
 
 
 def reflected_density(
     values: np.ndarray, grid: np.ndarray, lower: float = -np.inf, upper: float = np.inf
 ) -> np.ndarray:
-    """Density (G,) of `values` (n,) at `grid` (G,), reflected at the boundaries; NaN values are left out.
+    """Density (G,) of `values` (n,) at `grid` (G,), reflected at the boundaries; non-finite values are left out.
 
     Raises:
-        ValueError: no finite value at all.
+        ValueError: no value is finite.
     """
     values = values[np.isfinite(values)]
     if not len(values):
         raise ValueError("a density needs at least one finite value")
-    h = max(bandwidth(values), 0.5 * float(np.min(np.diff(grid))))  # finer than the grid could not be drawn
+    h = max(bandwidth(values), 0.5 * float(np.min(np.diff(grid))))  # the grid cannot show a finer one
     mirrors = [values, *(2.0 * edge - values for edge in (lower, upper) if np.isfinite(edge))]
     total = sum(np.exp(-0.5 * ((grid[:, None] - copy) / h) ** 2).sum(axis=1) for copy in mirrors)
     inside = (grid >= lower) & (grid <= upper)
@@ -32,14 +32,14 @@ def reflected_density(
 
 
 def error_curves(error: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Density and quantiles of errors (n,) >= 0, in their unit; a failed solve (NaN) counts as infinite.
+    """Density and quantiles of errors (n,) ≥ 0, in their unit; a failed solve (NaN) counts as infinite.
 
     Returns:
-        density (G,) at `grid` (G,), of the finite errors; quantiles (G,), NaN beyond the share that was solved; and
-        the shares (G,) of all errors that lie below them.
+        density (G,) of the finite errors at `grid` (G,); quantiles (G,), NaN beyond the share that was solved; and the
+        shares (G,) of all errors below them.
 
     Raises:
-        ValueError: no finite error at all.
+        ValueError: no error is finite.
     """
     finite, shares = np.sort(error[np.isfinite(error)]), (np.arange(len(grid)) + 0.5) / len(grid)
     density = reflected_density(error, grid, lower=0.0)
@@ -62,7 +62,7 @@ def local_mean(
 
     Args:
         points: (n, 2), values: (n,) finite, nodes: (G, 2); axes are scaled by the standard deviation of points.
-        neighbours: how many values make a mean; all of them if there are fewer.
+        neighbours: number of values averaged; all of them if there are fewer.
 
     Returns:
         mean (G,) in the unit of values, distance (G,) in standard deviations.

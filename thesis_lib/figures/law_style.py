@@ -1,6 +1,6 @@
 """One colour and line for each law and bound, the same in every figure.
 
-Apart from `style`, so that a figure without laws does not depend on how the laws compute.
+It is separate from `style`, so that a figure without laws does not depend on the laws' code.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 
 @dataclass(frozen=True)
 class LineStyle:
-    """How one law or bound looks in every figure: told apart by colour, and without colour by dashes."""
+    """Look of one law or bound in every figure; colours and dashes each tell it from the others."""
 
     label: str
     color: str
@@ -23,7 +23,7 @@ class LineStyle:
         return {"color": self.color, "linestyle": self.dash, "label": self.label}
 
 
-# Okabe and Ito's colours, which colour-blind readers tell apart; laws of one panel of figure 3-3 differ in lightness
+# Okabe and Ito's colours, for colour-blind readers; laws in one panel of figure 3-3 differ in lightness
 _LOOKS = {
     "drumwright_shell": ("#0072B2", "-", "////"),
     "anitescu_potra_poisson": ("#E69F00", (0, (5, 1.5)), "\\\\\\\\"),

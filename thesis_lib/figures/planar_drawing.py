@@ -1,6 +1,6 @@
-"""Sketches of planar mechanisms to scale, whose every line ends up in the figure's table.
+"""Sketches of planar mechanisms to scale.
 
-A `Sketch` draws on one panel and keeps what it draws: the numbers beside a schematic are the geometry of the picture.
+A `Sketch` draws on one panel and keeps the points drawn: the figure's table holds the geometry of the picture.
 """
 
 import numpy as np
@@ -17,13 +17,13 @@ FONT = 9
 
 
 def turned(points: np.ndarray, theta: float) -> np.ndarray:
-    """Points (n, 2) turned counter-clockwise by theta about the origin."""
+    """Points (n, 2) turned counter-clockwise by theta (rad) about the origin."""
     cos, sin = np.cos(theta), np.sin(theta)
     return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]])
 
 
 def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
-    """Outline (n, 2) in m of a body at pose q (3,) in the axes of the surface; of a wheel hub and tips in turn."""
+    """Outline (n, 2) in m of a body at pose q (3,) in the axes of the surface; of a wheel, hub and tips in turn."""
     if isinstance(body, RimlessWheel):
         points = np.stack([np.zeros_like(body.corners), body.corners], axis=1).reshape(-1, 2)
     else:
@@ -32,12 +32,12 @@ def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
 
 
 class Sketch:
-    """One panel without axes, true to scale, that keeps the points of what it draws.
+    """One panel without axes, true to scale, that keeps the points it draws.
 
     Args:
         ax: the panel.
         panel: its name in the table.
-        tilt: rad; everything drawn is turned by it about the origin.
+        tilt: rad; turns everything drawn about the origin.
     """
 
     def __init__(self, ax: Axes, panel: str = "", tilt: float = 0.0) -> None:
@@ -47,14 +47,14 @@ class Sketch:
         self._parts: list[pd.DataFrame] = []
 
     def keep(self, series: str, points: np.ndarray, **columns: object) -> np.ndarray:
-        """Add points (n, 2), in the panel's axes after the tilt, to the table; returns them."""
+        """Add points (n, 2) to the table, in the panel's axes after the tilt; returns them."""
         points = turned(np.atleast_2d(points), self.tilt)
         part = pd.DataFrame(points, columns=["x", "y"]).assign(panel=self.panel, series=series, **columns)
         self._parts.append(part)
         return points
 
     def table(self) -> pd.DataFrame:
-        """Everything drawn so far: panel, series, x, y in m and what else was kept."""
+        """Everything drawn so far: panel, series, x, y in m and further columns kept."""
         table = pd.concat(self._parts, ignore_index=True)
         first = ["panel", "series", "x", "y"]
         return table[first + [name for name in table.columns if name not in first]]
@@ -62,7 +62,7 @@ class Sketch:
     def line(
         self, series: str, points: np.ndarray, *, t: np.ndarray | float | None = None, **look: object
     ) -> None:
-        """Polyline through points (n, 2); `t`, one time or n in s, goes to the table."""
+        """Polyline through points (n, 2); `t`, one time or n times in s, goes to the table."""
         points = self.keep(series, points, **({} if t is None else {"t": t}))
         self.ax.plot(*points.T, **({"color": INK, "linewidth": 1.1} | look))
 
@@ -81,7 +81,7 @@ class Sketch:
         self._arrow(tail, tip, "-|>", color, 1.3)
 
     def dimension(self, series: str, a: np.ndarray, b: np.ndarray, color: str = INK) -> None:
-        """Line with an arrow head at both ends a and b, (2,)."""
+        """Line with arrow heads at both ends a and b, (2,)."""
         a, b = self.keep(series, np.stack([a, b]))
         self._arrow(a, b, "<|-|>", color, 0.8)
 
@@ -111,7 +111,7 @@ class Sketch:
         """Directions x and y of the fixed frame with its origin O at `at` (2,)."""
         for name, vector in (("x", (length, 0.0)), ("y", (0.0, length))):
             self.arrow(f"axis {name}", at, np.array(vector))
-            # beside the head of the arrow: ahead of it may be the surface
+            # beside the arrow's head: the surface may lie ahead of it
             self.label(np.add(at, vector) + 0.3 * length * np.array(vector[::-1]) / length, f"${name}$")
 
     def _arrow(self, start: np.ndarray, end: np.ndarray, style: str, color: str, width: float) -> None:

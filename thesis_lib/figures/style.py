@@ -1,10 +1,10 @@
-"""The look that all figures share: one style sheet and one way to save (laws have theirs in `law_style`).
+"""The shared look of all figures: one style sheet and one way to save (laws: `law_style`).
 
 A figure function is wrapped in `house_style`, takes arrays and tables, and returns the figure and the table of the
-numbers drawn in it.  `save_figure` writes both beside each other with bytes that depend on nothing but the content:
-no dates, no version numbers, and no settings from the user's own matplotlibrc.
+numbers drawn in it.  `save_figure` writes both; the bytes depend only on the content: no dates, no version numbers, no
+settings from the user's matplotlibrc.
 
-Figures are made without pyplot, so that no state is shared and no window system is looked for.
+Figures are made without pyplot, so that they share no state and need no window system.
 """
 
 import functools
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ImpulseAxis:
-    """Impulses are stored in N s (N s/kg where a dataset gives no mass); axes show a readable multiple."""
+    """Readable unit of impulses on axes; tables hold N s, or N s/kg if a dataset gives no mass."""
 
     factor: float
     unit: str
@@ -45,7 +45,7 @@ class ImpulseAxis:
 
 
 def _settings() -> dict:
-    # the template of matplotlib itself, then our sheet: a user's own matplotlibrc must not change a figure
+    # matplotlib's own template, then our sheet: a user's matplotlibrc must not change a figure
     rc = matplotlib.rc_params_from_file(SHEET, use_default_template=True)
     return {
         key: value for key, value in rc.items() if not key.startswith(("backend", "interactive", "toolbar"))
@@ -66,7 +66,7 @@ def house_style(function: Callable[P, T]) -> Callable[P, T]:
 def new_figure(width: float = WIDTH, height: float = 3.0, layout: str = "constrained") -> Figure:
     """An empty figure of the given size in inches, without pyplot; call under `house_style`.
 
-    `layout` is "compressed" where a grid of panels keeps its aspect.
+    `layout` is "compressed" for a grid of panels of fixed aspect.
     """
     figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
@@ -78,8 +78,8 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path) -> None:
     """Write `path`.png, `path`.pdf and the plotted numbers as `path`.csv; equal content gives equal bytes.
 
     Raises:
-        KeyError: a column of the table is not explained in foundation/columns.yaml.  A figure of the run may have
-            columns of its own, which its record explains; the rule `provenance` looks there, too.
+        KeyError: foundation/columns.yaml does not explain a column.  A figure of the run may have further columns,
+            explained by its record; the rule `provenance` checks them.
     """
     path = Path(path)
     if not path.name.startswith("figure_"):

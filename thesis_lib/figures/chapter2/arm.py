@@ -1,11 +1,11 @@
-"""Figure 2-12: contact forces between disk, arm and ground against time, true and estimated from noisy states.
+"""Figure 2-12: contact forces of disk, arm and ground against time, true and estimated from noisy states.
 
-The thesis overlays the estimated and the measured force between manipulator and disk; here the ground's is beside it,
-and the plain program's answer on the same noisy states is shown as grey dots.  A force is a point per step, not a line:
-where a contact chatters, it acts in every other step.  Bars are two standard errors on either side.
+The thesis shows the force between manipulator and disk; here the ground's force is added, and grey dots show the plain
+program's answer on the same noisy states.  A force is one point per step, without a line, because a contact that
+chatters acts in every other step.  Bars are ±2 standard errors.
 
-An impact is tens of times larger than what lasts, so that the scale of the axes is that of the lasting force; what goes
-beyond it is cut, and a mark at the edge gives its estimated size in N.
+Impacts are tens of times larger than lasting forces.  The axes have the scale of the lasting force; what exceeds it is
+cut, and a mark at the edge gives its estimated size in N.
 """
 
 import numpy as np
@@ -19,8 +19,8 @@ PAIRS = (("arm", "arm on disk"), ("ground", "ground on disk"))
 COMPONENTS = (("normal", "$c_n$ (N)"), ("tangential", "$c_t$ (N)"))
 BLUE = "#0072B2"
 BAND = 2.0  # standard errors on either side
-LASTING = 3.0  # times the median force over contact; what is above is cut and labelled
-HEADROOM = 1.3  # of the axis beyond the largest force that is no impact
+LASTING = 3.0  # times the median force in contact; larger forces are cut and labelled
+HEADROOM = 1.3  # end of the axis over the largest lasting force
 
 
 @house_style
@@ -36,13 +36,13 @@ def figure_2_12(one: ArmForces) -> Drawn:
         typical = np.median(np.hypot(true_n, one.record.c_t[:, j])[contact]) if contact.any() else np.inf
         for i, (component, label) in enumerate(COMPONENTS):
             true = (one.record.c_n, one.record.c_t)[i][:, j]
-            found, std = (one.fit.c_n, one.fit.c_t)[i][:, j], (one.fit.c_n_std, one.fit.c_t_std)[i][:, j]
+            estimate, std = (one.fit.c_n, one.fit.c_t)[i][:, j], (one.fit.c_n_std, one.fit.c_t_std)[i][:, j]
             plain = one.c["plain"][i][:, j]
             lasting = np.hypot(true_n, one.record.c_t[:, j]) <= LASTING * typical
             top = HEADROOM * np.abs(true[lasting]).max(initial=1e-3)
-            _panel(axes[i, j], t, true, found, std, plain, (-0.05 * top if i == 0 else -top, top))
+            _panel(axes[i, j], t, true, estimate, std, plain, (-0.05 * top if i == 0 else -top, top))
             axes[i, j].set_ylabel(label)
-            table = {"t": t, "true": true, "estimate": found, "std": std, "plain": plain}
+            table = {"t": t, "true": true, "estimate": estimate, "std": std, "plain": plain}
             rows.append(pd.DataFrame({"pair": pair, "component": component, **table}))
         axes[0, j].set_title(title)
         axes[1, j].set_xlabel("time (s)")
@@ -87,7 +87,7 @@ def _panel(
     )
     ax.set_ylim(*limits)
     beyond = np.flatnonzero((found > limits[1]) | (found < limits[0]))
-    # the largest of a run of neighbours speaks for it
+    # only the largest of a run of neighbours is labelled
     for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > 12) + 1) if len(beyond) else []:
         k = run[np.argmax(np.abs(found[run]))]
         up = found[k] > 0.0

@@ -1,9 +1,9 @@
-"""Chapter 2, hidden effects of mechanisms: what was found of what was hidden, and forces before and after.
+"""Chapter 2, hidden effects of mechanisms: hidden against found effects, and forces before and after.
 
-`figure_hidden` has a panel a mechanism with shares of datasets (rows: what was hidden; columns: the first effect that
-was found, or the verdict), and below the contact force between arm and disk on one trial: the true one, and
-the errors of those computed without and with the effect.  `figure_residuals` shows one critique: the whitened residual
-generalised forces of held-out trials, and the gain of each candidate against what chance gives the best of them.
+`figure_hidden` shows, for each mechanism, the share of datasets in which an effect was hidden (rows) and an effect was
+found first, or the verdict (columns).  Below are the contact force of one trial and the errors of its estimates
+without and with the effect.  `figure_residuals` shows one critique: whitened residual generalised forces of held-out
+trials, and the gain of each candidate against the largest gain expected by chance.
 
 | column                          | unit  | meaning                                               |
 |---------------------------------|-------|-------------------------------------------------------|
@@ -23,30 +23,30 @@ from thesis_lib.statistics.intervals import Z95
 
 WITHOUT, WITH = "#D55E00", "#0072B2"
 DARK = 0.55  # share above which a number is written in white
-SMALLEST = 1e-2  # sigma; smaller residuals of exact data are drawn there
+SMALLEST = 1e-2  # sigma; smaller residuals (of exact data) are drawn at this value
 
 
 @house_style
 def figure_hidden(effects: pd.DataFrame, forces: pd.DataFrame, pair: str = "arm") -> Drawn:
-    """Truth against what was found, and contact forces without and with the effect.
+    """Truth against finding, and contact forces without and with the effect.
 
     Args:
         effects: table `effects` of the study, or its rows of some noise levels.
-        forces: its table `forces`; may be empty.
+        forces: table `forces` of the study; may be empty.
         pair: contact pair whose forces are drawn.
     """
     figure = new_figure(height=5.9 if len(forces) else 3.1)
     grid = figure.add_gridspec(3 if len(forces) else 1, 2, height_ratios=[2.3, 1, 1] if len(forces) else [1])
     tables = []
-    for i, (mechanism, own) in enumerate(effects.groupby("mechanism", sort=False)):
-        tables.append(_matrix(figure.add_subplot(grid[0, i]), str(mechanism), own))
+    for i, (mechanism, rows) in enumerate(effects.groupby("mechanism", sort=False)):
+        tables.append(_matrix(figure.add_subplot(grid[0, i]), str(mechanism), rows))
     if len(forces):
         for i, component in enumerate(("normal", "tangential")):
-            own = forces[(forces["pair"] == pair) & (forces["component"] == component)]
+            rows = forces[(forces["pair"] == pair) & (forces["component"] == component)]
             _forces(
-                figure.add_subplot(grid[1, i]), figure.add_subplot(grid[2, i]), own, f"{pair}, {component}"
+                figure.add_subplot(grid[1, i]), figure.add_subplot(grid[2, i]), rows, f"{pair}, {component}"
             )
-            long = own.melt(["t", "component"], ["true", "without", "with_effects"], "column", "value")
+            long = rows.melt(["t", "component"], ["true", "without", "with_effects"], "column", "value")
             tables.append(long.assign(panel=f"force, {component}", truth="").drop(columns="component"))
     table = pd.concat(tables, ignore_index=True)
     return figure, table[["panel", "truth", "column", "t", "value"]]
@@ -54,8 +54,8 @@ def figure_hidden(effects: pd.DataFrame, forces: pd.DataFrame, pair: str = "arm"
 
 def _matrix(ax: Axes, mechanism: str, own: pd.DataFrame) -> pd.DataFrame:
     """Shares of one mechanism; returns the plotted numbers."""
-    named = np.where(own["first_effect"] != "", own["first_effect"], own["verdict"])
-    own = own.assign(column=named)
+    finding = np.where(own["first_effect"] != "", own["first_effect"], own["verdict"])
+    own = own.assign(column=finding)
     truths = list(dict.fromkeys(own["truth"]))
     library = [t for t in truths if t not in ("nothing", "cogging")]
     columns = ["adequate", *library, "unexplained"]

@@ -3,9 +3,9 @@
 | on paper | in code        | unit | shape  | meaning                                                           |
 |----------|----------------|------|--------|-------------------------------------------------------------------|
 | f        | `force`        | N    | (s,)   | normal force on the body in Drake                                 |
-| s        | `reading`      | N    | (p,)   | what the sensor shows, 1000 times a second                        |
-| f̂        | `half_sine`    | N    |        | of the estimated impulse, over the declared duration              |
-| m/I      | `ratio`        | 1/m² |        |                                                                   |
+| s        | `reading`      | N    | (p,)   | reading of the sensor, at 1000 Hz                                 |
+| f̂        | `half_sine`    | N    |        | half-sine of the estimated impulse over the declared duration     |
+| m/I      | `ratio`        | 1/m² |        | mass over moment of inertia                                       |
 
 Equations and sources: `thesis_lib.identify.impacts.forces`, `thesis_lib.identify.impacts.measured_ratio`.
 """
@@ -23,8 +23,8 @@ from thesis_lib.statistics.intervals import Z95
 BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 APPROACH = 7  # samples drawn before the hit
 BEFORE, AFTER = 1e-3, 15e-3  # s drawn before and after the touch
-THIN = 20  # of the sensor's response in continuous time every so many steps are drawn: 0.1 ms
-BINS, BINS_TO = 16, 4.0  # of errors over σ; larger ones are put into the last bin
+THIN = 20  # steps between the drawn points of the sensor's continuous response: 0.1 ms
+BINS, BINS_TO = 16, 4.0  # of errors over σ; larger errors go into the last bin
 MISFIT = ("scale", "velocity_noise")
 NAMES = {
     "as_published": "as published",
@@ -39,13 +39,13 @@ NAMES = {
 def figure_2_15(
     row: pd.Series, history: ForceHistory, samples: pd.DataFrame, rows: pd.DataFrame, settings: ImpactForces
 ) -> Drawn:
-    """An ellipse comes down, the force of that hit, and the errors of all impulses.
+    """An ellipse before an impact, the force of that impact, and the errors of all impulses.
 
     Args:
-        row: of the impact shown, as `impact_forces.shown_impact` returns it.
-        history: of the same.
+        row: the impact shown, as `impact_forces.shown_impact` returns it.
+        history: its force.
         samples: trial, t, x, y, theta, as tracked.
-        rows: of `impact_forces.study_impact_forces`.
+        rows: all impacts, from `impact_forces.study_impact_forces`.
         settings: shape and sensor.
     """
     figure = new_figure(height=2.6)
@@ -66,16 +66,16 @@ def figure_2_15(
 
 
 def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactForces) -> pd.DataFrame:
-    of = samples[(samples["trial"] == row["trial"]) & (samples["t"] <= row["t"])].tail(APPROACH)
+    approach = samples[(samples["trial"] == row["trial"]) & (samples["t"] <= row["t"])].tail(APPROACH)
     outline, out = Ellipse(semi_axes=settings.semi_axes).outline(), []
-    for i, one in enumerate(of.itertuples()):
-        cos, sin = np.cos(one.theta), np.sin(one.theta)
-        x, y = one.x + outline @ [cos, -sin], one.y + outline @ [sin, cos]
-        last = i == len(of) - 1
+    for i, sample in enumerate(approach.itertuples()):
+        cos, sin = np.cos(sample.theta), np.sin(sample.theta)
+        x, y = sample.x + outline @ [cos, -sin], sample.y + outline @ [sin, cos]
+        last = i == len(approach) - 1
         ax.plot(
             1e3 * np.append(x, x[0]), 1e3 * np.append(y, y[0]), color=INK if last else GREY, linewidth=0.8
         )
-        out.append(pd.DataFrame({"t": one.t - row["t"], "x": x, "y": y}))
+        out.append(pd.DataFrame({"t": sample.t - row["t"], "x": x, "y": y}))
     ax.axhline(0.0, color=INK, linewidth=1.2)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("$x$ (mm)")
@@ -86,7 +86,7 @@ def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactF
 def _forces(ax: Axes, row: pd.Series, history: ForceHistory, settings: ImpactForces) -> pd.DataFrame:
     t, force = np.append(history.t, settings.sensor_window), np.append(history.force[:, 1], 0.0)
     T = settings.declared_duration
-    start = 0.5 * (history.t[-1] - T)  # the instant is not part of the estimate: centred on the contact
+    start = 0.5 * (history.t[-1] - T)  # the estimate has no instant: centred on the contact
     tau = np.linspace(0.0, T, 101)
     peaks = [peak_force(row["c_n"] + s * row["c_n_std"], T) for s in (-Z95, 0.0, Z95)]
     low, half_sine, high = (peak * np.sin(np.pi * tau / T) for peak in peaks)
@@ -142,10 +142,8 @@ def _impulse_errors(ax: Axes, rows: pd.DataFrame) -> pd.DataFrame:
 def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
     """m/I with intervals under each hypothesis about the measurement, a panel per dataset, beside the authors' value.
 
-    At the right the scatter about the rigid impact: over the noise, or as a velocity where no noise is known.
-
-    Args:
-        table: rows of `measured_ratio`, of one dataset or more; those without an estimate are not drawn.
+    At the right: the scatter about the rigid impact, over the noise or, if no noise is known, as a velocity.  `table`:
+    rows of `measured_ratio`; rows without an estimate are not drawn.
 
     Raises:
         UserError: no row has an estimate.
@@ -170,10 +168,10 @@ def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
         ax.set_yticks(y, labels)
         ax.set_ylim(-0.7, len(group) - 0.3)
         ax.set_title(name)
-        for height, one in zip(y, group.itertuples()):
-            known = np.isfinite(one.scale)
+        for height, row in zip(y, group.itertuples()):
+            known = np.isfinite(row.scale)
             text = (
-                rf"misfit {one.scale:.1f} $\sigma$" if known else rf"$\sigma_v$ {one.velocity_noise:.2g} m/s"
+                rf"misfit {row.scale:.1f} $\sigma$" if known else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"
             )
             ax.annotate(text, (1.01, height), xycoords=("axes fraction", "data"), va="center", fontsize=7)
     handles, names = axes[0].get_legend_handles_labels()

@@ -1,6 +1,6 @@
 """Figures 2-2, 2-4, 2-9 and 2-14: motions through contact, drawn to scale at regular times.
 
-What a contact does (open, sticks, slides) is read off the simulator's record, see simulate/chapter2/scenes.py.
+The mode of a contact (open, sticks, slides) comes from the simulator's record, see simulate/chapter2/scenes.py.
 
 | on paper | in code | unit   | shape    |                                        |
 |----------|---------|--------|----------|----------------------------------------|
@@ -31,15 +31,15 @@ MODE_LOOK = {
     Mode.SLIDES: (COLORS["red"], "slides"),
 }
 ROD_EVERY, DISK_EVERY = 0.04, 0.13  # s between the configurations drawn
-TRACE_SHOWN = {"block": 0.2, "ellipse": 0.25, "wheel": 0.25}  # s; outlines that can still be told apart
+TRACE_SHOWN = {"block": 0.2, "ellipse": 0.25, "wheel": 0.25}  # s; outlines remain distinct
 OBSERVED_EVERY = 2  # samples between the dots of figure 2-4
 FALL_EVERY = 0.04  # s; figure 2-14, "a very sparse sub-sample": ten samples at 250 Hz
-BOUNCES = 3  # impacts of figure 2-14, those that the thesis uses of a drop
+BOUNCES = 3  # impacts of figure 2-14; the thesis uses as many of each drop
 
 
 @house_style
 def figure_2_2(fall: RodFall) -> Drawn:
-    """Falling rod: left end lands and sticks, right end lands and slides; below, what the two ends do in time."""
+    """Falling rod: left end lands and sticks, right end lands and slides; below, the modes of both ends in time."""
     record, (left, right) = fall.record, fall.lands
     figure = new_figure(height=3.0)
     space, time = figure.subplots(1, 2, gridspec_kw={"width_ratios": (1.1, 1.0)})
@@ -161,8 +161,7 @@ def figure_2_4(motion: NoisyMotion) -> Drawn:
 def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, Record]]) -> Drawn:
     """Traces of block (a), ellipse (b) and rimless wheel (c) with high (top) and low friction (bottom).
 
-    Args:
-        shown: bodies and records with the keys of `chapter2_scenes.traces`.
+    `shown`: bodies and records with the keys of `chapter2_scenes.traces`.
     """
     figure = new_figure(height=6.4)
     grid = figure.add_gridspec(3, 2, height_ratios=(1.0, 1.0, 1.0))
@@ -175,7 +174,7 @@ def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, Record]]) -> Drawn:
     missing = sorted(set(panels) - set(shown))
     if missing:
         raise UserError(f"Figure 2-9 shows four motions; {', '.join(missing)} is missing.")
-    # the two wheels share their limits, so that their ways can be compared
+    # the two wheels share their limits, so that their paths can be compared
     far = max(float(shown[name][1].q[:, 0].max()) for name in panels if name.startswith("wheel"))
     parts = []
     for name, (title, place) in panels.items():
@@ -190,11 +189,7 @@ def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, Record]]) -> Drawn:
 
 @house_style
 def figure_2_14(dataset: Dataset, trial: int | None = None) -> Drawn:
-    """Falling body of a dataset: a sparse sub-sample of one trial's samples up to its third impact.
-
-    Args:
-        dataset: with trajectories.
-        trial: number of the trial; by default the first.
+    """Falling body: a sparse sub-sample of one trial (by default the first) up to its third impact.
 
     Raises:
         UserError: the dataset has no trajectories, or not this trial.
@@ -227,7 +222,7 @@ def _trace(
     every: int,
     far: float | None = None,
 ) -> pd.DataFrame:
-    """Outlines of a body at every so many poses, from light to dark, and the path of its centre."""
+    """Outlines of a body at every `every`-th pose, light to dark, and the path of its centre; q: (n, 3), t: (n,) s."""
     sketch = Sketch(ax, panel, tilt=-body.tilt)
     shown = np.arange(0, len(q), every)
     colors = _darkening(len(shown))
@@ -244,7 +239,7 @@ def _trace(
 
 
 def _darkening(n: int) -> np.ndarray:
-    """n greys to blue, later ones darker."""
+    """Colours (n, 4), from light to dark blue."""
     from matplotlib import colormaps
 
     ramp: Colormap = colormaps["Blues"]
@@ -252,15 +247,15 @@ def _darkening(n: int) -> np.ndarray:
 
 
 def _leading_mode(fall: RodFall, step: int) -> Mode:
-    """What the rod's leading contact does at a step: the right end once it has landed, before that the left end."""
+    """Mode of the rod's leading contact: of the left end, and of the right end once it has landed."""
     left, right = fall.modes[min(step, len(fall.modes) - 1)]
     return Mode(right if step >= fall.lands[1] else left)
 
 
 def _end_of_bounces(dataset: Dataset, q: np.ndarray) -> int:
-    """Number of samples of a trial up to the one after its third impact; all of them if there are fewer.
+    """Number of samples of a trial up to the one after its third impact; all if it has fewer impacts.
 
-    An impact shows as a local minimum of the gap within a tenth of the body's size from the surface.
+    An impact is a local minimum of the gap within a tenth of the body's size from the surface.
     """
     gap = dataset.shape.gap(q[:, 1], q[:, 2], dataset.height)
     low = (gap[1:-1] <= gap[:-2]) & (gap[1:-1] < gap[2:]) & (gap[1:-1] < 0.1 * dataset.shape.extent)

@@ -12,7 +12,7 @@ METHODS = {  # colour, marker, label
     "arcs_gap": ("#009E73", "^", "arcs, with gaps"),
     "arcs_law": ("#D55E00", "D", "arcs, with contact law"),
 }
-LINEAR = 0.1  # %, below which the axis of the bias is linear: it has both signs
+LINEAR = 0.1  # %; the axis of the bias is linear below this size, because the bias has both signs
 _OFFSET = 0.5  # dB, between the methods of one noise level
 
 
@@ -20,17 +20,16 @@ _OFFSET = 0.5  # dB, between the methods of one noise level
 def figure_table_2_1(table: pd.DataFrame) -> Drawn:
     """Mean error with its standard error (above), and error over the bound without contact law (below).
 
-    Args:
-        table: as `identify.table_2_1.table_2_1` returns it.
+    `table`: as `identify.table_2_1.table_2_1` returns it.
     """
     shapes = list(dict.fromkeys(table["shape"]))
     figure = new_figure(height=4.6)
     axes = figure.subplots(2, len(shapes), sharex=True, sharey="row", squeeze=False)
     for column, shape in enumerate(shapes):
         above, below = axes[:, column]
-        own = table[table["shape"] == shape]
+        errors = table[table["shape"] == shape]
         for i, (method, (colour, marker, label)) in enumerate(METHODS.items()):
-            rows = own[own["method"] == method].sort_values("snr")
+            rows = errors[errors["method"] == method].sort_values("snr")
             snr = rows["snr"] + _OFFSET * (i - 2.0)
             style = {"color": colour, "marker": marker, "ms": 4, "lw": 0.9, "capsize": 2}
             above.errorbar(snr, rows["mean_error"], 2.0 * rows["mean_error_std"], label=label, **style)
@@ -38,7 +37,7 @@ def figure_table_2_1(table: pd.DataFrame) -> Drawn:
             below.errorbar(
                 snr, rows["error_over_bound"], 2.0 * relative * rows["error_over_bound"], label=label, **style
             )
-        thesis = own[own["method"] == "plain"].sort_values("snr")
+        thesis = errors[errors["method"] == "plain"].sort_values("snr")
         above.plot(thesis["snr"], thesis["thesis"], "x", color=INK, ms=6, label="thesis")
         above.axhline(0.0, color=INK, lw=0.6)
         above.set_title(shape)
@@ -46,7 +45,7 @@ def figure_table_2_1(table: pd.DataFrame) -> Drawn:
         below.axhline(1.0, color=INK, lw=0.8, ls="--")
         below.text(0.98, 1.4, "Cramér-Rao bound", ha="right", va="bottom", transform=_at(below), fontsize=7)
         below.set(yscale="log", xlabel="signal-to-noise ratio (dB)")
-        below.set_xticks(sorted(own["snr"].unique()))
+        below.set_xticks(sorted(errors["snr"].unique()))
         below.minorticks_off()
     axes[0, 0].set_ylabel("mean error of $m/I$ (%)")
     axes[1, 0].set_ylabel("error over bound")
@@ -58,5 +57,5 @@ def figure_table_2_1(table: pd.DataFrame) -> Drawn:
 
 
 def _at(axes):
-    """x in axes' fraction, y in data."""
+    """Transform with x in axes' fraction and y in data."""
     return axes.get_yaxis_transform()

@@ -1,17 +1,17 @@
-"""Figures 2-1, 2-3, 2-6, 2-7 and 2-8: schematics of chapter 2's mechanisms, drawn with the code's own geometry.
+"""Figures 2-1, 2-3, 2-6, 2-7 and 2-8: schematics of chapter 2's mechanisms, drawn from the code's geometry.
 
-Touching points, normals and gaps come from the mechanism's `contacts_of`, whose rows are J_n = [0, 1, r_x] and
-J_t = [1, 0, -r_y] for a free body (2.20), so that the touching point is P = (x + r_x, y + r_y), the distance to contact
-φ_n = y + r_y, and the distance along the surface φ_t = x + r_x from the origin O.
+Contact points, normals and gaps come from the mechanism's `contacts_of`.  For a free body its rows are
+J_n = [0, 1, r_x] and J_t = [1, 0, -r_y] (2.20): the contact point is P = (x + r_x, y + r_y), its distance to contact
+is φ_n = y + r_y, and its distance along the surface from the origin O is φ_t = x + r_x.
 
-β is drawn as the formulas have it.  For a corner (2.19, 2.20) it is the body's own angle from its -y axis, clockwise,
-to the corner, with which P = (x, y) - l (sin(β - θ), cos(β - θ)).  For the ellipse it is the polar angle from the major
-axis to P, the one of l(β) in (2.22); the angle in (2.21) is the parameter of (a cos β, b sin β) instead.
+β follows the formulas.  For a corner (2.19, 2.20) it is the clockwise angle from the body's -y axis to the corner:
+P = (x, y) - l (sin(β - θ), cos(β - θ)).  For the ellipse it is the polar angle from the major axis to P, as in l(β)
+(2.22); the angle in (2.21) is instead the parameter of (a cos β, b sin β).
 
 | on paper   | in code | unit | shape  |                                                         |
 |------------|---------|------|--------|---------------------------------------------------------|
 | q          | `q`     | m, rad | (nv,) | the configuration shown                                |
-| P          | `P`     | m    | (2,)   | touching point, or the point closest to the surface     |
+| P          | `P`     | m    | (2,)   | contact point, or the point closest to the surface      |
 | φ_n, φ_t   |         | m    |        | height of P above the surface, its x from the origin O  |
 | l          | `reach` | m    |        | distance of P from the centre of mass                   |
 
@@ -33,7 +33,7 @@ DASHED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (5, 3))}
 
 
 def closest_point(body: PlanarFreeBody, q: np.ndarray) -> tuple[np.ndarray, float, int]:
-    """Point P (2,) in m of a body at q (3,) that is closest to the surface, its gap φ_n in m and its pair's number."""
+    """Point P (2,) in m of a body at pose q (3,) closest to the surface, its gap φ_n in m, and its pair's number."""
     contacts = body.contacts_of(np.asarray(q, dtype=float)[None])
     pair = int(np.argmin(contacts.phi[0]))
     # J_n = [0, 1, r_x], J_t = [1, 0, -r_y]
@@ -43,12 +43,7 @@ def closest_point(body: PlanarFreeBody, q: np.ndarray) -> tuple[np.ndarray, floa
 
 @house_style
 def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
-    """Two-link arm that pushes a disk over the ground, with coordinates, torques and the frames of both contacts.
-
-    Args:
-        arm: the mechanism.
-        q: (5,) configuration, rad and m.
-    """
+    """Two-link arm that pushes a disk over the ground: coordinates, torques and contact frames; q: (5,) in rad, m."""
     q = np.asarray(q, dtype=float)
     elbow, tip = (points[0] for points in arm.joints(q[None]))
     contacts = arm.contacts_of(q[None])
@@ -75,11 +70,11 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
         sketch.arc(f"q_{name}", origin, 0.75 * at, start, end, BLUE)
         part = start + 0.4 * q[joint]
         sketch.label(origin + at * np.array([np.cos(part), np.sin(part)]), f"$q_{name}$", BLUE)
-        # the torque acts on the joint whatever its sign
+        # the torque acts on the joint, whatever its sign
         sketch.arc(f"torque {name}", origin, 0.11, start + 2.0, start + 5.2, RED)
         sketch.label(origin + np.array([-0.17, 0.1]), rf"$\tau_{name}$", RED)
     for pair, name in enumerate(arm.pairs):
-        # the disk's share of the normal row is the normal itself; P lies a radius and a gap away from the other body
+        # the disk's columns of the normal row are the normal; the contact lies a radius and a gap from the centre
         n = contacts.J_n[0, pair, 2:4]
         t = np.array([n[1], -n[0]])
         C = centre - (R + contacts.phi[0, pair]) * n
@@ -87,7 +82,7 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
         sketch.arrow(f"normal, {name}", C, length * n, GREEN)
         sketch.arrow(f"tangent, {name}", C, length * t, GREEN)
         sketch.point(f"contact, {name}", C, zorder=5)
-        # off link 2
+        # clear of link 2
         along = -0.055 * n if name == "arm" else 0.055 * n
         sketch.label(C + 0.8 * length * n - 0.06 * t, rf"$\mathbf{{n}}_{pair + 1}$", GREEN)
         sketch.label(C + 0.9 * length * t + along, rf"$\mathbf{{t}}_{pair + 1}$", GREEN)
@@ -106,12 +101,10 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
 def figure_2_3(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     """Distances φ_n and φ_t between the origin O and the point P of a falling body that is closest to the surface.
 
-    Args:
-        body: any free body with corners.
-        q: (3,) its pose in m, rad, above the surface and to the right of the origin.
+    q: (3,) pose in m, rad, above the surface and to the right of the origin.
 
     Raises:
-        UserError: the body has no corner, or does not hang above the surface to the right of the origin.
+        UserError: the body has no corner, or the pose lies elsewhere.
     """
     if body.corners is None:
         raise UserError("Figure 2-3 marks β at a corner; draw a body with corners, not an ellipse or a disk.")
@@ -131,9 +124,7 @@ def figure_2_3(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
 def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     """Square in free fall: side a, angle θ, and its lowest corner at distance l under the angle β (2.19, 2.20).
 
-    Args:
-        body: a square polygon.
-        q: (3,) its pose in m, rad, above the surface.
+    q: (3,) pose in m, rad, above the surface.
 
     Raises:
         UserError: the body is not a polygon, or reaches into the surface.
@@ -163,9 +154,7 @@ def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
 def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     """Ellipse in free fall: radii a and b, angle θ, and its lowest point at distance l(β) under the angle β (2.22).
 
-    Args:
-        body: an ellipse.
-        q: (3,) its pose in m, rad, above the surface.
+    q: (3,) pose in m, rad, above the surface.
 
     Raises:
         UserError: the body is not an ellipse, or reaches into the surface.
@@ -183,7 +172,7 @@ def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     sketch.dimension("b", centre, centre + b * minor)
     sketch.label(centre - 0.55 * a * major + 0.14 * b * minor, "$a$")
     sketch.label(centre + 0.6 * b * minor - 0.12 * b * major, "$b$")
-    # polar angle of P from the major axis, clockwise towards it
+    # polar angle of P from the major axis
     to_P = P - centre
     beta = np.arctan2(to_P @ minor, to_P @ major)
     sketch.arc("beta", centre, 0.38 * b, theta, theta + beta, GREEN)
@@ -196,14 +185,12 @@ def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
 
 @house_style
 def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
-    """Rimless wheel on its slope: spokes of length l, angle between them, forces at the tips that touch.
+    """Rimless wheel on its slope: length l of the spokes, angle between them, forces at the tips in contact.
 
-    Args:
-        wheel: the wheel.
-        q: (3,) pose of the hub in m, rad in the axes of the slope.
+    q: (3,) pose of the hub in m, rad in the axes of the slope.
 
     Raises:
-        UserError: no spoke is near the slope.
+        UserError: no spoke touches the slope.
     """
     q = np.asarray(q, dtype=float)
     contacts = wheel.contacts_of(q[None])
@@ -230,7 +217,7 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
         sketch.label(tip + l * np.array([0.18 * outward, 0.42]), f"$c_{{n,{number}}}$", RED)
         sketch.label(tip + l * np.array([-0.42, 0.12]), f"$c_{{t,{number}}}$", RED)
         sketch.point(f"contact {number}", tip, zorder=5)
-    # the spoke that points most nearly uphill carries the length, the two that point up the angle between them
+    # the two uppermost spokes show the angle between them, the one that points farthest back shows the length
     along = turned(wheel.corners, q[2]) / l
     up = np.argsort(-along[:, 1], kind="stable")[:2]
     angles = sorted(float(np.arctan2(along[i, 1], along[i, 0])) for i in up)
@@ -249,7 +236,7 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
     sketch.arc("theta", hub, 1.15 * l, 0.0, zero, BLUE)
     half = 0.5 * zero
     sketch.label(hub + 1.3 * l * np.array([np.cos(half), np.sin(half)]), r"$\theta$", BLUE)
-    # the slope against the level, at its lower end
+    # the slope against the horizontal, at its lower end
     foot = np.array([right, 0.0])
     level = foot + 1.6 * l * np.array([-np.cos(wheel.slope), -np.sin(wheel.slope)])
     sketch.line("level", np.stack([foot, level]), **DASHED)
@@ -264,7 +251,7 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
 def _falling_body(
     sketch: Sketch, body: PlanarFreeBody, q: np.ndarray, *, origin: bool = False
 ) -> tuple[np.ndarray, float]:
-    """Body above the surface with θ, P and φ_n; returns P (2,) and its gap in m."""
+    """Draw a body above the surface with θ, P and φ_n; returns P (2,) and its gap in m."""
     q = np.asarray(q, dtype=float)
     P, gap, _ = closest_point(body, q)
     if gap <= 0.0 or (origin and P[0] <= 0.0):
@@ -296,7 +283,7 @@ def _falling_body(
 
 
 def _corner_angle(sketch: Sketch, body: PlanarFreeBody, q: np.ndarray, P: np.ndarray) -> None:
-    """β from the body's -y axis, clockwise, to the corner P, and the distance l of P from the centre."""
+    """Draw β, clockwise from the body's -y axis to the corner P, and the distance l of P from the centre."""
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
     down = float(q[2]) - 0.5 * np.pi
     to_P = P - centre

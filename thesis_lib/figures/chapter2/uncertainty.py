@@ -1,11 +1,11 @@
 """Figure 2-5: noisy poses and the contact manifold; flat and tilted landing as excitation.
 
-Poses in contact form the manifold φ_n(q) = 0; of a body over a flat surface it is the curve y = -r_y(θ).  Noise moves
-measured poses off it, where eq. 2.12 allows no force; `identify/base_parameters/projection.py` moves them back along
-the shortest way in the kinetic metric δx² + δy² + k² δθ², the distance in panel (b), whose axes are k θ and y.
+Poses in contact form the manifold φ_n(q) = 0; over a flat surface it is the curve y = -r_y(θ).  Noise moves measured
+poses off it, where eq. 2.12 allows no force.  `identify/base_parameters/projection.py` moves them back to the nearest
+pose in the kinetic metric δx² + δy² + k² δθ²; panel (b), with axes k θ and y, shows this distance.
 
-What a landing identifies is its `identifiability` with nothing known (unknown m and I, no external force), and with the
-mass given.  The square that lands flat does not turn: its I is in the null space even with the mass known.
+The `identifiability` of a landing is shown with m and I unknown and no external force, and with the mass given.  A
+square that lands flat does not turn: its I is in the null space even if the mass is known.
 
 | on paper | in code           | unit | shape    |                                                                 |
 |----------|-------------------|------|----------|-----------------------------------------------------------------|
@@ -43,9 +43,9 @@ def figure_2_5(
 
     Args:
         motion: a body that stays in contact, with its noisy states.
-        projected: the same, moved to the contact manifold.
-        landings: "flat" and "tilted": the motion of a square and its window in unknown (m, I), as
-            `excitation_table.excitation_cases` has them.
+        projected: the same motion, projected to the contact manifold.
+        landings: "flat" and "tilted": motion of a square and its window in unknown (m, I), as from
+            `excitation_table.excitation_cases`.
 
     Raises:
         UserError: a landing is missing, or no noisy pose is near the manifold.
@@ -67,7 +67,7 @@ def figure_2_5(
 
 
 def _one_pose(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.DataFrame:
-    """The corner that touches, of the pose with one contact and the largest gap, and of its projection."""
+    """The touching corner of the pose with one contact and the largest gap, and of its projection."""
     body, steps = motion.body, len(projected.closed)
     gaps = np.where(projected.closed, body.contacts_of(motion.observed.q[:steps]).phi, 0.0).sum(axis=1)
     step = int(np.argmax(np.where(projected.closed.sum(axis=1) == 1, np.abs(gaps), -1.0)))
@@ -93,7 +93,7 @@ def _one_pose(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
 
 
 def _manifold(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.DataFrame:
-    """Poses in the plane of k θ and y: the manifold, measured poses and where the projection puts them."""
+    """Poses in the plane of k θ and y: the manifold, measured poses and their projections."""
     body, m = motion.body, projected.closed.shape[0]
     k_g = float(np.sqrt(body.inertia / body.mass))
     ax.set_title("(b) measured and projected poses")
@@ -132,18 +132,18 @@ def _landing(
     size = body.shape.extent
     shown = np.linspace(0, record.steps, LANDING_SHOWN).astype(int)
     for column, step in enumerate(shown):
-        # moved to the right in time, else the squares would hide each other; true to scale otherwise
+        # shifted to the right in time, so that the squares do not overlap
         shift = np.array([1.65 * size * column, 0.0])
         points = outline_at(body, record.q[step]) - [record.q[0, 0], 0.0] + shift
         sketch.line("square", points, t=record.t[step], linewidth=0.9)
         sketch.point("centre", record.q[step, :2] - [record.q[0, 0], 0.0] + shift, markersize=2)
     sketch.ground(-1.1 * size, 1.65 * size * (len(shown) - 1) + 1.1 * size, 0.12 * size)
     verdict = {0: "nothing, not even $m/I$", 1: "$m/I$ only", 2: "$m$ and $I$"}[free.rank]
-    given = "$I$" if known.rank else "still nothing"
+    known_mass = "$I$" if known.rank else "still nothing"
     ax.text(
         0.0,
         -0.05,
-        f"identifiable without known force: {verdict}\nif the mass is known: {given}",
+        f"identifiable without known force: {verdict}\nif the mass is known: {known_mass}",
         transform=ax.transAxes,
         va="top",
         fontsize=7.5,

@@ -1,8 +1,8 @@
-"""Figures 2-10 and 2-11: what the mass does to the motion of the rimless wheel, and the forces of its spokes.
+"""Figures 2-10 and 2-11: influence of the mass on the motion of the rimless wheel, and the forces of its spokes.
 
-The thesis draws the forces on one axis, where the impacts hide the rest.  Here the axes of figure 2-11 show the forces
-while the wheel rolls, touchdowns are shaded, and the impulse of each stands beside them.  The standard errors of the
-maximum-likelihood estimate are thinner than a line: the last axis shows them about the estimate's error.
+The thesis draws all forces on one axis, where impacts hide the rest.  In figure 2-11 the axes show the forces while the
+wheel rolls; touchdowns are shaded, with the impulse of each beside them.  The standard errors of the maximum-likelihood
+estimate are thinner than a line: the last axis shows them around the estimate's error.
 
 | on paper | in code         | unit      | meaning                                              |
 |----------|-----------------|-----------|------------------------------------------------------|
@@ -35,8 +35,7 @@ DASHES = ((0, (1, 1.2)), (0, (4, 1.5)), (0, (5, 1.5, 1, 1.5)), "-")
 def figure_2_10(motions: pd.DataFrame) -> Drawn:
     """Angle and angular velocity against time for each mass.
 
-    Args:
-        motions: columns mass (kg), t (s), theta (rad), omega (rad/s), as `wheel_study.motion_by_mass` gives them.
+    `motions`: mass (kg), t (s), theta (rad), omega (rad/s), as from `wheel_study.motion_by_mass`.
     """
     figure = new_figure(height=3.6)
     above, below = figure.subplots(2, 1, sharex=True)
@@ -61,14 +60,13 @@ def figure_2_10(motions: pd.DataFrame) -> Drawn:
 def figure_2_11(forces: WheelForces) -> Drawn:
     """Normal forces of the first spokes while the wheel rolls, and the impulses of their touchdowns.
 
-    Args:
-        forces: of one record by every method, see `wheel.study.identify`.
+    `forces`: of one record by every method, see `wheel.study.identify`.
     """
     truth, fit = forces.truth, forces.fit
-    # a force acts over its step: it stands at the middle
+    # a force acts over its whole step: drawn at the middle
     t = truth.h * (np.arange(truth.steps) + 0.5)
     rolling = rolling_steps(truth.c_n)
-    found = {"truth": truth.c_n, **forces.c_n}
+    c_n = {"truth": truth.c_n, **forces.c_n}
     order = ("plain", "truth", "noise_free", "fit")
     impacts = [touchdown(truth.c_n, pair) for pair in touched_pairs(truth.c_n, truth.c_n.shape[1])]
     figure = new_figure(height=6.2)
@@ -81,12 +79,12 @@ def figure_2_11(forces: WheelForces) -> Drawn:
             color, dash, label = STYLES[name]
             width = {"truth": 2.4, "plain": 0.6}.get(name, 1.3)
             shade = "0.75" if name == "truth" else color
-            value = np.where(rolling, found[name][:, pair], np.nan)
+            value = np.where(rolling, c_n[name][:, pair], np.nan)
             ax.plot(t, value, color=shade, linestyle=dash, linewidth=width, label=label if i == 0 else None)
             std = fit.std_n[:, pair] if name == "fit" else np.full(truth.steps, np.nan)
             rows += [
                 (i + 1, name, "rolling" if on else "touchdown", a, b, s)
-                for a, b, s, on in zip(t, found[name][:, pair], std, rolling)
+                for a, b, s, on in zip(t, c_n[name][:, pair], std, rolling)
             ]
         _shade(ax, impacts, truth.h)
         ax.set_ylim(0.0, top)
@@ -121,7 +119,7 @@ def _shade(ax: Axes, impacts: list[slice | None], h: float) -> None:
 
 
 def _impulses(side: Axes, forces: WheelForces, i: int, pair: int) -> list[tuple]:
-    """Draw the impulses of one touchdown on an axis; rows of the table."""
+    """Draw the impulses of one touchdown; returns the rows of the table."""
     impact, h = touchdown(forces.truth.c_n, pair), forces.truth.h
     side.tick_params(labelbottom=False, bottom=False)
     side.yaxis.tick_right()

@@ -1,4 +1,4 @@
-"""Figure 3-11: two single impacts that explain odd parameters (`shown_impacts`), each drawn in its energy ellipse."""
+"""Figure 3-11: two single impacts with unusual parameters (`shown_impacts`), each drawn in its energy ellipse."""
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ MARKS = {  # series: marker, size, colour, filled
 def figure_3_11(
     impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, mass_known: bool
 ) -> Drawn:
-    """The two cases with ellipse, region of `law`, measured impulse, the law's best and its ensemble prediction.
+    """Both impacts: ellipse, region of `law`, measured impulse, the law's best impulse and its ensemble prediction.
 
     Args:
         impacts: all impacts studied.
@@ -31,7 +31,7 @@ def figure_3_11(
         mass_known: whether impulses are in N s or in N s/kg.
 
     Raises:
-        UserError: nothing to select from.
+        UserError: no impact qualifies.
     """
     unit = ImpulseAxis.of(mass_known)
     target = target_of(impacts)
@@ -52,9 +52,9 @@ def figure_3_11(
         outline = region_outline(LAWS[law], space)
         draw_region(ax, LAWS[law], outline, unit, f"region of {LAWS[law].title}")
         part.append(pd.DataFrame(outline, columns=["c_t", "c_n"]).assign(series="region"))
-        own = LAWS[law].impulse(space, mu[[row]], epsilon[[row]])
-        common = LAWS[law].impulse(space, np.array([fit["mu"]]), np.array([fit["epsilon"]]))
-        points = ((target.c_t[row], target.c_n[row]), own, common)
+        best = LAWS[law].impulse(space, mu[[row]], epsilon[[row]])
+        predicted = LAWS[law].impulse(space, np.array([fit["mu"]]), np.array([fit["epsilon"]]))
+        points = ((target.c_t[row], target.c_n[row]), best, predicted)
         for (name, (marker, size, color, filled)), point in zip(MARKS.items(), points):
             c_t, c_n = (float(np.squeeze(value)) for value in point)
             ax.plot(

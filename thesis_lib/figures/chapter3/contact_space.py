@@ -1,13 +1,13 @@
-"""Figures 3-1, 3-2 and 3-3: the body on the surface, the energy ellipse, and the part of it that each law reaches.
+"""Figures 3-1, 3-2 and 3-3: the body on the surface, the energy ellipse, and the region that each law reaches.
 
 | on paper   | in code      | unit | shape  |                                                             |
 |------------|--------------|------|--------|-------------------------------------------------------------|
-| θ, v       | `Example`    | rad, m/s | (3,) | state of the one impact that the schematic figures show     |
+| θ, v       | `Example`    | rad, m/s | (3,) | state of the impact shown in the schematic figures          |
 | r          | `r`          | m    | (1, 2) | contact point, from the shape                               |
 | c          | `c_t`, `c_n` | N s  |        | impulse; outlines of sets are closed curves in this plane   |
 
-Everything is drawn from the functions that compute with it (thesis section 3.3.1): nothing here is sketched by hand.
-The outline of a law's region is the image of the edge of the box 0 ≤ μ < ∞, 0 ≤ ε ≤ 1.
+All geometry comes from the functions used for computing (thesis section 3.3.1).  The outline of a law's region is the
+image of the edge of the box 0 ≤ μ < ∞, 0 ≤ ε ≤ 1.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Example:
-    """The impact that figures 3-1 to 3-3 show: fast slip to the right, contact to the right of the centre of mass."""
+    """The impact of figures 3-1 to 3-3: fast slip to the right, contact to the right of the centre of mass."""
 
     theta: float = -0.6  # rad
     v: tuple[float, float, float] = (1.2, -1.5, 10.0)  # m/s, m/s, rad/s
@@ -140,8 +140,7 @@ def figure_3_2(body: Body, example: Example = EXAMPLE) -> Drawn:
 def figure_3_3(body: Body, coverage: pd.DataFrame | None = None, example: Example = EXAMPLE) -> Drawn:
     """Regions of the six laws in the energy ellipse, as published (upper row) and as defined (lower row).
 
-    `coverage`, if given, holds the columns law and share: the mean share of the admissible set that a law covers,
-    quoted in the legend.
+    `coverage` (law, share) gives the mean share of the admissible set covered by a law, for the legend.
     """
     space, unit = example.space(body), ImpulseAxis.of(body.mass is not None)
     shares = {} if coverage is None else dict(zip(coverage["law"], coverage["share"]))
@@ -174,8 +173,8 @@ def figure_3_3(body: Body, coverage: pd.DataFrame | None = None, example: Exampl
 def region_outline(law: Law, space: ContactSpace, points: int = 25) -> np.ndarray:
     """Closed outline (4 (points − 1) + 1, 2) in N s of what a law can predict for the one impact in `space`.
 
-    The image of the edge of the parameter box; a law that maps parts of the box onto each other may reach a little
-    beyond it.
+    It is the image of the edge of the parameter box.  If a law maps parts of the box onto each other, its region may
+    extend a little beyond it.
     """
     c = np.stack([part[:, :, 0] for part in region(law, space, points=points)], axis=-1)
     return np.concatenate([c[0, :-1], c[:-1, -1], c[-1, :0:-1], c[:0:-1, 0], c[:1, 0]])
@@ -186,12 +185,12 @@ def draw_region(ax: Axes, law: Law, outline: np.ndarray, unit: ImpulseAxis, labe
     style = style_of(law.name)
     ax.fill(*(unit.factor * outline.T), fill=False, hatch=style.hatch, edgecolor=style.color, linewidth=0)
     ax.plot(*(unit.factor * outline.T), color=style.color, linestyle=style.dash, linewidth=1.5, label=label)
-    # some regions gain energy and so leave the ellipse
+    # some regions gain energy and leave the ellipse
     ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * unit.factor * float(outline[:, 1].max())))
 
 
 def draw_ellipse(ax: Axes, space: ContactSpace, unit: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:
-    """Energy ellipse of the one impact in `space` with its lines and shaded admissible set; returns what is drawn."""
+    """Energy ellipse of the one impact in `space`, its lines and shaded admissible set; returns the plotted points."""
     ellipse = energy_ellipse(space)
     outline = ellipse.outline(points=121)[0]
     shade = np.stack([part[::6, 0] for part in admissible_outline(space)], axis=-1)

@@ -1,13 +1,13 @@
-"""Figures 3-8 and 3-9: how large held-out errors are, and where before the impact they are large.
+"""Figures 3-8 and 3-9: size of held-out errors, and the momenta before impact at which they are large.
 
 | on paper            | in code                  | unit | shape |                                                   |
 |---------------------|--------------------------|------|-------|---------------------------------------------------|
 | ‖v⁺ − v̂⁺‖_k         | `error`                  | m/s  | (n,)  | √(δv_x² + δv_y² + (k δω)²), held-out impacts      |
 | (p_t, p_n) = M_C v_C| `momentum_t, momentum_n` | N s  | (n,)  | momentum at the contact point before impact       |
 
-Errors come from thesis_lib.impact_study.study.held_out_errors.  Densities are reflected at zero (`densities`).
-The thesis's figure 3-9 does not say how it smooths; here each node of a grid takes the mean error of its nearest
-impacts, and nodes without impacts nearby stay empty.
+Errors come from thesis_lib.impact_study.study.held_out_errors.  Densities are reflected at zero (`densities`).  The
+thesis does not say how its figure 3-9 is smoothed; here each node of a grid has the mean error of its nearest impacts,
+and nodes without impacts nearby stay empty.
 """
 
 import numpy as np
@@ -24,17 +24,16 @@ from thesis_lib.impact_study.tables import VARIANTS
 
 GRID = 100  # points of a curve
 SIDE = 40  # nodes of the map along each axis
-NEIGHBOURS = 12  # impacts that make the mean at a node: their mean has a third of a single error's spread
-REACH = 0.25  # standard deviations of momentum; nodes with no impact as near as this stay empty
-TALL = 10.0  # where the highest peak is this many times the lowest, densities are drawn on a logarithmic axis
+NEIGHBOURS = 12  # impacts averaged at a node: their mean has a third of a single error's spread
+REACH = 0.25  # standard deviations of momentum; nodes without an impact this near stay empty
+TALL = 10.0  # ratio of the highest to the lowest peak above which the density axis is logarithmic
 
 
 @house_style
 def figure_3_8(errors: pd.DataFrame) -> Drawn:
     """Densities and cumulative shares of held-out errors: six laws, Best Post Hoc and IRB Bound, in both variants.
 
-    Args:
-        errors: trial, impact, model, velocity_error; a failed solve (NaN) counts as infinite in the share.
+    `errors`: trial, impact, model, velocity_error (m/s); a failed solve (NaN) counts as infinite in the share.
 
     Raises:
         UserError: a model has no finite error.
@@ -77,7 +76,7 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
 
 
 def _upper(wide: pd.DataFrame) -> float:
-    """End of the error axis of densities: beyond the tail of the typical model; the cumulative panel has the rest."""
+    """End of the error axis of densities: beyond the tail of the median model; the cumulative panel shows the rest."""
     return 1.25 * float(np.nanmedian(wide.quantile(0.95))) or 1.0
 
 
@@ -85,7 +84,7 @@ def _limits(axes: np.ndarray, table: pd.DataFrame) -> None:
     peaks = table[table["panel"] == "density"].groupby(["variant", "model"])["density"].max()
     if peaks.max() > TALL * peaks.min():
         axes[0, 0].set_yscale("log")
-        axes[0, 0].set_ylim(0.4 * peaks.min(), 1.5 * peaks.max())  # below it single impacts show
+        axes[0, 0].set_ylim(0.4 * peaks.min(), 1.5 * peaks.max())  # single impacts show below
     else:
         axes[0, 0].set_ylim(0.0, 1.05 * peaks.max())
     axes[0, 0].set_xlim(0.0, float(table.loc[table["panel"] == "density", "error"].max()))
@@ -102,7 +101,7 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
 
     Args:
         held_out: held-out impacts.
-        errors: trial, impact, model, velocity_error; rows of `law` for these impacts.
+        errors: trial, impact, model, velocity_error (m/s), with rows of `law` for these impacts.
         law: the law shown (AP Poisson in the thesis).
         mass_known: whether momenta are in N s or in N s/kg.
 
@@ -123,7 +122,7 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
     nodes = np.stack(np.meshgrid(axis_t, axis_n), axis=-1).reshape(-1, 2)
     mean, distance = local_mean(momentum, error, nodes, NEIGHBOURS)
     mean = np.where(distance <= REACH, mean, np.nan)
-    # by impacts, not by area: a few wild ones, far from the others, must not flatten the rest of the map
+    # quantile over impacts, not over area: a few remote outliers must not flatten the rest of the map
     top = float(np.quantile(local_mean(momentum, error, momentum, NEIGHBOURS)[0], 0.95)) or 1.0
 
     figure = new_figure(4.6, 3.4)

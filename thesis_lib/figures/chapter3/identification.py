@@ -1,4 +1,4 @@
-"""Figures 3-7 and 3-10: what identification sees, over many impacts and impact by impact.
+"""Figures 3-7 and 3-10: parameters identified from many impacts and from single impacts.
 
 | on paper     | in code            | unit | shape |                                                     |
 |--------------|--------------------|------|-------|-----------------------------------------------------|
@@ -6,7 +6,7 @@
 | (μ_i, ε_i)   | `mu`, `epsilon`    | 1    | (n,)  | individual parameters of impact i                   |
 | k            | `k`                | 1    |       | number of impacts identified from                   |
 
-Tables come from thesis_lib.impact_study.study; columns are named there.
+The tables come from thesis_lib.impact_study.study, which explains their columns.
 """
 
 import numpy as np
@@ -19,10 +19,10 @@ from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 
-SETTLED = 100  # impacts after which the thesis finds the parameters converged
+SETTLED = 100  # number of impacts at which the thesis finds the parameters converged
 SUBSET_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)))
 GRID = 200  # points of a density
-# of individual μ within the axis; the rest, often at the limit of the box, is counted in a note
+# share of individual μ within the axis; a note counts the rest, often at the limit of the box
 SHOWN_SHARE = 0.99
 
 
@@ -76,7 +76,7 @@ def _topography(ax: Axes, topography: pd.DataFrame, unit: ImpulseAxis) -> None:
     cost = unit.factor * topography.pivot(index="epsilon", columns="mu", values="cost")
     mu, epsilon = cost.columns.to_numpy(), cost.index.to_numpy()
     mesh = ax.pcolormesh(mu, epsilon, cost.to_numpy(), cmap="viridis_r", shading="gouraud", rasterized=True)
-    # evenly spaced in the root of the rise above the minimum: even spacing would leave the valley empty
+    # evenly spaced in the root of the rise above the minimum, so that the valley has contours
     low, high = float(cost.min().min()), float(cost.max().max())
     levels = low + (high - low) * np.linspace(0.0, 1.0, 11)[1:-1] ** 2
     if high > low:
@@ -97,10 +97,10 @@ def _topography(ax: Axes, topography: pd.DataFrame, unit: ImpulseAxis) -> None:
 
 @house_style
 def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, mass_known: bool) -> Drawn:
-    """(a) Individual (μ, ε) coloured by the misfit that remains; (b) densities of μ and of ε, ensemble value marked.
+    """(a) Individual (μ, ε) coloured by their misfit; (b) densities of μ and of ε, ensemble value marked.
 
     Args:
-        individual: trial, impact, law, mu, epsilon, misfit (N s) of one weighting; only rows of `law` are used.
+        individual: trial, impact, law, mu, epsilon, misfit (N s) of one weighting.
         ensemble: law, mu, epsilon of the same weighting.
         law: the law shown.
         mass_known: whether impulses are in N s or in N s/kg.
@@ -118,7 +118,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
     axes = figure.subplot_mosaic([["a", "mu"], ["a", "epsilon"]], width_ratios=(1.25, 1.0))
 
     ax = axes["a"]
-    shown = each.sort_values("misfit", kind="stable")  # the worst on top
+    shown = each.sort_values("misfit", kind="stable")  # largest misfit on top
     top = max(float(shown["misfit"].quantile(0.98)), np.finfo(float).tiny)
     dots = ax.scatter(
         shown["mu"],
@@ -172,7 +172,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
 
 
 def _shown_range(epsilon: np.ndarray) -> tuple[float, float]:
-    """Part of [0, 1] that holds nearly all values, with room at either side."""
+    """Part of [0, 1] that holds nearly all values, with a margin on either side."""
     low, high = np.quantile(epsilon, [0.01, 0.99])
     room = max(0.3 * (high - low), 0.05)
     return max(0.0, float(low) - room), min(1.0, float(high) + room)

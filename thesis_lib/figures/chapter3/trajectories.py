@@ -1,6 +1,6 @@
 """Figures 3-5 and 3-6: configurations and energies of one trial against time, with its impacts.
 
-Which trial is shown, its velocities and its energies: `thesis_lib.impact_study.shown_trial`.
+The choice of the trial, its velocities and its energies: `thesis_lib.impact_study.shown_trial`.
 """
 
 import numpy as np
@@ -28,9 +28,9 @@ def figure_3_5(dataset: Dataset, impacts: pd.DataFrame, arcs: pd.DataFrame) -> D
     """Configurations x, y, kθ of one trial: samples, fitted arcs on either side of each measured impact, and hits.
 
     Args:
-        dataset: with trajectories.
-        impacts: measured impacts (trial, t, pose and velocities), as impacts.csv.
-        arcs: all detected impacts (trial, impact, t, used, n_pre, n_post), as arcs.csv.
+        dataset: has trajectories.
+        impacts: measured impacts (trial, t, pose and velocities), as in impacts.csv.
+        arcs: all detected impacts (trial, impact, t, used, n_pre, n_post), as in arcs.csv.
 
     Raises:
         UserError: no impact was measurable.
@@ -68,7 +68,7 @@ def figure_3_5(dataset: Dataset, impacts: pd.DataFrame, arcs: pd.DataFrame) -> D
 def figure_3_6(dataset: Dataset, arcs: pd.DataFrame) -> Drawn:
     """Potential, kinetic and total energy of the same trial until shortly after its leading impacts.
 
-    Per unit mass where the dataset gives no mass.
+    In J, or in J/kg if the dataset gives no mass.
 
     Raises:
         UserError: no impact was measurable.
@@ -85,7 +85,7 @@ def figure_3_6(dataset: Dataset, arcs: pd.DataFrame) -> Drawn:
     ax = figure.add_subplot()
     _mark(ax, hits[hits["t"] <= t[shown][-1]])
     rows = [("", "impact", instant, np.nan) for instant in times if instant <= t[shown][-1]]
-    # a gap at each impact: the energy between the last sample before and the first after it is not measured
+    # a gap at each impact: there the energy is not measured
     cut = np.flatnonzero(np.diff(np.searchsorted(times, t[shown])))
     for i, (name, (color, dash, label)) in enumerate(ENERGIES.items()):
         ax.plot(

@@ -1,5 +1,4 @@
-"""Figures 4-3, 4-4 and 4-10 and the calibration of beliefs: what is believed of a throw, contact by contact and at
-rest.
+"""Figures 4-3, 4-4 and 4-10 and the calibration of beliefs: the belief over a throw, at each contact and at rest.
 
 | on paper | in code    | unit   | meaning                                                          |
 |----------|------------|--------|------------------------------------------------------------------|
@@ -23,13 +22,13 @@ DRAWN = 60  # particles of each contact that are drawn
 
 @house_style
 def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, contacts: int = 2) -> Drawn:
-    """Measured throw until its last contact shown, with outlines of samples from the belief over it.
+    """Measured throw until the last contact shown, with outlines of samples from the belief over it.
 
     Args:
-        poses: trial, t, x, y, theta as measured.
-        samples: trial (one), contact, t, x, y, theta.
+        poses: trial, t (s), x, y (m), theta (rad), as measured.
+        samples: trial (a single one), contact, t, x, y, theta.
         shape: of the body.
-        contacts: shown.
+        contacts: number of contacts shown.
     """
     trial = int(samples["trial"].iloc[0])
     figure = new_figure(height=3.2)
@@ -43,12 +42,12 @@ def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, conta
         ax.plot([], [], color=CONTACT_COLORS[contact], label=f"belief, {CONTACT_NAMES[contact]}")
         rows += [(trial, f"belief_{contact}", *row) for row in some[["t", "x", "y", "theta"]].to_numpy()]
     end = float(shown["t"].max())
-    one = poses[poses["trial"] == trial]
-    one = one[one["t"] <= one["t"].iloc[0] + end + 0.15]
-    ax.plot(one["x"], one["y"], color=INK, linewidth=1.1, label="measured centre")
-    for pose in one[["x", "y", "theta"]].to_numpy()[::6]:
+    measured = poses[poses["trial"] == trial]
+    measured = measured[measured["t"] <= measured["t"].iloc[0] + end + 0.15]
+    ax.plot(measured["x"], measured["y"], color=INK, linewidth=1.1, label="measured centre")
+    for pose in measured[["x", "y", "theta"]].to_numpy()[::6]:
         draw_outline(ax, shape, pose, color=GREY, linewidth=0.6)
-    rows += [(trial, "measured", *row) for row in one[["t", "x", "y", "theta"]].to_numpy()]
+    rows += [(trial, "measured", *row) for row in measured[["t", "x", "y", "theta"]].to_numpy()]
     ax.axhline(0.0, color=INK, linewidth=1.0)
     ax.set_aspect("equal")
     ax.set_xlabel("$x$ (m)")
@@ -61,10 +60,7 @@ def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, conta
 def figure_4_4(samples: pd.DataFrame, rest: np.ndarray, side: float) -> Drawn:
     """Distribution of the horizontal distance at the start, after each of two contacts and at rest.
 
-    Args:
-        samples: contact, x (m) of one throw's particles.
-        rest: (M,) positions of its particles at rest, m.
-        side: m.
+    `samples`: contact, x of one throw's particles; `rest`: (M,) their positions at rest; `side` of the die; all in m.
     """
     figure = new_figure(height=3.6)
     zero = float(samples.loc[samples["contact"] == 0, "x"].mean())
@@ -96,17 +92,15 @@ def figure_4_4(samples: pd.DataFrame, rest: np.ndarray, side: float) -> Drawn:
 
 @house_style
 def figure_4_10(beliefs: pd.DataFrame, marks: pd.DataFrame) -> Drawn:
-    """Belief over the resting position of an easy and a hard throw, with the law's and the measured end.
+    """Belief over the resting position of an easy and a hard throw, with the law's end and the measured end.
 
-    Args:
-        beliefs: case ("easy", "hard"), distance: particles.
-        marks: case, law, measured: positions in the same unit (sides).
+    `beliefs`: case ("easy", "hard"), distance of each particle; `marks`: case, law, measured; all in sides.
     """
     figure = new_figure(height=2.8)
     axes = figure.subplots(1, 2, sharex=True)
     low, high = beliefs["distance"].quantile([0.001, 0.999])
     ends = marks[["law", "measured"]].to_numpy()
-    # beyond the samples, so that a density ends where it is nearly 0
+    # extends beyond the samples, so that each density ends near 0
     grid = np.linspace(min(low, ends.min()) - 2.0, max(high, ends.max()) + 2.0, 321)
     rows = []
     for ax, case in zip(axes, ("hard", "easy")):
@@ -130,9 +124,8 @@ def figure_4_10(beliefs: pd.DataFrame, marks: pd.DataFrame) -> Drawn:
 def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Drawn:
     """PIT histogram and coverage of beliefs over resting positions.
 
-    Args:
-        histograms: model, pit, share, low, high (the band of a right prediction).
-        coverage: model, level, coverage, low, high.
+    `histograms`: model, pit, share, low, high (band of a calibrated belief).  `coverage`: model, level, coverage, low,
+    high.
     """
     figure = new_figure(height=3.2)
     left, right = figure.subplots(1, 2)
@@ -148,10 +141,10 @@ def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Draw
     for model, part in histograms.groupby("model", sort=False):
         color, dash, label = MODEL_STYLE[model]
         left.plot(part["pit"], part["share"], color=color, linestyle=dash, marker=".", markersize=3)
-        one = coverage[coverage["model"] == model]
-        error = np.abs(one[["low", "high"]].to_numpy().T - one["coverage"].to_numpy())
+        levels = coverage[coverage["model"] == model]
+        error = np.abs(levels[["low", "high"]].to_numpy().T - levels["coverage"].to_numpy())
         right.errorbar(
-            one["level"], one["coverage"], error, color=color, linestyle=dash, marker=".", label=label
+            levels["level"], levels["coverage"], error, color=color, linestyle=dash, marker=".", label=label
         )
     left.set_xlabel("PIT of the measured resting position")
     left.set_ylabel("share of throws")

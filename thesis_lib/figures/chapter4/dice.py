@@ -1,4 +1,4 @@
-"""Figures 4-7, 4-8 and 4-9: thrown dice, as outlines, and how far predicted ends are from the measured ones.
+"""Figures 4-7, 4-8 and 4-9: thrown dice as outlines, and the errors of their predicted ends.
 
 | on paper | in code  | unit | meaning                                                        |
 |----------|----------|------|----------------------------------------------------------------|
@@ -23,7 +23,7 @@ MODEL_STYLE = {
     "compliant_residual": ("#009E73", "-", "compliant contact + residual"),
 }
 OUTLINES = 26  # of a whole throw in figure 4-7
-SHOWN = 4.0  # sides; errors beyond are drawn at the edge's side of the axis and counted in the table
+SHOWN = 4.0  # sides; the table gives the share of larger errors
 
 
 def draw_outline(ax: Axes, shape: Polygon, pose: np.ndarray, **style) -> None:
@@ -35,16 +35,16 @@ def draw_outline(ax: Axes, shape: Polygon, pose: np.ndarray, **style) -> None:
 
 @house_style
 def figure_4_7(poses: pd.DataFrame, shape: Polygon, trial: int) -> Drawn:
-    """Outlines of one measured throw; `poses` has trial, t, x, y, theta."""
+    """Outlines of one measured throw; `poses`: trial, t, x, y, theta."""
     figure = new_figure(height=2.6)
     ax = figure.add_subplot()
-    one = poses[poses["trial"] == trial]
-    rows = np.unique(np.linspace(0, len(one) - 1, OUTLINES).astype(int))
-    table = one.iloc[rows][["trial", "t", "x", "y", "theta"]].reset_index(drop=True)
+    throw = poses[poses["trial"] == trial]
+    rows = np.unique(np.linspace(0, len(throw) - 1, OUTLINES).astype(int))
+    table = throw.iloc[rows][["trial", "t", "x", "y", "theta"]].reset_index(drop=True)
     for i, pose in enumerate(table[["x", "y", "theta"]].to_numpy()):
         shade = 0.75 - 0.6 * i / max(1, len(table) - 1)
         draw_outline(ax, shape, pose, color=str(shade), linewidth=0.8)
-    ax.plot(one["x"], one["y"], color="#D55E00", linewidth=0.8, label="centre")
+    ax.plot(throw["x"], throw["y"], color="#D55E00", linewidth=0.8, label="centre")
     draw_outline(
         ax, shape, table[["x", "y", "theta"]].to_numpy()[-1], color=INK, linewidth=1.6, label="at rest"
     )
@@ -57,7 +57,7 @@ def figure_4_7(poses: pd.DataFrame, shape: Polygon, trial: int) -> Drawn:
 def figure_4_8(throws: pd.DataFrame) -> Drawn:
     """Densities of the error in resting position for each model, with mean and standard deviation.
 
-    `throws`: model, error (1), a row per held-out throw.
+    `throws`: model, error (1), a row for each held-out throw.
     """
     figure = new_figure(height=3.0)
     ax = figure.add_subplot()
@@ -88,20 +88,15 @@ def figure_4_9(
 ) -> Drawn:
     """A hard (left) and an easy throw about their first contact: outlines at all samples until `after` s past it.
 
-    Args:
-        poses: trial, t, x, y, theta.
-        hits: trial, t of detected hits.
-        shape: of the body.
-        easy, hard: trials.
-        after: s.
+    `poses`: trial, t, x, y, theta; `hits`: trial, t of detected hits; `easy` and `hard` are numbers of trials.
     """
     figure = new_figure(width=0.75 * WIDTH, height=3.0, layout="compressed")
     axes = figure.subplots(1, 2, sharey=True)
     tables = []
     for ax, trial, title in zip(axes, (hard, easy), ("hard to predict", "easy to predict")):
         first = float(hits.loc[hits["trial"] == trial, "t"].min())
-        one = poses[(poses["trial"] == trial) & (poses["t"] <= first + after)]
-        for pose, t in zip(one[["x", "y", "theta"]].to_numpy(), one["t"]):
+        part = poses[(poses["trial"] == trial) & (poses["t"] <= first + after)]
+        for pose, t in zip(part[["x", "y", "theta"]].to_numpy(), part["t"]):
             color = "#0072B2" if t <= first else "#D55E00"
             draw_outline(ax, shape, pose, color=color, linewidth=0.5, alpha=0.55)
         ax.plot([], [], color="#0072B2", label="before the first contact")
@@ -109,11 +104,11 @@ def figure_4_9(
         _ground(ax)
         ax.set_title(title)
         tables.append(
-            one[["trial", "t", "x", "y", "theta"]].assign(
-                after_first=(one["t"] > first).astype(int), case=title
+            part[["trial", "t", "x", "y", "theta"]].assign(
+                after_first=(part["t"] > first).astype(int), case=title
             )
         )
-    # equally wide, so that equal scales leave both panels equally high
+    # equal widths, so that panels of equal scale are equally high
     ends = np.array([ax.get_xlim() for ax in axes])
     half = 0.5 * np.ptp(ends, axis=1).max()
     for ax, middle in zip(axes, ends.mean(axis=1)):
@@ -134,7 +129,7 @@ def _ground(ax: Axes) -> None:
 
 @house_style
 def figure_restitution(table: pd.DataFrame) -> Drawn:
-    """Measured restitution against the place of the contact, first and later contacts, with what the model says.
+    """Measured and modelled restitution against the place of the contact, for first and later contacts.
 
     `table`: first (1: a throw's first contact), x (m), measured, model (1); see `residual.restitution`.
     """

@@ -1,10 +1,10 @@
-"""Figures 4-1 and 4-2: the body at contact with its energy ellipse, and the ellipsoid that a wrench opens.
+"""Figures 4-1 and 4-2: the body at contact with its energy ellipse, and the energy ellipsoid of contact wrenches.
 
     ellipse    (c + M_C v_C)ᵀ M_C⁻¹ (c + M_C v_C) ≤ v_Cᵀ M_C v_C                          equation 4.5
     ellipsoid  |z + B w|² ≤ |z|²,   z = (v_x, v_y, k ω),  w = (c_t, c_n, τ),  z⁺ = z + B w
 
-The ellipsoid is the image of the ball of all velocities with no more kinetic energy than before; its cut with τ = 0 is
-the ellipse, and its part on one side of the plane v_n⁺ = 0 is what neither penetrates nor gains energy.
+The ellipsoid is the image of the ball of all velocities with no more kinetic energy than before.  Its cut with τ = 0
+is the ellipse; its part with v_n⁺ ≥ 0 neither penetrates nor gains energy.
 
 | on paper | in code      | unit | shape  |                                                   |
 |----------|--------------|------|--------|---------------------------------------------------|
@@ -69,7 +69,7 @@ def _draw_body(ax: Axes, body: Body, example: Example) -> pd.DataFrame:
         look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", start + vector, start, arrowprops=look)
         side = np.array([vector[1], -vector[0]]) / np.hypot(*vector)
-        side *= (np.sign(side[0]) or 1.0) * (-1.0 if "r" in name else 1.0)  # r and v point much the same way
+        side *= (np.sign(side[0]) or 1.0) * (-1.0 if "r" in name else 1.0)  # r and v are nearly parallel
         ax.text(*(start + 0.6 * vector + 0.16 * size * side), name, color=color, ha="center", va="center")
     ax.plot(*np.stack([centre, contact], axis=1), "o", color=INK, markersize=4)
     ax.text(*(contact + size * np.array([-0.17, 0.12])), "$C$", ha="center", va="center")
@@ -176,7 +176,7 @@ def _ellipsoid(impact: Impacts) -> pd.DataFrame:
         for j in (1, 2):
             add(series, MERIDIANS + j, on_sphere(np.full(POINTS, side * j * np.pi / 6.0), around))
     add("maximum compression", 0, on_sphere(np.zeros(POINTS), around))
-    # z·b does not change under a point impulse: a circle of the sphere at that height
+    # a point impulse does not change z·b: a circle of the sphere at that height
     fixed = z @ b / radius
     ring = np.sqrt(1.0 - fixed**2)
     circle = fixed * b + ring * (np.cos(around)[:, None] * t + np.sin(around)[:, None] * n)

@@ -1,4 +1,4 @@
-"""Figures 4-5 and 4-6, and named physics before the residual: how well learned contact models predict held-out impacts.
+"""Figures 4-5 and 4-6, and named physics before the residual: held-out errors of learned contact models.
 
 | on paper       | in code      | unit | shape |                                                              |
 |----------------|--------------|------|-------|--------------------------------------------------------------|
@@ -61,10 +61,10 @@ def _style(model: str) -> LineStyle:
 
 @house_style
 def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
-    """Densities and shares of held-out errors, data-driven models above and models with an impact law below.
+    """Densities and shares of held-out errors: data-driven models above, models with an impact law below.
 
     Args:
-        errors: model, error of each held-out impact, and n; a failed solve (NaN) counts as infinite in the share.
+        errors: model, n, and error (m/s) of each held-out impact; a failed solve (NaN) counts as infinite in the share.
         law: the impact law of class 2, drawn in both rows.
 
     Raises:
@@ -114,9 +114,7 @@ def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
 def figure_4_6(summary: pd.DataFrame, law: str) -> Drawn:
     """Mean held-out error against the number of training impacts, with intervals over random splits.
 
-    Args:
-        summary: model, n, mean, low, high (of `learning_study.curve_summary`).
-        law: the impact law of class 2, drawn in both panels.
+    `summary`: model, n, mean, low, high (from `learning_study.curve_summary`); `law`: the impact law of class 2.
     """
     figure = new_figure(height=3.9)
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -138,13 +136,13 @@ def figure_4_6(summary: pd.DataFrame, law: str) -> Drawn:
 def figure_named_physics(
     rungs: pd.DataFrame, summary: pd.DataFrame, effects: Sequence[str] = (), floor: float | None = None
 ) -> Drawn:
-    """What is left to learn once the missing effects are in: errors of law, effects and residuals.
+    """Errors of law, effects and residuals: what is left to learn with the missing effects added.
 
     Args:
         rungs: model, n, mean, low, high, with rows irb_bound and irb_bound_effects (of `learning_study.named_physics`).
         summary: model, n, mean, low, high of the same models.
-        effects: titles of the effects that the critique chose.
-        floor: noise floor of the critique in m/s; None where the noise is not known.
+        effects: titles of the effects chosen by the critique.
+        floor: noise floor of the critique in m/s; None if the noise is not known.
     """
     at = rungs.set_index("model")
     figure = new_figure(height=4.0)
@@ -180,7 +178,7 @@ def figure_named_physics(
     left.legend(loc="upper center", bbox_to_anchor=(0.3, -0.16), ncols=2)
     if effects:
         text = "effects:  " + ",\n".join(", ".join(effects[i : i + 2]) for i in range(0, len(effects), 2))
-        # below the legend, where the other panel's legend is higher
+        # below this panel's legend, beside the taller one of the other panel
         left.text(0.0, -0.29, text, transform=left.transAxes, ha="left", va="top", fontsize=7, color=INK)
     for name, look in NAMED_STYLE.items():
         _band(right, summary[summary["model"] == name].sort_values("n"), look)
@@ -203,7 +201,7 @@ def _band(ax: Axes, curve: pd.DataFrame, look: LineStyle, thin: bool = False) ->
 
 
 def _log_axes(ax: Axes, drawn: pd.DataFrame) -> None:
-    """Logarithmic axes with plain numbers; the error's spans what is drawn."""
+    """Logarithmic axes with plain numbers; the error axis spans the mean errors drawn."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     ax.set_xscale("log")
@@ -217,7 +215,7 @@ def _log_axes(ax: Axes, drawn: pd.DataFrame) -> None:
 
 
 def _ticks(ends: tuple[float, float]) -> Sequence[float]:
-    """Multiples of powers of ten that are written at the axis: fewer where it spans more."""
+    """Multiples of powers of ten labelled on the axis: fewer if it spans more."""
     spans: Mapping[float, Sequence[float]] = {
         3.0: (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0),
         15.0: (1.0, 2.0, 5.0),

@@ -1,1 +1,1 @@
-"""Figures of chapter 5: the tower, what is learned of it, and who plays how well."""
+"""Figures of chapter 5: the tower, the models learned from it, and how well each policy plays."""

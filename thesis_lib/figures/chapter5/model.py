@@ -1,4 +1,4 @@
-"""Figure 5-7, the abstractions themselves, and a hidden effect: what has been learned of the tower.
+"""Figure 5-7, the abstractions, and hidden effects: what has been learned of the tower.
 
     friction cone:  |f_t| ≤ μ f_n,   μ = 0.42 (plastic on wood; 0.35 to 0.5 in the thesis)
 
@@ -8,7 +8,7 @@
 | μ        | `MU`     | 1    | friction coefficient of finger and block             |
 | c        | `abstraction` | | name of the abstraction, as `mixture.names_of` gives it |
 
-Source: thesis, section 5.5.4 and figure 5-7.  The other figures are own: the thesis describes abstractions in words.
+Source: thesis, section 5.5.4 and figure 5-7.  The thesis has no other such figure: it describes abstractions in words.
 """
 
 import re
@@ -52,7 +52,7 @@ AS_PREDICTED = "#E0E0E0"
 
 
 def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
-    """Colour by what an abstraction is (also a new one), line style by its number among those called alike."""
+    """Colour by the kind of an abstraction (also of a new one), line style by its number among those of its kind."""
     styles, seen, colors = {}, Counter(), dict(COLORS)
     for name in names:
         kind = re.sub(r" \d+$", "", name.removeprefix("new: "))
@@ -64,13 +64,12 @@ def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
 
 @house_style
 def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
-    """(A) predicted forces over the friction cone; (B) force against the height of the block.
+    """(A) Predicted forces over the friction cone; (B) force against the height of the block.
 
     Args:
-        cone: f_n, f_t (N, predicted next forces), abstraction, inside (1: within the cone, by the rule of who made
-            the table).
-        height: height_mm (of the block above the base), f_n (N, measured), abstraction; f_n_pred (N) if the model's
-            line is to be drawn: its mean at each height.
+        cone: f_n, f_t (N, predicted next forces), abstraction, inside (1: within the cone, as decided by the caller).
+        height: height_mm (of the block above the base), f_n (N, measured), abstraction; optionally f_n_pred (N), whose
+            mean at each height is then drawn as a line.
     """
     names = list(dict.fromkeys([*cone["abstraction"], *height["abstraction"]]))
     styles = abstraction_style(names)
@@ -105,8 +104,8 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
     right.set_ylim(bottom=min(0.0, float(height["f_n"].min())))
     right.set_xlabel("height of the block above the base (mm)")
     right.set_ylabel("normal force $f_n$ (N)")
-    said = "rings: measured" if "f_n_pred" in height else "lines: mean"
-    right.set_title(f"B  resistance ({said})")
+    meaning = "rings: measured" if "f_n_pred" in height else "lines: mean"
+    right.set_title(f"B  resistance ({meaning})")
     handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
     labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
     shown = {label.split(" (")[0]: (handle, label) for handle, label in reversed([*zip(handles, labels)])}
@@ -121,11 +120,11 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_abstractions(table: pd.DataFrame) -> Drawn:
-    """What each abstraction looks like: a row of bars for each, a panel for each quantity.
+    """Properties of each abstraction: a row of bars for each, a panel for each quantity.
 
     `table`: abstraction (its name, or its number beside a column `name`), share (1), force (N), rise (N/mm), move, lag,
-    drag (1), stuck_share (how much of it is of blocks that are stuck in truth); stuck (1: counts as stuck without
-    truth) if it is to be marked.
+    drag (1), stuck_share (share of its pushes whose block is truly stuck); optionally stuck (1: counts as stuck, found
+    without truth), which is marked.
     """
     names = list(table["name" if "name" in table else "abstraction"])
     styles = abstraction_style(names)
@@ -162,8 +161,7 @@ def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame | None = None) -> D
 
     Args:
         errors: effect, stage (before, relearned), group (see `GROUPS`), error (1), low, high, n (pushes).
-        pushes: effect, block, fails (1: the predictive check fails), abstraction (the one that came nearest: its name,
-            or its number if names are not at hand).
+        pushes: effect, block, fails (1: the predictive check fails), abstraction (name or number of the nearest one).
     """
     effects = list(errors["effect"].unique())
     if pushes is None:
@@ -176,10 +174,10 @@ def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame | None = None) -> D
         fills = _fills(pushes.loc[pushes["fails"] == 1, "abstraction"].unique())
     tables = []
     for (left, right), effect in zip(panels, effects):
-        own = errors[errors["effect"] == effect]
-        _errors(left, own)
+        rows = errors[errors["effect"] == effect]
+        _errors(left, rows)
         left.set_title(effect.replace("_", " "), fontweight="bold")
-        tables.append(own.assign(panel="error"))
+        tables.append(rows.assign(panel="error"))
         if right is not None:
             table = _map_of_tower(right, pushes[pushes["effect"] == effect], fills)
             tables.append(table.assign(panel="blocks", effect=effect))
@@ -216,7 +214,7 @@ def _errors(ax: Axes, own: pd.DataFrame) -> None:
 
 
 def _fills(names: np.ndarray) -> dict[object, str]:
-    """A colour for each abstraction, given by names or numbers."""
+    """A colour for each abstraction, named or numbered."""
     if all(isinstance(name, str) for name in names):
         return {name: color for name, (color, _) in abstraction_style(sorted(names)).items()}
     palette = [*COLORS.values(), *SPARE]
@@ -224,7 +222,7 @@ def _fills(names: np.ndarray) -> dict[object, str]:
 
 
 def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[object, str]) -> pd.DataFrame:
-    """The 45 blocks that may be pushed; coloured where any push to a block failed."""
+    """The 45 blocks that may be pushed, coloured if any push to the block failed; returns the plotted numbers."""
     rows = []
     for block, part in pushes.groupby("block"):
         failing = part.loc[part["fails"] == 1, "abstraction"]

@@ -2,7 +2,7 @@
 
 Parallel projection: with camera azimuth α and elevation ε, the picture's axes are r = (−sin α, cos α, 0) and
 w = (−sin ε cos α, −sin ε sin α, cos ε), the direction to the camera d = (cos ε cos α, cos ε sin α, sin ε).  Boxes are
-painted from below to above, and from far to near within a layer: right for a camera that looks down on layers.
+painted from bottom to top, and from far to near within a layer, which is right for a camera above the layers.
 """
 
 import textwrap
@@ -19,7 +19,7 @@ from thesis_lib.jenga.tower.tower_model import BLOCKS, rotation
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(22.0)
 WOOD, PUSHED, PLACED = (0.87, 0.72, 0.53), (0.80, 0.36, 0.22), (0.45, 0.62, 0.80)
 LIGHT = np.array([0.55, 0.25, 0.80])
-HALF_LAYER = 7.5e-3  # m: blocks whose heights differ by less are one layer when painted
+HALF_LAYER = 7.5e-3  # m; half of the height that is painted as one layer
 # corners of each face of the cube [-1, 1]^3, in order around it, and the axis it faces
 FACES = [
     (axis, side, [np.insert(pair, axis, side) for pair in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
@@ -58,7 +58,7 @@ def draw_tower(axes: Axes, poses: np.ndarray, sizes: np.ndarray, colours: np.nda
 
 
 def colours_of(highlighted: dict[int, tuple[float, float, float]]) -> np.ndarray:
-    """Wood, but for these blocks; (54, 3)."""
+    """Colours (54, 3): wood, except for the given blocks."""
     colours = np.tile(WOOD, (BLOCKS, 1))
     for block, colour in highlighted.items():
         colours[block] = colour
@@ -85,7 +85,7 @@ def strip_figure(
     titles: Sequence[str],
     colours: Sequence[np.ndarray] | None = None,
 ) -> Drawn:
-    """Frames of a game beside each other, on one scale; frames: poses (54, 7) each.  Table as above, and frame."""
+    """Frames of a game (poses (54, 7) each) side by side, on one scale.  Table as above, with the column frame."""
     figure = new_figure(WIDTH, 2.1)
     axes = figure.subplots(1, len(frames), sharex=True, sharey=True, squeeze=False)[0]
     for number, (each, poses, title) in enumerate(zip(axes, frames, titles)):

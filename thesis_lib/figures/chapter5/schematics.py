@@ -1,6 +1,6 @@
 """Figures 5-2, 5-3, 5-4B and 5-5C: the pushed block, the hierarchical model and the architecture, as diagrams.
 
-Nothing here is data: the numbers beside a diagram are the places of its parts, in units of the picture.
+The tables hold no data, only the places of a diagram's parts in units of the picture.
 
 | on paper | in the diagrams                                                                  |
 |----------|----------------------------------------------------------------------------------|
@@ -10,7 +10,7 @@ Nothing here is data: the numbers beside a diagram are the places of its parts, 
 | s_t, a_t | state and action; z_t, Σ_z: reading and its noise                                |
 | D, N, K  | plates: steps of a window, pushes, abstractions                                  |
 
-Circles are random variables, shaded ones are given or observed, dots are fixed parameters.
+Circles are random variables, shaded if given or observed; dots are fixed parameters.
 
 Source: thesis, figures 5-2 to 5-5 and section 5.3.1.
 """
@@ -25,7 +25,7 @@ from thesis_lib.figures.planar_drawing import COLORS, Sketch
 from thesis_lib.figures.style import GREY, INK, WIDTH, Drawn, house_style, new_figure
 
 RADIUS = 0.34  # of a node
-MARGIN = 0.45  # around what is drawn: no less than a node's radius
+MARGIN = 0.45  # around the drawing: at least a node's radius
 GIVEN, BLOCK, GHOST = "#D9D9D9", "#C9B6DC", "#F1ECF6"
 LEARNED = "#F6D9C4"
 HALF = np.array([1.4, 0.6])  # half width and height of a box
@@ -34,7 +34,7 @@ Place = tuple[float, float]
 
 @house_style
 def figure_5_2() -> Drawn:
-    """A pusher against a block that (a) is too heavy to move and (b) goes along; state: q_t, p_t and f_t."""
+    """A pusher against a block that (a) is too heavy to move and (b) moves along; state: q_t, p_t and f_t."""
     figure = new_figure(5.2, 1.55)
     sketches = []
     cases = (
@@ -174,7 +174,7 @@ def figure_5_5c() -> Drawn:
 
 
 def _places(*sketches: Sketch) -> pd.DataFrame:
-    """What was drawn: panel, series, x, y; the panels get common limits around it."""
+    """Everything drawn (panel, series, x, y); gives the panels common limits around it."""
     table = pd.concat([sketch.table() for sketch in sketches], ignore_index=True)
     low, high = table[["x", "y"]].min() - MARGIN, table[["x", "y"]].max() + MARGIN
     for sketch in sketches:
@@ -188,7 +188,7 @@ def _graph(
     edges: list[tuple[str, str]],
     radius: float = RADIUS,
 ) -> None:
-    """Nodes (place, text; observed, latent, or None: a fixed parameter, drawn as a dot) and the arrows among them."""
+    """Nodes (place, text; observed, latent, or None: a fixed parameter, drawn as a dot) and the arrows between them."""
     dot = 0.09
     for name, (at, text, observed) in nodes.items():
         sketch.keep(name, np.array(at))
@@ -207,7 +207,7 @@ def _graph(
 
 
 def _plate(sketch: Sketch, name: str, low: Place, high: Place, text: str) -> None:
-    """Rectangle around what is repeated; its number in the lower right corner."""
+    """Rectangle around repeated nodes, with its number in the lower right corner."""
     width, height = np.subtract(high, low)
     sketch.keep(f"plate {name}", np.array([low, high]))
     sketch.ax.add_patch(Rectangle(low, width, height, fill=False, edgecolor=GREY, linewidth=0.9))
@@ -232,7 +232,7 @@ def _box(sketch: Sketch, name: str, at: Place, title: str, text: str, colour: st
 
 
 def _hop(sketch: Sketch, name: str, start: np.ndarray, end: np.ndarray, text: str) -> None:
-    """Arrow between the borders of two boxes, which stand beside or above each other."""
+    """Arrow between the borders of two boxes that are beside or above each other."""
     away = np.sign(end - start) * HALF
     sketch.arrow(name, start + away, end - start - 2.0 * away)
     level = start[1] == end[1]

@@ -1,6 +1,6 @@
-"""Figures 5-8 and 5-9: the belief during a push that is stuck and one that is easy, and how a block is steered.
+"""Figures 5-8 and 5-9: the belief during a push of a stuck and of an easy block, and how a block is steered.
 
-Angles are drawn in mm, as in the thesis: yaw · r_g with the radius of gyration r_g = 23 mm.
+Angles are drawn in mm, as in the thesis: yaw · r_g, with the radius of gyration r_g = 23 mm.
 
 | on paper | in code | unit   | meaning                                                             |
 |----------|---------|--------|---------------------------------------------------------------------|
@@ -30,16 +30,16 @@ ARROW = 24.0  # mm, length of the heading's arrow
 def figure_5_8(showcase: pd.DataFrame) -> Drawn:
     """Readings, predictions and belief of each abstraction, step by step: force, displacement, probability.
 
-    `showcase`: case (stuck, easy), step, abstraction (name), belief, belief_nuts (1; NaN where there is none), f_n (N)
-    and x (mm) as read, f_n_pred and x_pred as that abstraction predicted them.
+    `showcase`: case (stuck, easy), step, abstraction (name), belief, belief_nuts (1; NaN if there is none), f_n (N) and
+    x (mm) as read, f_n_pred and x_pred as that abstraction predicted them.
     """
     styles = abstraction_style(list(showcase["abstraction"].unique()))
     cases = [case for case in CASES if case in set(showcase["case"])]
     figure = new_figure(height=4.6)
     axes = figure.subplots(3, len(cases), sharex="col", sharey="row", squeeze=False)
     for column, case in zip(axes.T, cases):
-        own = showcase[showcase["case"] == case]
-        for name, part in own.groupby("abstraction", sort=False):
+        rows = showcase[showcase["case"] == case]
+        for name, part in rows.groupby("abstraction", sort=False):
             color, dash = styles[name]
             part = part.sort_values("step")
             look = {"color": color, "linestyle": dash, "linewidth": 1.1}
@@ -49,9 +49,9 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
             column[2].plot(
                 part["step"], part["belief_nuts"], "o", color=color, markersize=3.5, markeredgecolor=INK
             )
-        seen = own.drop_duplicates("step").sort_values("step")
+        readings = rows.drop_duplicates("step").sort_values("step")
         for ax, name in zip(column, ("f_n", "x")):
-            ax.plot(seen["step"], seen[name], ".", color=INK, markersize=3.5, zorder=3)
+            ax.plot(readings["step"], readings[name], ".", color=INK, markersize=3.5, zorder=3)
         column[0].set_title(CASES[case])
         column[2].set_ylim(-0.04, 1.04)
         column[2].set_xlabel("step of 1 mm")
@@ -75,26 +75,26 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
-    """The block from above at several steps of a steered push, and where it goes with and without steering.
+    """The block from above at several steps of a steered push, and its path with and without steering.
 
     Args:
         steering: of one block: steered (0, 1), step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm),
             heading (rad), controlled (0 or 1: after the disturbance).
-        exaggeration: factor by which y, yaw and heading are drawn larger from above.
+        exaggeration: factor by which y, yaw and heading are enlarged in the view from above.
     """
     steering = steering.sort_values(["steered", "step"], ignore_index=True)
-    own = steering[steering["steered"] == 1]
+    controlled = steering[steering["steered"] == 1]
     figure = new_figure(height=3.9)
     grid = figure.add_gridspec(2, 1, height_ratios=[1.7, 1])
-    chosen = own.index[np.unique(np.linspace(0, len(own) - 1, SHOWN).round().astype(int))]
+    chosen = controlled.index[np.unique(np.linspace(0, len(controlled) - 1, SHOWN).round().astype(int))]
     panels = grid[0].subgridspec(1, len(chosen)).subplots(sharex=True, sharey=True, squeeze=False)[0]
-    for ax, row in zip(panels, own.loc[chosen].itertuples()):
+    for ax, row in zip(panels, controlled.loc[chosen].itertuples()):
         _from_above(ax, row, exaggeration)
-    # room for the widest turn, alike in all panels
+    # room for the largest turn, the same in all panels
     corners = np.concatenate(
         [
             outline_from_above(row.x, exaggeration * row.y, exaggeration * row.yaw / RADIUS_OF_GYRATION)
-            for row in own.loc[chosen].itertuples()
+            for row in controlled.loc[chosen].itertuples()
         ]
     )
     half = float(np.abs(corners[:, 1]).max()) + 4.0
@@ -114,10 +114,10 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
             label = f"{symbol} {'steered' if steered else 'straight on'}"
             ax.plot(part["advance"], part[name], color=colour, linestyle=line, label=label)
     ax.axhline(0.0, color=GREY, linestyle=(0, (4, 2)), linewidth=0.9)
-    takes_over = own.loc[own["controlled"] == 1, "advance"].min()
-    ax.axvspan(float(own["advance"].min()), float(takes_over), color=GREY, alpha=0.2, linewidth=0)
+    takes_over = controlled.loc[controlled["controlled"] == 1, "advance"].min()
+    ax.axvspan(float(controlled["advance"].min()), float(takes_over), color=GREY, alpha=0.2, linewidth=0)
     bottom = ax.get_ylim()[0]
-    places = own.loc[chosen, "advance"]
+    places = controlled.loc[chosen, "advance"]
     ax.plot(places, np.full(len(chosen), bottom), "^", color=INK, clip_on=False)
     ax.set_ylim(bottom=bottom)
     ax.set_xlabel("advance (mm); grey: pushed off centre on purpose; triangles: steps above")
@@ -128,7 +128,7 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
 
 
 def outline_from_above(x: float, y: float, angle: float) -> np.ndarray:
-    """Corners (5, 2) in mm, along and across the push, of a block at x, y (mm) turned by `angle` (rad); closed."""
+    """Closed corners (5, 2) in mm, along and across the push, of a block at x, y (mm) turned by `angle` (rad)."""
     corners = 0.5 * np.array(
         [[-LENGTH, -WIDE], [LENGTH, -WIDE], [LENGTH, WIDE], [-LENGTH, WIDE], [-LENGTH, -WIDE]]
     )

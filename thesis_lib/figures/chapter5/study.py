@@ -4,9 +4,9 @@
 |------------------------------------------|--------------|--------|
 | successful consecutive block extractions | `mean`       | blocks, mean over towers, with `low` to `high` |
 | number of samples                        | `size`       | 1; 0 for policies that do not learn            |
-| attempts, successes                      | as there     | 1; `share` with `low` to `high`                |
+| attempts, successes                      | `attempts`, `successes` | 1; `share` with `low` to `high`     |
 
-Intervals are those of the tables given (95 %).
+Intervals (95 %) come from the tables.
 
 Source: thesis, sections 5.4.4 and 5.5.2, figures 5-5 and 5-6.
 """
@@ -21,8 +21,8 @@ from thesis_lib.figures.chapter5.render import PLACED, PUSHED, colours_of, strip
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
-PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; own choice of what counts as reproduced
-STACKED = 10e-3  # m: a block that lies so much higher than at first was placed on top
+PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; our choice of what counts as reproduced
+STACKED = 10e-3  # m; a block this much higher than at first was placed on top
 POLICY_STYLE = {
     "hma": ("#D55E00", "-", "o", "HMA"),
     "hma_without_cost": ("#E69F00", (0, (4, 1.5)), "D", "HMA without “no move” cost"),
@@ -35,9 +35,9 @@ POLICY_STYLE = {
     "exploration": ("0.5", (0, (3, 2)), "", "exploration"),
     "always_push": ("0.6", (0, (1.5, 1.5)), "", "always push"),
 }
-COLUMNS = (48, 100, 136)  # points right of the bars of figure 5-6, at which its columns of text end
+COLUMNS = (48, 100, 136)  # points to the right of figure 5-6's bars; ends of its columns of text
 PANELS_ACROSS = 4
-# how bars look: also apart where colour is lost
+# the bars differ without colour, too
 PHASES = {
     "exploration": {"color": "0.72", "hatch": "////", "edgecolor": "white", "linewidth": 0},
     "learned": {"color": "#56B4E9"},
@@ -45,31 +45,24 @@ PHASES = {
 
 
 def policy_style(name: str) -> tuple[str, object, str, str]:
-    """Colour, line style, marker and label of a policy; unknown ones keep their name."""
+    """Colour, line style, marker and label of a policy; an unknown policy keeps its name."""
     return POLICY_STYLE.get(name, ("#7F3C8D", "-", "x", name.replace("_", " ")))
 
 
 def figure_5_5a(poses: np.ndarray, sizes: np.ndarray, pushed: int | None = None) -> Drawn:
-    """The simulated tower, the block that is pushed in red.
-
-    Args:
-        poses: (54, 7), m and unit quaternions.
-        sizes: (54, 3), m.
-        pushed: number of that block.
-    """
+    """The simulated tower, with block `pushed` in red; poses: (54, 7), m and unit quaternions; sizes: (54, 3), m."""
     return tower_figure(poses, sizes, None if pushed is None else colours_of({pushed: PUSHED}))
 
 
 def figure_game(
     frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], blocks: Sequence[int]
 ) -> Drawn:
-    """Strip of pictures of one game: the block that it is about in red, those placed on top before in blue.
+    """Strip of pictures of one game: the current block in red, those already placed on top in blue.
 
     Args:
         frames: poses (54, 7) each, the untouched tower first.
         sizes: (54, 3), m.
-        titles: one a frame.
-        blocks: the block of each frame, -1 for none.
+        titles, blocks: title and current block of each frame; -1 for no block.
     """
     first = np.asarray(frames[0])[:, 2]
     colours = []
@@ -81,10 +74,10 @@ def figure_game(
 
 @house_style
 def figure_5_5b(curve: pd.DataFrame) -> Drawn:
-    """Consecutive extractions against the number of samples, with the policies that do not learn as levels.
+    """Consecutive extractions against the number of samples; policies that do not learn are level lines.
 
-    `curve`: policy, size, mean, low, high, n (towers); size 0 is a policy that does not learn.  The table returned
-    holds the thesis's goal as policy `thesis`.
+    `curve`: policy, size, mean, low, high, n (towers); size is 0 for a policy that does not learn.  The returned table
+    has the thesis's goal as policy `thesis`.
     """
     figure = new_figure(height=3.2)
     ax = figure.add_subplot()
@@ -93,7 +86,7 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
     for i, name in enumerate(names):
         color, dash, marker, label = policy_style(name)
         part = learners[learners["policy"] == name].sort_values("size")
-        # beside each other where sizes are the same
+        # side by side if sizes are equal
         x = part["size"] * 1.04 ** (i - 0.5 * (len(names) - 1))
         ax.plot(x, part["mean"], color=color, linestyle=dash, marker=marker, markersize=4, label=label)
         ax.vlines(x, part["low"], part["high"], color=color, linewidth=1.0)
@@ -123,20 +116,20 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
 def figure_paired(pairs: pd.DataFrame) -> Drawn:
     """Differences of extractions on the same towers, a panel for each policy and its number of samples.
 
-    A dot is filled where the interval is clear of zero.  `pairs`: policy, rival, size (samples of the policy),
-    difference, low, high, n (towers); rival_size if rivals of other sizes than that and 0 are among them.
+    A dot is filled if its interval excludes zero.  `pairs`: policy, rival, size (samples of the policy), difference,
+    low, high, n (towers); rival_size if some rivals have other sizes than that and 0.
     """
-    own = pairs.assign(other=pairs["rival_size"] if "rival_size" in pairs else pairs["size"])
-    # a rival of other sizes has a row for each of them
-    sized = set(own.loc[(own["other"] != own["size"]) & (own["other"] != 0), "rival"])
-    own["row"] = [
+    table = pairs.assign(other=pairs["rival_size"] if "rival_size" in pairs else pairs["size"])
+    # a rival of other sizes has a row for each size
+    sized = set(table.loc[(table["other"] != table["size"]) & (table["other"] != 0), "rival"])
+    table["row"] = [
         policy_style(rival)[3] + (f" ({other:g})" if rival in sized else "")
-        for rival, other in zip(own["rival"], own["other"])
+        for rival, other in zip(table["rival"], table["other"])
     ]
     known = list(POLICY_STYLE)
-    own["place"] = [known.index(rival) if rival in known else len(known) for rival in own["rival"]]
-    rows = list(own.sort_values(["place", "rival", "other"], kind="stable")["row"].unique())
-    panels = list(own.groupby(["policy", "size"], sort=False))
+    table["place"] = [known.index(rival) if rival in known else len(known) for rival in table["rival"]]
+    rows = list(table.sort_values(["place", "rival", "other"], kind="stable")["row"].unique())
+    panels = list(table.groupby(["policy", "size"], sort=False))
     across = min(PANELS_ACROSS, len(panels))
     down = -(-len(panels) // across)
     figure = new_figure(height=down * (0.5 + 0.25 * len(rows)) + 0.4)
@@ -178,7 +171,7 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
     """Success of push, extraction and placement, exploration against learned, beside the thesis's numbers.
 
     `success`: phase (exploration, learned), position (all, side, middle), action (push, extract, place), attempts,
-    successes, share, low, high, published (shares 0 to 1, NaN where nothing was tried or published).
+    successes, share, low, high, published (shares 0 to 1, NaN if nothing was tried or published).
     """
     figure = new_figure(height=3.9)
     ax = figure.add_subplot()
@@ -188,10 +181,10 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
         for action in success["action"].unique():
             ticks.append((y + 0.19, action))
             for offset, (phase, look) in zip((0.0, 0.38), PHASES.items()):
-                one = success[
+                selected = success[
                     (success[["position", "action", "phase"]] == [position, action, phase]).all(axis=1)
                 ]
-                for row in one.itertuples():
+                for row in selected.itertuples():
                     _success_row(ax, row, y + offset, look)
             y += 1.0
         _aside(ax, 0.0, -46, 0.5 * (top + y) - 0.3, position, fontsize=8, fontweight="bold")
@@ -213,7 +206,7 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: float) -> Drawn:
-    """Share of movable blocks against the threshold, and of each tower at the one that was fixed.
+    """Share of movable blocks against the threshold, and of each tower at the fixed threshold.
 
     Args:
         fractions: tower, set (development, test), threshold_mm, share.
@@ -237,9 +230,9 @@ def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: fl
         left.plot(
             mean.index, mean, color=color, marker=marker, linestyle=dash, label=f"{name}: mean of {n} towers"
         )
-        own = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
-        across = np.linspace(-0.16, 0.16, len(own)) if len(own) > 1 else np.zeros(1)
-        right.plot(i + across, np.sort(own), marker, color=color, markersize=3, alpha=0.5)
+        shares = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
+        across = np.linspace(-0.16, 0.16, len(shares)) if len(shares) > 1 else np.zeros(1)
+        right.plot(i + across, np.sort(shares), marker, color=color, markersize=3, alpha=0.5)
         at = summary[(summary["set"] == name) & (summary["threshold_mm"] == nearest)]
         ((mean, low),) = at[["mean", "low"]].to_numpy()
         right.errorbar(i + 0.32, mean, mean - low, fmt="D", color=color, markersize=4, capsize=2)
@@ -258,7 +251,7 @@ _CURVE = ("policy", "size", "mean", "low", "high", "n")
 
 
 def _counted(n: pd.Series) -> str:
-    """How many towers values are of."""
+    """Number of towers behind the values."""
     low, high = int(n.min()), int(n.max())
     if low == high:
         return "1 tower" if low == 1 else f"{low} towers"
@@ -266,7 +259,7 @@ def _counted(n: pd.Series) -> str:
 
 
 def _beside(ax: Axes, marks: list[tuple[str, float, str]]) -> None:
-    """Names of levels at the right edge, moved apart where they would cover each other."""
+    """Names of levels at the right edge, moved apart where they would overlap."""
     bottom, top = ax.get_ylim()
     least = 0.055 * (top - bottom)
     places: list[float] = []

@@ -1,6 +1,6 @@
-"""The user's own data: a few trials with arcs and detected impacts, the states before impact, what was left out.
+"""The user's data: some trials with arcs and detected impacts, the states before impact, and what was left out.
 
-Arcs are the flights that the critique fitted on either side of each impact, with gravity as the dataset states it.
+Arcs are the flights that the critique fitted on either side of each impact, with the dataset's gravity.
 """
 
 import numpy as np
@@ -19,14 +19,14 @@ from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
 PANEL = 1.3  # width of a trial's panel over its height
-TRIALS = 3  # drawn
+TRIALS = 3  # trials drawn
 USED, LEFT_OUT, ARC = "#0072B2", "#D55E00", "0.45"
 STATES = ("v_t", "v_n", "omega", "theta")
 
 
 @house_style
 def draw_data(critique: Critique) -> Drawn:
-    """Trials in the plane, histograms of the states before impact, and reasons for what was left out."""
+    """Trials in the plane, histograms of the states before impact, and reasons for leaving impacts out."""
     o = critique.observations
     shown = trials_to_show(critique)
     left_out = (
@@ -80,7 +80,7 @@ def left_out_share(critique: Critique) -> float:
 
 
 def data_sentence(critique: Critique) -> str:
-    """How much there is and how much of it is used."""
+    """Numbers of impacts and trials, and how many are used."""
     o = critique.observations
     out = len(left_out_impacts(o))
     text = f"{len(o)} impacts of {len(np.unique(o.trial))} trials are used"
@@ -92,14 +92,14 @@ def data_sentence(critique: Critique) -> str:
 
 
 def trials_to_show(critique: Critique) -> np.ndarray:
-    """Numbers of up to `TRIALS` trials with a usual number of impacts, from start, middle and end of the dataset."""
+    """Numbers of up to `TRIALS` trials of typical impact counts, from the start, middle and end of the dataset."""
     source = critique.source
     if source is None or source.trajectories is None or not critique.observations.arcs:
         return np.zeros(0, int)
     trials, counts = np.unique(critique.observations.trial, return_counts=True)
-    usual = trials[np.abs(counts - np.median(counts)) <= 1]
-    usual = usual if len(usual) >= TRIALS else trials
-    return usual[np.unique(np.linspace(0, len(usual) - 1, TRIALS).astype(int))]
+    typical = trials[np.abs(counts - np.median(counts)) <= 1]
+    typical = typical if len(typical) >= TRIALS else trials
+    return typical[np.unique(np.linspace(0, len(typical) - 1, TRIALS).astype(int))]
 
 
 def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
@@ -109,7 +109,7 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     hits = o.found.arcs[o.found.arcs["trial"] == trial].sort_values("t")
     t, x, y, theta = (samples[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
     last = hits["t"].max() + 0.12 if len(hits) else t.max()
-    seen = t <= last  # what follows the last hit is mostly rest
+    seen = t <= last  # after the last hit the body mostly rests
     ax.plot(x[seen], y[seen], ".", color="0.6", markersize=1.6, zorder=1)
     rows = [("path", "sample", a, b, np.nan, trial) for a, b in zip(x[seen], y[seen])]
     outline = o.rig.shape.outline(60)
@@ -134,7 +134,7 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
         for side, count in ((0, -fitted["n_pre"]), (1, fitted["n_post"])):
             tau = np.linspace(0.0, float(count) * step, 15)
             q = o.value[i, side] + tau[:, None] * o.slope[i, side]
-            # the line through a parabola of gravity, and the parabola itself
+            # the fit stores a line; gravity's parabola relative to it is added
             bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
             height = q[:, 1] - o.rig.gravity * bow
             ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
@@ -142,7 +142,7 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     margin = o.rig.shape.extent
     low, high = o.rig.height - 0.4 * margin, y[seen].max() + margin
     left, right = x[seen].min() - margin, x[seen].max() + margin
-    # both axes to one scale in a panel of the proportions `PANEL`
+    # both axes have one scale in a panel of proportions `PANEL`
     wide = max(right - left, PANEL * (high - low))
     ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
     ax.axhline(o.rig.height, color=GREY, linewidth=0.8, zorder=0)
@@ -195,6 +195,6 @@ def _histogram(ax: Axes, name: str, values: np.ndarray, held: np.ndarray) -> lis
     middle = 0.5 * (edges[1:] + edges[:-1])
     return [
         (f"state {name}", kind, float(x), np.nan, float(n), np.nan)
-        for (kind, *_), own in zip(kinds, counts)
-        for x, n in zip(middle, own)
+        for (kind, *_), numbers in zip(kinds, counts)
+        for x, n in zip(middle, numbers)
     ]

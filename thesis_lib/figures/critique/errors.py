@@ -1,4 +1,4 @@
-"""Errors of the critique: the ladder of added effects, the laws beside their bounds, the error budget, the parameters.
+"""Errors of the critique: the ladder of added effects, laws beside their bounds, the error budget, the parameters.
 
 Every error is the held-out mean of √(δv_x² + δv_y² + (k δω)²) in m/s unless an axis says otherwise.
 """
@@ -27,10 +27,10 @@ from thesis_lib.statistics.intervals import Z95, clustered_mean
 from thesis_lib.statistics.wording import listed, number
 
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito; the second is darker in grey
-TITLE_WIDTH = 76  # characters a line of a figure's title
-LABEL_WIDTH = 34  # characters a line of a rung's label
-SAME_BOUND = 0.02  # share by which two bounds may differ and be drawn as one line
-ALIKE = 0.1  # share by which errors of laws may differ for their choice not to matter
+TITLE_WIDTH = 76  # characters per line of a figure's title
+LABEL_WIDTH = 34  # characters per line of a rung's label
+SAME_BOUND = 0.02  # relative difference up to which two bounds are one line
+ALIKE = 0.1  # relative difference of errors up to which the choice of law does not matter
 FAR = 8.0  # misfit in units of noise above which its axis is logarithmic
 CHANNELS = {"flight": ("o", "flight"), "meet": ("^", "poses"), "touch": ("s", "gap")}
 BUDGET_LOOK = {  # by term: grey value falls from left to right, so that the bar reads without colour
@@ -43,7 +43,7 @@ BUDGET_LOOK = {  # by term: grey value falls from left to right, so that the bar
 
 
 def set_title(figure: Figure, text: str, width: int = TITLE_WIDTH) -> None:
-    """The one sentence that states what the figure shows, above all panels."""
+    """The sentence above all panels that states what the figure shows."""
     figure.suptitle(
         textwrap.fill(text, width, break_on_hyphens=False), x=0.01, ha="left", fontsize=9, fontweight="bold"
     )
@@ -121,7 +121,7 @@ def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn
 
 
 def ladder_sentence(critique: Critique) -> str:
-    """What the ladder shows, in one sentence."""
+    """Change of the held-out error along the ladder, beside the noise floor."""
     first, last = critique.ladder[0][2], critique.ladder[-1][2]
     before, after, floor = float(first.error.mean()), float(last.error.mean()), last.floor
     to_floor = f"; the noise floor is {number(floor)} m/s" if np.isfinite(floor) else ""
@@ -142,7 +142,7 @@ def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.25, 1.0]})
     y = np.arange(len(table))
     colors = [LAW_STYLE[name].color if name in LAW_STYLE else INK for name in table["model"]]
-    floor = critique.ladder[-1][2].floor  # the one that all other places name
+    floor = critique.ladder[-1][2].floor  # the same floor as everywhere else
     lines = bound_lines(left, floor, critique.irb, float(best.mean()), None)
     for ax, names in (
         (left, ("error", "error_low", "error_high")),
@@ -189,7 +189,7 @@ def laws_sentence(table: pd.DataFrame) -> str:
 
 @house_style
 def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
-    """Of what the mean square of the base law's held-out error consists."""
+    """Parts of the mean square of the base law's held-out error."""
     table = tables["budget"]
     total = float(table["mean_square"].sum())
     figure = new_figure(height=1.9)
@@ -199,9 +199,9 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
         label, color, hatch = BUDGET_LOOK.get(row.part, (row.part.replace("_", " "), "#999999", ""))
         share = 100.0 * row.mean_square / total
         ax.barh(0, share, left=left, color=color, hatch=hatch, edgecolor="white", linewidth=0.6)
-        # without known noise its part is 0: nobody should read that as data without noise
-        said = f"{label} {number(share, 2)} %" if row.part != "noise" or share > 0 else f"{label} unknown"
-        ax.barh(0, 0, color=color, hatch=hatch, edgecolor="white", label=said)
+        # the part is 0 if the noise is unknown: that does not mean data without noise
+        text = f"{label} {number(share, 2)} %" if row.part != "noise" or share > 0 else f"{label} unknown"
+        ax.barh(0, 0, color=color, hatch=hatch, edgecolor="white", label=text)
         if share > 7:
             light = row.part in ("rest", "rigid_point_contact")
             box = {"facecolor": color, "edgecolor": "none", "pad": 1.0}
@@ -227,7 +227,7 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
 
 @house_style
 def draw_parameters(critique: Critique) -> Drawn:
-    """Each parameter with its 95 % interval at each step: one that moves when an effect comes in had compensated."""
+    """Each parameter with its 95 % interval at each step; one that moves had compensated for a missing effect."""
     declared = critique.ladder[-1][1].model.parameters
     table = parameter_table(critique)
     table = table[[declared[name].discrete is None for name in table["parameter"]]].reset_index(drop=True)
@@ -242,10 +242,10 @@ def draw_parameters(critique: Critique) -> Drawn:
     labels = [step_label(critique, i) for i in range(n)]
     at = {label: i for i, (label, *_) in enumerate(critique.ladder)}
     for ax, name in zip(axes.ravel(), names):
-        own = table[table["parameter"] == name]
-        y = own["label"].map(at).to_numpy()
-        factor, unit = handy_unit(float(own["value"].abs().max()), own["unit"].iloc[0])
-        half, value = factor * Z95 * own["std"].to_numpy(), factor * own["value"].to_numpy()
+        steps = table[table["parameter"] == name]
+        y = steps["label"].map(at).to_numpy()
+        factor, unit = handy_unit(float(steps["value"].abs().max()), steps["unit"].iloc[0])
+        half, value = factor * Z95 * steps["std"].to_numpy(), factor * steps["value"].to_numpy()
         error_dots(ax, value, value - half, value + half, y, color=INK)
         ax.plot(value, y, color=GREY, linewidth=0.8, zorder=1)
         symbol = symbol_of(name.split(".")[-1])
@@ -274,7 +274,7 @@ def _glyph(part: str) -> str:
 
 
 def parameters_sentence(critique: Critique) -> str:
-    """Which parameters had compensated for what was missing."""
+    """Parameters that had compensated for missing effects."""
     names = {"mu": "friction μ", "epsilon": "restitution ε"}
     if len(critique.ladder) == 1:
         return "Parameters of the base law with 95 % intervals"
@@ -308,9 +308,9 @@ def bound_lines(
     nothing: float | None,
     irb_augmented: float | None = None,
 ) -> dict[str, float]:
-    """Vertical lines of the bounds; returns those that exist.
+    """Draw the known bounds as vertical lines, in m/s; returns them by name.
 
-    The IRB bound with the effects on is drawn where it is another one: they put right what the bound takes as given.
+    The IRB bound with the effects is drawn if it differs: effects can correct what the bound takes as given.
     """
     if irb_augmented is not None and abs(irb_augmented - irb) < SAME_BOUND * irb:
         irb_augmented = None
@@ -330,7 +330,7 @@ def bound_lines(
 
 
 def readable_log(ax: Axes, low, high) -> None:
-    """A logarithmic axis over the given values, with plain numbers at 1, 2 and 5 (or 1 only, over many decades)."""
+    """A logarithmic axis over the values, with plain numbers at 1, 2 and 5 (only at 1 over many decades)."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     low, high = low[np.isfinite(low) & (low > 0)], high[np.isfinite(high) & (high > 0)]
     if not len(low) or not len(high):

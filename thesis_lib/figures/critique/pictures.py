@@ -21,10 +21,10 @@ def pictures(
 ) -> dict[str, Drawn]:
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
+    The pictures of the error budget and of flights are left out without table `budget` or enough flights.
+
     Args:
-        critique: what was found.
-        tables: `ladder`, `comparison` (IRB bound) and `budget` are used; without a budget there is no such picture.
-            There is none of flights either where there are hardly any.
+        tables: `ladder`, `comparison` (IRB bound) and `budget`.
         where: content of where.json.
     """
     tables = tables or {}
@@ -43,10 +43,10 @@ def pictures(
 
 
 def settle(figure: Figure) -> None:
-    """Lay a figure out once and for all.
+    """Fix the layout of a figure.
 
-    Constrained layout starts each time from where it stopped, and with panels of fixed aspect it never stops: without
-    this the second file of one figure (the page, then .png and .pdf) would not be that of the first.
+    Constrained layout continues from its last state, and with panels of fixed aspect it does not converge: the page,
+    .png and .pdf of one figure would differ.
     """
     figure.draw_without_rendering()
     figure.set_layout_engine("none")

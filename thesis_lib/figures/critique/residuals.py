@@ -1,7 +1,8 @@
 """Residuals against the state, before and after adding effects: of impacts in the contact frame, and of flights.
 
-Columns of panels are the features on which the components depend most (`critique_numbers.dependence`).  All impacts and
-flights are shown, training and held out; residuals of flights are accelerations in units of noise (`critique.flights`).
+Columns of panels are the features on which the components depend most (`critique_numbers.dependence`).  All impacts
+and flights are shown, training and held out.  Residuals of flights are accelerations in units of noise
+(`critique.flights`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +32,7 @@ from thesis_lib.statistics.wording import number
 SHOWN_FEATURES = 3
 BINS = 8
 WILD = 5.0  # robust standard deviations
-LITTLE = 0.05  # share of variance below which a dependence is not told
+LITTLE = 0.05  # share of variance below which a dependence is not mentioned
 LOOKS = {"before": (BEFORE, "o", "base law"), "after": (AFTER, "s", "with the effects")}
 FLIGHT_LABEL = FEATURE_LABEL | {
     "v_x": "velocity along the surface $v_x$",
@@ -44,12 +45,12 @@ FLIGHT_LABEL = FEATURE_LABEL | {
 
 @dataclass(frozen=True)
 class Residuals:
-    """What one picture shows.
+    """Content of one picture.
 
     Attributes:
-        components: names of the rows of panels, with the label of their axes.
+        components: names of the rows of panels, with their axis labels.
         labels: axis label of each feature.
-        table: (n,) features.
+        table: features, n rows.
         values: residuals (n, components), by "before" and "after".
     """
 
@@ -60,7 +61,7 @@ class Residuals:
 
     @property
     def shares(self) -> pd.DataFrame:
-        """Share of the base law's variance of each component (rows) that each feature explains (columns)."""
+        """Share of the variance of the base law's residual components (rows) that each feature explains (columns)."""
         return dependences(self.values["before"], self.table, tuple(self.components))
 
 
@@ -84,7 +85,7 @@ def draw_residuals(critique: Critique) -> Drawn:
 
 @house_style
 def draw_flights(critique: Critique) -> Drawn:
-    """Residual accelerations of flights, in units of noise, against the state at mid-flight; numbers: each flight."""
+    """Residual accelerations of flights, in units of noise, against the state at mid-flight."""
     o = critique.observations
     values = {kind: relative_residuals(fitted, o.flights, o.rig) for kind, fitted in _fits(critique).items()}
     table = flight_features(critique.ladder[0][1], o.flights, o.rig)
@@ -108,7 +109,7 @@ def _fits(critique: Critique) -> dict:
 
 
 def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
-    """A row of panels for each component, a column for each feature; the means drawn, one row a bin."""
+    """A row of panels for each component, a column for each feature; returns the plotted means, a row for each bin."""
     shares, before = shown.shares, shown.values["before"]
     names = features_to_show(shares)
     figure = new_figure(height=4.6)
@@ -159,7 +160,10 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
 
 
 def dependences(residual: np.ndarray, table: pd.DataFrame, components: Sequence[str]) -> pd.DataFrame:
-    """Share of the variance of each residual component (rows) that each feature's bins explain (columns)."""
+    """Share of the variance of each residual component (rows) that each feature's bins explain (columns).
+
+    `residual`: (n, components), `table`: n rows.
+    """
     count = range(len(components))
     return pd.DataFrame(
         {name: [dependence(residual[:, i], table[name].to_numpy(float)) for i in count] for name in table},
@@ -168,7 +172,7 @@ def dependences(residual: np.ndarray, table: pd.DataFrame, components: Sequence[
 
 
 def features_to_show(shares: pd.DataFrame) -> list[str]:
-    """The feature on which each component depends most, the strongest first, and then the next strongest."""
+    """The feature on which each component depends most, strongest first, then the next strongest features."""
     best = shares.max(axis=1).sort_values(ascending=False, kind="stable")
     first = [shares.loc[component].idxmax() for component in best.index if best[component] >= LITTLE]
     rest = shares.max(axis=0).sort_values(ascending=False, kind="stable").index
@@ -177,24 +181,24 @@ def features_to_show(shares: pd.DataFrame) -> list[str]:
 
 def residuals_sentence(shown: Residuals) -> str:
     """The strongest dependence, before and after."""
-    told = _strongest(shown)
-    return told or "The residuals of the base law depend on no single feature of the state"
+    sentence = _strongest(shown)
+    return sentence or "The residuals of the base law depend on no single feature of the state"
 
 
 def flights_sentence(critique: Critique, shown: Residuals) -> str:
-    """By how much flights miss the prediction, and on what that depends most."""
+    """How far flights miss the prediction, and the feature on which that depends most."""
     first, last = (float(np.sqrt(critique.ladder[i][2].sigmas["flight"])) for i in (0, -1))
-    told = _strongest(shown) or "The residuals in flight depend on no single feature of the state"
+    sentence = _strongest(shown) or "The residuals in flight depend on no single feature of the state"
     if not np.isfinite(first):  # no flight is held out
-        return told
+        return sentence
     text = f"Held-out flights miss the base law by {number(first, 2)} times the noise"
     if len(critique.ladder) > 1:
         text += f", by {number(last, 2)} with the effects"
-    return f"{text}. {told}"
+    return f"{text}. {sentence}"
 
 
 def _strongest(shown: Residuals) -> str:
-    """Which component depends most on which feature; '' where none depends on any."""
+    """The component and feature of the strongest dependence; '' if all are weak."""
     shares = shown.shares
     component, name = shares.stack().idxmax()
     share = float(shares.loc[component, name])
@@ -204,17 +208,17 @@ def _strongest(shown: Residuals) -> str:
     text = f"The {component} residual depends most on the {words}: {100 * share:.0f}\u00a0% of its variance"
     if "after" in shown.values:
         i = list(shown.components).index(component)
-        left = dependence(shown.values["after"][:, i], shown.table[name].to_numpy(float))
-        text += f" before the effects are added, {100 * left:.0f}\u00a0% after"
+        remaining = dependence(shown.values["after"][:, i], shown.table[name].to_numpy(float))
+        text += f" before the effects are added, {100 * remaining:.0f}\u00a0% after"
     return text
 
 
 def _binned(x: np.ndarray, y: np.ndarray) -> pd.DataFrame:
-    """Mean of `y` with its standard error in quantile bins of `x`; wild values of a bin are clipped."""
+    """Mean of y (n,) with its standard error in quantile bins of x (n,); outliers in a bin are clipped."""
     label = bin_of(x, BINS)
     table = pd.DataFrame({"x": x, "y": y})
     centre = table.groupby(label)["y"].transform("median")
     limit = WILD * MAD_TO_STD * (table["y"] - centre).abs().groupby(label).transform("median")
     table["y"] = table["y"].clip(centre - limit, centre + limit)
-    found = table.groupby(label).agg(x=("x", "mean"), mean=("y", "mean"), std=("y", "sem"), n=("y", "size"))
-    return found.reset_index(drop=True)
+    bins = table.groupby(label).agg(x=("x", "mean"), mean=("y", "mean"), std=("y", "sem"), n=("y", "size"))
+    return bins.reset_index(drop=True)

@@ -1,8 +1,8 @@
 """Where a model fails: maps of the error before and after adding effects.
 
-Maps are over the two features of the worst region of where.json (without one, over the contact point's velocity before
-impact) and over the energy disc (`critique_numbers`), with all impacts, training and held out; means in titles are
-those of held-out impacts.
+Maps show all impacts, training and held out, over the two features of the worst region of where.json (by default the
+contact point's velocity before impact) and over the energy disc (`critique_numbers`).  Means in titles are of held-out
+impacts.
 """
 
 import textwrap
@@ -23,13 +23,13 @@ from thesis_lib.figures.style import INK, Drawn, house_style, new_figure
 from thesis_lib.statistics.wording import number
 
 Box = tuple[float, float, float, float]
-# quantile of the errors at which the colour scale ends, so that a few bad impacts do not bleach it
+# quantile of the errors at which the colour scale ends, so that a few large errors do not dominate it
 DARK = 0.95
 REGION_COLORS = ("#CC0000", "#0072B2", "black")
 
 
 def inside(region: Mapping, table: pd.DataFrame) -> np.ndarray | None:
-    """Mask (n,) of the impacts in a region, or None where it is about a feature that `table` lacks."""
+    """Mask (n,) of the impacts in a region; None if it uses a feature that `table` (n rows) lacks."""
     mask = np.ones(len(table), bool)
     for condition in region["conditions"]:
         if condition["feature"] not in table:
@@ -42,13 +42,13 @@ def inside(region: Mapping, table: pd.DataFrame) -> np.ndarray | None:
 
 
 def limits(condition: Mapping) -> tuple[float, float]:
-    """Lower and upper limit of one condition, infinite where it has none."""
+    """Lower and upper limit of one condition; infinite if it has none."""
     low, high = condition["low"], condition["high"]
     return -np.inf if low is None else float(low), np.inf if high is None else float(high)
 
 
 def map_axes(regions: Sequence[Mapping]) -> tuple[str, str]:
-    """The two features over which errors are mapped: those of the worst region, else v_t and v_n."""
+    """The two features over which errors are mapped: those of the worst region, by default v_t and v_n."""
     named = [condition["feature"] for condition in regions[0]["conditions"]] if regions else []
     named = sorted(
         dict.fromkeys([*named, "v_t", "v_n"][: max(2, len(set(named)))]), key=list(FEATURE_LABEL).index
@@ -59,9 +59,9 @@ def map_axes(regions: Sequence[Mapping]) -> tuple[str, str]:
 def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | None:
     """Rectangles (low, high of the first feature, low, high of the second) within `box` that a region covers.
 
-    None where the region is about other features than the two of `axes`.
+    None if the region uses other features than the two of `axes`.
     """
-    found = [box]
+    boxes = [box]
     for condition in region["conditions"]:
         if condition["feature"] not in axes:
             return None
@@ -71,14 +71,14 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
             parts = [(low, high), (-high, -low)] if low > 0.0 else [(-high, high)]
         k = 2 * axes.index(condition["feature"])
         cut = []
-        for old in found:
+        for old in boxes:
             for a, b in parts:
                 new = list(old)
                 new[k], new[k + 1] = max(old[k], a), min(old[k + 1], b)
                 if new[k] < new[k + 1]:
                     cut.append(tuple(new))
-        found = cut
-    return found
+        boxes = cut
+    return boxes
 
 
 @house_style
@@ -171,7 +171,7 @@ def region_text(region: Mapping) -> str:
 
 
 def where_sentence(critique: Critique, regions: Sequence[Mapping]) -> str:
-    """Where the base law fails, and whether that is still so with the effects."""
+    """Where the base law fails, and how much of the error the effects remove."""
     if not regions:
         return "The error of the base law is spread over all states: no rule marks a region in which it is larger"
     text = f"The base law fails most where {plain_rule(regions[0])}"
@@ -186,10 +186,10 @@ def where_sentence(critique: Critique, regions: Sequence[Mapping]) -> str:
 
 
 def _tiles(ax: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, top: float, extent=None):
-    """Hexagons with the mean error of the impacts in them; few impacts give few and large ones."""
+    """Hexagons with the mean error of their impacts; fewer impacts give larger hexagons."""
     size = int(np.clip(0.85 * np.sqrt(len(x)), 7, 24))
     if extent is None:
-        # a few far impacts must not shrink the map of all others
+        # a few remote impacts must not shrink the map of the others
         (x_low, x_high), (y_low, y_high) = np.quantile(x, [0.005, 0.995]), np.quantile(y, [0.005, 0.995])
         extent = (x_low, x_high, y_low, y_high)
     inner = (x >= extent[0]) & (x <= extent[1]) & (y >= extent[2]) & (y <= extent[3])
@@ -209,7 +209,7 @@ def _tiles(ax: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, top: float
 
 
 def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> None:
-    """Numbered rectangles around the regions that the two features of the map describe."""
+    """Numbered rectangles around the regions described by the two features of the map."""
     (x_low, x_high), (y_low, y_high) = ax.get_xlim(), ax.get_ylim()
     for i, region in enumerate(regions):
         color = REGION_COLORS[i % len(REGION_COLORS)]

@@ -1,7 +1,7 @@
 """Detection curves of the proof: share of right answers against the size of the effect, the drops and the noise.
 
-Truths of the sources "mechanism" and "drake" count under the effect that describes them best, so that two causes of one
-effect share a point.  Bars are 95 % Wilson intervals; points of different sources are set a little apart.
+Truths of the sources "mechanism" and "drake" count under the effect that describes them best, so that two causes of
+one effect share a point.  Bars are 95 % Wilson intervals; points of different sources are slightly offset.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ DRAWN = ("effect", "source", "ratio", "drops", "noise", "n", "right", "right_low
 
 @house_style
 def draw_detection(outcomes: pd.DataFrame) -> Drawn:
-    """Share of right answers against the base law's nominal misfit over the noise floor, a panel an effect."""
+    """Share of right answers against the base law's nominal misfit over the noise floor, a panel for each effect."""
     singles = outcomes[(outcomes["kind"] == "single") & (outcomes["drops"] == TABLE["drops"])]
     table = _shares(singles[singles["noise"] == TABLE["noise"]])
     title = "How often the critique is right, against the size of the hidden effect"
@@ -32,7 +32,7 @@ def draw_detection(outcomes: pd.DataFrame) -> Drawn:
 
 @house_style
 def draw_sizes(outcomes: pd.DataFrame) -> Drawn:
-    """Share of right answers against drops, at each noise, a panel for each effect that was run at other sizes."""
+    """Share of right answers against drops, at each noise, for each effect that was run at other sizes."""
     table = _shares(outcomes[(outcomes["kind"] == "single") & (outcomes["ratio"] == TABLE["ratio"])])
     other = (table["drops"] != TABLE["drops"]) | (table["noise"] != TABLE["noise"])
     table = table[table["effect"].isin(table.loc[other, "effect"])]
@@ -41,7 +41,7 @@ def draw_sizes(outcomes: pd.DataFrame) -> Drawn:
 
 
 def _shares(outcomes: pd.DataFrame) -> pd.DataFrame:
-    """Share of right answers with its interval, of each effect, source and size: columns `DRAWN`."""
+    """Share of right answers with its interval, for each effect, source and size: columns `DRAWN`."""
     rows = []
     for key, group in outcomes.groupby(list(DRAWN[:5])):
         k, n = int(group["right"].sum()), len(group)
@@ -104,7 +104,7 @@ def _draw_panel(ax: Axes, shares: pd.DataFrame, along: str) -> None:
 
 
 def _title(ax: Axes, text: str) -> None:
-    """Two lines, so that neighbours do not overlap."""
+    """Title in up to two lines, so that neighbours do not overlap."""
     parts = text.split(" ")
     cut = min(range(1, len(parts) + 1), key=lambda i: abs(len(" ".join(parts[:i])) - 0.5 * len(text)))
     long = len(text) > 16 and cut < len(parts)

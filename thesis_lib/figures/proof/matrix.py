@@ -1,9 +1,9 @@
 """The proof's confusion matrix: what was hidden against what was named first, shares as shade and number.
 
-A row is a truth, a column an effect or, where none was named, the verdict.  Rows follow the families of the effects
-that describe their truths, in the order of the columns, so that right answers lie on the diagonal; the cell of
-the effect that describes a truth best is framed.  The share on the right also counts a truth that stands in the group
-named first but is not first in it, both effects of a pair, and `adequate` or `unexplained` where these are right.
+A row is a truth; a column is an effect or, if none was named, the verdict.  Rows follow the effects that describe them,
+in the order of the columns, so that right answers lie on the diagonal; the cell of the best describing effect is
+framed.  The share on the right also counts a truth elsewhere in the group named first, both effects of a pair, and
+`adequate` or `unexplained` where these are right.
 """
 
 import numpy as np
@@ -27,11 +27,9 @@ FRAME = 2.5  # inches above and below the cells: title, families, labels of the 
 
 @house_style
 def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
-    """Shares (truths, effects and verdicts) of one source.
+    """Shares (truths × effects and verdicts) of one source.
 
-    Args:
-        outcomes: rows of one size, drops and noise; columns as `critique.proof.results.outcomes` has them.
-        source: whose rows are drawn.
+    `outcomes`: rows of one size, drops and noise; columns as in `critique.proof.results.outcomes`.
     """
     rows = outcomes[outcomes["source"] == source].copy()
     rows["column"] = np.where(rows["named_first"] != "", rows["named_first"], rows["verdict"])
@@ -42,11 +40,11 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
         if len(rows)
         else pd.DataFrame(columns=columns)
     )
-    # an effect that is no longer in the library must not vanish from the picture
+    # effects no longer in the library stay in the picture
     columns += [name for name in shares.columns if name not in columns]
     shares = shares.reindex(index=truths["truth"], columns=columns, fill_value=0)
     shares = shares.div(shares.sum(axis=1), axis=0)
-    # cells are square, and as wide as the labels of the rows leave room for
+    # cells are square, as wide as the row labels permit
     longest = max((len(part) for name in truths["truth"] for part in name.split("+")), default=0)
     cell = (WIDTH - CHARACTER * longest) / (len(columns) + 2.0)
     figure = new_figure(height=FRAME + cell * len(truths))
@@ -65,7 +63,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
 
 
 def _ordered(outcomes: pd.DataFrame) -> pd.DataFrame:
-    """A row a truth: columns truth, kind, effect, n, right; singles by effect, then nothing, outside, pairs."""
+    """A row for each truth: truth, kind, effect, n, right; singles by effect, then nothing, outside, pairs."""
     kinds = ["single", "nothing", "outside", "pair"]
     rows = outcomes.groupby(["kind", "truth", "effect"], as_index=False).agg(
         n=("right", "size"), right=("right", "mean")

@@ -15,9 +15,7 @@ NAMES = (*(f"matrix_{source}" for source in SOURCE_TITLE), "detection", "sizes",
 def pictures(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> dict[str, Drawn]:
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
-    Args:
-        outcomes: a row a dataset, as `critique.proof.results.outcomes` has them.
-        recovered: a row a parameter, as `critique.proof.results.recovered` has them.
+    `outcomes` (a row for each dataset) and `recovered` (a row for each parameter) come from `critique.proof.results`.
     """
     table = of_table(outcomes)
     drawn = {f"matrix_{source}": draw_matrix(table, source) for source in SOURCE_TITLE}

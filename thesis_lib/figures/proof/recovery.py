@@ -1,6 +1,6 @@
 """How well the proof's effects are recovered: the misfit before and after, and parameters against their bound.
 
-Dots are medians over datasets, bars the middle 80 % of them (of a coverage the 95 % Wilson interval).
+Dots are medians over datasets, bars their middle 80 % (for a coverage, the 95 % Wilson interval).
 """
 
 import numpy as np
@@ -24,10 +24,9 @@ FLOOR_LINES = tuple(
 
 @house_style
 def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
-    """Misfit over its floor before and after the effects were added, a row a truth and a panel a source.
+    """Misfit over its floor before and after adding the effects, a row for each truth and a panel for each source.
 
-    Args:
-        outcomes: rows of one size, drops and noise; columns as `critique.proof.results.outcomes` has them.
+    `outcomes`: rows of one size, drops and noise; columns as in `critique.proof.results.outcomes`.
     """
     singles = outcomes[(outcomes["kind"] == "single") & outcomes["after_over_floor"].notna()]
     rows = []
@@ -73,8 +72,7 @@ def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
 def draw_parameters(recovered: pd.DataFrame) -> Drawn:
     """Coverage of each parameter's 95 % interval, and its width over the Cramér-Rao bound.
 
-    Args:
-        recovered: rows of one size, drops and noise; columns as `critique.proof.results.recovered` has them.
+    `recovered`: rows of one size, drops and noise; columns as in `critique.proof.results.recovered`.
     """
     rows = []
     for (effect, name), group in recovered.groupby(["effect", "parameter"]):

@@ -1,4 +1,4 @@
-"""What the pictures of the proof share: how each source of truth looks, the order of effects, an empty picture."""
+"""Shared by the pictures of the proof: the look of each source of truth, the order of effects, an empty picture."""
 
 from collections.abc import Iterable
 
@@ -13,13 +13,13 @@ SOURCE_LOOK = {"law": ("#0072B2", "o"), "mechanism": ("#D55E00", "s"), "drake": 
 
 
 def in_order(effects: Iterable[str]) -> list[str]:
-    """Distinct effects in the order of the library, by family; those that are not in it (any more) last."""
+    """Distinct effects in the order of the library, by family; effects outside it come last."""
     known = list(EFFECTS)
     return sorted(set(effects), key=lambda name: (known.index(name) if name in EFFECTS else len(known), name))
 
 
 def words(name: str) -> str:
-    """Name of an effect or cause as axes show it."""
+    """Name of an effect or cause, as on axes."""
     return name.replace("_", " ")
 
 
@@ -29,5 +29,5 @@ def sources_in(table: pd.DataFrame) -> list[str]:
 
 
 def say_not_run(figure: Figure, what: str) -> None:
-    """An otherwise empty picture: nothing is stored for it."""
+    """Mark a picture for which nothing is stored."""
     figure.text(0.5, 0.5, f"{what}: no stored results", ha="center", va="center", color=GREY)
