@@ -1,1 +1,1 @@
-"""The command line: each command of `thesis_lib COMMAND` in a module of its own."""
+"""The command line: a module for each command of `thesis_lib COMMAND`."""

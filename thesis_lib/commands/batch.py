@@ -1,11 +1,10 @@
-"""Critique of many datasets: each in its own process, so that a bad one stops no other (see `isolated`).
+"""Critique of many datasets, each in its own process, so that a bad one does not stop the others (see `isolated`).
 
-OUT/<dataset>/ holds what `critique_folder` writes, the same bytes as of the dataset alone; OUT/<dataset>.log what was
-said meanwhile, and the traceback of a crash; index.html, batch.csv and batch.json list all datasets, the failed ones
-with their reason.
+OUT/<dataset>/ holds what `critique_folder` writes, byte for byte; OUT/<dataset>.log the output meanwhile, and the
+traceback of a crash; index.html, batch.csv and batch.json list all datasets, and why some failed.
 
-A batch goes on where it stopped.  OUT/.batch/<dataset>.json says of which data, settings and code a finished critique
-is, by checksum, and which files it wrote; a dataset is skipped only if all of that is as it was.
+A batch resumes where it stopped.  OUT/.batch/<dataset>.json holds the checksums of data, settings, code and files of a
+finished critique; a dataset is skipped only if none of them has changed.
 """
 
 import contextlib
@@ -23,7 +22,7 @@ from thesis_lib.foundation.isolated import Outcome, Task, run_isolated
 from thesis_lib.report.batch_index import INDEX_FILES, plain, row_of_failure, row_of_verdict, write_index
 
 STATE = ".batch"
-# any one of them makes a folder a dataset, if a bad one
+# any of these files makes a folder a dataset, though perhaps a bad one
 STEMS = ("trajectories", "impacts", "states")
 INPUTS = (
     *("dataset.yaml", "recording.yaml"),
@@ -39,12 +38,12 @@ PRELOAD = (
 
 @dataclass(frozen=True)
 class Batch:
-    """What a batch did.
+    """Result of a batch.
 
     Attributes:
-        rows: one a dataset, in the order given; see `batch_index`.
-        finished: of the datasets that were criticised now, in the order in which they ended.
-        skipped: names of those that were done already.
+        rows: one per dataset, in the order of `paths`; see `batch_index`.
+        finished: the datasets criticised now, in the order in which they ended.
+        skipped: names of those that were already done.
     """
 
     rows: list[dict]
@@ -58,9 +57,9 @@ class Batch:
 
 
 def find_datasets(paths: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
-    """Dataset folders among `paths` and directly below them, and the folders there that are none.
+    """Dataset folders among `paths` and directly below them, and the other folders beside those found below.
 
-    A path that is given is a dataset if it or nothing below it looks like one: then reading it says what is wrong.
+    A path where nothing looks like a dataset counts as one, so that reading it reports what is wrong.
     """
     datasets, others = [], []
     for path in map(Path, paths):
@@ -78,12 +77,12 @@ def _looks_like_dataset(folder: Path) -> bool:
 
 
 def criticise_folder(path: str, folder: str, seed: int, effects: Sequence[str] | None) -> dict:
-    """The work on one dataset, in its own process."""
+    """Criticise one dataset; runs in its own process."""
     from threadpoolctl import threadpool_limits
 
     from thesis_lib.report.critique.folder import criticise_path
 
-    with threadpool_limits(limits=1):  # the cores are taken by other datasets
+    with threadpool_limits(limits=1):  # other datasets use the other cores
         criticise_path(path, folder, seed, effects=effects, say=print)
     return {}
 
@@ -104,12 +103,12 @@ def run_batch(
 
     Args:
         paths: dataset folders.
-        out: folder that takes a folder for each dataset, by its name.
+        out: receives a folder named after each dataset.
         seed, effects: as for one dataset (`critique_folder`).
         jobs: datasets at a time.
-        time_limit: s of wall time a dataset; memory_limit: bytes of resident memory a dataset; None: no limit.
-        say: told of each dataset that ends.
-        work: what is done with each dataset; arguments as of `criticise_folder`.
+        time_limit, memory_limit: s of wall time and bytes of resident memory per dataset; None for no limit.
+        say: called with a line for each dataset that ends.
+        work: run for each dataset; takes the arguments of `criticise_folder`.
 
     Raises:
         UserError: names collide, an effect is unknown, or another batch writes into `out`.
@@ -117,7 +116,7 @@ def run_batch(
     from thesis_lib.datasets.recordings.recording import is_recording
     from thesis_lib.effects import require_known
 
-    if not all(map(is_recording, paths)):  # a mechanism has effects of its own
+    if not all(map(is_recording, paths)):  # mechanisms have other effects
         require_known(effects or ())
     out = Path(out)
     named = _names(paths, out)
@@ -186,14 +185,14 @@ def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: flo
 
 
 def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
-    """Datasets by their name, which is that of their folder in `out`.
+    """Datasets by name, which is also the name of their folder in `out`.
 
     Raises:
-        UserError: two have the same name, one has that of a file of the batch, or one would be written over.
+        UserError: two names are equal, one is that of a file of the batch, or a dataset would be overwritten.
     """
     named: dict[str, Path] = {}
     for path in map(Path, paths):
-        name = Path(os.path.realpath(path)).name  # unlike Path.resolve it bears a loop of links
+        name = Path(os.path.realpath(path)).name  # unlike Path.resolve it survives a loop of links
         if name in named:
             raise UserError(
                 f"Two datasets are called {name}: {named[name]} and {path}. Their results would be written over each "
@@ -215,7 +214,7 @@ def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
 
 @contextlib.contextmanager
 def _only_one(out: Path) -> Iterator[None]:
-    """A lock on the folder, which the kernel opens again when this process ends, however it ends."""
+    """Lock the folder; the kernel releases the lock when this process ends, however it ends."""
     (out / STATE).mkdir(parents=True, exist_ok=True)
     with (out / STATE / "lock").open("w") as stream:
         try:
@@ -228,7 +227,7 @@ def _only_one(out: Path) -> Iterator[None]:
 
 
 def _key(path: Path, seed: int, effects: Sequence[str] | None, code: str) -> str | None:
-    """Checksum of all that a critique depends on; None where the data cannot be read or are more than is ever read."""
+    """Checksum of all that a critique depends on; None if the data cannot be read or are too large."""
     from thesis_lib.datasets.format.tables import MAX_BYTES
     from thesis_lib.foundation.provenance import file_sha256
     from thesis_lib.foundation.regular_file import FileProblem, regular_size
@@ -253,11 +252,7 @@ def _code() -> str:
 
 
 def _written(folder: Path) -> dict[str, str]:
-    """Checksums of the files of a critique that are moved in last.
-
-    Raises:
-        OSError: one of them is not there.
-    """
+    """Checksums of the files of a critique that are moved in last; OSError if one is missing."""
     from thesis_lib.foundation.provenance import file_sha256
     from thesis_lib.report.critique.whole_folder import LAST, MODEL_FILE
 
@@ -268,12 +263,12 @@ def _written(folder: Path) -> dict[str, str]:
 def _mark(out: Path, name: str, key: str) -> None:
     from thesis_lib.foundation.files import write_json
 
-    with contextlib.suppress(OSError):  # then it is criticised again
+    with contextlib.suppress(OSError):  # without the mark it is criticised again
         write_json({"key": key, "files": _written(out / name)}, out / STATE / f"{name}.json")
 
 
 def _is_done(out: Path, name: str, key: str | None) -> bool:
-    """Whether a whole critique of the same data, settings and code lies there, with no file changed since."""
+    """Whether a whole critique of the same data, settings and code is there, with no file changed since."""
     from thesis_lib.foundation.files import read_json
 
     try:

@@ -108,7 +108,7 @@ def _check(options: argparse.Namespace) -> int:
 def _compared_figures(
     options: argparse.Namespace, present: dict[str, bool]
 ) -> "tuple[pd.DataFrame | None, pd.DataFrame | list]":
-    """How the figures compare with their stored copies, None without any at this scale; and those that do not agree."""
+    """Comparison of the figures with their stored copies, None without any at this scale; and those that differ."""
     from thesis_lib.ledger.figure_check import AGREES, NO_DATA, SCALES, check_figures
     from thesis_lib.records import catalogue
 
@@ -168,7 +168,7 @@ def _update(options: argparse.Namespace) -> int:
     from thesis_lib.records import catalogue
 
     results, present = _evaluate(options)
-    refuse_errors(results)  # before the figures are written: an update happens whole or not at all
+    refuse_errors(results)  # before the figures are written, so that an update is all or nothing
     lines = []
     if options.scale in SCALES:
         lines += update_figures(options.results, options.stored / options.scale, catalogue.figures(), present)

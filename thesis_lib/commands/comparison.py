@@ -1,9 +1,9 @@
 """Two critiques side by side: verdicts, errors, and parameters with their difference in standard errors.
 
-Each is shown with the law and the effects that it chose; where these differ, also both with the same law and none.
-Errors have 95 % intervals; their difference is told in standard errors as of two sets of trials that share none.
+Each is shown with its own law and effects; where these differ, also both with the same law and without effects.
+Errors have 95 % intervals; the standard error of their difference assumes that the two share no trials.
 
-Read from diagnosis.json, so that a run of last year can be compared with today's, before and after a repair of the rig.
+Only diagnosis.json is read, so that runs before and after a repair of the rig can be compared a year later.
 """
 
 import math
@@ -26,18 +26,14 @@ COLUMNS = ("quantity", "a", "a_low", "a_high", "b", "b_low", "b_high", "differen
 
 
 def is_run(path: str | Path) -> bool:
-    """Whether a folder is what a critique wrote, whole or not, rather than a dataset."""
+    """Whether a folder was written by a critique, even an interrupted one, rather than holding a dataset."""
     if any((Path(path) / name).exists() for name in ("dataset.yaml", "recording.yaml")):
         return False
     return (Path(path) / VERDICT_FILE).is_file() or is_unfinished(path)
 
 
 def read_run(path: str | Path) -> dict:
-    """The diagnosis in a folder that a critique wrote.
-
-    Raises:
-        UserError: the run was interrupted, or it is no diagnosis of this format.
-    """
+    """The diagnosis in a critique's folder; UserError if the run was interrupted or the format is another."""
     if is_unfinished(path):
         raise UserError(
             f"{path} holds an unfinished run (it has no {VERDICT_FILE}); run python -m thesis_lib critique again."
@@ -47,7 +43,7 @@ def read_run(path: str | Path) -> dict:
     try:
         if content.get("schema") != 1 or not needed <= set(content):
             raise ValueError("of another form")
-        compare(content, content)  # it holds all that is compared
+        compare(content, content)  # fails if anything that is compared is missing
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise UserError(
             f"{Path(path) / VERDICT_FILE} is no diagnosis of schema 1; run python -m thesis_lib critique again."
@@ -56,18 +52,18 @@ def read_run(path: str | Path) -> dict:
 
 
 def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
-    """Two diagnoses, row by row; what only one of the two has is empty in the other.
+    """Two diagnoses, row by row; a quantity that only one of them has is empty in the other.
 
-    First each with its own law and effects.  Where the two models differ in law or effects, every law that either of
-    them chose follows without effects, in both: `<law> alone, …`.  μ and ε of different laws mean different things, so
-    their difference is told in standard errors only within one law.
+    The first rows compare each with its own law and effects.  If these differ, rows `<law> alone, …` follow for every
+    law that either chose, without effects in both.  μ and ε mean different things in different laws, so their
+    difference is given only within one law.
 
     Returns:
         Columns quantity, a, b with the ends of their 95 % intervals, difference (b − a), sigmas (difference over its
         standard error), unit.
 
     Raises:
-        UserError: they are critiques of different things, as of drops and of a wheel.
+        UserError: they are critiques of different things, such as drops and a wheel.
     """
     if (kinds := [content.get("mechanism", "drops") for content in (a, b)])[0] != kinds[1]:
         raise UserError(f"A critique of {kinds[0]} cannot be compared with one of {kinds[1]}.")
@@ -103,7 +99,7 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
 
 
 def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
-    """The table for a terminal, with what differs pointed out in plain words."""
+    """The table for a terminal, followed by the differences in plain words."""
     cells = [["", a, b, "difference", "in std errors"]]
     for row in table.to_dict("records"):
         unit = "" if row["unit"] in ("", "1") else f" ({row['unit']})"
@@ -155,7 +151,7 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
 
 
 def _alone(law: str, a: Mapping, b: Mapping) -> list[dict]:
-    """Rows of one law without effects in both; none where a run holds no law but its own."""
+    """Rows of a law without effects in both; none if a run holds only its chosen law."""
     in_a, in_b = (content.get("laws", {}).get(law) for content in (a, b))
     if in_a is None or in_b is None:
         return []
@@ -205,7 +201,7 @@ def _measured(
     a_ends: Sequence[float] | None = None,
     b_ends: Sequence[float] | None = None,
 ) -> dict:
-    """A row of two numbers, with their 95 % intervals where there are any."""
+    """A row of two numbers, with their 95 % intervals if known."""
     row: dict = dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": unit}
     if a_ends and None not in a_ends:
         row |= {"a_low": a_ends[0], "a_high": a_ends[1]}

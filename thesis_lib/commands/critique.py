@@ -11,7 +11,7 @@ from thesis_lib.foundation.command_line import FAILED, INTERRUPTED, Parser, comm
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
 
-SEED = 20190906  # the default of the configuration, so that both ways write the same bytes
+SEED = 20190906  # the configuration's default, so that the pipeline writes the same bytes
 STAGES = {  # share of the time that had passed by then, on the example of the README
     "fitting": 0.06,
     "step 1: trying": 0.09,
@@ -146,7 +146,7 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         say("loading")
         from thesis_lib.report.critique.folder import criticise_path
 
-        # realpath, unlike Path.resolve, bears a loop of links, which reading then refuses
+        # unlike Path.resolve, realpath survives a loop of links, which reading then refuses
         folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")

@@ -147,7 +147,7 @@ def build_parser() -> Parser:
 
 
 class _ExampleHelp(argparse.Action):
-    """Help that ends with the list of hidden causes, which needs the simulator: other commands must not wait for it."""
+    """Help that ends with the list of hidden causes; it needs the simulator, which other commands need not import."""
 
     def __call__(self, parser, namespace, values, option_string=None) -> None:
         from thesis_lib.simulate.chapter2.recording import hidden_text

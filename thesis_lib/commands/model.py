@@ -1,4 +1,4 @@
-"""`python -m thesis_lib predict` and `simulate`: what a model that a critique wrote says of further drops."""
+"""`python -m thesis_lib predict` and `simulate`: further drops according to the model that a critique wrote."""
 
 import json
 import sys
@@ -79,7 +79,7 @@ def predict(argv: Sequence[str] | None = None) -> int:
 
 
 def _predictions(table: "pd.DataFrame") -> list[dict]:
-    """Velocities after impact and status, row by row; null where there is no solution."""
+    """Velocities after impact and status, row by row; null if there is no solution."""
     kept = table[["vx_post", "vy_post", "omega_post", "status"]]
     return json.loads(kept.to_json(orient="records", double_precision=9))
 

@@ -1,4 +1,4 @@
-"""What the commands print: a diagnosis, the end of a batch, and the list of effects, which is a command of its own."""
+"""Text that the commands print: a diagnosis, the end of a batch, and the list of effects, itself a command."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -63,7 +63,7 @@ def _mechanism_errors(content: Mapping) -> list[str]:
 
 
 def _state_units(content: Mapping, state: Mapping) -> list[tuple[str, str]]:
-    """Names of the state that is shown, in their order, with units where names alone do not tell them."""
+    """Names of the state in the order shown, with units unless the names tell them."""
     if "mechanism" in content:
         return [(name, "") for name in state]
     return [("vx", " m/s"), ("vy", " m/s"), ("omega", " rad/s"), ("theta", " rad")]
@@ -75,7 +75,7 @@ def _value(p: Mapping) -> str:
 
 
 def batch_text(batch: "Batch", out: Path) -> str:
-    """How many datasets have which verdict, which failed and why, and where to look."""
+    """Number of datasets with each verdict, reasons of failures, and where to look."""
     from thesis_lib.report.batch_index import plain, summary_text
 
     lines = [summary_text(batch.rows, len(batch.rows))]
@@ -126,7 +126,7 @@ def effects_text() -> str:
 
 
 def effects_json() -> str:
-    """The same for programs."""
+    """`effects_text` for programs."""
     from thesis_lib.effects import EFFECTS
 
     keys = ("name", "family", "title", "equation", "needs_trajectories", "reference")

@@ -19,7 +19,7 @@ examples:
 
 @dataclass(frozen=True)
 class Shown:
-    """A table to print: file below the results, title, and the columns that are shown."""
+    """A table to print: file below the results, title, and columns."""
 
     file: str
     title: str
@@ -198,11 +198,7 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
 
 
 def as_text(shown: Shown, results: Path) -> str:
-    """Title, table and the meaning of its columns.
-
-    Raises:
-        UserError: the table is not there yet.
-    """
+    """Title, table and the meaning of its columns; UserError if the table has not been written."""
     import pandas as pd
 
     from thesis_lib.foundation.columns import explain

@@ -1,1 +1,1 @@
-"""Written pages: the critique of drops, of mechanisms, of a batch, and the page of a run."""
+"""HTML pages: the critique of drops, of mechanisms and of a batch, and the page of a run."""

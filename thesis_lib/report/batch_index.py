@@ -1,17 +1,18 @@
 """Index of a batch of critiques: batch.csv, batch.json and index.html, which links to each report.
 
-One row a dataset, in the order given, with no times: a batch that was interrupted and went on writes the same bytes.
+A row per dataset, in the order of the command, with no times: a batch that was interrupted and resumed writes the same
+bytes.
 
 | column              | meaning                                                                             |
 |---------------------|-------------------------------------------------------------------------------------|
-| dataset             | its name, that of its folder here                                                   |
+| dataset             | its name, which is also that of its folder here                                     |
 | status              | done or failed                                                                      |
 | verdict             | adequate, effects or unexplained                                                    |
-| effects             | effects named, joined by +; those that the data cannot tell apart joined by /       |
+| effects             | effects named, joined by +; those that the data cannot separate joined by /         |
 | base_law, final_law | law alone, and law with the effects                                                 |
 | n_impacts           | impacts used; empty for a mechanism                                                 |
 | base, augmented     | held-out error of the law alone and with the effects, in `unit`                     |
-| noise_floor         | the error that a perfect model would show; empty where the noise is unknown         |
+| noise_floor         | the error of a perfect model; empty if the noise is unknown                         |
 | reason              | why a dataset failed                                                                |
 | mechanism           | arm or wheel; empty for drops                                                       |
 | unit                | of the errors: m/s, of a mechanism sigma (standard deviations of noise)             |
@@ -63,7 +64,7 @@ def row_of_failure(name: str, reason: str) -> dict:
 
 
 def plain(text: str) -> str:
-    """Text on one line; what is not printable becomes visible, as names and messages may hold a stranger's words."""
+    """Text on one line with unprintable characters made visible, because names and messages may be a stranger's."""
     return visible(" ".join(text.split()))
 
 
@@ -74,7 +75,7 @@ def write_index(
 
     Args:
         rows: of the datasets that ended; total: datasets of the batch.
-        seed, effects: what the critiques were told.
+        seed, effects: arguments of the critiques.
     """
     write_result(pd.DataFrame(rows, columns=COLUMNS).astype({"n_impacts": "Int64"}), out / "batch.csv")
     options = {"seed": seed, "switched_on": None if effects is None else list(effects)}
@@ -111,7 +112,7 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
 
 
 def _cells(row: Mapping, what: str) -> tuple[str, ...]:
-    """Cells of a dataset that has a verdict, the first of which links to its report."""
+    """Cells of a dataset with a verdict; the first links to its report."""
     numbers = (_cell(row[key]) for key in (what, "base", "augmented", "noise_floor"))
     link = _link(row["dataset"], f"{row['dataset']}/report.html")
     return link, row["verdict"], row["effects"].replace("_", " "), *numbers

@@ -1,4 +1,4 @@
-"""Pieces of the page that the critique writes: numbers, sentences, tables and pictures as HTML."""
+"""Elements of a critique's page as HTML: numbers, sentences, tables and pictures."""
 
 import base64
 import io
@@ -19,7 +19,7 @@ _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigm
 
 
 def paragraph(*sentences: str, kind: str = "") -> Markup:
-    """Sentences as one paragraph; empty where there are none."""
+    """Sentences as one paragraph; empty without any."""
     text = " ".join(sentence.strip() for sentence in sentences if sentence and sentence.strip())
     return element("paragraph", _bound(text), kind) if text else Markup()
 
@@ -30,7 +30,7 @@ def _bound(text: str) -> str:
 
 
 def bullets(items: Iterable[str]) -> Markup:
-    """A list; empty where there are no items."""
+    """A list; empty without items."""
     shown = list(items)
     return element("bullets", shown) if shown else Markup()
 
@@ -43,16 +43,16 @@ def heading(title: str) -> Markup:
 def table(
     caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Collection[int] = ()
 ) -> Markup:
-    """A table in a frame that scrolls by itself; empty where there are no rows.
+    """A table in a frame of its own that scrolls; empty without rows.
 
-    The first cell of a row heads it; `numeric` columns are set to the right.
+    The first cell of a row is its heading; `numeric` columns are aligned right.
     """
     cells = [[str(first), *(_bound(str(cell)) for cell in rest)] for first, *rest in rows]
     return element("table", caption, columns, cells, numeric) if cells else Markup()
 
 
 def picture(figure: Figure, caption: str) -> Markup:
-    """A figure as an embedded PNG; its own title and the caption make the alternative text."""
+    """A figure as an embedded PNG; its title and the caption form the alternative text."""
     title = " ".join(figure.get_suptitle().split())
     data = base64.b64encode(_png(figure)).decode("ascii")
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
@@ -75,7 +75,7 @@ def amount(value: float | None, unit: str = "", digits: int = 3) -> str:
 
 
 def interval(low: float | None, high: float | None, unit: str = "") -> str:
-    """A 95 % interval in brackets, with as many digits as its ends differ by; '' where it is unknown."""
+    """A 95 % interval in brackets, to the digits in which its ends differ; '' if it is unknown."""
     if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
         return ""
     unit = "" if unit in ("", "1") else f" {unit}"
@@ -84,7 +84,7 @@ def interval(low: float | None, high: float | None, unit: str = "") -> str:
 
 
 def estimate(value: float, std: float, unit: str = "") -> str:
-    """A value with its 95 % interval and unit; a value without uncertainty stands alone."""
+    """A value with its 95 % interval and unit; without uncertainty, the value only."""
     if not np.isfinite(std) or std == 0.0:
         return amount(value, unit)
     low, high = value - Z95 * std, value + Z95 * std
@@ -105,7 +105,7 @@ def plus_minus(value: float, std: float) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share in per cent, with a decimal where it is small."""
+    """A share in per cent, with a decimal if it is small."""
     if share is None or not np.isfinite(share):
         return "unknown"
     if 0.0 < abs(share) < 0.0005:

@@ -1,4 +1,4 @@
-"""`python -m thesis_lib figures`: which figures there are, where they lie, what they show, what makes them."""
+"""`python -m thesis_lib figures`: the figures, their files, what they show, and the commands that make them."""
 
 import json
 import re
@@ -29,7 +29,7 @@ def find_figure(asked: str) -> Figure:
     """The figure of that number or name: 3-8, 3.8, "Figure 3-8" and figure_3_8.png are the same.
 
     Raises:
-        UserError: there is none, with those that are alike.
+        UserError: there is none; the message lists similar ones.
     """
     key = re.sub(r"^fig(ure|\.)?[\s_]*", "", asked.strip().lower().removesuffix(".png"))
     key = re.sub(r"[._\s-]+", "-", key)
@@ -43,7 +43,7 @@ def find_figure(asked: str) -> Figure:
 
 
 def as_dictionary(figure: Figure, results: Path) -> dict:
-    """What --json prints of a figure."""
+    """What --json prints for a figure."""
     return {
         "figure": figure.short,
         "chapter": figure.chapter,
@@ -58,7 +58,7 @@ def as_dictionary(figure: Figure, results: Path) -> dict:
 
 
 def list_text(results: Path) -> str:
-    """Two lines a figure, by chapter; {a,b} in a path stands for either, as in a shell."""
+    """Two lines per figure, by chapter; {a,b} in a path means either, as in a shell."""
     lines, chapter = [], None
     for figure in figures():
         if figure.chapter != chapter:

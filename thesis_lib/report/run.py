@@ -1,6 +1,6 @@
 """results/report.html: one page with every figure of a run, what it shows, and what was found.
 
-One file: pictures are embedded, so that it can be sent, archived and printed, and needs no network.  Captions and
+Pictures are embedded, so that the one file can be sent, archived and printed, and needs no network.  Captions and
 findings are those of `python -m thesis_lib figures`; measured and simulated data never share a group.
 """
 
@@ -25,7 +25,7 @@ CHAPTERS = {
     4: "learned contact models and their beliefs",
     5: "a robot plays Jenga",
 }
-DATASETS = {  # those that come with the project; another one is headed by its name
+DATASETS = {  # those that come with the project; any other is headed by its name
     "": "",
     "planar_impact": "planar_impact: measured impacts of an ellipse, as published",
     "planar_dice": "planar_dice: measured throws of a die, as published",
@@ -47,7 +47,7 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
 
     Args:
         results: folder of a complete run; figures without a picture in it are left out.
-        findings: files with what was found; of those beside a table, the table is listed, too.
+        findings: files with findings; the table beside such a file is listed, too.
     """
     made = [
         (figure, name)
@@ -88,7 +88,7 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
 
 
 def _contents(made: Sequence[tuple[Figure, str]]) -> list[dict]:
-    """Entries of the contents: a figure's number and title, and an anchor for each dataset that has it."""
+    """Entries of the contents: a figure's number and title, and an anchor for each of its datasets."""
     entries = []
     for name in dict.fromkeys(figure.name for figure, _ in made):
         same = [(figure, dataset) for figure, dataset in made if figure.name == name]
@@ -156,7 +156,7 @@ def _critique(results: Path, path: Path) -> dict:
 
 
 def _paragraphs(name: str, text: str) -> list[str]:
-    """Paragraphs of a caption, its name before it where it does not begin with one."""
+    """Paragraphs of a caption, headed by its name unless it begins with one."""
     named = text if text.startswith(("Figure", "Table")) else f"{name}. {text}"
     return named.split("\n\n")
 
@@ -166,10 +166,10 @@ def _finding(path: Path) -> str:
 
 
 def _image(file: Path, alt: str) -> Markup:
-    """An embedded PNG; its size stands in its head, so that a page does not jump while it loads.
+    """An embedded PNG with the size from its header, so that a page does not jump while it loads.
 
     Raises:
-        CorruptFileError: it is no PNG.
+        CorruptFileError: it is not a PNG.
     """
     content = read_bytes(file, LARGEST)
     if not content.startswith(b"\x89PNG") or len(content) < PNG_SIZE.size:

@@ -1,6 +1,6 @@
-"""Sentences of report.html on the effects: which were found, what is left, and what adding them does."""
+"""Sentences of report.html on the effects: which were found, what remains, and what adding them changes."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not know the contents of a row
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
 
 from collections.abc import Mapping
@@ -69,7 +69,7 @@ def _by_hand(effect: Mapping) -> str:
 
 
 def _shown_by(effect: Mapping) -> str:
-    """In which channels the effect matters, where it is not the velocity after impact."""
+    """Channels in which the effect matters, unless it is the velocity after impact."""
     channels = effect["material_in"]
     if not channels or "impact" in channels:
         return ""
@@ -105,7 +105,7 @@ def _doubt(effect: Mapping) -> str:
 
 
 def remaining(critique: Critique, d: Mapping) -> Markup:
-    """What is left after the last effect: structure, scatter beyond the noise, or nothing that matters."""
+    """What remains after the last effect: structure, scatter beyond the noise, or nothing that matters."""
     rest = d["remaining"]
     p = number(rest["p_value"], 2)
     if not rest["structured"]:
@@ -187,7 +187,7 @@ def ladder_text(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
 
 
 def way(share: float) -> str:
-    """How much of the way from the base law to the noise floor."""
+    """How far the error came from the base law towards the noise floor."""
     return "all the way" if share >= 0.995 else f"{percent(share)} of the way"
 
 

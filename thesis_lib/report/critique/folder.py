@@ -39,11 +39,9 @@ def criticise_path(
     effects: Sequence[str] | None = None,
     say: Say = lambda text: None,
 ) -> dict:
-    """Criticise what lies in `path`, drops or the recording of a mechanism, and write everything into `folder`.
+    """Criticise the drops or the recording in the folder `path`, and write everything into `folder`.
 
-    Args:
-        path: folder with dataset.yaml, or with recording.yaml.
-        folder, seed, effects, say: as for `critique_folder` and `recording_folder`.
+    The other arguments are those of `critique_folder` and `recording_folder`.
 
     Returns:
         The content of diagnosis.json.
@@ -71,11 +69,10 @@ def recording_folder(
     """Criticise a recording, write everything into `folder`, and return the content of diagnosis.json.
 
     Args:
-        recording: measured motion of a mechanism.
         folder: made if needed; files of an earlier critique are replaced.
-        seed: of the configuration; the stream derives from it and from the recording's content.
-        effects: the only ones that are tried; None tries all of the mechanism.
-        say: called with a line on each step, for progress on a terminal.
+        seed: of the configuration; the stream also depends on the recording's content.
+        effects: the only ones tried; None tries all of the mechanism.
+        say: called with a line on each step.
 
     Raises:
         UserError: the recording is too short, or an effect is unknown.
@@ -103,12 +100,11 @@ def critique_folder(
     """Criticise a dataset, write everything into `folder`, and return the content of diagnosis.json.
 
     Args:
-        dataset: measured drops.
         folder: made if needed; files of an earlier critique are replaced.
-        seed: of the configuration; the stream derives from it and from the dataset's content.
+        seed: of the configuration; the stream also depends on the dataset's content.
         effects: switched on instead of the automatic choice; None lets the data choose, () allows none.
         settings, arcs: thresholds, and detection of impacts.
-        say: called with a line on each step, for progress on a terminal.
+        say: called with a line on each step.
 
     Raises:
         UserError: the dataset is too small, or an effect is unknown or cannot be tested with it.
@@ -121,7 +117,7 @@ def critique_folder(
 
 def write_critique(critique: Critique, folder: str | Path, rng: np.random.Generator) -> dict:
     """Write all files of a critique into `folder` and return the content of diagnosis.json."""
-    # pictures and page are drawn from what is found here: nothing of the critique needs them
+    # late, because the critique itself needs neither pictures nor pages
     from thesis_lib.figures.critique.pictures import pictures
     from thesis_lib.figures.style import save_figure
     from thesis_lib.report.critique.page import report_html
@@ -134,7 +130,7 @@ def write_critique(critique: Critique, folder: str | Path, rng: np.random.Genera
 
     with whole_folder(folder) as part:
         for name, (figure, numbers) in drawn.items():
-            # a picture of a table has that table beside it
+            # a picture of a table is stored with that table
             save_figure(figure, made.get(name, numbers), part / name)
         for name, table in made.items():
             write_result(table, part / f"{name}.csv")

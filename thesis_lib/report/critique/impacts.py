@@ -1,7 +1,7 @@
-"""The map of single impacts in report.html: point at one, or move to it with the keyboard, to see its energy ellipse.
+"""The map of single impacts in report.html: pointer or keyboard selects one and shows its energy ellipse.
 
-The map is drawn in impacts.html, as SVG; the ellipse of the chosen impact is drawn in the browser, by
-thesis_lib/pages/impacts.js, from numbers that stand in the page as JSON.
+impacts.html draws the map as SVG; in the browser, thesis_lib/pages/impacts.js draws the ellipse of the chosen impact
+from numbers that the page holds as JSON.
 
 | on paper         | in the JSON               | unit              | |
 |------------------|---------------------------|-------------------|-------------------------------------------------|
@@ -35,8 +35,8 @@ from thesis_lib.statistics.wording import number
 
 SCRIPT: Path = FOLDER / "impacts.js"
 TEMPLATE = Path(__file__).with_name("impacts.html")
-MOST = 2000  # impacts drawn: a page of 2 MB at most, and points that can still be told apart
-WORST = 0.1  # share of the impacts whose part of all errors is told
+MOST = 2000  # impacts drawn: a page of 2 MB at most, and points that can still be distinguished
+WORST = 0.1  # share of the impacts whose part of all errors is reported
 EDGE = 0.005  # quantile at which the map ends; what lies beyond is drawn on its edge
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM, MARGIN = 420, 380, 66, 34, 46, 12  # of the map
 SMALL, LARGE = 2.0, 7.0  # radius of a point without error, and of one at the end of the scale
@@ -48,7 +48,7 @@ KEYS = (
 
 
 def explorer(critique: Critique, where: Mapping) -> Markup:
-    """Map of the impacts and the panel of one energy ellipse; empty where no impact has a prediction."""
+    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction."""
     o, base, final = critique.observations, critique.ladder[0][1], critique.ladder[-1][1]
     residuals = {"base": impact_residuals(base.model, base.values, o)[:, :3]}
     if len(critique.ladder) > 1:
@@ -74,19 +74,19 @@ def explorer(critique: Critique, where: Mapping) -> Markup:
         axes=[_plain(axis_label(name)) for name in over],
         finding=finding,
         caption=f"{finding} {_reading(len(shown), len(o))}",
-        # no text of strangers is in it
+        # it holds no text of strangers
         numbers=Markup(json.dumps(numbers, separators=(",", ":"), allow_nan=False)),
     )
 
 
 def drawn_impacts(error: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Up to `MOST` of the impacts `known`, the smallest error first: evenly spaced in the order of their errors."""
+    """Up to `MOST` of the impacts `known`, by rising error: evenly spaced in the order of their errors."""
     ranked = known[np.argsort(error[known], kind="stable")]
     return ranked[np.unique(np.linspace(0, len(ranked) - 1, min(len(ranked), MOST)).round().astype(int))]
 
 
 def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
-    """How the errors of the base law are shared out, and in how many impacts the effects make them smaller."""
+    """How the base law's errors are distributed, and for how many impacts the effects reduce them."""
     base = np.sort(errors["base"][known])
     worst = max(round(WORST * len(base)), 1)
     total = float(base.sum())
@@ -168,7 +168,7 @@ def _rounded(value: np.ndarray) -> list | float:
 
 
 def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> dict:
-    """What impacts.html draws of the map, in pixels: frame, ticks, key, and a point an impact, the worst last."""
+    """Map for impacts.html, in pixels: frame, ticks, key, and a point per impact, the worst last."""
     top = max(float(np.quantile(error, DARK)), 1e-12)
     right, low = WIDTH - MARGIN, HEIGHT - BOTTOM
     px, x_ticks = _scale(x, LEFT, right)
@@ -197,7 +197,7 @@ def _radius(share: float) -> float:
 
 
 def _scale(values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, list[tuple[float, str]]]:
-    """Places of the values between the pixels `start` and `end`, and ticks as (place, text)."""
+    """Positions of the values between the pixels `start` and `end`, and ticks as (position, text)."""
     low, high = np.quantile(values, [EDGE, 1.0 - EDGE])
     pad = 0.04 * (high - low) or 0.5
     low, high = low - pad, high + pad

@@ -1,7 +1,7 @@
 """report.html of a mechanism's critique: the four steps of the impacts' page, from the content of diagnosis.json.
 
-Verdict; how far the believed model is from the measurements; where it fails; which effect is missing; what adding it
-does; what could not be told; what the data could have shown.  The page needs no network and no script.
+Verdict; distance of the believed model from the measurements; where it fails; which effect is missing; what adding it
+changes; what remains open; what the data could have shown.  The page needs no network and no script.
 """
 
 from collections.abc import Mapping
@@ -43,7 +43,7 @@ WORDS = {
 
 
 def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str:
-    """report.html from the content of diagnosis.json and pictures with their captions."""
+    """report.html from the content of diagnosis.json and the pictures with their captions."""
     shown = {name: picture(drawn[0], caption) for name, (drawn, caption) in pictures.items()}
     error, lost = d["error"], d["left_out"]
     compare = paragraph(
@@ -94,8 +94,7 @@ def write_mechanism_critique(
     """Write all files of a mechanism's critique into `folder` and return the content of diagnosis.json.
 
     Args:
-        critique: what was found.
-        name: of the recording, as told in the page.
+        name: of the recording, as shown on the page.
         folder: made if needed; files of an earlier critique are replaced.
         rng: permutes windows; an equal stream gives equal bytes.
     """

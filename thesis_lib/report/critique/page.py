@@ -1,8 +1,8 @@
-"""report.html: one self-contained page that tells what the critique found, in the order in which a reader asks.
+"""report.html: one self-contained page with the results of the critique, in the order of a reader's questions.
 
-Verdict, faults of the measurement, the four steps (compare, where it fails, which effect, what adding it does), what
-could not be told and which experiment would, what the data could have shown, tables, sources.  Sentences are written
-from the numbers of diagnosis.json, where.json and the tables, so that the page never says more than those files.
+Verdict, faults of the measurement, the four steps (compare, where it fails, which effect, what adding it changes), what
+remains open and which experiment would decide it, what the data could have shown, tables, sources.  All sentences are
+written from the numbers of diagnosis.json, where.json and the tables, so that the page claims no more than those files.
 The page needs no network, its text no script, and equal content gives equal bytes.
 """
 
@@ -56,10 +56,9 @@ def report_html(
     """The whole page.
 
     Args:
-        critique: what was found.
         diagnosis, where: contents of diagnosis.json and where.json.
-        tables: by file stem; those that are missing leave their part of the page out.
-        pictures: by name, figure and numbers, as from `thesis_lib.figures.critique.pictures.pictures`.
+        tables: by file stem; the part of the page for a missing one is left out.
+        pictures: figure and numbers by name, as from `thesis_lib.figures.critique.pictures.pictures`.
     """
     text = captions(critique)
     shown = {name: picture(figure, text[name]) for name, (figure, _) in pictures.items() if name in text}

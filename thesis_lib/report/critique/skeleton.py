@@ -1,7 +1,7 @@
-"""What the reports of all critiques share: verdict, sentences, and sections in the order of a reader's questions.
+"""Common parts of the reports of all critiques: verdict, sentences, and sections in the order of a reader's questions.
 
-How far is the model from the measurements, where does it fail, which effect is missing, what does adding it do, what
-could not be told, and what could these data have shown?
+How far is the model from the measurements, where does it fail, which effect is missing, what does adding it change,
+what remains open, and what could these data have shown?
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from markupsafe import Markup
 from thesis_lib.pages import page
 
 TEMPLATE = Path(__file__).with_name("skeleton.html")
-Sections = Sequence[tuple[str, str, Sequence[Markup]]]  # name, which links lead to, title and content
+Sections = Sequence[tuple[str, str, Sequence[Markup]]]  # name (target of links), title and content
 
 
 def critique_page(
@@ -29,12 +29,12 @@ def critique_page(
 
     Args:
         d: content of diagnosis.json.
-        sections: in order; empty parts are left out, and sections without any.
+        sections: in order; empty parts and empty sections are left out.
         word: the verdict in one line.
-        kind: class of the verdict, if not its own name.
-        about: what stands below the verdict.
+        kind: CSS class of the verdict, if not its own name.
+        about: text below the verdict.
         key_numbers: name, value and note.
-        script: JavaScript, run when all is read.
+        script: JavaScript, run when the page has loaded.
     """
     filled = [(name, title, [part for part in parts if part]) for name, title, parts in sections]
     return page(

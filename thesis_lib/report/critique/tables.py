@@ -1,6 +1,6 @@
 """Tables and captions of report.html."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not know the contents of a row
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
 # pyright: reportCallIssue=false
 
@@ -100,7 +100,7 @@ def sizes(effect: Mapping) -> list[str]:
 
 
 def effects_table(d: Mapping) -> Markup:
-    """What was found, with sizes and gains."""
+    """The effects found, with sizes and gains."""
     rows = []
     for e in d["effects"]:
         low, high = e["gain"]["interval"]
@@ -122,7 +122,7 @@ def effects_table(d: Mapping) -> Markup:
 
 
 def regions_table(where: Mapping) -> Markup:
-    """Regions in which the base law fails, and those that are left with the effects."""
+    """Regions in which the base law fails, and regions that remain with the effects."""
     rows = []
     after = where.get("after") or {"regions": []}
     for model, regions in (("base law", where.get("regions", [])), ("with the effects", after["regions"])):
@@ -230,7 +230,7 @@ def left_out_table(d: Mapping) -> Markup:
 
 
 def detectable_table(d: Mapping) -> Markup:
-    """Smallest size of each effect that would have shown."""
+    """Smallest detectable size of each effect."""
     rows = []
     for e in d["detectable"]:
         declared = {p.name: p for p in EFFECTS[e["name"]].parameters} if e["name"] in EFFECTS else {}
@@ -252,7 +252,7 @@ def detectable_table(d: Mapping) -> Markup:
 
 
 def _set_by(entry: Mapping) -> tuple[str, str]:
-    """What sets the smallest size, and how many drops would show half of it."""
+    """What limits the smallest size, and how many drops would show half of it."""
     known = [name for name, size in entry["smallest"].items() if size is not None]
     by = ["evidence" if entry["significant"][n] > entry["material"][n] else "weight" for n in known]
     drops = entry["drops_for_half"]

@@ -1,8 +1,8 @@
-"""The folder that a critique writes is whole: a run that dies leaves an earlier one as it was.
+"""The folder of a critique is complete: a run that dies leaves an earlier critique untouched.
 
-All is written into a folder beside it first, `.<name>.part`.  Then the old diagnosis.json, report.html and model.json
-are taken away, with what this run does not make, the new files are moved in, and diagnosis.json last: a folder that has
-one is whole.
+Everything is first written into `.<name>.part` beside the folder.  Then the old diagnosis.json, report.html and
+model.json and files that this run does not make are removed, and the new files are moved in, diagnosis.json last: a
+folder with diagnosis.json is complete.
 """
 
 import contextlib
@@ -16,10 +16,10 @@ LAST = (
     "report.html",
     VERDICT_FILE,
 )  # moved in last, in this order; a mechanism has no model.json
-# what any critique writes beside its pictures: what an earlier one made and this one does not is taken away
+# written by any critique beside its pictures: those of an earlier critique that this one does not make are removed
 TABLES = ("comparison", "errors", "ladder", "impacts", "budget", "flights", "misfit", "mechanism_residuals")
 REGIONS = "where.json"
-# a folder with all files of one of these is a critique's
+# a folder with all files of one of these belongs to a critique
 MARKS = ((REGIONS, "comparison.csv", "ladder.csv"), ("misfit.csv", "mechanism_residuals.csv"))
 
 
@@ -34,12 +34,11 @@ def is_unfinished(folder: str | Path) -> bool:
 def whole_folder(folder: str | Path) -> Iterator[Path]:
     """Yield an empty folder to write into; its files replace those of an earlier critique if the block succeeds.
 
-    Args:
-        folder: made if needed; files that no critique writes stay.
+    `folder` is made if needed; files that no critique writes stay.
     """
     folder = Path(folder)
     part = folder.resolve().with_name(f".{folder.resolve().name}.part")
-    shutil.rmtree(part, ignore_errors=True)  # of a run that was killed
+    shutil.rmtree(part, ignore_errors=True)  # left by a run that was killed
     try:
         part.mkdir(parents=True)
         yield part
@@ -49,7 +48,7 @@ def whole_folder(folder: str | Path) -> Iterator[Path]:
 
 
 def _replace(folder: Path, part: Path) -> None:
-    """Move the files of `part` into `folder`, and take away those of an earlier critique that it does not make."""
+    """Move the files of `part` into `folder`, and remove those of an earlier critique that it does not make."""
     from thesis_lib.figures.critique.pictures import NAMES
 
     new = {path.name for path in part.iterdir()}
