@@ -137,16 +137,8 @@ def state_scores(
 ) -> pd.DataFrame:
     """Scores of beliefs over n throws at their measured states; see the module's equations.
 
-    Args:
-        belief: of n throws.
-        measured: (n, 6) pose and velocity.
-        noise: (n, 6, 6) covariance of `measured`, positive definite.
-        k_g: radius of gyration in m.
-        rng: draws the samples for the PIT.
-
-    Returns:
-        pit and log_score (nats; of a density in m³/s³) of the velocity, crps_velocity (m/s), crps_pose (m),
-        out_of_range.
+    `measured` (n, 6) is pose and velocity, `noise` (n, 6, 6) its positive definite covariance, `k_g` in m.  Returns pit
+    and log_score (nats; of a density in m³/s³) of the velocity, crps_velocity (m/s), crps_pose (m), out_of_range.
     """
     metric = np.array([1.0, 1.0, k_g, 1.0, 1.0, k_g])
     scale = np.outer(metric, metric)

@@ -50,11 +50,8 @@ def feasible(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -
 def project(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool) -> np.ndarray:
     """Nearest feasible velocity after impact in the kinetic metric, (n, 3); feasible ones are unchanged.
 
-    Args:
-        v_pre, v_post: (n, 3) m/s and rad/s.
-        r: (n, 2) contact point, m.
-        k_g: radius of gyration, m.
-        wrench: whether a couple may act; otherwise an impulse through the contact point must reach `v_post`.
+    `v_pre`, `v_post` are (n, 3) in m/s and rad/s, `r` (n, 2) and `k_g` in m.  Without `wrench` no couple acts, and an
+    impulse through the contact point must reach `v_post`.
     """
     frame = _frame(r, k_g)
     before, z = coordinates(v_pre, frame, k_g), coordinates(v_post, frame, k_g)

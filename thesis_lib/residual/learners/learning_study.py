@@ -112,8 +112,6 @@ def named_physics(
         law: the critique's base law.
         model: the critique's model.json.
         settings: sizes and splits (here draws of the training impacts).
-        rng: for draws and searches.
-        say: called with a line for each draw.
 
     Returns:
         curves: a row per model, n and draw; rungs: a row per model at the size of figure 4-5 with mean error over

@@ -1,17 +1,16 @@
-"""Beliefs: Gaussian mixtures over states, and over where and how a thrown body comes to rest.
+"""Beliefs over states as Gaussian mixtures, and over the pose at which a thrown body comes to rest.
 
     p(s) = Σ_i w_i N(s | m_i, S_i)                                              thesis, equation 4.16
     mean = Σ w_i m_i,   covariance = Σ w_i (S_i + (m_i − mean)(m_i − mean)ᵀ)
 
-At rest the belief is over the side f that is down and the position x.  It is a mixture of kernels on the M particles,
+At rest the belief is over the side f that is down and the position x, by kernels on M particles,
 
     P(f) = (M_f + 1/K)/(M + 1),    p(x | f) = (1 − γ) Σ_{i: f_i = f} N(x | x_i, b²)/M_f + γ N(x | x̄, (5 s)²),
     p(x, f) = P(f) p(x | f)
 
-with K sides, b Silverman's width of the M_f particles (of all, where a side has fewer than five), x̄ and s mean and
-spread of all particles.  The added 1/K of a particle and the wide part γ = 0.01 say that a finite sample never makes
-an outcome impossible: without them one surprise has the likelihood zero.  Both are own choices, as the thesis gives
-no kernel.
+with K sides, b Silverman's width of the M_f particles (of all, if a side has fewer than five), x̄ and s mean and
+standard deviation of all particles.  The added 1/K of a particle and the wide part γ = 0.01 give every outcome a
+positive probability; without them one surprise would have likelihood zero.  The thesis gives no kernel.
 
 | on paper | in code      | unit | shape     |                                     |
 |----------|--------------|------|-----------|-------------------------------------|
@@ -29,8 +28,8 @@ from functools import cached_property
 import numpy as np
 
 WIDE = 0.01  # γ
-FEW = 5  # particles on a side from which a width of kernels can be had
-NARROWEST = 1e-4  # m; particles that all agree still get kernels as wide as a camera's error
+FEW = 5  # least number of particles on a side for its own kernel width
+NARROWEST = 1e-4  # m, a camera's error: least width, for particles that all agree
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class GaussianMixture:
         return mean, np.einsum("i,ijk->jk", self.weight, self.cov + away[:, :, None] * away[:, None, :])
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """States (count, d).  Components are drawn systematically: with m = count equal weights, each once."""
+        """States (count, d).  Systematic draws: with m = count equal weights, each component once."""
         at = (np.arange(count) + rng.uniform()) / count
         which = np.minimum(np.searchsorted(np.cumsum(self.weight), at), len(self.weight) - 1)
         factor = covariance_root(self.cov)
@@ -57,7 +56,7 @@ class GaussianMixture:
         return self.mean[which] + np.einsum("nij,nj->ni", factor[which], noise)
 
     def log_density(self, states: np.ndarray) -> np.ndarray:
-        """log p(s) (n,) at states (n, d); needs covariances of full rank."""
+        """log p(s) (n,) at states (n, d), for covariances of full rank."""
         from scipy.special import logsumexp
 
         L = np.linalg.cholesky(self.cov)
@@ -66,12 +65,12 @@ class GaussianMixture:
         return logsumexp(-0.5 * ((z**2).sum(-1) + log_det), b=self.weight, axis=1)
 
     def marginal(self, rows: list[int]) -> "GaussianMixture":
-        """The mixture of some of the dimensions."""
+        """The mixture of the dimensions `rows`."""
         return GaussianMixture(self.mean[:, rows], self.cov[:, rows][:, :, rows], self.weight)
 
 
 def covariance_root(cov: np.ndarray) -> np.ndarray:
-    """L (n, d, d) with L Lᵀ = cov, also where cov is singular (a pose that an impact leaves alone)."""
+    """L (n, d, d) with L Lᵀ = cov, also for singular cov (a pose that an impact does not change)."""
     value, vector = np.linalg.eigh(cov)
     return vector * np.sqrt(np.maximum(value, 0.0))[:, None, :]
 
@@ -97,7 +96,7 @@ class RestBelief:
 
     @property
     def most_likely_face(self) -> int:
-        """The side with the highest probability; the lowest index of equals."""
+        """The most probable side; of equal ones, the lowest index."""
         return int(np.argmax(self.face_probability))
 
     def log_likelihood(self, x: float, face: int) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Are the uncertainties right?  Coverage, PIT and CRPS of predictions, with binomial intervals.
+"""Calibration of predictions: coverage, PIT and CRPS, with binomial intervals.
 
 For a scalar y predicted by samples y_1 … y_M, with F their distribution,
 
@@ -9,10 +9,9 @@ For a scalar y predicted by samples y_1 … y_M, with F their distribution,
                a(μ, σ) = μ (2 Φ(μ/σ) − 1) + 2 σ φ(μ/σ), the mean of |N(μ, σ²)|
 
 For a vector with a Gaussian prediction N(m, S) in d dimensions, u = χ²_d(z), z² = (y − m)ᵀ S⁻¹ (y − m), and the region
-of a level is the ellipsoid u ≤ level.  The interval of a coverage is Wilson's at 95 %; held-out outcomes of one trial
-hang together, so where `groups` are given the interval is a bootstrap over them.
-
-A level passes if |coverage − level| is at most `MARGIN` or the level lies within the interval (own criterion).
+of a level is the ellipsoid u ≤ level.  The interval of a coverage is Wilson's at 95 %.  Held-out outcomes of one trial
+are dependent, so with `groups` it is a bootstrap over them.  A level passes if |coverage − level| is at most `MARGIN`
+or the level lies within the interval.
 
 | on paper | in code | unit      | shape  |                                   |
 |----------|---------|-----------|--------|-----------------------------------|
@@ -41,7 +40,7 @@ def pit_of_samples(outcome: np.ndarray, samples: np.ndarray, rng: np.random.Gene
 
 
 def pit_of_gaussian(outcome: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> np.ndarray:
-    """χ² probability u (n,) of outcomes (n, d) under N(mean, cov): the smallest region that holds the outcome."""
+    """χ² probability u (n,) of outcomes (n, d) under N(mean, cov): the smallest region that contains the outcome."""
     from scipy.stats import chi2
 
     away = outcome - mean
@@ -50,7 +49,7 @@ def pit_of_gaussian(outcome: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> n
 
 
 def pit_of_student(away: np.ndarray, freedom: float) -> np.ndarray:
-    """The same of (outcome − mean)/standard deviation (n, d) under Student's t with uncorrelated coordinates."""
+    """The same for (outcome − mean)/standard deviation (n, d) under Student's t with uncorrelated coordinates."""
     from scipy.stats import chi2, f
 
     d = away.shape[1]
@@ -70,12 +69,9 @@ def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 
 def crps_of_mixture(outcome: np.ndarray, mean: np.ndarray, std: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The same for mixtures of m Gaussians in closed form; m = 1 is a Gaussian prediction.
+    """CRPS (n,) in closed form of outcomes (n,) under mixtures of m Gaussians.
 
-    Args:
-        outcome: (n,).
-        mean, std: (n, m) of the components; std > 0.
-        weight: (m,) that sum to one.
+    `mean` and `std` > 0 are (n, m); `weight` (m,) sums to one.
     """
     from scipy.special import ndtr
 
@@ -100,16 +96,14 @@ def coverage_table(
     """Coverage of the regions of `LEVELS`.
 
     Args:
-        pit: (n,) PIT; those that are NaN are left out and counted.
-        central: True for the PIT of a scalar (regions about the median), False for χ² probabilities.
-        groups: (n,) trial of each, for a bootstrap interval; Wilson's interval without.
-        rng: needed with groups.
+        pit: (n,) PIT; NaN values are excluded and counted.
+        central: True for a scalar's PIT (regions about the median), False for χ² probabilities.
+        groups: (n,) trials, for a bootstrap interval; None: Wilson's.
+        rng: needed with groups; ValueError without.
+        bootstrap: number of replicates.
 
     Returns:
         level, coverage, low, high, passes (1 or 0), n, left_out.
-
-    Raises:
-        ValueError: groups without rng.
     """
     kept = np.isfinite(pit)
     inside = 2.0 * np.abs(pit[kept] - 0.5) if central else pit[kept]
@@ -133,7 +127,7 @@ def coverage_table(
 
 
 def pit_histogram(pit: np.ndarray, bins: int = 10) -> pd.DataFrame:
-    """Share of PITs in equal bins and the 95 % band that chance allows a right prediction: pit, share, low, high."""
+    """Shares of PITs in equal bins with the 95 % band of a calibrated prediction: pit, share, low, high."""
     from scipy.stats import binom
 
     u = pit[np.isfinite(pit)]

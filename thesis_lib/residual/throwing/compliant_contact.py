@@ -1,6 +1,6 @@
-"""Contacts that take time: each corner of a thrown body is a spring with damping, and friction has a spring of its own.
+"""Contacts of finite duration: each corner of a thrown body is a damped spring, and friction has a spring too.
 
-Two corners that hit within the few milliseconds of a contact press together, which no sequence of impulses describes.
+Two corners that hit within the few milliseconds of a contact press at once, which no sequence of impulses describes.
 With the indentation δ = −φ of a corner, per unit mass of the body,
 
     f_n = max(0, Ω² δ (1 − D v_n) − 2 Z Ω v_n)                    Hunt and Crossley's damping, and a dashpot
@@ -9,9 +9,9 @@ With the indentation δ = −φ of a corner, per unit mass of the body,
     p(x; g) = 1 + g (1 − exp(−((x − x_0)/w)²)),                   x the place of the contact on the surface
     o(θ; b) = 1 − b cos² 2θ                                       1 on the corner, 1 − b flat on a side
 
-p describes a surface whose restitution is largest at one place x_0, as that of a plate above its support; o a body
-whose restitution is larger when it lands flat.  All bodies are integrated at once by symplectic Euler with the step
-`DT`; between contacts flight is in closed form.
+p describes a surface with the largest restitution at one place x_0, as of a plate above its support; o a body with
+larger restitution when it lands flat.  Symplectic Euler with the step `DT` integrates all bodies at once; flights
+between contacts have a closed form.
 
 | on paper  | in code             | unit | meaning                                                          |
 |-----------|---------------------|------|------------------------------------------------------------------|
@@ -25,7 +25,7 @@ whose restitution is larger when it lands flat.  All bodies are integrated at on
 | b_d, b_ζ  | `flat`, `flat_dashpot` | 1 | less damping on a flat side                                      |
 
 Sources: Hunt and Crossley 1975, doi:10.1115/1.3423596; Mindlin's tangential spring as in Stronge, Impact Mechanics,
-2000, chapter 5; p and o are our own, found in the residuals of the dice.
+2000, chapter 5.  p and o were found in the residuals of the dice.
 """
 
 from dataclasses import dataclass, fields
@@ -34,11 +34,11 @@ import numpy as np
 
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 
-# s; a contact of 3 ms has 30 steps, which halving changes by less than the contacts scatter (tests)
+# s; 30 steps in a contact of 3 ms; half the step changes results by less than the scatter (tests)
 DT = 1e-4
 CLEAR = 1e-4  # m, gap above which a corner has left the surface even if it comes back
-KEPT = 0.75  # share of bodies still in contact below which the others are put aside
-_ROUNDS = 12  # of flight and contact until the time asked for
+KEPT = 0.75  # the arrays are compacted once the share of bodies in contact is below this
+_ROUNDS = 12  # of flight and contact, at most
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class CompliantContact:
 
     @property
     def margin(self) -> float:
-        """Below 0 by how far a parameter leaves the range in which it has a meaning."""
+        """Negative by how far a parameter is outside its meaningful range."""
         return min(
             self.omega / 200.0 - 1.0,
             3000.0 / self.omega - 1.0,  # a stiffer one needs smaller steps
@@ -90,9 +90,9 @@ def compliant_path(
     longest: float = 0.012,
     dt: float = DT,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) of thrown bodies at the times `until` (n,) in s, flights and contacts in turn.
+    """Pose and velocity (n, 3) of thrown bodies at the times `until` (n,) in s, with flights and contacts in turn.
 
-    Bodies that have had too many contacts by then get NaN.
+    Bodies with too many contacts by then are NaN.
     """
     n = len(q)
     q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
@@ -109,7 +109,7 @@ def compliant_path(
             body, contact, q[moving], v[moving], remaining[moving], longest, dt
         )
         remaining[moving] -= took
-        # what still presses after `longest` goes on from the surface
+        # bodies that still press after `longest` continue from the surface
         pressed = moving[took >= longest - 1e-9]
         q[pressed, 1] += np.maximum(-body.gap(q[pressed]), 0.0)
         moving = moving[remaining[moving] > 1e-9]
@@ -128,11 +128,10 @@ def press(
     longest: float = 0.012,
     dt: float = DT,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One contact of each of n touching bodies, until no corner presses or comes back at once.
+    """One contact of each of n touching bodies, until no corner presses or is about to return.
 
-    Args: pose and velocity (n, 3) at the touch; `left` (n,) and `longest` in s, at which it is broken off.
-
-    Returns: pose, velocity (n, 3) and the time it took (n,) in s.
+    `q` and `v` (n, 3) are at the touch; the contact is cut off after `left` (n,) or `longest`, in s.  Returns pose and
+    velocity (n, 3) and the duration (n,) in s.
     """
     c = contact
     end_q, end_v, end_t = np.array(q, float), np.array(v, float), np.zeros(len(q))
@@ -152,7 +151,7 @@ def press(
         moving &= t < limit - 1e-12
         if step > 0:
             moving &= ~((gap >= 0.0).all(1) & ((v_n > 0.0) | (gap > CLEAR)).all(1))
-        # bodies that are done stand still, and leave once they are many: copying costs more than they do
+        # finished bodies do not move, and are removed in groups: copying costs more than computing them
         if moving.sum() <= KEPT * len(rows):
             done = rows[~moving]
             end_q[done], end_v[done], end_t[done] = now_q[~moving], now_v[~moving], t[~moving]
@@ -174,7 +173,7 @@ def press(
         f_t = -stiffness_t * z - drag_t * v_t
         slides = np.abs(f_t) > most
         f_t = np.clip(f_t, -most, most)
-        # a sliding spring is as long as the force that it bears; one in the air is slack
+        # a sliding spring has the length of the force it carries; in the air it is slack
         z = np.where(slides, np.clip(z, -most / stiffness_t, most / stiffness_t), z)
         z[gap >= 0.0] = 0.0
         couple = (r_x * f_n - r_y * f_t).sum(1) / k2

@@ -1,18 +1,18 @@
-"""The contact map: where a model's own path leads in the time of a contact, and what is learned of what it misses.
+"""The contact map: the path of a model over the time of a contact, and what it misses, learned.
 
-Two corners that hit within milliseconds are not an impulse at one point, and a law that is corrected at each hit
-cannot be trained on hits that the camera cannot tell apart.  So the model simulates all that happens in the time T
-after the first touch, and a process learns what is missing at its end, in velocity (Δv_x, Δv_y, k Δω: a wrench per
-unit mass) and pose.  This is an extension of the thesis's residual.  With the speed s before contact
+Two corners that hit within milliseconds are not an impulse at one point, and the camera cannot separate such hits to
+train a law with a correction at each.  So the model simulates all that happens in the time T after the first touch, and
+a process learns its error at the end: in velocity (Δv_x, Δv_y, k Δω: a wrench per unit mass) and pose.  This extends
+the thesis's residual.  With the speed s before contact
 
     (Δx, Δy, k Δθ) = s T f_q(X),   (Δv_x, Δv_y, k Δω) = s f_v(X),   X = (sin 4θ, cos 4θ, v_x/s, v_y/s, k ω/s, log s, x)
 
-for impacts are homogeneous of degree 1 in the velocity; 4θ, because the four sides of a square are equal; x, because
-surfaces are not the same everywhere.  Noise is in proportion to s, too, but a fast contact repeats better than a slow
-one, so that each range of speeds has a process of its own.
+since impacts are homogeneous of degree 1 in the velocity, the four sides of a square are equal (4θ), and surfaces vary
+with x.  Noise is proportional to s, too, but fast contacts repeat better than slow ones, so each range of speeds has
+its own process.
 
-What is left has heavier tails than a Gaussian: its standardised leave-one-out residuals z of training are taken for
-Student's t in d = 6 dimensions with one number of degrees of freedom ν for all,
+The remaining errors have heavier tails than a Gaussian.  Their standardised leave-one-out residuals z follow Student's
+t in d = 6 dimensions with a common number of degrees of freedom ν,
 
     log p(z) = Σ_j −log a_j − (ν + d)/2 log(1 + Σ_j (z_j/a_j)²/ν) + const          a by EM, ν from a grid
 
@@ -23,7 +23,7 @@ Student's t in d = 6 dimensions with one number of degrees of freedom ν for all
 | ν        | `freedom`  | 1    |       | degrees of freedom                                           |
 
 Source of the leave-one-out residuals: Rasmussen and Williams 2006, eq. 5.12; of the EM: Lange, Little and Taylor 1989,
-doi:10.1080/01621459.1989.10478852; the rest is our own.
+doi:10.1080/01621459.1989.10478852.
 """
 
 from collections.abc import Callable
@@ -41,7 +41,7 @@ _EM = 30  # iterations; scales change by less than a per cent after ten
 
 @dataclass(frozen=True)
 class Regime:
-    """What is missed at speeds up to `fastest` (m/s): a process, or None for its scatter alone; `scale` a (6,)."""
+    """Error at speeds up to `fastest` (m/s): a process, or None for its scatter alone; `scale` is a (6,)."""
 
     fastest: float
     process: GaussianProcess | None
@@ -50,9 +50,9 @@ class Regime:
 
 @dataclass
 class ContactMap(Sampled):
-    """The path of a model over `duration` (s) after the first touch, and what it misses; see the module's text.
+    """The path of a model over `duration` (s) after the first touch, and its error; see the module's text.
 
-    Contacts that approach more slowly than `slowest` (m/s) are left to the law.
+    Contacts slower than `slowest` (m/s) follow the law.
     """
 
     path: Callable[[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]] | None = None
@@ -63,7 +63,7 @@ class ContactMap(Sampled):
     def distribution(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """State after `duration`, and its covariance (diagonal), noise included."""
+        """State (n, 6) after `duration` and its diagonal covariance, noise included."""
         mean, cov, took, in_range = super().distribution(q, v, r, slow)
         fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)
         if not len(fast):
@@ -77,7 +77,9 @@ class ContactMap(Sampled):
         return mean, cov, took, in_range
 
     def missed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n, 6) of the residual at touches, and whether they are like training's (n,)."""
+        """Mean and standard deviation (n, 6) of the residual at touches, and mask (n,) of those within the training
+        range.
+        """
         speed = velocity_error(v, self.body.k_g)
         X = contact_features(q, v, self.body.k_g)
         mean, std, in_range = np.zeros((len(q), 6)), np.zeros((len(q), 6)), np.ones(len(q), bool)
@@ -100,7 +102,7 @@ class ContactMap(Sampled):
 
 
 def split(speed: np.ndarray, edges: list[float]) -> list[np.ndarray]:
-    """Rows of each range of speeds (n,): up to the first edge, ..., beyond the last but one (the last has no end)."""
+    """Indices of the speeds (n,) in each range that ends at an edge; the last range has no upper end."""
     which = np.searchsorted(np.array(edges[:-1]), speed)
     return [np.flatnonzero(which == i) for i in range(len(edges))]
 
@@ -114,13 +116,13 @@ def contact_features(q: np.ndarray, v: np.ndarray, k_g: float) -> np.ndarray:
 
 
 def residual_unit(v: np.ndarray, k_g: float, duration: float) -> np.ndarray:
-    """What one unit of the residual adds to the state (n, 6): s T of x, y, k θ and s of v_x, v_y, k ω."""
+    """State change (n, 6) for a residual of one: s T of x, y, k θ and s of v_x, v_y, k ω."""
     unit = np.array([duration, duration, duration / k_g, 1.0, 1.0, 1.0 / k_g])
     return velocity_error(v, k_g)[:, None] * unit
 
 
 def leave_one_out(process: GaussianProcess) -> np.ndarray:
-    """Leave-one-out residuals over their standard deviations (n, p): α_i/√(K_y⁻¹)_ii (R. & W., eq. 5.12)."""
+    """Leave-one-out residuals (n, p) over their standard deviations: α_i/√(K_y⁻¹)_ii (R. & W., eq. 5.12)."""
     z = np.empty_like(process.y)
     for i in range(z.shape[1]):
         x = process.x / process.lengthscale[i]
@@ -132,7 +134,7 @@ def leave_one_out(process: GaussianProcess) -> np.ndarray:
 
 
 def student(parts: list[np.ndarray]) -> tuple[list[np.ndarray], float]:
-    """Scales (d,) of each part's rows (n_i, d) and the degrees of freedom of all, of greatest likelihood."""
+    """Maximum-likelihood scales (d,) of the rows (n_i, d) of each part, and their common degrees of freedom."""
     best = None
     for freedom in FREEDOMS:
         fits = [_student_scale(z, freedom) for z in parts]

@@ -1,6 +1,6 @@
-"""Free flight of many thrown polygons in closed form, and the instant at which each first touches the surface.
+"""Free flight of many thrown polygons in closed form, and the time at which each first touches the surface.
 
-Between contacts nothing but gravity and linear drag acts, so that a flight has no time steps:
+Between contacts only gravity and linear drag act, and a flight needs no time steps:
 
     x(t) = x + v_x s,   y(t) = y + (v_y + g/c_v) s − g t/c_v,   θ(t) = θ + ω s_w,
     s = (1 − e^{−c_v t})/c_v,   s_w = (1 − e^{−c_w t})/c_w                        (s → t where c → 0)
@@ -9,10 +9,9 @@ A corner is a disk of radius ρ about u_i (body frame, from the centre of mass).
 
     φ_i = y + u_i,x sin θ + u_i,y cos θ − ρ − h,      φ̇_i = v_y + ω (u_i,x cos θ − u_i,y sin θ)
 
-First touch by conservative advancement.  In a flight φ̈_i ≥ −A with
-A = g + c_v max(v_y, 0) + R (ω² + c_w |ω|), R = max |u_i|, so no corner can touch before the positive root of
-φ_i + φ̇_i t − A t²/2 = 0; stepping by the least of these roots never passes a touch and, near one, converges like
-Newton's method.  All particles step together; those that touch leave.
+Conservative advancement finds the first touch.  In a flight φ̈_i ≥ −A with A = g + c_v max(v_y, 0) + R (ω² + c_w |ω|),
+R = max |u_i|, so no corner touches before the positive root of φ_i + φ̇_i t − A t²/2 = 0.  Steps of the least of these
+roots never pass a touch and converge near it like Newton's method.
 
 | on paper | in code       | unit          | shape  | meaning                                               |
 |----------|---------------|---------------|--------|-------------------------------------------------------|
@@ -26,7 +25,7 @@ Newton's method.  All particles step together; those that touch leave.
 | r        | `r`           | m             | (n, 2) | contact point from the centre of mass                 |
 
 Source: conservative advancement, Mirtich, Impulse-based Dynamic Simulation, thesis, UC Berkeley 1996, section 2.3;
-the bound for a polygon in flight with linear drag is our own.
+the bound for flight with linear drag is derived here.
 """
 
 from dataclasses import dataclass
@@ -38,13 +37,13 @@ from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
 
-TOUCH = 1e-7  # m; a corner this near the surface touches: far below what a camera sees, far above rounding
-_ADVANCES = 200  # steps of the advancement; ten are usual, and what is left then is taken to touch
+TOUCH = 1e-7  # m, gap at which a corner touches: far below the resolution of a camera, far above rounding
+_ADVANCES = 200  # steps of the advancement; ten are usual, and bodies that need more count as touching
 
 
 @dataclass(frozen=True)
 class ThrownBody:
-    """A polygon with rounded corners that is thrown onto a level surface; see the module's table."""
+    """A thrown polygon with rounded corners over a level surface; see the module's table."""
 
     corners: tuple[tuple[float, float], ...]
     rho: float
@@ -80,13 +79,13 @@ class ThrownBody:
 
     @cached_property
     def barrier(self) -> float:
-        """Least height in m by which the centre must rise to roll from any side to a neighbour."""
+        """Least rise in m of the centre of mass needed to roll from any side to a neighbour."""
         top = np.hypot(*self.u.T) + self.rho
         over = np.minimum(top, np.roll(top, -1)) - self.rest_height
         return float(np.min(over))
 
     def face(self, theta: np.ndarray) -> np.ndarray:
-        """Index (n,) of the side that is nearest to lying on the surface at angle `theta` (n,)."""
+        """Index (n,) of the side nearest to lying on the surface at angle `theta` (n,)."""
         turn = np.abs(np.mod(theta[:, None] - self.faces + np.pi, 2.0 * np.pi) - np.pi)
         return np.argmin(turn, axis=1)
 
@@ -110,11 +109,7 @@ class ThrownBody:
 
 
 def thrown_body(rig: Rig, *, rho: float = 0.0, c_v: float = 0.0, c_w: float = 0.0) -> ThrownBody:
-    """The body of a rig with corners rounded by `rho` (m) and linear drag (1/s).
-
-    Raises:
-        UserError: the shape has no corners.
-    """
+    """The body of a rig, with corners rounded by `rho` (m) and linear drag (1/s); UserError without corners."""
     if not isinstance(rig.shape, Polygon):
         raise UserError(f"Throws are simulated for polygons, but the shape is a {rig.shape.kind}.")
     # the outline of the polygon shrunk by ρ, counter-clockwise
@@ -129,7 +124,7 @@ def thrown_body(rig: Rig, *, rho: float = 0.0, c_v: float = 0.0, c_w: float = 0.
 
 
 def fly(body: ThrownBody, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) after the times `t` (n,) in s of free flight."""
+    """Pose and velocity (n, 3) after free flight of `t` (n,) in s."""
     g, c_v, c_w = body.gravity, body.c_v, body.c_w
     q_t, v_t = np.empty_like(q), np.empty_like(v)
     if c_v > 0.0:
@@ -149,14 +144,14 @@ def fly(body: ThrownBody, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> tuple[
 
 
 def first_touch(body: ThrownBody, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Instant t (n,) in s of the first touch after now, and the corner (n,) that touches.
+    """Time t (n,) in s to the first touch, and the corner (n,) that touches.
 
-    A corner that touches now and moves away does not count; one that approaches gives t = 0.  Where several touch
-    at once, it is the one that approaches fastest.
+    A corner that touches at the start counts (t = 0) only if it approaches.  Of simultaneous touches the fastest
+    counts.
     """
     n = len(q)
     ux, uy = body.u[:, 0], body.u[:, 1]
-    # acceleration downwards of any corner is bounded by A for the whole flight, for drag only slows
+    # A bounds the downward acceleration of every corner for the whole flight, since drag only slows
     spin = np.abs(v[:, 2])
     A = body.gravity + body.c_v * np.maximum(v[:, 1], 0.0) + body.reach * spin * (spin + body.c_w)
     t, corner = np.zeros(n), np.zeros(n, dtype=np.intp)
@@ -179,7 +174,7 @@ def first_touch(body: ThrownBody, q: np.ndarray, v: np.ndarray) -> tuple[np.ndar
             keep = ~done
             flying, q_0, v_0, A_0, t_0 = flying[keep], q_0[keep], v_0[keep], A_0[keep], t_0[keep]
             gap, rate = gap[keep], rate[keep]
-        # φ + φ̇ t − A t²/2 = 0, in the form that loses no digits for φ̇ < 0; TOUCH/2 makes the last step arrive
+        # φ + φ̇ t − A t²/2 = 0, in the form without cancellation for φ̇ < 0; TOUCH/2 lets the last step arrive
         gap = np.maximum(gap - 0.5 * TOUCH, 0.0)
         root = np.sqrt(rate * rate + 2.0 * A_0[:, None] * gap) + np.abs(rate)
         step = np.where(rate < 0.0, 2.0 * gap / np.maximum(root, 1e-300), root / A_0[:, None])

@@ -1,16 +1,15 @@
-"""Uncertain contacts (thesis section 4.3.3): what a state becomes is a Gaussian, of which feasible samples are drawn.
+"""Uncertain contacts (thesis section 4.3.3): a Gaussian over states after contact, and feasible samples of it.
 
     s⁺ ~ N(m(s), S(s)),   S = A Σ A' in the velocity, 0 in the pose (and in both for the contact map)
 
-Samples that penetrate or gain energy are rejected and drawn again, at most `draws` times; those that still fail take
-the law's outcome, which is feasible.  Every rejection is counted (`Tally`): the share of states whose first sample was
-rejected says how often a model is wrong, that of all samples also how hopeless it is there, since a state without any
-feasible sample adds `draws` rejections.  Throws to rest are made of these samples (`throw`), Gaussian mixtures of the
-distributions they come from (`mixture_belief`).  Three uncertain contacts:
+Samples that penetrate or gain energy are rejected and redrawn, at most `draws` times; then the feasible outcome of the
+law replaces them.  `Tally` counts rejections.  The share of states whose first sample is rejected measures how often a
+model is wrong; the share of all samples also grows with how wrong it is, since a state without a feasible sample adds
+`draws` rejections.  `throw` uses these samples and `mixture_belief` the distributions.  Three uncertain contacts:
 
     scattered law      c = c_law + c_n ξ,    ξ ~ N(0, Ξ)          Ξ from training residuals, (c_t, c_n, τ)/c_n
     learned impact     c ~ N(c̄, Σ) of a trained model of `learners`   eqs. 4.12 to 4.15
-    contact map        the model's own path over a time T + what it misses    double hits as one event (`contact_map`)
+    contact map        the model's path over a time T + what it misses        double hits as one event (`contact_map`)
 
 | on paper | in code     | unit            | shape       | meaning                                                   |
 |----------|-------------|-----------------|-------------|-----------------------------------------------------------|
@@ -41,9 +40,8 @@ PENETRATION = (
 class Tally:
     """Counts of an uncertain contact.
 
-    `drawn` samples, `rejected` of them; `sampled` states for which samples were drawn, `first_rejected` those whose
-    first was rejected, `given_up` those without a feasible one, left to the law; states `out_of_range`; `contacts` in
-    all, certain ones included.
+    Samples: `drawn` and `rejected`.  States: `sampled`, `first_rejected` (first sample infeasible), `given_up` (no
+    feasible sample, left to the law), `out_of_range`, and `contacts` in all, certain ones included.
     """
 
     contacts: int = 0
@@ -56,18 +54,18 @@ class Tally:
 
     @property
     def rejection_rate(self) -> float:
-        """Share of drawn samples that were not feasible."""
+        """Share of infeasible samples."""
         return self.rejected / self.drawn if self.drawn else 0.0
 
     @property
     def first_rejection_rate(self) -> float:
-        """Share of the states whose first sample was not feasible: every state counts once."""
+        """Share of states whose first sample is infeasible; each state counts once."""
         return self.first_rejected / self.sampled if self.sampled else 0.0
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """Outcome of n uncertain contacts: their Gaussians, and a feasible sample of each."""
+    """Outcomes of n uncertain contacts: Gaussians and a feasible sample of each."""
 
     # mean, cov: (n, 6) and (n, 6, 6) of pose and velocity; where no sample was feasible, the law's outcome
     mean: np.ndarray
@@ -87,7 +85,7 @@ def draw(
     slow: np.ndarray,
     rng: np.random.Generator,
 ) -> Drawn:
-    """One feasible sample of the outcome for each of n states at a touch; arguments as of `throw.ImpactModel`."""
+    """A feasible sample of the outcome for each of n states at a touch; arguments as of `throw.ImpactModel`."""
     mean, cov, took, in_range = contact.distribution(q, v, r, slow)
     tally = contact.tally
     tally.contacts += len(q)
@@ -102,7 +100,7 @@ def draw(
         noise = contact.noise(len(pending), rng)
         out[pending] = mean[pending] + np.einsum("nij,nj->ni", root[pending], noise)
         good = contact.feasible(q[pending], v[pending], r[pending], out[pending], took[pending])
-        # the law's own outcomes are not samples
+        # outcomes of the law are not samples
         good |= ~uncertain[pending]
         tally.drawn += int(uncertain[pending].sum())
         tally.rejected += int((~good).sum())
@@ -119,7 +117,7 @@ def draw(
         took = took.copy()
         took[pending] = 0.0
     q_new, v_new = out[:, :3], out[:, 3:]
-    # what is not quite above the surface is lifted onto it
+    # lift poses slightly below the surface onto it
     deep = took > 0.0
     if deep.any():
         q_new[deep, 1] += np.maximum(-contact.body.gap(q_new[deep]), 0.0)
@@ -131,11 +129,11 @@ class Sampled:
     """Base of uncertain contacts: an `ImpactModel` that draws from its distribution."""
 
     body: ThrownBody  # thrown
-    # resolves what the model was not trained for, and takes over where no feasible sample is found
+    # for contacts outside the training, and where no sample is feasible
     law: LawImpact
-    draws: int = 20  # samples tried for a state; 0 would be the law
+    draws: int = 20  # most samples per state; 0: the law alone
     deterministic: bool = False  # take the mean instead of a sample
-    # degrees of freedom of Student's t of which samples are drawn, with the covariance given; ∞ a Gaussian
+    # degrees of freedom of Student's t for samples of the same covariance; ∞: Gaussian
     freedom: float = np.inf
     tally: Tally = field(default_factory=Tally)
 
@@ -156,7 +154,9 @@ class Sampled:
     def distribution(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Mean (n, 6), covariance (n, 6, 6), time and in_range (n,), see `Drawn`; here the law's, which is certain."""
+        """Mean (n, 6), covariance (n, 6, 6), time (n,) in s and in_range (n,), as in `Drawn`; here the law, which is
+        certain.
+        """
         _, after, _ = self.law(q, v, r, slow, np.random.default_rng(0))
         n = len(q)
         return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n), np.ones(n, bool)
@@ -196,7 +196,7 @@ class ScatteredLaw(Sampled):
 
 @dataclass
 class LearnedImpact(Sampled):
-    """A trained contact model of `learners`, for contacts that approach faster than `slowest` (m/s)."""
+    """A trained contact model of `learners`, for contacts faster than `slowest` (m/s)."""
 
     trained: Trained | None = None
     slowest: float = 0.3
@@ -224,6 +224,6 @@ class LearnedImpact(Sampled):
 
 
 def wrench_map(r: np.ndarray, k_g: float) -> np.ndarray:
-    """A = M⁻¹ Jᵀ (n, 3, 3) per unit mass: velocity change by (c_t, c_n, τ)."""
+    """A = M⁻¹ Jᵀ (n, 3, 3) per unit mass: velocity change per component of (c_t, c_n, τ)."""
     n = len(r)
     return np.stack([push(np.zeros((n, 3)), r, np.tile(unit, (n, 1)), k_g) for unit in np.eye(3)], axis=2)

@@ -1,25 +1,24 @@
-"""Throws of many particles at once, flight by flight and impact by impact, until they lie still.
+"""Throws of many particles at once, flight by flight and impact by impact, until they come to rest.
 
-Each round takes all particles that still move from one contact to the next: flight in closed form to the first touch
-(`flight.first_touch`), then one call of the impact model for all of them.  Two corners that hit within a step are two
-rounds, the second with a flight of no length; the order is that of the touches, and at a tie the faster corner first.
+Each round takes all moving particles to their next contact: flight in closed form to the first touch
+(`flight.first_touch`), then one call of the impact model.  Two corners that hit within a step take two rounds, the
+second with a flight of zero length; at a tie the faster corner is first.
 
-A particle has come to rest once it cannot leave its side any more.  After each impact,
+A particle is at rest once it can no longer leave its side.  After each impact,
 
     E = (v_y² + k² ω²)/2 + g (y − y_side)  <  f g (y_corner − y_side)
 
-with y_corner the height of the centre above the surface on the lower of the side's two corners.  For f = 1 no motion
-of the rattling body passes the barrier unless friction turns sliding into spin; f is small (setting
-`settle`) so that the hops left move nothing either.  The infinitely many hops of a real bounce (Zeno) end here:
-friction at the mean impulse of many small hops is that of sliding, so what is left of v_x is lost at the rate μ g +
-c_v v_x, over
+with y_corner the height of the centre above the surface on the lower of the side's two corners.  For f = 1 no motion of
+the rattling body passes the barrier unless friction turns sliding into spin; f (setting `settle`) is small so that the
+omitted hops move nothing.  The infinitely many hops of a real bounce (Zeno) end here: friction at the mean impulse of
+many small hops is that of sliding, so the remaining v_x is lost at the rate μ g + c_v v_x, over
 
     Δx = sign(v_x) (|v_x|/c_v − (μ g/c_v²) ln(1 + c_v |v_x|/(μ g)))         (v_x²/(2 μ g) where c_v → 0)
 
-and the angle is that of the side.  A body that tips over one corner, or slides on it, touches it all the time, which
-for impacts is again infinitely many.  As in Mirtich's microcollisions, contacts slower than `micro` get restitution
-1: the hops stay small, gain no energy, and carry the weight and the friction of the contact on the mean.  Particles
-that have not settled after `max_contacts` contacts are counted and are laid on their nearest side in the same way.
+and the angle is that of the side.  A body that tips over a corner, or slides on it, touches it all the time, which as
+impacts is again infinitely many.  As in Mirtich's microcollisions, contacts slower than `micro` have restitution 1: the
+hops stay small, gain no energy, and carry the contact's weight and friction on average.  Particles that still move
+after `max_contacts` contacts are counted and laid on their nearest side.
 
 | on paper | in code     | unit       | shape  | meaning                                                      |
 |----------|-------------|------------|--------|--------------------------------------------------------------|
@@ -27,7 +26,7 @@ that have not settled after `max_contacts` contacts are counted and are laid on 
 | f        | `settle`    | 1          |        | share of the barrier below which a particle lies             |
 | μ        | `mu_slide`  | 1          |        | friction of sliding                                          |
 
-Sources: Mirtich 1996 (impulse-based simulation), thesis section 4.3.3; criterion and rounds are our own.
+Sources: Mirtich 1996 (impulse-based simulation), thesis section 4.3.3.
 """
 
 from dataclasses import dataclass
@@ -42,15 +41,15 @@ from thesis_lib.residual.throwing.settings import ThrowSettings
 
 
 class ImpactModel(Protocol):
-    """What resolves one contact of each of n particles."""
+    """A model that resolves one contact of each of n particles."""
 
     def __call__(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | float]:
-        """Pose and velocity (n, 3) after contact and the time it took (n,) in s, 0 for an impulse.
+        """Pose and velocity (n, 3) after contact, and its duration (n,) in s, 0 for an impulse.
 
-        Args: pose and velocity (n, 3) at the touch, contact point r (n, 2), and `slow` (n,), which marks contacts
-        that are to keep their energy (see the module's text).
+        `q` and `v` (n, 3) are at the touch, `r` (n, 2) is the contact point, and contacts marked in `slow` (n,) must
+        keep their energy (see the module's text).
         """
 
 
@@ -66,7 +65,7 @@ class LawImpact:
     def __call__(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The same pose, velocity after impact, no time."""
+        """The pose unchanged, velocity after impact, zero time."""
         with np.errstate(all="ignore"):
             space = contact_space(v, r, mass=1.0, k_g=self.k_g)
             c_t, c_n = self.law.impulse(space, self.mu, np.where(slow, 1.0, self.epsilon))
@@ -87,15 +86,15 @@ def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.nd
 
 @dataclass(frozen=True)
 class Throws:
-    """Where n particles end, and on the way."""
+    """Ends of n particles, and states on the way."""
 
     q: np.ndarray  # (n, 3) pose at rest; θ keeps its whole turns
     face: np.ndarray  # (n,) side on which it lies
     hits: np.ndarray  # (n,) hits of single corners
     settled: np.ndarray  # (n,) whether the criterion was met (else: laid down after `max_contacts`)
     contacts: np.ndarray  # (n,) contacts, nearby hits merged
-    # snapshot_q, snapshot_v: (snapshots, n, 3) pose and velocity just after each of the first contacts (of
-    # the last of its hits); NaN where there was none
+    # snapshot_q, snapshot_v: (snapshots, n, 3) pose and velocity just after the last hit of each of the first
+    # contacts; NaN where there was none
     snapshot_q: np.ndarray
     snapshot_v: np.ndarray
     snapshot_t: np.ndarray  # (snapshots, n) s, its instant
@@ -110,7 +109,7 @@ def simulate_throws(
     settings: ThrowSettings,
     rng: np.random.Generator,
 ) -> Throws:
-    """Throw n particles from pose `q` and velocity `v` (n, 3), all above the surface, until they lie."""
+    """Throw n particles from pose `q` and velocity `v` (n, 3), all above the surface, until they are at rest."""
     n, kept = len(q), settings.snapshots
     q, v = np.array(q, float), np.array(v, float)
     hits, contacts, settled = np.zeros(n, int), np.zeros(n, int), np.zeros(n, bool)
@@ -156,9 +155,9 @@ def state_at(
     settings: ThrowSettings,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) of thrown particles at the times `until` (n,) in s, and hits until then (n,).
+    """Pose and velocity (n, 3) of thrown particles at the times `until` (n,) in s, and hits by then (n,).
 
-    Particles that have used up `max_contacts` stay where they were at that contact, NaN marks them.
+    Particles that exceed `max_contacts` are NaN.
     """
     n = len(q)
     q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
@@ -184,14 +183,14 @@ def state_at(
 
 
 def lies(body: ThrownBody, q: np.ndarray, v: np.ndarray, settle: float) -> np.ndarray:
-    """Whether each of n bodies can no longer leave its side; see the module's text."""
+    """Mask (n,) of bodies that can no longer leave their side; see the module's text."""
     above = q[:, 1] - body.height - body.rest_height[body.face(q[:, 2])]
     energy = 0.5 * (v[:, 1] ** 2 + (body.k_g * v[:, 2]) ** 2) + body.gravity * above
     return energy < settle * body.gravity * body.barrier
 
 
 def slide(speed: np.ndarray, friction: float, drag: float) -> np.ndarray:
-    """Distance (n,) in m until friction (m/s²) and linear drag (1/s) have stopped `speed` (n,) in m/s."""
+    """Distance (n,) in m over which friction (m/s²) and linear drag (1/s) stop `speed` (n,) in m/s."""
     v = np.abs(speed)
     if drag * np.max(v, initial=0.0) < 1e-6 * friction:
         return speed * v / (2.0 * friction)

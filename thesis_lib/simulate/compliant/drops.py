@@ -1,12 +1,12 @@
-"""Drops of a planar body with compliant contact, integrated in continuous time, independent of every impact law.
+"""Drops of a planar body with compliant contact, integrated in continuous time without an impact law.
 
-Each drop has its own clock.  Flight goes from tick to tick (samples, and at most `FLIGHT_STEP` between) with classical
-Runge-Kutta steps, exact for a parabola.  A step that ends below the plate is cut at the touch by bisection.  From there
-the contact forces of `forces` are integrated with the small step of the contact until nothing touches or sticks any
-more.  All drops fly, then all that have landed are in contact, and so on: both loops run over steps, never over drops.
+Each drop has its own clock.  Flight goes from tick to tick (samples, at most `FLIGHT_STEP` apart) with classical
+Runge-Kutta steps, exact for a parabola.  Bisection cuts a step that ends below the plate at the touch.  From there the
+contact forces of `forces` are integrated with the small step of the contact until nothing touches or sticks.  All drops
+fly, then all that have landed are in contact, and so on: loops run over steps, never over drops.
 
-A recording ends where the body comes to rest: after `SLOW_TOUCHES` slow contacts in a row, `MAX_CONTACTS` contacts, or
-a contact longer than `LONGEST` contact times.  Later samples do not exist.
+A recording ends when the body comes to rest: after `SLOW_TOUCHES` slow contacts in a row, `MAX_CONTACTS` contacts, or a
+contact longer than `LONGEST` contact times.
 
 | on paper | in code       | unit               | shape  | meaning                                                  |
 |----------|---------------|--------------------|--------|----------------------------------------------------------|
@@ -14,10 +14,8 @@ a contact longer than `LONGEST` contact times.  Later samples do not exist.
 | c_t, c_n | `c_t`, `c_n`  | N s                | (n,)   | time integral of the contact forces over one contact     |
 | h        | `contact.dt`  | s                  |        | time step during contact                                 |
 
-Randomness: `rng` spawns three streams (releases, noise, phase of the plate), each drawn in the order of the drops,
-so drop i is the same whatever the number of drops (wear excepted: it counts them).
-
-Sources: see `hidden_causes`.
+`rng` spawns three streams (releases, noise, phase of the plate), each drawn in the order of the drops, so drop i does
+not depend on the number of drops (except under wear, which counts them).  Sources: see `hidden_causes`.
 """
 
 import numpy as np
@@ -38,13 +36,13 @@ from thesis_lib.simulate.rig.record import (
 )
 from thesis_lib.simulate.rig.release import Release
 
-FLIGHT_STEP = 1e-3  # s; a corner at 0.05 m turning with 60 rad/s dips by at most 0.02 mm unseen within it
+FLIGHT_STEP = 1e-3  # s; a corner at 0.05 m turning with 60 rad/s dips by at most 0.02 mm undetected
 BISECTIONS = 34  # of a flight step: 1e-3 / 2^34 = 6e-14 s
-V_SLOW = 0.05  # m/s; slower contacts rebound by less than the noise of the rig
+V_SLOW = 0.05  # m/s; rebounds of slower contacts are below the noise of the rig
 SLOW_TOUCHES = 3
 MAX_CONTACTS = 25
 LONGEST = 30.0  # contact times
-_COMPACT = 8  # steps between removals of those that have separated
+_COMPACT = 8  # steps between removals of separated drops
 
 TRUTH = (*CONTACT, "duration", "energy_change", "separated")
 
@@ -68,17 +66,18 @@ def simulate_compliant_drops(
         body: shape, mass, radius of gyration, as believed.
         release: distribution of the release states of the body's origin.
         n: number of drops.
-        contact: the contact without anything hidden; its defaults if None.
-        hidden: what is hidden; nothing if None.
+        contact: the contact without hidden causes; default if None.
+        hidden: hidden causes; none if None.
         gravity: believed, m/s².
         duration: s; samples at 0, 1/rate, ... up to it.
         rate: sampling rate, Hz.
-        noise: one-sigma noise of position (x, y each) and angle; what is None or absent is recorded without noise.
+        noise: one-sigma noise of position (x, y each) and angle; channels that are None or absent have no noise.
         rng: spawns the streams for releases, noise and phases.
 
     Returns:
         Drops whose `impacts` also have duration (s) and separated (False where the recording ended during the contact),
-        and whose `trials` have contacts (count) and t_end, the end of the recording in s.
+        and
+        whose `trials` have contacts (count) and t_end, the end of the recording in s.
 
     Raises:
         UserError: the body has no mass, an argument is out of range, or a release touches the plate.
@@ -107,11 +106,7 @@ def simulate_compliant_drops(
 
 
 def check_hidden_request(body: Body, release: Release, hidden: HiddenCauses, **positive: float) -> None:
-    """`check_request` for a body and a surface that may lie where they are not believed to be.
-
-    Raises:
-        UserError: see `check_request`.
-    """
+    """`check_request`, and its UserError, for a body and a surface that hidden causes may move."""
     reach = (
         body.shape.extent * max(1.0 + hidden.size_error, 1.0)
         + np.hypot(hidden.com_offset_x, hidden.com_offset_y)
@@ -132,13 +127,9 @@ def contact_truth(
 ) -> dict[str, np.ndarray]:
     """Columns `TRUTH` of the contacts of the drops `rows` (m,).
 
-    Args:
-        mechanics: gives the place of the origin and of the contact points.
-        rows: numbers of the drops.
-        before, after: q and v (m, 3 or more) of the true centre of mass and t (m,) in s, at touch and at the end.
-        impulse: (m, 2) c_t, c_n in N s.
-        energy_change: (m,) J.
-        separated: (m,) whether the body has left the plate.
+    `before` and `after` are q and v (m, 3 or more) of the true centre of mass and t (m,) in s, at the touch and at the
+    end. `impulse` (m, 2) is c_t, c_n in N s, `energy_change` (m,) in J; `separated` (m,) marks bodies that have left
+    the plate.
     """
     q, v, t = before
     pose, v_pre = mechanics.origin_state(q, v)
@@ -149,7 +140,7 @@ def contact_truth(
 
 
 class _Drops:
-    """The moving state of n drops, their poses at the ticks and the record of their contacts."""
+    """State of n drops, their poses at the ticks and the record of their contacts."""
 
     def __init__(
         self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, ticks: np.ndarray
@@ -168,7 +159,7 @@ class _Drops:
         self.records: list[dict[str, np.ndarray]] = []
 
     def run(self) -> None:
-        """Advance all drops to the last tick, or to where they come to rest."""
+        """Advance all drops to the last tick or to rest."""
         flying = np.arange(len(self.q))
         while len(flying):
             landed = self._fly(flying)
@@ -188,7 +179,7 @@ class _Drops:
         return q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
     def _fly(self, rows: np.ndarray) -> np.ndarray:
-        """Fly the drops `rows` until they touch or the recording ends; returns those that touch, in place."""
+        """Fly the drops `rows` until they touch or the recording ends; returns those that touch."""
         landed, steps = [], []
         rows = rows[self.next[rows] < len(self.ticks)]
         while len(rows):
@@ -220,7 +211,7 @@ class _Drops:
     # --- contact ---
 
     def _contact(self, rows: np.ndarray) -> np.ndarray:
-        """Integrate the contact of the drops `rows`; returns those that fly on."""
+        """Integrate the contact of the drops `rows`; returns those that continue to fly."""
         if not len(rows):
             return rows
         mech, h = self.mechanics, self.mechanics.contact.dt
@@ -246,7 +237,7 @@ class _Drops:
                 self.poses[rows[here[i]], tick[i]] = self.mechanics.origin_state(between, new_v[i])[0]
                 tick[i] += 1
                 coming[i] = np.append(self.ticks, np.inf)[tick[i]]
-            # those that have separated wait, unchanged, to be taken out
+            # separated drops stay unchanged until they are removed
             held_column = held[:, None]
             q, v = np.where(held_column, new_q, q), np.where(held_column, new_v, v)
             t = t + h * held
@@ -280,9 +271,9 @@ class _Drops:
 
 
 def _ticks(samples: np.ndarray, lagged: np.ndarray, rate: float) -> np.ndarray:
-    """Times at which flights stop: samples, lagged samples, and enough between for `FLIGHT_STEP`."""
+    """Times in s at which flights stop: samples, lagged samples, and times between at most `FLIGHT_STEP` apart."""
     parts = int(np.ceil(1.0 / (rate * FLIGHT_STEP) - 1e-9))
     between = (samples[:-1, None] + np.arange(parts) / (parts * rate)).ravel()
     ticks = np.unique(np.concatenate([between, samples[-1:], lagged]))
-    # a lag that is nearly a whole part would leave pairs of ticks that differ by rounding
+    # a lag near a whole part of a sample would give pairs of ticks that differ by rounding
     return ticks[np.r_[True, np.diff(ticks) > 1e-9]]

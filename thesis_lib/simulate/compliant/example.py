@@ -1,15 +1,13 @@
-"""An example dataset, to learn and to try the critique: what a rig with one hidden cause would have logged.
+"""An example dataset for learning and trying the critique: the log of a rig with one hidden cause.
 
-The drops are those of `compliant`: contact forces integrated in time, without an impact law.  The folder
-holds what a rig's owner has and nothing else: dataset.yaml as believed, trajectories.csv with noise, and
-`NEW_IMPACTS`, the first impacts of further drops.  What was hidden is not written down.
+The drops are those of `compliant`: contact forces integrated in time, without an impact law.  The folder holds only
+what a rig's owner has: dataset.yaml as believed, trajectories.csv with noise, and `NEW_IMPACTS`, the first impacts of
+further drops.  The hidden cause is not written down.
 
 | on paper | in code                      | unit               | shape | meaning                                       |
 |----------|------------------------------|--------------------|-------|-----------------------------------------------|
 | q, v     | x, y, theta; vx, vy, omega   | m, rad; m/s, rad/s | (n,)  | state just before a new impact, without noise |
 | v⁺       | vx_seen, vy_seen, omega_seen | m/s, rad/s         | (n,)  | velocity just after it, without noise         |
-
-Sources: see `hidden_causes`.
 """
 
 from dataclasses import dataclass
@@ -45,13 +43,13 @@ FLOAT_FORMAT = "%.6f"  # of the poses: a micrometre and a microradian, far below
 
 @dataclass(frozen=True)
 class Example:
-    """What a rig with a hidden cause logs.
+    """Log of a rig with a hidden cause.
 
     Attributes:
         dataset: the drops, with the header as believed.
         new_impacts: x,y,theta,vx,vy,omega (m, rad, m/s, rad/s) just before the first impacts of `NEW_DROPS` further
             drops, and vx_seen,vy_seen,omega_seen just after, as the camera sees them but without noise, so that they
-            differ from a prediction by the error of the model; no row of `dataset`.
+            differ from a prediction by the model's error.
     """
 
     dataset: Dataset
@@ -66,9 +64,9 @@ def simulate_example(
     Args:
         name: of the dataset.
         hidden: a cause of `CAUSES`, or "nothing".
-        size: of the cause, in its unit; that of `CAUSES` if None.
+        size: of the cause, in its unit; from `CAUSES` if None.
         drops: number of releases.
-        seed: equal seeds give equal data.
+        seed: of the random numbers.
 
     Raises:
         UserError: the cause is unknown, its size is out of range, or there are no drops.
@@ -92,7 +90,7 @@ def simulate_example(
 
 
 def _new_impacts(truth: pd.DataFrame, m: HiddenCauses) -> pd.DataFrame:
-    """States before and after impact as the camera sees them, from the true ones of the body's origin."""
+    """Camera's view of the states before and after impact, from true states of the body's origin."""
     q, t = truth[list(POSE)].to_numpy(), truth["t"].to_numpy()
     (pose, before), (_, after) = (
         _camera(q, truth[list(names)].to_numpy(), t, m) for names in (V_PRE, V_POST)
@@ -104,8 +102,8 @@ def _new_impacts(truth: pd.DataFrame, m: HiddenCauses) -> pd.DataFrame:
 
 
 def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: HiddenCauses) -> tuple[np.ndarray, np.ndarray]:
-    """What the camera makes of pose and velocity (n, 3) at times `t` (n,)."""
-    step = np.array([0.0, 1e-3])  # s; along a straight path any step gives the same velocity
+    """Reported pose and velocity of true ones (n, 3) at times `t` (n,) in s."""
+    step = np.array([0.0, 1e-3])  # s; any step gives the same velocity along a straight path
     poses = q[:, None] + step[:, None] * v[:, None]
     late = poses[..., 2] - m.time_lag * v[:, 2:]
     seen = reported(poses, late, t[:, None] + step, m)
@@ -113,18 +111,14 @@ def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: HiddenCauses) -> tup
 
 
 def write_example(example: Example, folder: str | Path) -> Path:
-    """Write dataset.yaml, trajectories.csv and `NEW_IMPACTS` into `folder` and return it.
-
-    Raises:
-        UserError: `folder` holds a table that would be read as part of the dataset.
-    """
+    """Write dataset.yaml, trajectories.csv and `NEW_IMPACTS`; returns `folder`.  UserError if it holds other tables."""
     folder = write_dataset(example.dataset, folder, float_format=FLOAT_FORMAT)
     write_csv(example.new_impacts, folder / NEW_IMPACTS, FLOAT_FORMAT)
     return folder
 
 
 def causes_text() -> str:
-    """What can be hidden, with the default size and its meaning, a line each."""
+    """Hidden causes with default size and meaning, one per line."""
     width = max(map(len, CAUSES))
     lines = []
     for name, cause in CAUSES.items():

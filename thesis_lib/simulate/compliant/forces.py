@@ -3,14 +3,14 @@
 At each contact point (every vertex of a polygon, the lowest point of a smooth body), with depth δ below the plate:
 
     normal      loading  f = k δⁿ;   unloading  f = k δ_mⁿ ((δ − δ_0)₊ / (δ_m − δ_0))ⁿ,  δ_0 = (1 − ε²) δ_m
-                δ_m is the deepest so far: the share ε² of the work is given back, at any speed (Walton and Braun)
+                δ_m is the deepest so far: the share ε² of the work is returned, at any speed (Walton and Braun)
                 times (1 + d δ̇)₊ (Hunt and Crossley), minus 2 (W/a) (1 − s/a) at s < a beyond δ_0 (adhesion)
     friction    rigid: the force that ends the slip within the step, at most μ f;  compliant: a bristle with a damper,
-                k_t s + c ṡ, at most μ f, beyond which it slides along;  μ may depend on the slip
+                k_t s + c ṡ, at most μ f, beyond which it slides;  μ may depend on the slip
     couple      a f against ω, at most what stops it within the step
 
-Step: half a drift, forces there, kick (normal, then friction on the velocity that it leaves, then the couple), and the
-other half of the drift.
+Step: half a drift, then a kick at the forces there (normal force, friction on the resulting velocity, couple), then the
+second half of the drift.
 
 | in code      | unit               | shape  | meaning                                                              |
 |--------------|--------------------|--------|----------------------------------------------------------------------|
@@ -19,7 +19,7 @@ other half of the drift.
 | `depth`      | m                  | (n, p) | δ                                                                    |
 | `Memory`     |                    | (n, p) | δ_m, bristle s, and ε, μ of each contact point, fixed at touch       |
 
-No impact law is used: impulses follow from integrating the forces.
+Impulses follow from integrating the forces, without an impact law.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
-EPSILON_LOW, EPSILON_HIGH = 0.05, 1.0  # where slopes and sectors would leave them
+EPSILON_LOW, EPSILON_HIGH = 0.05, 1.0  # limits where slopes and sectors would exceed them
 
 
 @dataclass
@@ -88,7 +88,7 @@ class Mechanics:
     # --- geometry ---
 
     def points(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Contact points r_x, r_y (n, p) from the true centre of mass at angles (n,)."""
+        """Contact points r_x, r_y (n, p) from the true centre of mass at angles theta (n,) in rad."""
         cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]
         if self.vertices is not None:
             x, y = self.vertices.T
@@ -97,7 +97,7 @@ class Mechanics:
         return r[:, :1], r[:, 1:]
 
     def origin(self, theta: np.ndarray) -> np.ndarray:
-        """True centre of mass from the body's origin, in the axes of the surface, (n, 2)."""
+        """Vector (n, 2) from the body's origin to the true centre of mass, in the axes of the surface."""
         cos, sin = np.cos(theta), np.sin(theta)
         x, y = self.com
         return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
@@ -114,17 +114,17 @@ class Mechanics:
         return np.column_stack([q[:, :2] - c, q[:, 2]]), np.column_stack([rate, v[:, 2]])
 
     def lowest_point(self, theta: np.ndarray) -> np.ndarray:
-        """Lowest contact point (n, 2) from the true centre of mass at angles (n,)."""
+        """Lowest contact point (n, 2) from the true centre of mass at angles theta (n,) in rad."""
         r_x, r_y = self.points(theta)
         rows, lowest = np.arange(len(theta)), r_y.argmin(axis=1)
         return np.stack([r_x[rows, lowest], r_y[rows, lowest]], axis=-1)
 
     def approach(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Speed (n,) in m/s with which plate and lowest point of the drops `rows` approach at times t (n,)."""
+        """Speed (n,) in m/s at which plate and lowest point of the drops `rows` approach at times t (n,)."""
         return self.plate(t, rows)[1][:, 0] - v[:, 1] - self.lowest_point(q[:, 2])[:, 0] * v[:, 2]
 
     def plate(self, t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Height (n, 1) and vertical velocity (n, 1) of the plate at times t (n,) of the drops `rows`."""
+        """Height and vertical velocity (n, 1) of the plate at times t (n,) of the drops `rows`."""
         m = self.hidden
         if m.plate_amplitude == 0.0:
             return np.full((len(t), 1), m.surface_height), np.zeros((len(t), 1))
@@ -178,14 +178,10 @@ class Mechanics:
     def step(
         self, q: np.ndarray, v: np.ndarray, t: np.ndarray, memory: Memory, rows: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """One time step of bodies in contact.
+        """One time step of bodies in contact; `q`, `v` (n, 5) at time t (n,) s are kept, their `memory` changes.
 
-        Args:
-            q, v: (n, 5), at time t (n,) s; not changed.  memory: of these bodies; changed.
-            rows: (n,) numbers of the drops.
-
-        Returns:
-            q, v after the step; impulse (n, 2) = (c_t, c_n) in N s; mask (n,) of those that nothing holds any more.
+        Returns q, v after the step, impulse (n, 2) = (c_t, c_n) in N s, and mask (n,) of bodies that are free of
+        contact.
         """
         h, m = self.contact.dt, self.hidden
         q = q + 0.5 * h * v
@@ -211,7 +207,7 @@ class Mechanics:
     def _normal(
         self, depth: np.ndarray, rate: np.ndarray, memory: Memory
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Repulsion and adhesion in N (n, p), and the mask (n,) of bodies of which no point touches or sticks."""
+        """Repulsion and adhesion in N (n, p), and mask (n,) of bodies without a point that touches or sticks."""
         m, n = self.hidden, self.contact.exponent
         deepest = memory.deepest = np.maximum(memory.deepest, depth)
         share = memory.epsilon**2
@@ -232,7 +228,7 @@ class Mechanics:
         return push, pull, over.all(axis=1)  # pyright: ignore[reportReturnType]
 
     def _friction(self, v: np.ndarray, r_y: np.ndarray, push: np.ndarray, memory: Memory) -> np.ndarray:
-        """Friction forces in N (n, p) on bodies that move with v (n, 5) after the kick of the normal forces."""
+        """Friction forces in N (n, p) on bodies with velocity v (n, 5) after the kick of the normal forces."""
         h, m = self.contact.dt, self.hidden
         slip = v[:, :1] - r_y * v[:, 2:3] - m.plate_velocity
         mu = memory.mu
@@ -260,10 +256,8 @@ class Mechanics:
 def rounded_centres(corners: np.ndarray, radius: float) -> np.ndarray:
     """Centres (p, 2) of the arcs that round a polygon's corners (p, 2) with `radius`, both in m.
 
-    Each lies `radius` inside both edges of its corner.  With radius 0 they are the corners of the convex hull.
-
-    Raises:
-        UserError: the radius does not fit into the polygon.
+    Each is `radius` inside both edges of its corner; with radius 0, a corner of the convex hull.  Raises UserError if
+    the radius does not fit into the polygon.
     """
     from scipy.spatial import ConvexHull
 

@@ -1,17 +1,17 @@
-"""A Drake simulator whose state can be set and read, and flights in it that end where the body touches.
+"""A Drake simulator whose state can be set and read, and flights that end at a touch.
 
-Drake steps a flight from sample to sample and logs the state at every step, in C++.  The instant of the touch, φ_n =
-0, is found afterwards by bisection on the cubic Hermite path (exact on a parabola) of the step that ends below.
+Drake steps a flight from sample to sample and logs the state at every step in C++.  The time of the touch, φ_n = 0, is
+found by bisection on the cubic Hermite path (exact for a parabola) of the step that ends below the plate.
 
 | on paper | in code     | unit               | shape   | meaning                                                   |
 |----------|-------------|--------------------|---------|-----------------------------------------------------------|
-| q, v     | `q`, `v`    | m, rad; m/s, rad/s | (size,) | x, y, θ of the body and their rates, then a loose mass's  |
+| q, v     | `q`, `v`    | m, rad; m/s, rad/s | (size,) | x, y, θ of the body and their rates, then of a loose mass |
 | φ_n      | `gap(q, t)` | m                  | (s,)    | gap between body and surface at q (s, size) and t (s,)    |
 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
 """
 
-# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 import logging
@@ -29,7 +29,7 @@ Gap = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class Clock:
-    """A Drake simulator whose state can be set and read; positions and velocities are those of what moves."""
+    """A Drake simulator with positions and velocities of the moving bodies."""
 
     def __init__(self, made: DropPlant, step: float, accuracy: float) -> None:
         with _quiet():
@@ -42,7 +42,7 @@ class Clock:
         self._rest = np.zeros(made.plant.num_multibody_states())
 
     def start(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
-        """Set time in s and state (size,); everything else of the plant is at rest."""
+        """Set time in s and state (size,); the rest of the plant is at rest."""
         plant, moving = self.made.plant, self.made.moving
         self.root.SetTime(t)
         plant.SetPositionsAndVelocities(self.context, self._rest)
@@ -58,13 +58,13 @@ class Clock:
         return plant.GetPositions(self.context, moving), plant.GetVelocities(self.context, moving)
 
     def path(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (s,), positions and velocities (s, size) of all steps since the start; in flight only."""
+        """Times (s,), positions and velocities (s, size) of all steps since the start, in flight only."""
         log = self.made.log.FindLog(self.root)  # pyright: ignore[reportOptionalMemberAccess]
         state = log.data().T
         return log.sample_times().copy(), state[:, : self.size].copy(), state[:, self.size :].copy()
 
     def momentum_and_energy(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
-        """Momentum (2,) in N s and kinetic energy in J of what moves; changes the state."""
+        """Momentum (2,) in N s and kinetic energy in J of the moving bodies; changes the state."""
         plant, moving = self.made.plant, self.made.moving
         plant.SetPositions(self.context, moving, q)
         plant.SetVelocities(self.context, moving, v)
@@ -75,10 +75,10 @@ class Clock:
 def fly(
     clock: Clock, gap: Gap, t: float, q: np.ndarray, v: np.ndarray, samples: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-    """A flight from (t, q, v) to the last of the times `samples`, or to where the body touches.
+    """A flight from (t, q, v) to the last of the times `samples` in s, or until the body touches.
 
-    Returns:
-        Times (s,), positions and velocities (s, size) of its steps; whether it ends at a touch, just above the surface.
+    Returns times (s,), positions and velocities (s, size) of its steps, and whether it ends at a touch, just above the
+    surface.
     """
     clock.start(t, q, v)
     for end in samples:
@@ -87,7 +87,7 @@ def fly(
             break
     times, q_path, v_path = clock.path()
     below = np.flatnonzero(gap(q_path, times) < 0.0)
-    below = below[below > 0]  # a flight may begin where a contact ended, on the surface but for rounding
+    below = below[below > 0]  # a flight may begin on the surface, but for rounding, where a contact ended
     if not len(below):
         return times, q_path, v_path, False
     i = below[0]
@@ -103,7 +103,7 @@ def fly(
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without Drake's warning that half-spaces cannot touch deformable bodies, of which there are none."""
+    """Suppress Drake's warning that half-spaces cannot touch deformable bodies; there are none."""
     log = logging.getLogger("drake")
     level = log.level
     log.setLevel(logging.ERROR)

@@ -1,20 +1,19 @@
-"""Drops of a planar body in Drake, with compliant contact in continuous time: a second source without an impact law.
+"""Drops of a planar body in Drake with compliant contact: a second source without an impact law.
 
-Drake's MultibodyPlant has the body, the plate and what is hidden (`plant`), and its error-controlled Runge-Kutta
-integrator goes through flights, in steps of at most `FLIGHT_STEP`, and through contacts, in some hundreds of steps of
-some ten nanoseconds.  Nothing in Python is called within them: Drake logs its steps, and poses at the samples are read
-from the log (cubic Hermite, exact on a parabola).  A contact lasts from the touch until body and plate, both taken
-undeformed, no longer overlap.  Its impulse is the change of momentum less that by gravity.
+Drake's MultibodyPlant has the body, the plate and the hidden causes (`plant`).  Its error-controlled Runge-Kutta
+integrator takes steps of at most `FLIGHT_STEP` in flight and some hundreds of about ten nanoseconds in a contact.  No
+Python runs within them: Drake logs its steps, and poses at the samples are interpolated (cubic Hermite, exact for a
+parabola).  A contact lasts from the touch until body and plate, both undeformed, no longer overlap.  Its impulse is the
+change of momentum less that due to gravity.
 
-A recording ends where the body comes to rest, by the rules of `compliant`.  Later samples do not exist.
+A recording ends when the body comes to rest, by the rules of `compliant`.
 
 | on paper | in code      | unit               | shape   | meaning                                                 |
 |----------|--------------|--------------------|---------|---------------------------------------------------------|
 | q, v     | `q`, `v`     | m, rad; m/s, rad/s | (size,) | x, y, θ of the true centre of mass, then a loose mass's |
 | c_t, c_n | `c_t`, `c_n` | N s                |         | time integral of the contact forces over one contact    |
 
-Randomness: as in `compliant`; the same generator gives the same releases, noise and phases there and here.
-
+Randomness is as in `compliant`: the same generator gives the same releases, noise and phases.
 Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
 """
 
@@ -42,13 +41,13 @@ from thesis_lib.simulate.rig.release import Release
 if TYPE_CHECKING:
     from thesis_lib.simulate.drake.clock import Clock
 
-FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm unseen within it
+FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm undetected
 # relative, of Drake's error control; a tenth of it moves velocities after impact by 0.01 mm/s
 ACCURACY = 1e-4
-LOOKS = 4  # in a contact time, at which Python looks whether the contact has ended
-WEAR_NODES = 5  # pads between which those of worn plates are interpolated
+LOOKS = 4  # checks per contact time whether the contact has ended
+WEAR_NODES = 5  # pads from which those of worn plates are interpolated
 
-# causes of which Drake has no element of its own; what they would add is a formula, which `compliant` has already
+# causes without an element in Drake: they would only repeat the formulas of `compliant`
 WITHOUT_ELEMENT = (
     *("stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy", "orientation_restitution"),
     *("friction_slope", "restitution_slope"),
@@ -72,14 +71,9 @@ def simulate_drake_drops(
 ) -> Drops:
     """Release n bodies over a plate in Drake and record their poses.
 
-    Arguments and result are those of `simulate_compliant_drops`, but for
-
-    Args:
-        contact: its `exponent` must be 1; its `steps` are not used.
-        accuracy: relative, of Drake's error control.
-
-    Raises:
-        UserError: a hidden cause that Drake's elements cannot make, or one of the reasons given there.
+    Arguments, result and errors are those of `simulate_compliant_drops`, except that `contact.exponent` must be 1,
+    `contact.steps` is not used, and `accuracy` is the relative accuracy of Drake's error control.  Also raises
+    UserError for a hidden cause that Drake's elements cannot produce.
     """
     contact, hidden = contact or CompliantContact(), hidden or HiddenCauses()
     _refuse(contact, hidden)
@@ -119,10 +113,7 @@ def _refuse(contact: CompliantContact, m: HiddenCauses) -> None:
 
 
 class _Drops:
-    """Drake's simulators, the path of the last drop and the record of all contacts.
-
-    Positions and velocities are those of body and loose mass, body first.
-    """
+    """Drake's simulators, path of the last drop and record of all contacts; states hold body, then loose mass."""
 
     def __init__(
         self, body: Body, contact: CompliantContact, mechanics: Mechanics, gravity: float, accuracy: float
@@ -175,7 +166,7 @@ class _Drops:
     def _touch_down(
         self, trial: int, t: float, q: np.ndarray, v: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray, bool]:
-        """Time, positions and velocities where a contact ends, and whether the body has left the plate."""
+        """Time, positions and velocities at the end of a contact, and whether the body has left the plate."""
         clock, mech, T = self._over_plate(trial), self.mechanics, self.contact.contact_time
         clock.start(t, q, v)
         if clock.made.carriage is not None:
@@ -193,7 +184,7 @@ class _Drops:
         return end, q, v, False
 
     def _over_plate(self, trial: int) -> "Clock":
-        """Simulator over a plate of the drop's restitution; kept while that stays the same."""
+        """Simulator over a plate of the drop's restitution; reused while that stays the same."""
         from thesis_lib.simulate.drake.clock import Clock
         from thesis_lib.simulate.drake.plant import drop_plant
         from thesis_lib.simulate.drake.viscoelastic_pad import Pad
@@ -217,7 +208,7 @@ class _Drops:
         return out
 
     def _record(self, trial: int, before: tuple, after: tuple, separated: bool) -> float:
-        """Keep the truth of a contact from and to (q, v, t); returns the speed of approach in m/s."""
+        """Record a contact between two states (q, v, t); returns the speed of approach in m/s."""
         mech, rows = self.mechanics, np.array([trial])
         p0, e0 = self._flight.momentum_and_energy(*before[:2])
         p1, e1 = self._flight.momentum_and_energy(*after[:2])

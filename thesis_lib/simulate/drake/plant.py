@@ -3,18 +3,18 @@
     world ── carriage (a moving or vibrating plate only) ── pad ── skid (tangential compliance only) ── half-space
     world ── PlanarJoint ── body (sphere at each corner, or ellipsoid) ── loose mass on two springs
 
-The plane is Drake's world x-y plane with gravity set along −y (see `plant`).  Contact is Drake's own: a spring between
-half-space and body with Hunt-Crossley dissipation d, and Coulomb friction of one coefficient, regularised below a slip
-of `STICTION`.  Restitution comes from the pad (`viscoelastic_pad`).  The body flies in a diagram of its own: the pad
-has come to rest long before the next contact, and its dampers would force steps of 0.1 µs on the whole flight.  Every
-cause is one of the rig or the body:
+The plane is Drake's world x-y plane with gravity along −y.  The contact is Drake's: a spring between half-space and
+body with Hunt-Crossley dissipation d, and Coulomb friction of one coefficient, regularised below a slip of `STICTION`.
+Restitution comes from the pad (`viscoelastic_pad`).  Flight has a separate diagram: the pad is at rest long before the
+next contact, and its dampers would force steps of 0.1 µs on the whole flight.  Every cause is a property of the rig or
+the body:
 
 | cause                               | in the plant                                                             |
 |-------------------------------------|--------------------------------------------------------------------------|
 | tilt, gravity_error                 | gravity vector, on the body; what carries the plate is weightless        |
 | com_offset, inertia_error           | where the shape sits on the frame of the centre of mass; inertia         |
 | size_error, corner_radius           | geometry of the body                                                     |
-| surface_height                      | where the pad hangs                                                      |
+| surface_height                      | height of the pad                                                        |
 | plate_velocity, plate_amplitude     | a carriage of `HEAVY` body masses that coasts, or swings on a spring     |
 | tangential_compliance               | a spring and a damper along the plate, on the pad                        |
 | hunt_crossley                       | d of Drake's contact, over the share of the squeeze that its spring takes |
@@ -26,9 +26,9 @@ Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu
 Hunt and Crossley 1975, doi 10.1115/1.3423596.
 """
 
-# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
-# mass is known: bodies without one are refused before
+# mass is known: bodies without one are refused earlier
 # pyright: reportOptionalOperand=false, reportOperatorIssue=false
 
 from dataclasses import dataclass
@@ -57,9 +57,9 @@ from thesis_lib.simulate.compliant.forces import rounded_centres
 from thesis_lib.simulate.drake.viscoelastic_pad import Pad, design
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
-# m/s; slip below which friction is not full: a tenth of what the rig resolves of one velocity
+# m/s; slip below which friction is reduced: a tenth of the rig's resolution of a velocity
 STICTION = 2e-3
-SHARP = 1e-6  # m; radius of the sphere that stands for a sharp corner
+SHARP = 1e-6  # m; radius of the sphere at a sharp corner
 HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
 SKID_SHARE = 0.03  # of the body's mass; lighter ones need more time steps and change little
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -67,13 +67,13 @@ _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 @dataclass(frozen=True)
 class DropPlant:
-    """One diagram for drops, in flight or in contact.
+    """A diagram for drops, in flight or in contact.
 
     Attributes:
-        diagram: with the plant, over a plate also its geometry.
+        diagram: with the plant; over a plate also its geometry.
         plant: finalized.
         joint: of the body, whose frame is at the true centre of mass.
-        moving: model instance of body and loose mass; the body's x, y, θ come first in its positions.
+        moving: model instance of body and loose mass; positions begin with the body's x, y, θ.
         carriage: joint of a moving or vibrating plate, or None.
         log: of the plant's state at every step; None over a plate.
     """
@@ -87,11 +87,7 @@ class DropPlant:
 
 
 def pad_of(body: Body, contact: CompliantContact, m: HiddenCauses, epsilon: float) -> Pad:
-    """Pad of restitution `epsilon` under the true body.
-
-    Raises:
-        UserError: no pad gives so little back.
-    """
+    """Pad of restitution `epsilon` under the true body; raises UserError if no pad loses so much energy."""
     r_x = body.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 721))[:, 0]
     k2 = body.radius_of_gyration**2 * (1.0 + m.inertia_error)
     lever = ((1.0 + m.size_error) * np.abs(r_x).max()) ** 2 / k2
@@ -110,9 +106,9 @@ def drop_plant(
 
     Args:
         body: as believed; the hidden causes `m` define how the true one differs.
-        contact: its friction.
+        contact: for its friction.
         gravity: believed, m/s².
-        pad: what gives the restitution; None: no plate, and the log of the flight instead.
+        pad: source of restitution; None: no plate, and a log of the flight.
         air: system from the plant's state to a generalised force on it; None: that of the hidden causes.
     """
     builder = DiagramBuilder()
@@ -158,9 +154,9 @@ def drop_plant(
 
 def _properties(pad: Pad, contact: CompliantContact, m: HiddenCauses) -> ProximityProperties:
     properties = ProximityProperties()
-    # Drake's d acts on the rate of its spring alone, which takes only a share of what body and plate approach
+    # Drake's d acts on the rate of its spring alone, which is only a share of the approach of body and plate
     share = 1.0 / (pad.k_contact * pad.softness)
-    # given to both geometries: Drake puts their springs in series, and leaves equal d and μ as they are
+    # for both geometries: Drake puts their springs in series and keeps equal d and μ
     AddContactMaterial(
         dissipation=m.hunt_crossley / share,
         point_stiffness=2.0 * pad.k_contact,
@@ -244,7 +240,7 @@ def _add_pad(
 
 
 def _ball(mass: float) -> SpatialInertia:
-    return SpatialInertia(mass, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))  # none of these bodies turns
+    return SpatialInertia(mass, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))  # these bodies do not rotate
 
 
 def _air(plant: MultibodyPlant, joint: PlanarJoint, mass: float, m: HiddenCauses) -> LeafSystem:
@@ -257,7 +253,7 @@ def _air(plant: MultibodyPlant, joint: PlanarJoint, mass: float, m: HiddenCauses
     force = np.array([Expression(0.0)] * plant.num_velocities())
     force[start] = mass * (-resistance * vx - m.magnus * omega * vy)
     force[start + 1] = mass * (-resistance * vy + m.magnus * omega * vx)
-    # Drake evaluates the rate of this system's state even where it has none, and fails: give it one that rests
+    # Drake fails on the state rate of a system without state: give it a constant one
     idle = SymbolicVariable("idle")
     return SymbolicVectorSystem(state=[idle], input=state, dynamics=[Expression(0.0)], output=force)
 

@@ -1,4 +1,4 @@
-"""A pad under the contact whose restitution is the same at any speed and any lever.
+"""A pad under the contact with the same restitution at any speed and any lever.
 
 Drake's point contact is a spring with Hunt-Crossley dissipation, f = k δ (1 + d δ̇)₊, whose restitution falls with the
 speed of the impact.  Here that spring is elastic (d = 0) and presses on a pad of two thin layers, each on a spring and
@@ -6,9 +6,9 @@ a damper (a Kelvin chain):
 
     M ü_0 = −f_0,   p ü_i = f_{i−1} − f_i,   f_i = k_i (u_i − u_{i+1}) + c_i (u̇_i − u̇_{i+1}),   c_0 = 0,   u_3 = 0
 
-until the contact's force f_0 is 0.  All is linear, so that ε = −u̇_0(end) / u̇_0(0) does not depend on the
-speed.  On the effective mass of the contact, 1/M = 1/m + r_x²/(m k²), it would depend with one layer, which loses most
-at one frequency; with two, c_i and k_i are chosen by least squares such that ε is the same for all M of the body.
+until the contact's force f_0 is 0.  The system is linear, so ε = −u̇_0(end) / u̇_0(0) does not depend on the speed.
+With one layer it would depend on the effective mass of the contact, 1/M = 1/m + r_x²/(m k²), as a layer loses most at
+one frequency.  With two, least squares gives c_i and k_i for which ε is the same for all M of the body.
 
 | on paper | in code                   | unit       | meaning                                                |
 |----------|---------------------------|------------|--------------------------------------------------------|
@@ -27,19 +27,19 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 
-LAYER_SHARE = 0.15  # p/m: lighter changes nothing but the time steps that the dampers need
+LAYER_SHARE = 0.15  # p/m: a lighter layer changes only the time steps that the dampers need
 # smallest effective mass over m of a square; used for every body, since it keeps the dampers small
 SPREAD = 0.4
-ELASTIC = 0.998  # from here on there is no pad: its springs would be a thousand times the contact's
-SOFTEST = 0.25  # ε below it would need a pad that is mostly damper
+ELASTIC = 0.998  # no pad from here on: its springs would be a thousand times stiffer than the contact
+SOFTEST = 0.25  # lower ε would need a pad that is mostly damper
 MASSES = 5  # effective masses at which ε is fitted
 HOLD = 1e-3  # weight of the start in the least squares, which has more unknowns than ε alone would fix
-_TIMES = 400  # at which the end of a contact is looked for before it is solved for
+_TIMES = 400  # at which the end of a contact is bracketed before it is solved for
 
 
 @dataclass(frozen=True)
 class Pad:
-    """Springs, dampers and masses, from the contact down; no layers: an elastic contact.  Units: see above."""
+    """Springs, dampers and masses from the contact down, in the units of the table; no layers: an elastic contact."""
 
     k_contact: float
     layers: tuple[tuple[float, float], ...]
@@ -56,10 +56,7 @@ def rebound(
 ) -> tuple[float, float]:
     """Restitution (1) and duration (s) of a contact, in units with k_0 = 1 N/m and m = 1 kg.
 
-    Args:
-        mass: effective mass of the contact.
-        layers: springs and dampers.
-        share: p.
+    `mass` is the effective mass of the contact, `layers` are springs and dampers, and `share` is p.
     """
     from scipy.optimize import brentq
 
@@ -85,16 +82,14 @@ def rebound(
 
 
 def design(epsilon: float, contact_time: float, mass: float, lightest: float) -> Pad:
-    """Pad with which impacts of a body have restitution `epsilon`, and a central one lasts `contact_time`.
+    """Pad with restitution `epsilon` (1) for impacts of a body, in which a central impact lasts `contact_time` (s).
 
     Args:
-        epsilon: 1.
-        contact_time: s.
         mass: of the body, kg.
         lightest: smallest effective mass of the body over its mass, 1.
 
     Raises:
-        UserError: no pad gives so little back.
+        UserError: no pad has so low a restitution.
     """
     from scipy.optimize import least_squares
 

@@ -1,11 +1,10 @@
-"""What a camera reports of true poses: its faults, its noise, and the wobble of a body out of its plane.
+"""Camera reports of true poses: faults, noise, and the wobble of a body out of its plane.
 
     x_m = (1 + s) x + d t,   y_m = (1 + s) y,   θ_m(t) = ± θ(t − lag) + δ
 
-A body that wobbles out of its plane after an impact shows its tracked frame displaced along the line on which its x
-axis lay at the impact, by  a Δv_n cos(β − axis) exp(−t/T) sin(2π f t)  with t since the impact and β the place that was
-hit: a lever out of the plane that differs from place to place.  θ is displaced by half that over the radius of
-gyration.
+A wobble after an impact displaces the tracked frame along the direction of its x axis at the impact, by a Δv_n cos(β −
+axis) exp(−t/T) sin(2π f t), with t since the impact and β the place that was hit, since the lever out of the plane
+varies over the body.  θ is displaced by half that over the radius of gyration.
 
 All arrays in SI units; poses (n, samples, 3) are x, y, θ of the body's origin.
 """
@@ -37,13 +36,10 @@ def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: HiddenCauses, k_
 
 
 def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: HiddenCauses) -> np.ndarray:
-    """Poses (n, samples, 3) as the camera reports them, without noise.
+    """Poses (n, samples, 3) as the camera of `m` reports them, without noise.
 
-    Args:
-        poses: true poses at `times` (samples,) in s.
-        lagged_theta: (n, samples) true θ at `times` less the lag, rad.
-        times: (samples,) s.
-        m: its camera faults are used.
+    `poses` are the true poses at `times` (samples,) in s, `lagged_theta` (n, samples) the true θ in rad at `times` less
+    the lag.
     """
     x = (1.0 + m.length_scale) * poses[..., 0] + m.drift * times
     y = (1.0 + m.length_scale) * poses[..., 1]
@@ -54,14 +50,14 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
 def with_noise(poses: np.ndarray, noise: Noise | None, rng: np.random.Generator) -> np.ndarray:
     """Poses (n, samples, 3) with Gaussian noise.
 
-    Numbers are drawn for every channel, so that a channel without noise does not shift the stream of the others.
+    Every channel draws its numbers, so that a channel without noise does not shift the stream of the others.
     """
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
     return poses + rng.standard_normal(poses.shape) * [std or 0.0 for std in sigma]
 
 
 def as_trajectories(poses: np.ndarray, times: np.ndarray) -> pd.DataFrame:
-    """Long table of poses (n, samples, 3); samples after the end of a recording (NaN) do not exist."""
+    """Long table of poses (n, samples, 3) without samples after the end of a recording (NaN)."""
     n = len(poses)
     table = pd.DataFrame({"trial": np.repeat(np.arange(n), len(times)), "t": np.tile(times, n)})
     table[list(POSE)] = poses.reshape(-1, 3)

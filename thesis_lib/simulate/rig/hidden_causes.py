@@ -1,19 +1,19 @@
-"""Hidden causes that simulated drops can have, the contact they act on, and the throws of the proof.
+"""Hidden causes of simulated drops, the contact they act on, and the throws of the proof.
 
-A hidden cause sits in the rig or the body: a corner that is round, a plate that moves, a camera channel that lags.  It
-changes no impact law; its influence on the impulse follows from integrating the motion (`compliant`).  At its default,
-each field of `HiddenCauses` is absent; any set can be on at once.  For each cause, `CAUSES` names the effects that
-describe it (none: it is outside the library) and a size that matters.
+A hidden cause is in the rig or the body: a round corner, a moving plate, a lagging camera channel.  It changes no
+impact law; its effect on the impulse follows from integrating the motion (`compliant`).  Each field of `HiddenCauses`
+is absent at its default, and any set can be combined.  `CAUSES` names the effects that describe each cause (none if it
+is outside the library) and a relevant size.
 
 | on paper | in code                   | unit | meaning                                                          |
 |----------|---------------------------|------|------------------------------------------------------------------|
-| μ, ε     | `mu`, `epsilon`           | 1    | Coulomb friction; root of the share of normal work given back    |
+| μ, ε     | `mu`, `epsilon`           | 1    | Coulomb friction; root of the share of normal work returned      |
 | T        | `contact_time`            | s    | duration of a central impact at `REFERENCE_SPEED`                |
 | n        | `exponent`                | 1    | normal force k δⁿ on loading: 1 linear, 1.5 Hertz                |
 | k        | `stiffness(mass)`         | N/mⁿ | from T:  k = (n+1) m v² / (2 δ^(n+1)), δ = T v / ((1+ε) I_n)      |
 
 I_n = ∫₀¹ ds / √(1 − s^(n+1)) = √π Γ(1 + 1/(n+1)) / Γ(1/2 + 1/(n+1)) is the time from touch to deepest point, in units
-of deepest point over speed.  The angle β of a place on the body is that of the contact point in the body frame.
+of deepest point over speed.  The angle β of a place on the body is measured to the contact point in the body frame.
 
 Sources: Walton and Braun 1986, doi 10.1122/1.549893 (hysteretic normal force); Hunt and Crossley 1975,
 doi 10.1115/1.3423596; Maw, Barber and Fawcett 1976 (tangential compliance).
@@ -120,14 +120,14 @@ class HiddenCauses(Section):
 
 @dataclass(frozen=True)
 class Cause:
-    """What is known of one hidden cause.
+    """A hidden cause.
 
     Attributes:
-        effects: names of the candidate effects that describe it, the best first; () if it is outside the library.
-        size: of the cause; raises the error of the base law with its μ and ε refitted to about 3 times the noise
-            floor (flight and scale: the misfit of whole arcs; height: the gap at impact), at 0.3 mm and 3 mrad, for
-            150 throws of the chapter's ellipse (corners: of a 70 mm square).  A mirrored camera is on or off.
-        polygon_only: whether it does nothing to a smooth body.
+        effects: candidate effects that describe it, the best first; () if it is outside the library.
+        size: raises the error of the base law, with μ and ε refitted, to about 3 times the noise floor (flight and
+            scale: the misfit of whole arcs; height: the gap at impact), at 0.3 mm and 3 mrad, for 150 throws of the
+            chapter's ellipse (corners: of a 70 mm square).  A mirrored camera is on or off.
+        polygon_only: whether it does not affect a smooth body.
     """
 
     effects: tuple[str, ...]

@@ -1,7 +1,7 @@
-"""What a simulation of drops leaves behind: a dataset as its owner would have it, and the truth.
+"""Output of simulated drops: a dataset as its owner would have it, and the truth.
 
-The three engines (time stepping, compliant contact, Drake) return the same `Drops`; each adds columns of its own to the
-truth.  Arrays hold n drops or contacts, in SI units; poses are x, y, θ of the body's origin.
+All three engines (time stepping, compliant contact, Drake) return `Drops` and add columns to the truth.  Arrays hold n
+drops or contacts in SI units; poses are x, y, θ of the body's origin.
 """
 
 from dataclasses import dataclass
@@ -24,11 +24,10 @@ class Drops:
     """Simulated drops.
 
     Attributes:
-        header: content of dataset.yaml as the user believes it: no hidden cause shows in it.
+        header: content of dataset.yaml as the user believes it, without hidden causes.
         trajectories: columns trial,t,x,y,theta as the camera reports them, with noise, sorted by trial and t.
-        impacts: the truth, a row per contact: the columns of impacts.csv for the body's origin, t (of the touch),
-            r_x, r_y (contact point from the origin), c_t, c_n (N s), energy_change (J, kinetic), and those of the
-            engine.
+        impacts: the truth, a row per contact: columns of impacts.csv for the body's origin, t (of the touch), r_x, r_y
+            (contact point from the origin), c_t, c_n (N s), energy_change (J, kinetic), and those of the engine.
         trials: the truth, a row per drop: release x,y,theta,vx,vy,omega of the origin, and columns of the engine.
     """
 
@@ -41,14 +40,8 @@ class Drops:
 def check_request(body: Body, release: Release, reach: float, **positive: float) -> None:
     """Refuse drops that cannot be simulated.
 
-    Args:
-        body: as believed.
-        release: distribution of the release states.
-        reach: m, farthest that any part of the body, or the surface, can lie from where it is believed to be.
-        positive: what must be above zero and finite, by name.
-
-    Raises:
-        UserError: the body has no mass, a value is not positive, or a release can touch the surface.
+    `reach` (m) bounds how far any part of the body, or the surface, can be from its believed place.  Raises UserError
+    if the body has no mass, a value of `positive` is not positive and finite, or a release can touch the surface.
     """
     if body.mass is None:
         raise UserError("Simulated drops need the body's mass; give `mass` in kg in the body section.")
@@ -99,7 +92,7 @@ def contact_columns(
 def contact_table(
     parts: list[dict[str, np.ndarray]], columns: tuple[str, ...], kinds: dict[str, type]
 ) -> pd.DataFrame:
-    """All contacts, sorted by trial and time and numbered from 0 in each trial; `kinds` types those not float."""
+    """All contacts, sorted by trial and time and numbered from 0 in each trial; `kinds`: types other than float."""
     if parts:
         table = pd.concat([pd.DataFrame(part) for part in parts]).astype(kinds)
     else:
@@ -110,6 +103,6 @@ def contact_table(
 
 
 def trial_table(pose: np.ndarray, velocity: np.ndarray, **more: np.ndarray) -> pd.DataFrame:
-    """A row per drop: its number, its release state from pose and velocity (n, 3), and further columns (n,)."""
+    """A row per drop: number, release state from pose and velocity (n, 3), and further columns (n,)."""
     states = dict(zip((*POSE, "vx", "vy", "omega"), [*pose.T, *velocity.T]))
     return pd.DataFrame({"trial": np.arange(len(pose))} | states | more)

@@ -1,4 +1,4 @@
-"""States from which bodies are released: distributions that the configuration can change."""
+"""Distributions of the states from which bodies are released."""
 
 import math
 
@@ -49,7 +49,7 @@ class Release(Section):
     omega: Spread = Field(Spread(low=-14.3, high=25.3, mean=-1.4, std=6.5), description="rad/s")
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Poses q (n, 3) and velocities v (n, 3) of n releases; the first of them do not depend on n."""
+        """Poses q (n, 3) and velocities v (n, 3) of n releases; the first ones do not depend on n."""
         u = rng.random((n, 4))  # row by row: one row per drop
         q, v = np.zeros((n, 3)), np.zeros((n, 3))
         q[:, 1], q[:, 2] = self.height.quantile(u[:, 0]), self.theta.quantile(u[:, 1])
