@@ -21,11 +21,9 @@ SLACK = 1e-9  # relative; 0.13 − 0.12 must not exceed 0.01 by the last bits of
 
 
 def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool]) -> list[Result]:
-    """The result of each claim, in the ledger's order.  Mistakes in the results do not raise: see the module's head.
+    """The result of each claim, in the ledger's order; mistakes in the results do not raise (see the module's head).
 
-    Args:
-        results_dir: folder that holds the sources.
-        present: whether this run had each dataset (`reading.read_present`).
+    `results_dir` holds the sources; `present`: whether this run had each dataset (`reading.read_present`).
     """
     tables: dict[str, Cells] = {}
     return [_evaluate(claim, Path(results_dir), present, tables) for claim in ledger.claims]

@@ -49,8 +49,7 @@ class Change:
     """A claim whose status differs from the committed one.
 
     Attributes:
-        expected: the committed status, '' if there is none.
-        found: the status in this run, '' if the ledger no longer has the claim.
+        expected, found: committed status and status in this run; '' if there is none.
         text: message for the user.
     """
 
@@ -75,12 +74,7 @@ def read_expected(path: str | Path) -> dict[str, dict[str, str]]:
 def compare_with_expected(
     results: Sequence[Result], expected: Mapping[str, Mapping[str, str]], scale: str
 ) -> list[Change]:
-    """Claims whose status differs from the committed one.
-
-    Args:
-        expected: as `read_expected` returns it.
-        scale: quick, default or full.
-    """
+    """Claims whose status differs from the one committed for the scale; `expected`: as `read_expected` returns it."""
     committed = expected.get(scale, {})
     changes = []
     for result in results:

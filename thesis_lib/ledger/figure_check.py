@@ -38,12 +38,7 @@ REMEDY = "if this is intended: python -m thesis_lib claims update"
 
 @dataclass(frozen=True)
 class Problem:
-    """One way in which a figure's CSV differs from its stored copy.
-
-    Attributes:
-        column: the column concerned, '' for the whole table.
-        text: what is wrong.
-    """
+    """One way in which a figure's CSV differs from its stored copy; `column` is '' for the whole table."""
 
     column: str
     text: str
@@ -106,7 +101,6 @@ def check_figures(
     Args:
         results_dir: folder of the results.
         stored_dir: folder of one scale's copies, config/figures/<scale>.
-        figures: all records of figures.
         present: whether this run had each dataset (`reading.read_present`).
 
     Returns:

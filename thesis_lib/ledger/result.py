@@ -5,10 +5,7 @@
 | `reproduced`       | the claim's check holds                                                                     |
 | `deviates`         | it does not hold; the result says by how much, and why if the ledger knows                  |
 | `data not present` | the run lacked a dataset that the claim needs: neutral                                      |
-| `error`            | nothing was compared: a missing file, column or row, several rows, text, NaN or infinity    |
-
-An error is never a pass: `refuse_errors` lists all of them in one message, and the comparison with the committed
-statuses (`expected`) always fails.
+| `error`            | nothing was compared, e.g. because a file is missing; `refuse_errors` lists all errors      |
 
 difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
 or threshold).

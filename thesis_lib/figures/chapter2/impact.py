@@ -1,13 +1,8 @@
-"""Figure 2-15, the force at one impact, and m/I from measured impacts against the authors' values.
+"""Figure 2-15, the force at one impact, and m/I (1/m²) from measured impacts against the authors' values.
 
-| on paper | in code        | unit | shape  | meaning                                                           |
-|----------|----------------|------|--------|-------------------------------------------------------------------|
-| f        | `force`        | N    | (s,)   | normal force on the body in Drake                                 |
-| s        | `reading`      | N    | (p,)   | reading of the sensor, at 1000 Hz                                 |
-| f̂        | `half_sine`    | N    |        | half-sine of the estimated impulse over the declared duration     |
-| m/I      | `ratio`        | 1/m² |        | mass over moment of inertia                                       |
-
-Equations and sources: `thesis_lib.identify.impacts.forces`, `thesis_lib.identify.impacts.measured_ratio`.
+Normal forces in N: `force` (s,) on the body in Drake, `reading` (p,) of the sensor at 1000 Hz, and the half-sine of the
+estimated impulse over the declared duration.  Equations and sources: `thesis_lib.identify.impacts.forces`,
+`thesis_lib.identify.impacts.measured_ratio`.
 """
 
 import numpy as np

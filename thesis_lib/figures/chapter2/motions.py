@@ -1,13 +1,8 @@
-"""Figures 2-2, 2-4, 2-9 and 2-14: motions through contact, drawn to scale at regular times.
+"""Figures 2-2, 2-4, 2-9 and 2-14: motions through contact, to scale at regular times (thesis sections 2.2 to 2.5).
 
 The mode of a contact (open, sticks, slides) comes from the simulator's record, see simulate/chapter2/scenes.py.
-
-| on paper | in code | unit   | shape    |                                        |
-|----------|---------|--------|----------|----------------------------------------|
-| q        | `q`     | m, rad | (m+1, 3) | poses; x, y in the axes of the surface |
-| m        | `stop - start` |  |         | steps of the window of figure 2-4      |
-
-Source: thesis sections 2.2, 2.3.2, 2.4 and 2.5.
+Poses q are arrays (n, 3) in m, rad, with x and y in the axes of the surface; the window of figure 2-4 has
+m = `stop - start` steps.
 """
 
 import numpy as np

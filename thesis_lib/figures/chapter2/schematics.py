@@ -1,4 +1,4 @@
-"""Figures 2-1, 2-3, 2-6, 2-7 and 2-8: schematics of chapter 2's mechanisms, drawn from the code's geometry.
+"""Figures 2-1, 2-3, 2-6, 2-7 and 2-8: schematics of mechanisms, from the code's geometry (thesis 2.1, 2.3.1, 2.4).
 
 Contact points, normals and gaps come from the mechanism's `contacts_of`.  For a free body its rows are
 J_n = [0, 1, r_x] and J_t = [1, 0, -r_y] (2.20): the contact point is P = (x + r_x, y + r_y), its distance to contact
@@ -13,9 +13,7 @@ P = (x, y) - l (sin(β - θ), cos(β - θ)).  For the ellipse it is the polar an
 | q          | `q`     | m, rad | (nv,) | the configuration shown                                |
 | P          | `P`     | m    | (2,)   | contact point, or the point closest to the surface      |
 | φ_n, φ_t   |         | m    |        | height of P above the surface, its x from the origin O  |
-| l          | `reach` | m    |        | distance of P from the centre of mass                   |
-
-Source: thesis sections 2.1, 2.3.1 and 2.4.
+| l          |         | m    |        | distance of P from the centre of mass                   |
 """
 
 import numpy as np

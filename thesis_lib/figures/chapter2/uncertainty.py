@@ -1,19 +1,13 @@
-"""Figure 2-5: noisy poses and the contact manifold; flat and tilted landing as excitation.
+"""Figure 2-5: noisy poses and the contact manifold; flat and tilted landing as excitation (thesis 2.3.2 and 2.3.3).
 
 Poses in contact form the manifold φ_n(q) = 0; over a flat surface it is the curve y = -r_y(θ).  Noise moves measured
 poses off it, where eq. 2.12 allows no force.  `identify/base_parameters/projection.py` moves them back to the nearest
-pose in the kinetic metric δx² + δy² + k² δθ²; panel (b), with axes k θ and y, shows this distance.
+pose in the kinetic metric δx² + δy² + k² δθ², with the radius of gyration k in m; panel (b), with axes k θ and y,
+shows this distance.
 
 The `identifiability` of a landing is shown with m and I unknown and no external force, and with the mass given.  A
-square that lands flat does not turn: its I is in the null space even if the mass is known.
-
-| on paper | in code           | unit | shape    |                                                                 |
-|----------|-------------------|------|----------|-----------------------------------------------------------------|
-| k        | `k_g`             | m    |          | radius of gyration                                              |
-| W        | `metric`          | 1, m² | (3,)    | (1, 1, k²)                                                      |
-| σ_i      | `singular_values` | 1    | (n_Θ,)   | of the regressor outside the span of possible contact forces    |
-
-Source: thesis section 2.3.2, approach 3, and section 2.3.3.
+square that lands flat does not turn: its I is in the null space even if the mass is known.  σ_i, (n_Θ,), are the
+singular values of the regressor outside the span of possible contact forces.
 """
 
 import numpy as np

@@ -1,16 +1,9 @@
-"""Figures 2-10 and 2-11: influence of the mass on the motion of the rimless wheel, and the forces of its spokes.
+"""Figures 2-10 and 2-11: influence of the mass on the rimless wheel's motion, and forces of its spokes (thesis 2.4).
 
-The thesis draws all forces on one axis, where impacts hide the rest.  In figure 2-11 the axes show the forces while the
-wheel rolls; touchdowns are shaded, with the impulse of each beside them.  The standard errors of the maximum-likelihood
-estimate are thinner than a line: the last axis shows them around the estimate's error.
-
-| on paper | in code         | unit      | meaning                                              |
-|----------|-----------------|-----------|------------------------------------------------------|
-| c_n      | `c_n`           | N         | normal force of a spoke over a step                  |
-|          | `impulse`       | N s       | h Σ c_n over the steps of a touchdown, margin included |
-| θ, ω     | `theta`, `omega` | rad, rad/s | angle since the start and angular velocity          |
-
-Source: thesis section 2.4.
+The thesis draws all forces on one axis, where impacts hide the rest.  In figure 2-11 the axes show the normal forces
+c_n in N while the wheel rolls.  Touchdowns are shaded; beside them is the impulse h Σ c_n in N s over the steps of each
+touchdown, margin included.  The standard errors of the maximum-likelihood estimate are thinner than a line: the last
+axis shows them around the estimate's error.
 """
 
 import numpy as np

@@ -1,13 +1,10 @@
 """Figures 3-8 and 3-9: size of held-out errors, and the momenta before impact at which they are large.
 
-| on paper            | in code                  | unit | shape |                                                   |
-|---------------------|--------------------------|------|-------|---------------------------------------------------|
-| ‖v⁺ − v̂⁺‖_k         | `error`                  | m/s  | (n,)  | √(δv_x² + δv_y² + (k δω)²), held-out impacts      |
-| (p_t, p_n) = M_C v_C| `momentum_t, momentum_n` | N s  | (n,)  | momentum at the contact point before impact       |
-
-Errors come from thesis_lib.impact_study.study.held_out_errors.  Densities are reflected at zero (`densities`).  The
-thesis does not say how its figure 3-9 is smoothed; here each node of a grid has the mean error of its nearest impacts,
-and nodes without impacts nearby stay empty.
+The error of an impact is ‖v⁺ − v̂⁺‖_k = √(δv_x² + δv_y² + (k δω)²) in m/s, from
+thesis_lib.impact_study.study.held_out_errors.  The momentum at the contact point before impact is
+(p_t, p_n) = M_C v_C in N s.  Densities are reflected at zero (`densities`).  The thesis does not say how its figure 3-9
+is smoothed; here each node of a grid has the mean error of its nearest impacts, and nodes without impacts nearby stay
+empty.
 """
 
 import numpy as np

@@ -1,11 +1,6 @@
 """Figures 3-7 and 3-10: parameters identified from many impacts and from single impacts.
 
-| on paper     | in code            | unit | shape |                                                     |
-|--------------|--------------------|------|-------|-----------------------------------------------------|
-| (μ, ε)       | `mu`, `epsilon`    | 1    |       | ensemble parameters, eq. 3.8 summed over impacts    |
-| (μ_i, ε_i)   | `mu`, `epsilon`    | 1    | (n,)  | individual parameters of impact i                   |
-| k            | `k`                | 1    |       | number of impacts identified from                   |
-
+Ensemble parameters (μ, ε) minimise eq. 3.8 summed over k impacts; individual parameters (μ_i, ε_i) belong to impact i.
 The tables come from thesis_lib.impact_study.study, which explains their columns.
 """
 

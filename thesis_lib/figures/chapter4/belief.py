@@ -1,10 +1,7 @@
 """Figures 4-3, 4-4 and 4-10 and the calibration of beliefs: the belief over a throw, at each contact and at rest.
 
-| on paper | in code    | unit   | meaning                                                          |
-|----------|------------|--------|------------------------------------------------------------------|
-|          | `samples`  | m, rad | poses of particles at the start (contact 0) and after each contact |
-| x/side   | `distance` | 1      | horizontal position from the start's mean, in sides              |
-| u        | `pit`      | 1      | probability integral transform of measured outcomes              |
+Samples are poses of particles (m, rad) at the start (contact 0) and after each contact; distances are horizontal, in
+sides from the start's mean; PIT is the probability integral transform of measured outcomes.
 """
 
 import numpy as np

@@ -1,9 +1,6 @@
 """Figures 4-7, 4-8 and 4-9: thrown dice as outlines, and the errors of their predicted ends.
 
-| on paper | in code  | unit | meaning                                                        |
-|----------|----------|------|----------------------------------------------------------------|
-| x, y, θ  | `x`, …   | m, rad | measured poses of a throw                                    |
-|          | `error`  | 1    | (x measured − x expected)/side at rest; positive: undershoot   |
+Poses x, y, θ are in m, rad; the error is (x measured − x expected)/side at rest, positive for an undershoot.
 """
 
 import numpy as np

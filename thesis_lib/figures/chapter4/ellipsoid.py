@@ -4,14 +4,8 @@
     ellipsoid  |z + B w|² ≤ |z|²,   z = (v_x, v_y, k ω),  w = (c_t, c_n, τ),  z⁺ = z + B w
 
 The ellipsoid is the image of the ball of all velocities with no more kinetic energy than before.  Its cut with τ = 0
-is the ellipse; its part with v_n⁺ ≥ 0 neither penetrates nor gains energy.
-
-| on paper | in code      | unit | shape  |                                                   |
-|----------|--------------|------|--------|---------------------------------------------------|
-| c        | `c_t`, `c_n` | N s  | (P,)   | impulse                                           |
-| τ/k      | `tau_over_k` | N s  | (P,)   | couple about the contact point over radius of gyration |
-
-The impact is that of figures 3-1 to 3-3.
+is the ellipse; its part with v_n⁺ ≥ 0 neither penetrates nor gains energy.  Impulses (c_t, c_n) and τ/k, the couple
+about the contact point over the radius of gyration, are in N s.  The impact is that of figures 3-1 to 3-3.
 """
 
 import numpy as np

@@ -1,13 +1,8 @@
 """Figures 4-5 and 4-6, and named physics before the residual: held-out errors of learned contact models.
 
-| on paper       | in code      | unit | shape |                                                              |
-|----------------|--------------|------|-------|--------------------------------------------------------------|
-| ‖v⁺ − v̂⁺‖_k    | `error`      | m/s  | (n,)  | √(δv_x² + δv_y² + (k δω)²), held-out impacts                 |
-|                | `n`          | 1    |       | training impacts                                             |
-|                | `mean`       | m/s  |       | mean error, over held-out impacts and random splits          |
-
-Tables come from thesis_lib.residual.learners.learning_study.  Bands and bars are 95 % intervals: over splits in
-figure 4-6, over held-out trials in the figure of named physics.
+The error of an impact is ‖v⁺ − v̂⁺‖_k = √(δv_x² + δv_y² + (k δω)²) in m/s; means are over held-out impacts and random
+splits.  Tables come from thesis_lib.residual.learners.learning_study; their n is the number of training impacts.  Bands
+and bars are 95 % intervals: over splits in figure 4-6, over held-out trials in the figure of named physics.
 """
 
 from collections.abc import Mapping, Sequence

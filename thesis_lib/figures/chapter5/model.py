@@ -1,14 +1,9 @@
-"""Figure 5-7, the abstractions, and hidden effects: what has been learned of the tower.
+"""Figure 5-7 (thesis section 5.5.4), the abstractions, and hidden effects: what has been learned of the tower.
 
     friction cone:  |f_t| ≤ μ f_n,   μ = 0.42 (plastic on wood; 0.35 to 0.5 in the thesis)
 
-| on paper | in code  | unit | meaning                                              |
-|----------|----------|------|------------------------------------------------------|
-| f_n, f_t |          | N    | force on the block along and across the push         |
-| μ        | `MU`     | 1    | friction coefficient of finger and block             |
-| c        | `abstraction` | | name of the abstraction, as `mixture.names_of` gives it |
-
-Source: thesis, section 5.5.4 and figure 5-7.  The thesis has no other such figure: it describes abstractions in words.
+f_n and f_t, in N, are the force on the block along and across the push; μ is the friction coefficient of finger and
+block.  `mixture.names_of` names abstractions.  Apart from figure 5-7, the thesis describes them only in words.
 """
 
 import re

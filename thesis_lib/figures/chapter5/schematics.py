@@ -1,4 +1,4 @@
-"""Figures 5-2, 5-3, 5-4B and 5-5C: the pushed block, the hierarchical model and the architecture, as diagrams.
+"""Figures 5-2, 5-3, 5-4B and 5-5C: pushed block, hierarchical model and architecture as diagrams (thesis 5.3.1).
 
 The tables hold no data, only the places of a diagram's parts in units of the picture.
 
@@ -11,8 +11,6 @@ The tables hold no data, only the places of a diagram's parts in units of the pi
 | D, N, K  | plates: steps of a window, pushes, abstractions                                  |
 
 Circles are random variables, shaded if given or observed; dots are fixed parameters.
-
-Source: thesis, figures 5-2 to 5-5 and section 5.3.1.
 """
 
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Figures 5-8 and 5-9: the belief during a push of a stuck and of an easy block, and how a block is steered.
+"""Figures 5-8 and 5-9: belief during a push of a stuck and an easy block, and steering of a block (thesis 5.5.4).
 
 Angles are drawn in mm, as in the thesis: yaw · r_g, with the radius of gyration r_g = 23 mm.
 
@@ -8,8 +8,6 @@ Angles are drawn in mm, as in the thesis: yaw · r_g, with the radius of gyratio
 | f_n, x   |         | N, mm  | reading, and what each abstraction predicted for it                 |
 | y, θ r_g | `y`, `yaw` | mm  | block across the push, turned                                       |
 | a_t      | `offset`, `heading` | mm, rad | contact location on the end face, heading of the next 1 mm |
-
-Source: thesis, section 5.5.4, figures 5-8 and 5-9.
 """
 
 import numpy as np

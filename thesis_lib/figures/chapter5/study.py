@@ -1,14 +1,8 @@
 """Figures 5-5A, 5-5B and 5-6, paired comparisons and the movable blocks: how far each policy plays.
 
-| on paper                                 | in code      | unit   |
-|------------------------------------------|--------------|--------|
-| successful consecutive block extractions | `mean`       | blocks, mean over towers, with `low` to `high` |
-| number of samples                        | `size`       | 1; 0 for policies that do not learn            |
-| attempts, successes                      | `attempts`, `successes` | 1; `share` with `low` to `high`     |
-
-Intervals (95 %) come from the tables.
-
-Source: thesis, sections 5.4.4 and 5.5.2, figures 5-5 and 5-6.
+`mean` is the number of successful consecutive extractions, averaged over towers; `size` is the number of samples, 0 for
+policies that do not learn; `share` is successes over attempts.  `low` and `high` are 95 % intervals from the tables.
+Source: thesis, sections 5.4.4 and 5.5.2.
 """
 
 from collections.abc import Sequence
