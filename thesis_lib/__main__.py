@@ -1,4 +1,4 @@
-"""`python -m thesis_lib COMMAND`: each command has its own module, which is imported when it is asked for."""
+"""`python -m thesis_lib COMMAND`: each command is a module that is imported when it is called."""
 
 import importlib
 import sys

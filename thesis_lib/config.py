@@ -1,8 +1,8 @@
 """The configuration of the pipeline as typed, checked data; the JSON schema is generated from it.
 
-    python -m thesis_lib.config          writes config/schema.json (a test says when it is out of step)
+    python -m thesis_lib.config          writes config/schema.json (a test reports an outdated file)
 
-Every number that is a choice of ours, because the thesis does not give it, says so in its description.
+A number that we chose, because the thesis does not give it, is marked as such in its description.
 """
 
 import json
@@ -31,7 +31,7 @@ from thesis_lib.simulate.chapter2.scenes import SceneSettings
 from thesis_lib.simulate.rig.settings import SimulatedDrops
 
 SCHEMA = Path("config/schema.json")
-SHOWN = 100  # mistakes spelled out
+SHOWN = 100  # mistakes listed in full
 
 
 class Chapter2(Section):
@@ -85,11 +85,7 @@ class Config(Section):
 
 
 def parse_config(values: dict, source: str = "configuration") -> Config:
-    """Check a configuration that was read from YAML.
-
-    Raises:
-        UserError: lists every unknown key and wrong value, with its place.
-    """
+    """Check a configuration that was read from YAML; UserError lists every unknown key and wrong value."""
     try:
         return Config.model_validate(values)
     except ValidationError as error:
@@ -104,7 +100,7 @@ def parse_config(values: dict, source: str = "configuration") -> Config:
 
 
 def _in_yaml_terms(message: str) -> str:
-    """A message of the checker in the words of a YAML file, which has lists but no tuples."""
+    """A message of the checker in terms of YAML, which has lists but no tuples."""
     return message.replace("a valid tuple", "a list").replace("Tuple", "List")
 
 
@@ -112,7 +108,7 @@ def read_config(*paths: str | Path) -> Config:
     """Read a configuration; later files overlay earlier ones, section by section.
 
     Raises:
-        UserError: a file is missing, is no plain YAML, or the merged configuration is wrong.
+        UserError: a file is missing or not plain YAML, or the merged configuration is wrong.
     """
     merged: dict = {}
     for path in paths:

@@ -1,9 +1,9 @@
-"""A line for each job of the pipeline that ends, for logs, where Snakemake's own display shows nothing.
+"""Print a line for each job of the pipeline that ends, for logs, in which Snakemake's own display shows nothing.
 
     [12/81] ch2_programs: Chapter 2: equations 2.12 to 2.14, wheel; 72 s of CPU in 48 s, about 3 min left
 
-All is read from the log that Snakemake writes below .snakemake/log.  The time left is what the unfinished jobs took
-when they were measured (config/resources.yaml), times how much slower or faster this run has been so far.
+All is read from Snakemake's log below .snakemake/log.  The time left is the measured time of the unfinished jobs
+(config/resources.yaml), scaled by the pace of this run so far.
 """
 
 import contextlib
@@ -23,10 +23,9 @@ TRUST = 30.0  # CPU s of finished jobs from which on their pace counts more than
 
 
 class JobLines:
-    """Reads Snakemake's log piece by piece and says which jobs have ended.
+    """Reads Snakemake's log piece by piece and reports the jobs that have ended.
 
-    Args:
-        cpu_s: rule -> CPU time of one job as measured, s.
+    `cpu_s` maps a rule to the measured CPU time of one job in s.
     """
 
     def __init__(self, cpu_s: Mapping[str, float]):
@@ -38,11 +37,9 @@ class JobLines:
         self._measured = 0.0  # CPU time that the ended jobs took when they were measured, s
 
     def read(self, text: str, cpu: float, wall: float) -> list[str]:
-        """What to say of the jobs that ended in further whole lines of the log.
+        """What to print of the jobs that ended in `text`, further whole lines of the log.
 
-        Args:
-            text: lines of the log.
-            cpu, wall: CPU time of the ended jobs and wall time of the run so far, s.
+        `cpu` and `wall` are the CPU time of the ended jobs and the wall time of the run so far, in s.
         """
         return [said for line in text.splitlines() if (said := self._read_line(line, cpu, wall))]
 
@@ -94,7 +91,7 @@ def printed_jobs(cpu_s: Mapping[str, float]) -> Iterator[None]:
 
 
 def _follow(lines: JobLines, old: set[Path], over: threading.Event) -> None:
-    """Print what is new in the log that is not among the `old` ones, until `over`."""
+    """Print new text of the log that is not among the `old` ones, until `over`."""
     start, cpu, position, log, last = time.monotonic(), 0.0, 0, None, False
     while not last:
         last = over.wait(EVERY)
@@ -113,7 +110,7 @@ def _follow(lines: JobLines, old: set[Path], over: threading.Event) -> None:
 
 def _cpu_of_children() -> float:
     """CPU time of Snakemake and of its jobs that have ended, s."""
-    import psutil  # late: a library user who never runs the pipeline does not need it
+    import psutil  # late, for users of the library who never run the pipeline
 
     total = 0.0
     for child in psutil.Process().children():

@@ -1,11 +1,11 @@
-"""Run the pipeline so that an interruption costs no more than the jobs that were running.
+"""Run the pipeline so that an interruption costs only the jobs that were running.
 
     python -m thesis_lib.pipeline [--scale quick|default|full] [--configfile FILE ...] [--cores N] [TARGET ...]
 
 A thin runner around Snakemake, in the same terminal group, so that Ctrl-C reaches both.  Before the start it holds a
-lock that the kernel releases on any death, clears away what a killed run left (jobs that go on without their
-Snakemake, Snakemake's own lock) and checks disk space and permissions; after a failure it says what failed, why as
-far as can be told, and what to do.  The exit code is Snakemake's, 128 + n where signal n ended it.
+lock that the kernel releases on any death, removes what a killed run left (orphaned jobs, Snakemake's lock) and checks
+disk space and permissions.  After a failure it reports what failed, the likely cause, and what to do.  The exit code is
+Snakemake's, 128 + n if signal n ended it.
 """
 
 import argparse
@@ -29,12 +29,12 @@ from thesis_lib.job_lines import printed_jobs
 
 STATE = Path(".snakemake")
 WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into
-SCALES = {"quick": 100, "default": 250, "full": 600}  # MB of free disk asked for: twice what a run writes
+SCALES = {"quick": 100, "default": 250, "full": 600}  # MB of free disk required: twice what a run writes
 SHOWN = 5  # failed jobs listed
 TAIL = 20_000  # bytes of a log that are searched for the cause
-PATIENCE = 5.0  # s that dying processes are given
+PATIENCE = 5.0  # s granted to dying processes
 
-# what a log says -> cause and remedy
+# text in a log -> cause and remedy
 CAUSES = {
     r"No space left on device|Disk quota exceeded": (
         "the disk is full",
@@ -58,7 +58,7 @@ def run(
     configfiles: Sequence[str] = (),
     cores: int | None = None,
 ) -> int:
-    """Run `targets` (all without any) of the pipeline in the current folder and return the exit code.
+    """Run `targets` (by default all) of the pipeline in the current folder and return the exit code.
 
     Raises:
         UserError: another run is at work here, the disk is nearly full, or a folder cannot be written.
@@ -77,11 +77,7 @@ def run(
 
 
 def check_folder(needed: int) -> None:
-    """Refuse to start where the run could not finish for want of `needed` MB or of permissions.
-
-    Raises:
-        UserError: which folder, and what to do.
-    """
+    """Raise a UserError if `needed` MB of disk or permissions are missing; it names the folder and the remedy."""
     if not Path("Snakefile").is_file():
         raise UserError(f"{Path.cwd()} has no Snakefile; run this in the root folder of the repository.")
     for folder in WRITTEN:
@@ -104,11 +100,11 @@ def hold_lock() -> int:
     """The file descriptor of a lock on this folder; the kernel releases it when its holders are gone.
 
     Raises:
-        UserError: another run holds it, with its process; or the file system knows no locks.
+        UserError: another run (named) holds it, or the file system has no locks.
     """
     STATE.mkdir(exist_ok=True)
     lock = os.open(STATE / "pipeline.lock", os.O_RDWR | os.O_CREAT, 0o644)
-    end = time.monotonic() + PATIENCE  # the holder may be a killed run whose processes are about to be gone
+    end = time.monotonic() + PATIENCE  # the holder may be a killed run whose processes are about to end
     while True:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -131,7 +127,7 @@ def hold_lock() -> int:
 
 
 def recover(unlock: Sequence[str]) -> None:
-    """Clear away what a killed run left: its jobs that still run, then Snakemake's lock (command `unlock`).
+    """Remove what a killed run left: its jobs that still run, then Snakemake's lock (command `unlock`).
 
     Raises:
         UserError: a Snakemake is at work here, or its lock cannot be released.
@@ -163,8 +159,8 @@ def _at_work(processes: Sequence) -> str:
 
 
 def _processes() -> tuple[list, list]:
-    """Snakemakes in this folder, and processes of jobs in it that have none among their ancestors."""
-    import psutil  # late: a library user who never runs the pipeline does not need it
+    """Snakemakes in this folder, and processes of its jobs that have no Snakemake among their ancestors."""
+    import psutil  # late, for users of the library who never run the pipeline
 
     here, uid, runner = str(Path.cwd()), os.getuid(), os.getpid()
     snakemakes, jobs = [], []
@@ -173,10 +169,10 @@ def _processes() -> tuple[list, list]:
             if process.uids().real != uid or process.pid == runner or process.cwd() != here:
                 continue
             words = process.cmdline()
-        except psutil.Error:  # it has ended, or is not ours to look at
+        except psutil.Error:  # it has ended, or may not be inspected
             continue
         if not words or not re.match(r"python|(ba)?sh$|snakemake", Path(words[0]).name):
-            continue  # an editor that shows a script is no job
+            continue  # an editor that shows a script is not a job
         if any(".snakemake/scripts/" in word for word in words):
             jobs.append(process)
         elif ["-m", "snakemake"] in [words[i : i + 2] for i in range(1, 4)] or "snakemake" in [
@@ -197,7 +193,7 @@ def _end(processes: list) -> None:
     import psutil
 
     for process in processes:
-        process.terminate()  # psutil knows processes by start time too: no stranger with the same number is hit
+        process.terminate()  # psutil also compares start times: a reused process number is not hit
     for process in psutil.wait_procs(processes, timeout=PATIENCE)[1]:
         process.kill()
     if alive := psutil.wait_procs(processes, timeout=PATIENCE)[1]:
@@ -208,20 +204,20 @@ def _end(processes: list) -> None:
 
 
 def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int:
-    """Run Snakemake, explain its failure, and return its exit code; in a log, say which jobs end."""
+    """Run Snakemake, explain its failure, and return its exit code; in a log, report jobs that end."""
     received: list[int] = []
     children: list[subprocess.Popen] = []
 
     def on_signal(number: int, _frame: object) -> None:
         received.append(number)
-        if number == signal.SIGTERM:  # unlike Ctrl-C it comes to one process only
+        if number == signal.SIGTERM:  # unlike Ctrl-C it reaches one process only
             for child in children:
                 child.terminate()
 
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
     started = time.time()
     try:
-        # Snakemake shares the lock: killing this runner alone does not make room for a second run
+        # Snakemake shares the lock, so that killing this runner alone does not admit a second run
         with contextlib.nullcontext() if sys.stdout.isatty() else printed_jobs(_cpu_of_jobs(scale)):
             children.append(subprocess.Popen(command, pass_fds=(lock,)))
             code = children[0].wait()
@@ -234,7 +230,7 @@ def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int
 
 
 def _cpu_of_jobs(scale: str) -> dict[str, float]:
-    """CPU time of the largest job of each rule as measured, s; at the default scale where that is all there is."""
+    """Measured CPU time of the largest job of each rule, s; at the default scale if that is the only one."""
     from thesis_lib.resources import (
         MEASURED,
         read_measured,
@@ -246,13 +242,13 @@ def _cpu_of_jobs(scale: str) -> dict[str, float]:
 
 
 def latest_log(since: float) -> str:
-    """What Snakemake logged since that time (s since the epoch); empty if it came to nothing."""
+    """Snakemake's log since that time (s since the epoch); empty if there is none."""
     logs = [path for path in (STATE / "log").glob("*.snakemake.log") if path.stat().st_mtime >= since - 1.0]
     return _tail(max(logs), 10**7) if logs else ""  # names are times
 
 
 def explain(code: int, log: str, interrupted: bool = False) -> str:
-    """What stopped Snakemake, in words, and what to do; `code` and `log` are its exit code and its log."""
+    """What stopped Snakemake, in words, and what to do; `code` is its exit code."""
     failed = [
         (rule, (re.search(r"^    log: (\S+)", block, re.MULTILINE) or ["", ""])[1])
         for rule, block in re.findall(r"^Error in rule (\w+):\n((?:    .*\n?)+)", log, re.MULTILINE)
@@ -268,7 +264,7 @@ def explain(code: int, log: str, interrupted: bool = False) -> str:
             lines.append(f"  failed: {len(failed) - SHOWN} more")
         texts = "\n".join([log, *(_tail(Path(path), TAIL) for _, path in failed if path)])
         cause = next((known for pattern, known in CAUSES.items() if re.search(pattern, texts)), None)
-        if shutil.disk_usage(".").free < 10**6:  # then even the logs may say nothing
+        if shutil.disk_usage(".").free < 10**6:  # then even the logs may be incomplete
             cause = next(iter(CAUSES.values()))
         if cause:
             lines += [f"  cause: {cause[0]}", f"  remedy: {cause[1]}"]

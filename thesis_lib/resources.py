@@ -1,11 +1,11 @@
-"""Memory and CPU time of each rule: what its jobs used, and what they ask of a cluster.
+"""Memory and CPU time of each rule: measured, and requested from a cluster.
 
     python -m thesis_lib.resources                       # a table of the last run
     python -m thesis_lib.resources record --scale quick  # keep its largest jobs in config/resources.yaml
 
-Snakemake writes what a job used into results/logs/benchmarks/ (peak memory is sampled, every half second at first and
-every 30 s later).  config/resources.yaml holds the largest job of each rule and scale; a job asks for the worst of
-all scales times a margin, and for more each time that it failed.
+Snakemake records the use of each job in results/logs/benchmarks/ (peak memory is sampled, every half second at first
+and every 30 s later).  config/resources.yaml holds the largest job of each rule and scale; a job requests the largest
+of all scales times a margin, and more after each failure.
 """
 
 import argparse
@@ -26,10 +26,10 @@ BENCHMARKS = Path("logs/benchmarks")  # below the results
 KEYS = ("peak_mb", "cpu_s")  # of the largest job of a rule at a scale
 
 MEMORY_MARGIN = 1.5  # peaks are sampled, and other data and library builds need other amounts
-NESTED_MB = 400  # on a cluster each job is two more Snakemake processes, about 190 MB each
+NESTED_MB = 400  # on a cluster each job is two more Snakemake processes of about 190 MB
 SMALLEST_MB = 200  # of jobs that end before the first sample: Python, numpy and pandas
 MEMORY_STEP_MB = 100
-TIME_MARGIN = 4.0  # cores may be slower than those measured on, and shared
+TIME_MARGIN = 4.0  # cores may be slower than the measured ones, and shared
 START_MINUTES = 10  # reading libraries from a busy file system, and the nested Snakemakes
 
 HEADER = """\
@@ -40,7 +40,7 @@ HEADER = """\
 
 @dataclass(frozen=True)
 class Use:
-    """What jobs of one rule used: how many, CPU seconds of all and of the largest, peak memory of the largest in MB."""
+    """Use of the jobs of a rule: their number, CPU seconds of all and of the largest, largest peak memory in MB."""
 
     jobs: int
     cpu_s: float
@@ -50,16 +50,16 @@ class Use:
 
 @dataclass(frozen=True)
 class Request:
-    """What a job asks for: memory in MB, wall time in minutes."""
+    """Request of a job: memory in MB, wall time in minutes."""
 
     mem_mb: int
     runtime: int
 
 
 def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: int = 1) -> Request:
-    """What a job of a rule asks for at its n-th attempt (memory and time grow in proportion to n).
+    """Request of a job of `rule`, proportional to the number of the attempt.
 
-    What was not measured of a rule is taken from the most demanding one.
+    For a rule without measurements the most demanding rule counts.
     """
     peak, cpu_s = (_largest(measured, rule, key) for key in KEYS)
     peak = max(peak, SMALLEST_MB)
@@ -70,7 +70,7 @@ def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: i
 
 
 def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str) -> float:
-    """The largest number of a rule over the scales; of all rules where it has none."""
+    """The largest number of a rule over the scales; of all rules if it has none."""
     of_rule = [use[key] for use in measured.get(rule, {}).values() if key in use]
     of_all = (use[key] for scales in measured.values() for use in scales.values() if key in use)
     return max(of_rule or of_all, default=0.0)
@@ -80,7 +80,7 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
     """Rule -> scale -> {peak_mb, cpu_s}; of a scale, either may be missing.
 
     Raises:
-        UserError: the file is missing or is not of this form.
+        UserError: the file is missing or has another form.
     """
     path = Path(path)
     if not path.is_file():
@@ -103,7 +103,7 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
 
 
 def read_uses(results: str | Path) -> dict[str, Use]:
-    """What the jobs of each rule used, from the benchmarks of a run.
+    """Use of the jobs of each rule, from the benchmarks of a run.
 
     Raises:
         UserError: there are no benchmarks.
@@ -124,7 +124,7 @@ def read_uses(results: str | Path) -> dict[str, Use]:
 
 
 def _read_benchmark(path: Path) -> tuple[float, float]:
-    """CPU seconds and peak MB of a job; of one that ended before the first sample, wall seconds and 0."""
+    """CPU seconds and peak MB of a job; wall seconds and 0 if it ended before the first sample."""
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             (row,) = csv.DictReader(stream, delimiter="\t")
@@ -136,7 +136,7 @@ def _read_benchmark(path: Path) -> tuple[float, float]:
 
 
 def table(uses: Mapping[str, Use], measured: Mapping) -> str:
-    """For a terminal: rule, jobs, CPU seconds, peak memory, and what a job asks for; largest peaks first."""
+    """For a terminal: rule, jobs, CPU seconds, peak memory and request; largest peaks first."""
     lines = [
         f"{'rule':22s}{'jobs':>6s}{'CPU s':>10s}{'largest':>10s}{'peak MB':>10s}{'asks MB':>10s}{'asks min':>10s}"
     ]
@@ -154,7 +154,7 @@ def table(uses: Mapping[str, Use], measured: Mapping) -> str:
 
 
 def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str, dict[str, dict]]:
-    """`measured` with a scale's numbers replaced, for the rules that ran."""
+    """`measured` with the numbers of a scale replaced, for the rules that ran."""
     updated = {rule: dict(scales) for rule, scales in measured.items()}
     for rule, use in uses.items():
         updated.setdefault(rule, {})[scale] = {
@@ -165,7 +165,7 @@ def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str
 
 
 def write_measured(measured: Mapping[str, Mapping[str, Mapping]], path: str | Path = MEASURED) -> None:
-    """Write what was measured, a line per rule."""
+    """Write the measured numbers, a line per rule."""
     lines = []
     for rule in sorted(measured):
         scales = []

@@ -1,4 +1,4 @@
-"""`python -m thesis_lib.docs`: write the reference pages in docs/ from the code, or say which are out of step."""
+"""`python -m thesis_lib.docs`: write the reference pages in docs/ from the code, or list the outdated ones."""
 
 import sys
 from collections.abc import Sequence

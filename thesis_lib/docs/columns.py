@@ -7,7 +7,7 @@ HEAD = ("column", "unit", "meaning")
 
 
 def text() -> str:
-    """The columns that mean the same everywhere, then those of single tables."""
+    """Columns with the same meaning everywhere, then those of single tables."""
     everywhere, tables = meanings()
     parts = ["## In every table", table(HEAD, _rows(everywhere)), "## In one table only"]
     for name in sorted(tables):

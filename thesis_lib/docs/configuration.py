@@ -1,4 +1,4 @@
-"""Every key of the configuration as tables, one a section, from the models that check it."""
+"""Every key of the configuration in tables, one per section, from the models that check it."""
 
 import json
 import types
@@ -14,7 +14,7 @@ from thesis_lib.foundation.settings import Section
 
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false", Any: "anything"}
 SIGNS = {Ge: ("≥", "ge"), Gt: (">", "gt"), Le: ("≤", "le"), Lt: ("<", "lt")}
-LONGEST = 120  # characters of a default that still reads well in a table
+LONGEST = 120  # characters of a default that can still be read in a table
 HEAD = ("key", "default", "kind", "meaning")
 
 
@@ -26,7 +26,7 @@ def text() -> str:
 
 
 def rows(section: type[Section], values: Section | None = None) -> list[tuple[str, str, str, str]]:
-    """(key, default, kind, meaning) of every key that is no section of its own."""
+    """(key, default, kind, meaning) of every key that is not itself a section."""
     keys = []
     for name, field in section.model_fields.items():
         if not _section_of(field.annotation):
@@ -37,7 +37,7 @@ def rows(section: type[Section], values: Section | None = None) -> list[tuple[st
 
 
 def kind(field: FieldInfo) -> str:
-    """What a key takes, in words, with its limits."""
+    """The values that a key accepts, in words, with limits."""
     return " ".join(filter(None, (_kind(field.annotation), _limits(field.metadata))))
 
 
@@ -56,7 +56,7 @@ def _sections(path: str, section: type[Section], values: Section | None) -> Iter
 
 
 def _section_of(annotation: Any) -> type[Section] | None:
-    """The section that a key holds; sections in lists or behind names are not looked for, nothing has them."""
+    """The section that a key holds; no key holds sections in lists or under names."""
     if isinstance(annotation, type) and issubclass(annotation, Section):
         return annotation
     return None
@@ -72,7 +72,7 @@ def _default(value: Any) -> str:
 
 
 def _readable(value: Any) -> Any:
-    """Numbers that follow from others (π, a radius of gyration) with six digits."""
+    """Derived numbers (π, a radius of gyration) to six digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):

@@ -18,7 +18,7 @@ def text() -> str:
 
 
 def recording_text() -> str:
-    """Every key of recording.yaml with its default, those of arm and wheel after each other."""
+    """Every key of recording.yaml with its default, those of the arm before those of the wheel."""
     from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, StateNoise, Wheel
 
     rows: list[tuple[str, str, str, str]] = []

@@ -1,4 +1,4 @@
-"""The catalogue of effects: what each says about itself, its parameters, and the picture of what it does."""
+"""The catalogue of effects: description, parameters, and the picture of each."""
 
 from importlib import import_module
 
@@ -57,12 +57,12 @@ def _parameter(p: Parameter) -> tuple[str, str, str, str, str]:
 
 
 def size_that_matters(p: Parameter) -> float:
-    """The value that the pictures are drawn with."""
+    """The value of the parameter in the pictures."""
     return p.null + p.scale if p.discrete is None else p.discrete
 
 
 def sizes_text(effect: Effect) -> str:
-    """The sizes of the picture in words."""
+    """The parameter values of the picture in words."""
     units = {"1": ""}
     return ", ".join(
         f"{p.name} = {size_that_matters(p):g} {units.get(p.unit, p.unit)}".rstrip() for p in effect.parameters
@@ -70,7 +70,7 @@ def sizes_text(effect: Effect) -> str:
 
 
 def picture_text(effect: Effect) -> str:
-    """What the picture shows, for those who do not see it."""
+    """Alternative text of the picture."""
     if "impact" in effect.channels:
         return (
             f"Change of the velocity after impact by {effect.title} ({sizes_text(effect)}): left over the contact "

@@ -1,4 +1,4 @@
-"""The impact laws: what each says about itself, the promises it keeps, and the impulses it can reach."""
+"""The impact laws: description, promises kept, and reachable impulses of each."""
 
 import sys
 
@@ -13,7 +13,7 @@ def text() -> str:
 
 
 def published_twin(law: Law) -> Law | None:
-    """The same law as its authors' code has it, where that differs."""
+    """The same law as in its authors' code, if that differs."""
     return LAWS.get(f"{law.name}_as_published")
 
 
@@ -51,5 +51,5 @@ def _entry(law: Law) -> str:
 
 
 def picture_text(law: Law) -> str:
-    """What the picture shows, for those who do not see it."""
+    """Alternative text of the picture."""
     return f"Impulses that {law.title} can give to one impact, inside the energy ellipse, for all μ and ε from 0 to 1"

@@ -30,8 +30,8 @@ def with_links(text: str) -> str:
 
 
 def docstring(module: ModuleType) -> str:
-    """The docstring of a module, whose equations are indented and whose tables are Markdown already."""
+    """The docstring of a module; its equations are indented and its tables are Markdown already."""
     # from the source: a docstring is absent under python -OO
     text = ast.get_docstring(ast.parse(inspect.getsource(module))) or ""
-    # Markdown takes an indented line for an equation only after an empty one
+    # Markdown reads an indented line as an equation only after an empty line
     return with_links(re.sub(r"^(\S.*)\n(?= {4})", r"\1\n\n", text, flags=re.M))

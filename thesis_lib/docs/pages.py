@@ -1,11 +1,9 @@
-"""Which part of which page in docs/ is written from the code, and how it gets there.
+"""Which parts of the pages in docs/ are written from the code, and how.
 
-A page is Markdown written by hand.  Between the two lines
+A page is Markdown written by hand, except that `BLOCKS[NAME]` writes the text between the two lines
 
     <!-- written by python -m thesis_lib.docs: NAME -->
     <!-- end of NAME -->
-
-stands what `BLOCKS[NAME]` makes of the code; everything else on the page is left as it is.
 """
 
 import re
@@ -33,7 +31,7 @@ def rendered(page: str, where: str) -> str:
     """The text of a page with every block written anew; `where` names the page in messages.
 
     Raises:
-        UserError: a block has no end, or nothing writes a block of that name.
+        UserError: a block has no end, or its name is unknown.
     """
     names = [match["name"] for match in _BLOCK.finditer(page)]
     for name in _BEGINS.findall(page):
@@ -47,10 +45,10 @@ def rendered(page: str, where: str) -> str:
 
 
 def stale_pages(folder: Path) -> dict[Path, str]:
-    """Pages of `folder` that are out of step with the code, each with the text that it should have.
+    """Outdated pages of `folder`, each with the text that it should have.
 
     Raises:
-        UserError: there are no pages there, or one has a broken block.
+        UserError: there are no pages, or one has a broken block.
     """
     pages = sorted(folder.glob("*.md"))
     if not pages:

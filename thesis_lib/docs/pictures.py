@@ -1,7 +1,6 @@
 """The pictures of the reference pages: signatures of the effects and reachable impulses of the laws.
 
-Beside the pictures stands signatures.csv with some of the numbers drawn, so that a picture that is out of step with the
-code is noticed without comparing pixels.
+signatures.csv holds some of the numbers drawn, so that an outdated picture is noticed without comparing pixels.
 """
 
 from collections.abc import Iterator
@@ -42,11 +41,11 @@ WHAT = {
     "gap": ("Δ gap (mm)", 1e3),
 }
 SYMBOLS = {"v_x": "$v_x$", "v_y": "$v_y$", "a_x": "$a_x$", "a_y": "$a_y$", "φ_n": "$φ_n$"}
-KEPT_EVERY = 97  # of the numbers; coprime to the grids, so that all of them are touched
+KEPT_EVERY = 97  # of the numbers; coprime to the grids, so that it touches all rows and columns
 
 
 def draw_pictures(folder: Path) -> Iterator[Path]:
-    """Draw everything into `folder`/effects and `folder`/laws; yields what was written."""
+    """Draw all pictures into `folder`/effects and `folder`/laws; yields the files."""
     tables = {effect.name: signature(effect) for effect in EFFECTS.values()}
     for name, table in tables.items():
         yield _save(draw_signature(EFFECTS[name], table), folder / "effects" / f"{name}.png")
@@ -58,7 +57,7 @@ def draw_pictures(folder: Path) -> Iterator[Path]:
 
 
 def kept_numbers(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """The numbers that are stored beside the pictures."""
+    """The numbers stored beside the pictures."""
     kept = pd.concat([table.iloc[::KEPT_EVERY] for table in tables.values()], ignore_index=True)
     numbers = ["at", "at_n", "value"]
     return kept.assign(**{name: [float(f"{x:.5g}") for x in kept[name]] for name in numbers})

@@ -1,4 +1,4 @@
-"""What an effect does, in numbers: prediction with it minus prediction without it, over the states that matter.
+"""Effects in numbers: prediction with an effect minus prediction without it, over the states that matter.
 
 One ellipse (a square where an effect needs corners) hits the surface once, by Mirtich's law with μ = 0.15, ε = 0.55:
 
@@ -28,7 +28,7 @@ K_G = 0.0192  # m, of the published ellipse
 ELLIPSE = Rig(Ellipse(semi_axes=(0.035, 0.025)), K_G, 9.81, 0.0)
 _CORNERS = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
 SQUARE = Rig(Polygon(vertices=_CORNERS), 0.0286, 9.81, 0.0)
-# one impact, away from every symmetry, at an angle at which it can stick: x (m), θ (rad), v_t, v_n (m/s), ω (rad/s),
+# an impact away from every symmetry, at an angle at which it can stick: x (m), θ (rad), v_t, v_n (m/s), ω (rad/s),
 # t (s), number of the release
 BASE = {"x": 0.15, "theta": 0.12, "v_t": 0.6, "v_n": -2.5, "omega": 6.0, "t": 0.3, "trial": 40.0}
 RANGES = {
@@ -46,15 +46,12 @@ COLUMNS = ["effect", "panel", "over", "at", "at_n", "series", "value"]
 
 
 def rig_for(effect: Effect) -> Rig:
-    """A rig on which the effect can exist."""
+    """A rig on which the effect can occur."""
     return ELLIPSE if effect.applies_to(ELLIPSE) else SQUARE
 
 
 def signature(effect: Effect) -> pd.DataFrame:
-    """The numbers of an effect's picture: panel, the variable `over` with its value `at` (`at_n`), series, value.
-
-    Velocities and accelerations in m/s and m/s², lengths in m; `at` in the unit of its variable.
-    """
+    """The numbers of an effect's picture, in SI: panel, variable `over` and its value `at` (`at_n`), series, value."""
     if "impact" in effect.channels:
         parts = [_plane(effect), _curve(effect, "curve", RANGES, impact_change, ("v_x", "v_y", "k ω"))]
     elif "flight" in effect.channels:
@@ -65,7 +62,7 @@ def signature(effect: Effect) -> pd.DataFrame:
 
 
 def states(rig: Rig, **changed: np.ndarray) -> State:
-    """States that touch the surface: BASE with some arrays (n,) in place of its values."""
+    """States that touch the surface: BASE with some values replaced by arrays (n,)."""
     n = len(next(iter(changed.values())))
     s = {name: changed.get(name, np.full(n, value)) for name, value in BASE.items()}
     r = rig.shape.contact_point(s["theta"])
@@ -124,7 +121,7 @@ def _curve(
     change: Callable[[Effect, State], np.ndarray],
     series: tuple[str, ...],
 ) -> pd.DataFrame:
-    """Changes against the variable over whose range they vary most; the first one where none matters."""
+    """Changes against the variable over whose range they vary most; the first variable if none matters."""
     best, most = None, -1.0
     for over, (low, high) in ranges.items():
         at = np.linspace(low, high, POINTS)

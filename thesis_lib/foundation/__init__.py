@@ -1,1 +1,1 @@
-"""What every room stands on: files, errors, settings, random streams, the terminal, provenance."""
+"""Foundation of every room: files, errors, settings, random streams, the terminal, provenance."""

@@ -1,8 +1,8 @@
-"""Unit and meaning of every column in the tables under results/: one dictionary, written to results/columns.csv.
+"""Unit and meaning of every column in the tables under results/: columns.yaml, written to results/columns.csv.
 
-It stands in columns.yaml.  A column means the same in every table, except where `tables` there says otherwise for one
-table (by the file's stem); columns that only one figure has stand in its record (`thesis_lib.records`).  Impulses of a
-dataset without a mass are per kilogram, N s/kg = m/s.
+A column means the same in every table, unless `tables` in columns.yaml says otherwise for a table (by file stem);
+columns of a single figure are explained in its record (`thesis_lib.records`).  Impulses of a dataset without a mass are
+per kilogram, N s/kg = m/s.
 """
 
 import functools
@@ -18,7 +18,7 @@ _COVARIANCE = ("product of both", "covariance of the two quantities in the colum
 
 @functools.cache
 def meanings() -> tuple[dict[str, list[str]], dict[str, dict[str, list[str]]]]:
-    """(unit, meaning) by column, and by table and column: '' is the unit of text, "1" that of pure numbers."""
+    """(unit, meaning) by column, and by table and column; unit '' marks text, "1" pure numbers."""
     content = yaml.safe_load(MEANINGS.read_text(encoding="utf-8"))
     return content["columns"], content["tables"]
 
@@ -28,10 +28,7 @@ def explain(
 ) -> pd.DataFrame:
     """Rows (table, column, unit, meaning) for the columns of the table with file stem `table`.
 
-    `recorded` holds (unit, meaning) of columns that only this table has.
-
-    Raises:
-        KeyError: a column is not explained.
+    `recorded` holds (unit, meaning) of columns that only this table has.  KeyError if a column is not explained.
     """
     columns_of_all, tables = meanings()
     particular = {**tables.get(table, {}), **(recorded or {})}

@@ -1,4 +1,4 @@
-"""What all commands share: errors in one block, exit codes, Ctrl-C, a closed pipe, colours on a terminal only.
+"""Common behaviour of all commands: error messages, exit codes, Ctrl-C, a closed pipe, colours on terminals only.
 
 | exit code | when                                                                |
 |-----------|---------------------------------------------------------------------|
@@ -23,7 +23,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.terminal import VisibleStream, visible
 
 FAILED, WRONG, INTERRUPTED = 1, 2, 130
-COLOURS = {  # what stands at the start of a line -> SGR code of its first group
+COLOURS = {  # beginning of a line -> SGR code of its first group
     r"(error:)": "1;31",
     r"(warning:)": "1;33",
     r"(usage:|examples:)": "1",
@@ -32,7 +32,7 @@ COLOURS = {  # what stands at the start of a line -> SGR code of its first group
 
 
 class TerminalStream(VisibleStream):
-    """Shows what is not printable, and colours the words of `COLOURS` on a terminal that wants colours.
+    """Escapes what is not printable, and colours the words of `COLOURS` on a terminal that wants colours.
 
     Colour is added last, so that text carries no codes and a stranger's codes do not get through.
     """
@@ -60,7 +60,7 @@ class TerminalStream(VisibleStream):
         return self._stream.fileno()
 
     def rewrite(self, text: str) -> None:
-        """Put `text` in place of the current line; on a terminal only."""
+        """Replace the current line by `text`; on a terminal only."""
         self._stream.write(f"\r{visible(text)}\x1b[K")
         self._stream.flush()
 
@@ -74,12 +74,12 @@ def _coloured(line: str) -> str:
 
 
 def terminal_stream(stream: TextIO) -> TerminalStream:
-    """The stream as commands write to it; itself if a command called another."""
+    """The stream to which commands write; itself if a command called another."""
     return stream if isinstance(stream, TerminalStream) else TerminalStream(stream)
 
 
 def command(main: Callable[[Sequence[str] | None], int]) -> Callable[..., int]:
-    """Decorator of a command: its mistakes, interruptions and closed pipes become text and exit codes."""
+    """Decorator of a command: errors, interruptions and closed pipes become text and exit codes."""
 
     @functools.wraps(main)
     def run(argv: Sequence[str] | None = None) -> int:
@@ -113,20 +113,20 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Callable[..., int]:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose help keeps its line breaks and whose mistakes look like all others."""
+    """An argument parser whose help keeps its line breaks and whose errors look like all others."""
 
     def __init__(self, *args, formatter_class: type = argparse.RawDescriptionHelpFormatter, **kwargs):
         super().__init__(*args, formatter_class=formatter_class, **kwargs)
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, how it is used and where that is explained; exit code 2."""
+        """Print what is wrong, the usage and where to read more; exit code 2."""
         if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message):
             message += near(choice[1], re.findall(r"'([^']*)'", choice[2]))
         self.exit(WRONG, f"error: {message}\n{self.format_usage()}{self.prog} --help explains it\n")
 
 
 def not_installed(package: str) -> str:
-    """That a package is missing in this Python, and how to come to the environment that has it."""
+    """Message that a package is missing in this Python, and how to get the environment that has it."""
     root = Path(__file__).resolve().parents[2]
     if not (root / "environment.txt").is_file():  # installed as a library
         return f"{package} is not installed in this Python ({sys.executable}); install it with pip."
@@ -136,6 +136,6 @@ def not_installed(package: str) -> str:
 
 
 def near(word: str, known: Iterable[str]) -> str:
-    """The end of a message: "; did you mean …?", empty if no known word is alike."""
+    """The end of a message: "; did you mean …?", empty if no known word is similar."""
     alike = difflib.get_close_matches(word, list(known), n=3)
     return f"; did you mean {' or '.join(alike)}?" if alike else ""

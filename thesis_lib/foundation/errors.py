@@ -4,11 +4,11 @@ from thesis_lib.foundation.terminal import visible
 
 
 class UserError(Exception):
-    """A mistake in the user's input. Its text is shown without a traceback and names the remedy."""
+    """A mistake in the user's input, shown without a traceback; its text names the remedy."""
 
     def __str__(self) -> str:
-        return visible(super().__str__())  # it quotes files of strangers, and also ends up in logs
+        return visible(super().__str__())  # it quotes strangers' files, and also ends up in logs
 
 
 class CorruptFileError(UserError):
-    """A file of ours that cannot be read back; the remedy is to delete it and run again."""
+    """One of our files cannot be read back; the remedy is to delete it and run again."""

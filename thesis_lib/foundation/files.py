@@ -1,8 +1,8 @@
 """Reading and writing result files: atomic, deterministic, and with errors that name the file.
 
-Every result is written under a temporary name and renamed, so that an interrupted run leaves either the old file or the
-whole new one.  Tables are CSV with a fixed float format, JSON has sorted keys, and neither holds times or paths, so
-that equal inputs give equal bytes.
+Results are written under a temporary name and renamed, so that an interrupted run leaves either the old file or the
+whole new one.  Tables are CSV with a fixed float format, JSON has sorted keys, and neither holds times or paths: equal
+inputs give equal bytes.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from thesis_lib.foundation.columns import explain, meanings
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes, regular_size
 
-# finer than any measurement here, coarser than the last bits that differ between BLAS builds
+# finer than any measurement here, coarser than the last bits, which differ between BLAS builds
 FLOAT_FORMAT = "%.9g"
 MAX_TABLE = 200_000_000  # bytes; the largest table of a full run has 7 MB
 MAX_CELLS = 100_000_000  # of a Parquet table, whose size on disk says little
@@ -30,7 +30,7 @@ TEXT = ("", "")  # unit and meaning of a column that the column dictionary does 
 def atomic(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` if the block succeeds.
 
-    The temporary name is fixed, so leftovers of a killed run are overwritten instead of piling up.
+    Its name is fixed, so that leftovers of a killed run are overwritten and do not pile up.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -53,11 +53,7 @@ def write_table(table: pd.DataFrame, path: str | Path) -> None:
 
 
 def write_result(table: pd.DataFrame, path: str | Path) -> None:
-    """Write a table of results whose columns are all explained in columns.yaml.
-
-    Raises:
-        KeyError: a column is not explained.
-    """
+    """Write a table of results; KeyError if a column is not explained in columns.yaml."""
     explain(Path(path).stem, table.columns)
     write_table(table, path)
 
@@ -67,8 +63,8 @@ def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
 
     Raises:
         UserError: the file is missing.
-        CorruptFileError: it cannot be parsed, was cut off within a row, has rows of different lengths, holds text in a
-            column of numbers, or lacks a column.
+        CorruptFileError: it cannot be parsed, was cut off, has rows of different lengths, holds text in a column of
+            numbers, or lacks a column.
     """
     path = Path(path)
     with _named(path):
@@ -103,7 +99,7 @@ def _read_csv(path: Path, size: int) -> pd.DataFrame:
 
 
 def _check_numbers(name: str, table: pd.DataFrame) -> None:
-    """A column that has a unit in the column dictionary holds no text."""
+    """Refuse text in a column that has a unit in the column dictionary."""
     columns, tables = meanings()
     for column in table.columns[[not pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]]:
         unit, _ = tables.get(name, {}).get(column) or columns.get(column) or TEXT
@@ -124,14 +120,14 @@ def _read_parquet(path: Path) -> pd.DataFrame:
 
 @contextlib.contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Turn whatever fails while one of our own files is read into an error that names it and the remedy."""
+    """Turn any failure to read one of our files into an error that names the file and the remedy."""
     try:
         yield
     except MissingFile as error:
         raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).") from error
     except FileProblem as error:
         raise CorruptFileError(f"{path} {error.what}; delete it and run again.") from error
-    # the parsers' own errors are of many kinds, RecursionError and MemoryError among them
+    # parsers raise errors of many kinds, RecursionError and MemoryError among them
     except Exception as error:
         reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
         kind = "valid JSON" if path.suffix == ".json" else f"a {path.suffix.lstrip('.').upper()} table"
@@ -141,18 +137,16 @@ def _named(path: Path) -> Iterator[None]:
 
 
 def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.DataFrame:
-    """Tables of the same kind, one below the other, in the order of `paths`; errors as in `read_table`."""
+    """Tables of the same kind, concatenated in the order of `paths`; errors as in `read_table`."""
     return pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
 
 
 def column_dictionary(
     paths: Iterable[str | Path], recorded: Mapping[str, Mapping[str, tuple[str, str]]]
 ) -> pd.DataFrame:
-    """The explanations of all columns in the given CSV files, one set of rows for each kind of table.
+    """The explanations of all columns in the CSV files `paths`, one set of rows for each kind of table.
 
-    Args:
-        paths: tables with all columns explained in columns.yaml, or in `recorded` under the file's stem.
-        recorded: table -> column -> (unit, meaning).
+    `recorded` (table -> column -> (unit, meaning)) explains columns that are not in columns.yaml.
     """
     parts = {}
     for path in sorted(map(Path, paths)):
@@ -177,7 +171,7 @@ def read_json(path: str | Path) -> dict:
 
     Raises:
         UserError: the file is missing.
-        CorruptFileError: it is not JSON, holds NaN or the same key twice, or is no object.
+        CorruptFileError: it is not JSON, holds NaN or a repeated key, or is not an object.
     """
     path = Path(path)
     with _named(path):

@@ -1,10 +1,10 @@
-"""Tasks, each in a process of its own: one that crashes, hangs or takes all memory ends alone.
+"""Tasks in separate processes, so that one that crashes, hangs or takes all memory ends alone.
 
-Processes are forked from a server that has imported the heavy packages once (`forkserver`), so that a task pays no
-start-up.  A process ends with its task, which gives back whatever the task left in memory.
+Processes are forked from a server that has imported the heavy packages once (`forkserver`), so that a task needs no
+start-up.  A process ends with its task, which frees the memory that the task took.
 
-Tasks answer in JSON.  A process ends when its parent does, however that ended; where memory runs out, the kernel kills
-a task before the parent.
+Tasks answer in JSON.  A process ends when its parent does, however the parent ended; if memory runs out, the kernel
+kills a task before the parent.
 """
 
 import contextlib
@@ -41,7 +41,7 @@ class Task:
 
     Attributes:
         name: for the outcome.
-        arguments: of the work; they are pickled for the process.
+        arguments: of the work; they are pickled.
         log: file for what the process prints; replaced.
     """
 
@@ -56,10 +56,9 @@ class Outcome:
 
     Attributes:
         name: of the task.
-        result: what the work returned; None if it failed.
-        failure: why it failed, in words; None if it did not.
-        wall_s, cpu_s: seconds; cpu_s is None where the process was killed.
-        peak_mib: peak of resident memory, MiB; None where the process was killed.
+        result, failure: what the work returned and why it failed, in words; one of the two is None.
+        wall_s, cpu_s: seconds; cpu_s is None if the process was killed.
+        peak_mib: peak of resident memory, MiB; None if the process was killed.
     """
 
     name: str
@@ -82,16 +81,15 @@ def run_isolated(
     """Outcomes of `work(*task.arguments)`, in the order in which tasks end; none of them raises.
 
     Args:
-        work: function of a module that can be imported; returns what JSON can hold.
-        tasks: to be done, in order of their start.
+        work: function of an importable module; returns what JSON can hold.
+        tasks: in the order in which they start.
         jobs: processes at a time.
-        time_limit: s of wall time a task; None: no limit.
-        memory_limit: bytes of resident memory a task; None: no limit but the machine's.
+        time_limit, memory_limit: s of wall time and bytes of resident memory per task; None for no limit.
         preload: modules that the server imports once.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(preload))
-    # Ctrl-C reaches all processes of a terminal; the tasks inherit that it is blocked, and are ended by this process
+    # Ctrl-C reaches all processes of a terminal; the tasks inherit its block, and this process ends them
     multiprocessing.resource_tracker.ensure_running()  # its start would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -131,7 +129,7 @@ class _Running:
         child_end.close()  # so that the end of the process ends the channel
 
     def look(self, time_limit: float | None, memory_limit: float | None) -> Outcome | None:
-        """The outcome if the task has ended, or was ended because it exceeded a limit; else None."""
+        """The outcome if the task has ended or was ended for exceeding a limit; else None."""
         wall = time.monotonic() - self.start
         if self.channel.poll():
             try:
@@ -163,14 +161,14 @@ class _Running:
 
 
 def _child(work: Callable[..., dict], arguments: tuple, log: str, channel) -> None:
-    """Do the work with its output in the log; answer with the result or the reason of failure, and time and memory."""
+    """Do the work with its output in the log; answer with result or reason of failure, time and memory."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(KILLED_FIRST))
     with Path(log).open("w", encoding="utf-8", errors="replace", buffering=1) as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
-        sys.stdout = sys.stderr = VisibleStream(stream)  # a log is read on terminals, too
+        sys.stdout = sys.stderr = VisibleStream(stream)  # logs are read on terminals, too
         faulthandler.enable(stream)
         answer = _answer(work, arguments)
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -209,7 +207,7 @@ def _resident(pid: int) -> int:
 
 
 def _exit_text(code: int | None) -> str:
-    """How a process ended that gave no answer."""
+    """How a process without an answer ended."""
     if code is None or code >= 0:
         return f"ended without an answer (exit code {code})"
     name = signal.Signals(-code).name

@@ -1,9 +1,8 @@
 """The same numerical kernels on every machine.
 
 BLAS, NumPy and torch choose their kernels by the processor, and with them the last digits of sums.  A throw of a die
-doubles a difference at every contact, so that a figure stored on one machine would not be found again on another.
-Every x86-64 processor with AVX2 therefore gets kernels for AVX2; one without them, and one of another kind, keeps its
-own.
+doubles a difference at every contact, so that a figure stored on one machine would not be reproduced on another.
+Every x86-64 processor with AVX2 therefore gets kernels for AVX2; all others keep theirs.
 """
 
 import os
@@ -19,10 +18,7 @@ KERNELS = {
 
 
 def use_common_kernels() -> None:
-    """Ask for the common kernels in this process and those it starts, before any of the packages is imported.
-
-    A variable that is set already is left as it is.
-    """
+    """Set the common kernels for this process and its children, unless set already; call it before importing NumPy."""
     if {"avx2", "fma"} <= set(processor()["vector"]):
         for name, value in KERNELS.items():
             os.environ.setdefault(name, value)

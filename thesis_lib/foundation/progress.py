@@ -1,6 +1,6 @@
-"""How far a long command is: on a terminal a line that is rewritten, elsewhere a line a minute; on stderr.
+"""Progress of a long command on stderr: on a terminal a line that is rewritten, elsewhere a line a minute.
 
-The time left is shown where the share done is known: from "3 of 10" in what is said, or from a table of stages.
+The time left is shown if the share done is known: from "3 of 10" in the text, or from a table of stages.
 """
 
 import re
@@ -15,11 +15,11 @@ from typing import Self
 from thesis_lib.foundation.command_line import terminal_stream
 
 EVERY_TERMINAL, EVERY_LOG = 1.0, 60.0  # s between two lines
-SHORT = 2.0  # s; before that a forecast is a guess
+SHORT = 2.0  # s; an earlier forecast is a guess
 
 
 class Progress:
-    """Context manager that is called with what is being done: `with Progress("my_drops") as say: say("fitting")`."""
+    """Context manager that is called with the current activity: `with Progress("my_drops") as say: say("fitting")`."""
 
     def __init__(
         self,
@@ -31,10 +31,9 @@ class Progress:
     ):
         """
         Args:
-            label: what the work is about; begins each line.
-            quiet: whether nothing is shown.
-            stages: how a text begins -> share of the time (0 to 1) that has usually passed by then.
-            clock: seconds.
+            label: begins each line.
+            stages: beginning of a text -> share of the time (0 to 1) that has usually passed by then.
+            clock: in seconds.
         """
         self._label, self._quiet, self._stages, self._clock = label, quiet, stages or {}, clock
         self._stream = terminal_stream(sys.stderr)
@@ -49,7 +48,7 @@ class Progress:
         return self
 
     def __call__(self, text: str) -> None:
-        """Say what is being done now."""
+        """Show `text` as the current activity."""
         spent, share = self._clock() - self._start, self._share(text)
         self._text = text
         if share and spent > SHORT:
@@ -67,7 +66,7 @@ class Progress:
                 self._stream.rewrite("")
 
     def line(self) -> str:
-        """What is shown now."""
+        """The current line."""
         spent = self._clock() - self._start
         remaining = self._end - spent
         return f"{self._label}: {self._text}, {duration(spent)}" + (
@@ -92,5 +91,5 @@ class Progress:
 
 
 def duration(seconds: float) -> str:
-    """For people: seconds, minutes from 90 s on."""
+    """Text for people: seconds, minutes from 90 s on."""
     return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

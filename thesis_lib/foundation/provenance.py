@@ -1,10 +1,9 @@
-"""Which code, versions and data made a result.
+"""Code, versions and data that made a result.
 
-`lib_hash` is the part of it that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses,
-directly or through other modules.  Rules carry it as a parameter, so that an edit reruns exactly the rules that use
-the edited module; comments, layout and docstrings do not count, nor does the place of a module.  Imports are
-followed statically, also those inside functions.  Packages that are registries are hashed as whole folders, because
-a new file in them is a new member.
+`lib_hash` is the part that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses, directly or
+through other modules.  Rules carry it as a parameter, so that an edit reruns exactly the rules that use the edited
+module; comments, layout, docstrings and the place of a module do not count.  Imports are followed statically, also
+inside functions.  Packages that are registries are hashed as whole folders, because a new file in them is a new member.
 """
 
 import ast
@@ -29,12 +28,11 @@ DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that
 def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
     """Hash (16 hex digits) of a script and of every module of thesis_lib that it uses.
 
-    It depends on the code of modules, not on their place: moving a module, and the imports that name it, changes
-    nothing.
+    Moving a module and changing the imports that name it leaves the hash as it was.
 
     Args:
         script: Python file.
-        root: folder that holds the package; by default the one this module is in.
+        root: folder that holds the package; by default the parent of this package.
     """
     root = Path(root) if root else Path(__file__).resolve().parents[2]
     script = Path(script)
@@ -61,9 +59,9 @@ class _Module:
     """The code of a module, ready to be hashed.
 
     Attributes:
-        code: without docstrings, comments and layout; an import from the package is `_IMPORT`, its path left out.
+        code: without docstrings, comments and layout; an import from the package is `_IMPORT`, without its path.
         imports: (path, name) of each of these imports, in their order in `code`.
-        names: all that is imported from the package, with the packages on the way.
+        names: all that is imported from the package, including the packages on the way.
     """
 
     code: str
@@ -96,7 +94,7 @@ def _read_module(text: str, filename: str) -> _Module:
 def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> list[ast.stmt]:
     """The block with imports from the package reduced to the names that they bind; their paths go into `imports`.
 
-    Neighbouring imports are sorted by these names, because their order in the file follows the paths.
+    Adjacent imports are sorted by these names, because their order in the file follows the paths.
     """
     out: list[ast.stmt] = []
     run: list[tuple[str, str, str]] = []  # name that is bound, name in the module, its path
@@ -122,12 +120,10 @@ def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> lis
 
 
 def _hash_with_imports(module: _Module, root: Path) -> str:
-    """Hash of a module's code, where the path of each import is replaced by the code that it leads to."""
+    """Hash of a module's code, with the path of each import replaced by the imported code."""
     digest = hashlib.sha256(module.code.encode())
     for path, name in module.imports:
-        inner = _module_file(
-            f"{path}.{name}", root
-        )  # where a module is imported, its name is part of its path
+        inner = _module_file(f"{path}.{name}", root)  # the name of an imported module is part of its path
         file = inner or _module_file(path, root)
         code = _read_module(file.read_text(encoding="utf-8"), str(file)).code if file else path
         digest.update(f"\n{'' if inner else name}:{hashlib.sha256(code.encode()).hexdigest()}".encode())
@@ -176,7 +172,7 @@ def folder_sha256(folder: str | Path) -> str:
 
 
 def code_sha256(root: str | Path) -> str:
-    """One SHA-256 over the source of a checkout: Snakefile, and all of thesis_lib and workflow but caches."""
+    """One SHA-256 over the source of a checkout: Snakefile, and all of thesis_lib and workflow except caches."""
     root, digest = Path(root), hashlib.sha256()
     files = [root / "Snakefile", *(p for name in (PACKAGE, "workflow") for p in (root / name).rglob("*"))]
     for path in sorted(p for p in files if p.is_file() and "__pycache__" not in p.parts):
@@ -185,20 +181,20 @@ def code_sha256(root: str | Path) -> str:
 
 
 def value_sha256(value: object) -> str:
-    """SHA-256 of what can be written as JSON, whatever the order of keys."""
+    """SHA-256 of a value that JSON can hold, whatever the order of keys."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def environment(requirements: str | Path) -> dict:
-    """What else determines the bits of a result: versions, processor, BLAS, commit.
+    """The other causes of a result's bits: versions, processor, BLAS, commit.
 
     Args:
         requirements: file with a line `name==version` for each direct dependency, in the root of the checkout.
 
     Returns:
-        `python`, `platform`, `processor` (model, and the vector instructions for which kernels are chosen), `blas`
-        (library, version and kernel of each that NumPy and SciPy bring along), `packages` (all that is installed, and
-        those that should be and are not), `commit`, `local_changes` (null outside a git checkout), `code` (SHA-256).
+        `python`, `platform`, `processor` (model, and vector instructions that determine kernels), `blas` (library,
+        version and kernel of each in NumPy and SciPy), `packages` (all installed ones, and required ones that are
+        missing), `commit`, `local_changes` (null outside a git checkout), `code` (SHA-256).
     """
     root = Path(requirements).resolve().parent
     lines = Path(requirements).read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""Random streams that do not depend on each other.
+"""Independent random streams.
 
 Each rule's generator derives from the one seed of the configuration and a key (rule name and wildcards), so that
 adding a rule, a law or a dataset changes no other result.
@@ -22,7 +22,7 @@ def generator(seed: int, *key: str) -> np.random.Generator:
 
 
 def streams(rng: np.random.Generator) -> Callable[..., np.random.Generator]:
-    """Function from a name (words or numbers) to a stream of its own, all derived from one draw of `rng`.
+    """Function from a name (words or numbers) to a separate stream; all derive from one draw of `rng`.
 
     A loop over models or programs takes one for each, so that a further model shifts no draw of another.
 

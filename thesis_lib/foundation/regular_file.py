@@ -1,7 +1,7 @@
-"""What is checked before a file is opened: that it is a regular file, of bounded size, inside its folder.
+"""Checks before a file is opened: it must be a regular file, of bounded size, inside its folder.
 
-Reading a folder, a pipe or a device would fail oddly or never end, a huge file would fill the memory, and a link in
-a user's folder can lead anywhere.
+Reading a folder, a pipe or a device would fail oddly or never end, a huge file would fill the memory, and a link in a
+user's folder can lead anywhere.
 """
 
 import os
@@ -20,19 +20,15 @@ class FileProblem(UserError):
 
 
 class MissingFile(FileProblem):
-    """There is nothing under this path."""
+    """There is nothing at this path."""
 
 
 def regular_size(path: str | Path, limit: int, within: str | Path | None = None) -> int:
-    """Size in bytes of a regular file.
-
-    Args:
-        limit: largest size in bytes that is read.
-        within: folder that links must not leave; None: any.
+    """Size in bytes of a regular file, at most `limit`; `within` is a folder that links must not leave.
 
     Raises:
         MissingFile: there is none.
-        FileProblem: it is no regular file, is larger than `limit`, or lies outside `within`.
+        FileProblem: it is not a regular file, is larger than `limit`, or lies outside `within`.
     """
     try:
         status = os.stat(path)  # noqa: PTH116  (Path.stat says the same)
@@ -56,7 +52,7 @@ def regular_size(path: str | Path, limit: int, within: str | Path | None = None)
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether there is a regular file of this name; False also for names that no file can have."""
+    """Whether there is a regular file of this name; False also for impossible names."""
     try:
         return Path(path).is_file()
     except OSError:

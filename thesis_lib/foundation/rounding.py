@@ -1,4 +1,4 @@
-"""Numbers as they stand in the JSON files that are written: six significant digits, null where there is no number."""
+"""Numbers as written to JSON files: six significant digits, null for NaN and infinity."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 def six_digits(value: Any) -> Any:
     """`value` with every float rounded to six significant digits and NaN or infinity as None.
 
-    Six digits are finer than any measurement here, and coarser than the differences between processors.
+    Six digits are finer than any measurement here, and coarser than differences between processors.
     """
     if isinstance(value, dict):
         return {str(key): six_digits(item) for key, item in value.items()}

@@ -1,4 +1,4 @@
-"""Base of every typed section of YAML: unknown keys are refused, values cannot change after the check."""
+"""Base of every typed section of YAML: unknown keys are refused, checked values are immutable."""
 
 from typing import dataclass_transform
 
@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict
 
 @dataclass_transform(kw_only_default=True, field_specifiers=())
 class SectionType(type(BaseModel)):
-    """For type checkers: what is assigned to a field is its default, `Field(0.3, ge=0.0)` included."""
+    """For type checkers: a value assigned to a field is its default, `Field(0.3, ge=0.0)` included."""
 
 
 class Section(BaseModel, metaclass=SectionType):

@@ -1,7 +1,7 @@
-"""Text from strangers on a terminal: what does not print is shown as an escape and not obeyed.
+"""Strangers' text on a terminal: unprintable characters are shown as escapes and not obeyed.
 
-A terminal takes orders in its text (colours, the title of the window, the clipboard, erased lines), and marks of
-writing direction make a line read as another.  Names of folders, columns and keys come from whoever made a dataset.
+A terminal obeys control characters in text (colours, window title, clipboard, erased lines), and marks of writing
+direction make a line read as another.  Names of folders, columns and keys come from whoever made a dataset.
 """
 
 from typing import TextIO
@@ -27,7 +27,7 @@ class VisibleStream:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write text; returns the number of characters given."""
+        """Write text; returns the number of characters in `text`."""
         self._stream.write(visible(text))
         return len(text)
 

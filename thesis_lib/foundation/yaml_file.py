@@ -1,7 +1,7 @@
 """YAML from users: plain values only, bounded in size, nesting and use of aliases, with the line of every key.
 
-The library recurses into nested values, and aliases can unfold a few lines into gigabytes, so both are bounded before
-any value is built.  Of keys that stand twice YAML silently keeps the last; they are listed for the caller to refuse.
+The library recurses into nested values, and a few lines of aliases can unfold into gigabytes, so both are bounded
+before any value is built.  YAML silently keeps the last of repeated keys; they are listed for the caller to refuse.
 """
 
 from dataclasses import dataclass, field
@@ -15,8 +15,8 @@ from thesis_lib.foundation.regular_file import FileProblem, read_bytes
 
 MAX_BYTES = 1_000_000  # the largest of this project, config/claims/chapter3.yaml, has 80 kB
 MAX_DEPTH = 20  # the deepest legitimate nesting is 6
-MAX_NODES = 200_000  # keys and values once aliases are written out; chapter 3's claims have some 5,000
-# libyaml, where PyYAML was built with it, is ten times faster
+MAX_NODES = 200_000  # keys and values with aliases expanded; chapter 3's claims have some 5,000
+# libyaml is ten times faster, if PyYAML was built with it
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 Key = tuple[str | int, ...]
@@ -37,8 +37,8 @@ class Document:
     Attributes:
         content: mappings, lists and plain values.
         lines: line of each key and list item, by its place, e.g. ("body", "vertices", 0).
-        repeated: (place, line) of each key that stands again in the same mapping.
-        nodes: number of keys and values, aliases written out.
+        repeated: (place, line) of each repeated key of a mapping.
+        nodes: number of keys and values with aliases expanded.
     """
 
     content: Any = None
@@ -47,11 +47,7 @@ class Document:
     nodes: int = 0
 
     def refuse_repeated(self, path: str | Path) -> None:
-        """Refuse keys that stand twice, of which YAML would silently keep the last.
-
-        Raises:
-            UserError: keys stand twice, with their lines.
-        """
+        """Raise a UserError with the lines of repeated keys, of which YAML would silently keep the last."""
         if self.repeated:
             repeats = [
                 f"the key '{key[-1]}' stands in line {self.lines[key]} and again in line {line}"
@@ -62,7 +58,7 @@ class Document:
 
 
 def read_yaml(path: str | Path, within: str | Path | None = None, aliases: bool = True) -> Document:
-    """The content of a YAML file; `within` as in `regular_size`, `aliases`: whether they may be used.
+    """The content of a YAML file; `within` as in `regular_size`, `aliases`: whether they are allowed.
 
     Raises:
         FileProblem: there is no such file, or it cannot be read.
@@ -79,7 +75,7 @@ def read_yaml(path: str | Path, within: str | Path | None = None, aliases: bool 
         where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         what = f"is not valid YAML ({error.problem})"
         raise YamlProblem(path, where, what, "check indentation, colons and brackets there") from error
-    except Exception as error:  # the library's own errors are of many kinds: 2020-99-99, !!int '', !!bool x
+    except Exception as error:  # the library raises errors of many kinds: 2020-99-99, !!int '', !!bool x
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         remedy = "check it for odd characters and values"
         raise YamlProblem(path, "", f"is not valid YAML ({reason})", remedy) from error
@@ -112,12 +108,12 @@ def _refuse_nesting(path: str | Path, place: yaml.Event | yaml.Node) -> None:
 
 
 def _locate(path: str | Path, node: yaml.Node, at: Key, document: Document) -> None:
-    """Walk over all nodes with aliases written out: lines, keys that stand twice, and the bounds."""
+    """Visit all nodes with aliases expanded: record lines and repeated keys, check the bounds."""
     document.nodes += 1
     if document.nodes > MAX_NODES:
         what = f"holds more than {MAX_NODES:,} keys and values, aliases written out"
         raise YamlProblem(path, "", what, "follow the documented format")
-    if len(at) > MAX_DEPTH:  # an alias within the value that it stands for
+    if len(at) > MAX_DEPTH:  # an alias inside its own value
         _refuse_nesting(path, node)
     if isinstance(node, yaml.MappingNode):
         seen = set()

@@ -1,10 +1,10 @@
-"""One frame, one style and one set of elements for every page that is written: critique, batch, run, claims ledger.
+"""One frame, style and set of elements for every HTML page: critique, batch, run, claims ledger.
 
-Pages are Jinja2 templates beside the code that fills them; what is put into them is escaped unless it is `Markup`
-already.  `page.html` is the frame that each extends, `elements.html` holds its parts.
+Pages are Jinja2 templates beside the code that fills them; content is escaped unless it is `Markup` already.
+`page.html` is the frame that each extends, `elements.html` holds its parts.
 
 A page is one file: it needs no network, and equal content gives equal bytes.  Text is readable without its script; a
-policy in the head lets the browser run that script and no other, and load nothing from anywhere.
+policy in the head lets the browser run only that script, and load nothing.
 """
 
 import base64
@@ -27,9 +27,9 @@ def page(template: Path, title: str, *, script: str = "", kind: str = "", **cont
     Args:
         template: extends pages/page.html.
         title: of page and window, as plain text.
-        script: JavaScript, run when all is read.
-        kind: a class for the page: `wide` for tables of many columns.
-        content: what the template shows.
+        script: JavaScript, run when the page has loaded.
+        kind: CSS class of the page: `wide` for tables of many columns.
+        content: variables of the template.
     """
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     allowed = f"script-src 'sha256-{digest}'; " if script else ""
@@ -39,7 +39,7 @@ def page(template: Path, title: str, *, script: str = "", kind: str = "", **cont
 
 
 def render(template: Path, **content: Any) -> "Markup":
-    """What a template makes of its content, as HTML that is not escaped again."""
+    """A template filled with its content, as HTML that is not escaped again."""
     from markupsafe import Markup
 
     return Markup(
@@ -48,7 +48,7 @@ def render(template: Path, **content: Any) -> "Markup":
 
 
 def element(name: str, *content: Any) -> "Markup":
-    """What the macro `name` of elements.html makes of its arguments, as HTML that is not escaped again."""
+    """The macro `name` of elements.html applied to its arguments, as HTML that is not escaped again."""
     return getattr(_environment().get_template("pages/elements.html").module, name)(*content)
 
 

@@ -1,1 +1,1 @@
-"""Standard errors, intervals and robust spreads, and numbers as they stand in sentences."""
+"""Standard errors, intervals and robust spreads, and their wording in sentences."""

@@ -1,7 +1,7 @@
-"""Bootstrap intervals: what is independent (trials, throws, pushes) is drawn again with replacement.
+"""Bootstrap intervals: independent units (trials, throws, pushes) are resampled with replacement.
 
-An interval is the central 95 % of the resampled values (the percentile bootstrap).  Drawing n of n with replacement and
-counting how often each was drawn is the same; counts serve where a statistic is made of sums over trials.
+An interval is the central 95 % of the resampled values (the percentile bootstrap).  For statistics made of sums over
+trials, it suffices to count how often each trial is drawn.
 
 Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13,
 doi:10.1007/978-1-4899-4541-9.
@@ -28,7 +28,7 @@ def draw_counts(n: int, draws: int, rng: np.random.Generator) -> np.ndarray:
 def bootstrap_mean(
     values: np.ndarray, trial: np.ndarray, draws: int, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """95 % interval of the mean of `values` (n,), whose trials (n,) are independent; in the unit of the values."""
+    """95 % interval of the mean of `values` (n,), in their unit; only different trials (n,) are independent."""
     trials, index = np.unique(trial, return_inverse=True)
     total, count = np.bincount(index, values), np.bincount(index).astype(float)
     counts = draw_counts(len(trials), draws, rng)
@@ -38,7 +38,7 @@ def bootstrap_mean(
 def bootstrap_gain(
     gain: np.ndarray, n: int, draws: int, rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """Sum of the gains of trials (T,) divided by n, the number of cases in them all, and its 95 % interval."""
+    """Sum of the gains of trials (T,) over the n cases in all of them, and its 95 % interval."""
     low, high = central_95(draw_counts(len(gain), draws, rng) @ gain / n)
     return float(gain.sum() / n), low, high
 
@@ -46,6 +46,6 @@ def bootstrap_gain(
 def resampled(
     values: np.ndarray, statistic: Callable[[np.ndarray], float], draws: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """A statistic of the rows of `values` (n, ...), each row independent, in each resampling: (draws,)."""
+    """A statistic of `values` (n, ...) with independent rows, in each resampling: (draws,)."""
     rows = rng.integers(len(values), size=(draws, len(values)))
     return np.array([statistic(values[drawn]) for drawn in rows])

@@ -2,7 +2,7 @@
 
 | on paper | in code | unit | shape |                                                                        |
 |----------|---------|------|-------|------------------------------------------------------------------------|
-| k of n   | `k`, `n` | 1   |       | cases that count, and all                                              |
+| k of n   | `k`, `n` | 1   |       | counted cases, and all cases                                           |
 | p        | `share` | 1    |       | observed share k/n                                                     |
 | s        | `std`   | 1    |       | standard error of a share: half the width of Wilson's interval for z = 1 |
 
@@ -11,8 +11,8 @@ Wilson's interval of a share is
     (k + z²/2 ± z √(k (n − k)/n + z²/4)) / (n + z²)          scipy.stats has it too, but takes a second to import
 
 The usual standard error √(p (1 − p)/n) takes the observed share for the true one, and is 0 at p = 0: no impact out of
-800 would then rule out a true share of a thousandth.  Wilson's s is 1/(2 (n + 1)) there, and the usual one elsewhere
-up to 1/n.
+800 would then exclude a true share of 0.001.  There Wilson's s is 1/(2 (n + 1)); elsewhere it equals the usual one up
+to 1/n.
 
 Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927), doi:10.1080/01621459.1927.10502953.
 """
@@ -25,7 +25,7 @@ Z95 = 1.959963984540054  # half the width of a normal distribution's 95 % interv
 
 
 def wilson(k: float, n: float, z: float = Z95) -> tuple[float, float]:
-    """Wilson's interval of a share of `k` in `n` for `z` standard errors, 95 % unless told; (NaN, NaN) for n = 0."""
+    """Wilson's interval of a share of `k` in `n` for `z` standard errors, by default 95 %; (NaN, NaN) for n = 0."""
     if n == 0:
         return math.nan, math.nan
     centre = k + 0.5 * z**2
@@ -40,11 +40,7 @@ def wilson_std(share: float, n: int) -> float:
 
 
 def share_of(cases: np.ndarray) -> tuple[float, float]:
-    """Share of ones among zeros and ones (n,), and its standard error; NaN (no answer) is left out.
-
-    Raises:
-        ValueError: nothing is left.
-    """
+    """Share of ones among zeros and ones (n,), NaN ignored, and its standard error; ValueError if all are NaN."""
     cases = np.asarray(cases, float)
     cases = cases[np.isfinite(cases)]
     if not len(cases):
@@ -65,7 +61,7 @@ def standard_error(values: np.ndarray) -> float:
 
 
 def student_mean(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean of independent normal values (n,) and the ends of its 95 % interval by Student's t; NaN ends for one."""
+    """Mean of independent normal values (n,) and its 95 % interval by Student's t; NaN bounds for a single value."""
     from scipy.special import stdtrit
 
     mean = float(np.mean(values))
@@ -74,10 +70,10 @@ def student_mean(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def clustered_mean(values: np.ndarray, trial: np.ndarray) -> tuple[float, float, float]:
-    """Mean of `values` (n,) and the ends of its 95 % interval, in their unit, where only trials (n,) are independent.
+    """Mean of `values` (n,) and its 95 % interval, in their unit, if only different trials (n,) are independent.
 
     From the linearised variance of Σ_t s_t / Σ_t n_t, with s_t the sum and n_t the number of values of trial t.  NaN
-    without values; NaN ends for a single trial.
+    without values; NaN bounds for a single trial.
     """
     values, trial = np.asarray(values, float), np.asarray(trial)
     if not len(values):
@@ -93,7 +89,7 @@ def clustered_mean(values: np.ndarray, trial: np.ndarray) -> tuple[float, float,
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float]:
-    """95 % interval of the median of `values` (n,) from order statistics; all values where they are less than six."""
+    """95 % interval of the median of `values` (n,) from order statistics; their range if there are fewer than six."""
     from scipy.stats import binom
 
     ordered = np.sort(values)
@@ -105,7 +101,7 @@ def median_interval(values: np.ndarray) -> tuple[float, float]:
 def ratio_of_means(above: np.ndarray, below: np.ndarray) -> tuple[float, float]:
     """Mean of `above` (n,) over mean of `below` (m,), independent samples of positive values, and its standard error.
 
-    NaN where one of them has fewer than two values, or the mean of `below` is 0.
+    NaN if either has fewer than two values, or if the mean of `below` is 0.
     """
     if min(np.isfinite(above).sum(), np.isfinite(below).sum()) < 2:
         return math.nan, math.nan

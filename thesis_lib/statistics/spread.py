@@ -1,9 +1,9 @@
-"""Spread of values that are normal but for a few wild ones, from the median of their size.
+"""Spread of normal values with a few outliers, from the median of their size.
 
     σ = median |x| / Φ⁻¹(3/4) = 1.4826 median |x|        of x ~ N(0, σ²)
 
-Values with another mean are centred by the caller, on their median.  A quarter of the values may be wild on either side
-before σ is beyond all bounds.
+Values with another mean are centred by the caller, on their median.  A quarter of the values may be outliers on either
+side before σ becomes unbounded.
 
 Source: F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383,
 doi:10.1080/01621459.1974.10482962.
@@ -15,5 +15,5 @@ MAD_TO_STD = 1.482602218505602  # 1/Φ⁻¹(3/4)
 
 
 def robust_std(values: np.ndarray, axis: int | None = 0) -> np.ndarray:
-    """Standard deviation of `values` about zero along `axis` (None: of all), in their unit; NaN without any."""
+    """Standard deviation of `values` about zero along `axis` (None: of all), in their unit; NaN without values."""
     return MAD_TO_STD * np.median(np.abs(values), axis=axis)

@@ -1,4 +1,4 @@
-"""Numbers and judgements as they stand in sentences: rounded to what their uncertainty allows, with unit and sign."""
+"""Numbers and judgements in sentences: rounded as their uncertainty allows, with unit and sign."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 3, unit: str = "") -> str:
-    """`value` to `digits` significant digits with its unit: 0.0831 m/s, −12.0 %, 1,240; "unknown" if there is none.
+    """`value` to `digits` significant digits with its unit: 0.0831 m/s, −12.0 %, 1,240; "unknown" if it is None.
 
     Numbers below 10⁻⁴ and from 10⁶ on are written as powers of ten.
     """
@@ -35,36 +35,36 @@ def interval(value: float, low: float, high: float, unit: str = "") -> str:
     if not math.isfinite(value) or not math.isfinite(width) or width == 0.0:
         return number(value, unit=unit)
     decimals = max(0, 1 - math.floor(math.log10(width)))
-    # + 0.0: what rounds to zero has no sign
+    # + 0.0: a number that rounds to zero has no sign
     shown = [f"{round(x, decimals) + 0.0:,.{decimals}f}".translate(MINUS) for x in (value, low, high)]
     return f"{shown[0]} ({shown[1]} to {shown[2]})" + (f"{NBSP}{unit}" if unit else "")
 
 
 def estimate(value: float, std: float, unit: str = "") -> str:
-    """The same from a standard error, whose 95 % interval is that of a normal error."""
+    """The same from the standard error of a normal estimate."""
     return interval(value, *ends(value, std), unit)
 
 
 def ends(value: Any, std: Any) -> tuple[Any, Any]:
-    """The 95 % interval of an estimate with a normal error, or those of a column of them."""
+    """The 95 % interval of an estimate with a normal error, or of each in a column of them."""
     return value - Z95 * std, value + Z95 * std
 
 
 def side(low: float, high: float, of: float, words: tuple[str, str, str]) -> str:
-    """The word for an interval below, around or above the value `of`; bounds that are no numbers tell nothing apart."""
+    """The word for an interval below, around or above the value `of`; NaN bounds count as around it."""
     below, around, above = words
     return below if high < of else above if low > of else around
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """0.123 -> 12 %.  Only all is 100 %: 0.9963 -> 99.6 %."""
+    """0.123 -> 12 %.  Only a share of 1 is 100 %: 0.9963 -> 99.6 %."""
     while 0.0 < share < 1.0 and float(f"{100.0 * share:.{digits - 1}e}") >= 100.0 and digits < 9:
         digits += 1
     return number(100.0 * share, 3 if share == 1.0 else digits, "%")
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:
-    """a; a and b; a, b and c; "" of none."""
+    """a; a and b; a, b and c; "" without names."""
     *first, end = names or [""]
     return f"{', '.join(first)} {last} {end}" if first else end
 
