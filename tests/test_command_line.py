@@ -271,7 +271,12 @@ sys.exit(main())
 def test_ctrl_c_on_a_terminal_is_one_line_and_130():
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
-        [sys.executable, "-c", LONG], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=theirs
+        [sys.executable, "-c", LONG],
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=theirs,
+        # a job in the background of a script ignores Ctrl-C, and hands that on
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     os.close(theirs)
     said = b""
