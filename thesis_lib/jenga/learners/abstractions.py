@@ -1,36 +1,30 @@
-"""The abstractions themselves: what they look like, whether they are the hidden truth, and when a new one is needed.
+"""Judging the abstractions: their looks, their agreement with the hidden label, and the need for a new one.
 
-Stuck or free from the first steps, without truth: an abstraction counts as stuck if its block moves less than half of
-the advance or takes the tower along (`stuck_group`: `mixture.NO_MOVE`, `mixture.DRAG`; no force at all is no block, not
-a stuck one); a push is stuck where those abstractions hold more than half of the belief.  Only the comparison,
+Stuck or free is decided from the first steps, without truth.  An abstraction counts as stuck if its block moves less
+than half of the advance or drags the tower along (`stuck_group`: `mixture.NO_MOVE`, `mixture.DRAG`; without any force
+there is no block).  A push is stuck if those abstractions hold more than half of the belief.  Only the comparison,
 
     balanced accuracy = ½ (share of stuck pushes called stuck + share of free pushes called free),
 
-and the adjusted Rand index of abstractions against truth (Hubert and Arabie 1985, doi 10.1007/BF01908075) see `truth`.
+and the adjusted Rand index of abstractions against truth (Hubert and Arabie 1985, doi 10.1007/BF01908075) use `truth`.
 Intervals resample pushes, stuck and free ones separately.
 
-Predictive check (Box): residuals of each sample under the abstraction that comes nearest among those with belief above
-`PLAUSIBLE`, given what the push has shown so far,
+Predictive check (Box): residuals of each sample under the nearest abstraction among those with belief above `PLAUSIBLE`
+from the push so far,
 
     r_id = (z_id − μ_id)/√var_id,   d²_i = mean_d r²_id,   v_j = mean over push j of (r_i1 … r_i6, log d²_i)
     D²_j = Σ_d (v_jd − m_d)² / (τ_d² + σ_d²/n_j);   p_j = (1 + reference pushes with D ≥ D_j) / (1 + reference pushes)
 
-with mean m, variance τ² between and σ² within pushes from reference pushes of the known tower, not learned from.
-The mean of signed residuals sees what is small but always to one side (a tower that creeps along).  A push fails if
-p_j ≤ `LEVEL` (one in twenty of the known ones does, too: D has no known distribution, slips being what they are, and so
-is ranked); whether all pushes together are farther off than known ones is asked by permuting both, with the mean of
-D² (the tail counts: an effect touches some blocks, not all).
+with r (n, 6) in the dimensions `learner.SEEN`, and mean m, variance τ² between and σ² within reference pushes of the
+known tower that were not learned from.  The mean of signed residuals shows small one-sided deviations, as of a tower
+that creeps along.  A push fails if p_j ≤ `LEVEL`, as does one in twenty of the known pushes: D is ranked because slips
+give it no known distribution.  Whether all pushes together deviate is tested by permuting both sets, with the mean of
+D² (the tail counts: an effect touches only some blocks).
 
-| paper | code       | unit | shape    |                                           |
-|-------|------------|------|----------|-------------------------------------------|
-| r     | `residual` | 1    | (n, 6)   | dimensions `learner.SEEN`                 |
-| D     | `distance` | 1    | per push | Mahalanobis distance                      |
-| p     | `p_value`  | 1    | per push |                                           |
+A new abstraction gets a normal component for the windows of the failing pushes, and a network that starts as their
+nearest one, with the shared prior of all.  Earlier abstractions stay unchanged.
 
-A new abstraction gets a normal component for the windows of the pushes that failed, and a network that starts as the
-one that came nearest to them, with the shared prior of all; what was learned before stays as it is.
-
-Own choices throughout: the thesis reports abstractions by eye (figure 5-8).
+All of this is own choice: the thesis judges abstractions by eye (figure 5-8).
 """
 
 from copy import copy
@@ -47,21 +41,21 @@ from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, first_
 from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, Samples
 
-PLAUSIBLE = 0.05  # belief below which an abstraction does not explain a sample
+PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
 LEVEL = 0.05  # of the predictive check, for a push and for all together
 PERMUTATIONS = 2000
-ENOUGH = 20  # reference pushes: with fewer no p-value of a push reaches the level
+ENOUGH = 20  # reference pushes: with fewer, no p-value of a push can reach the level
 
 
 def stuck_group(learner: Hma) -> np.ndarray:
-    """Which abstractions (K,) count as stuck: the module's rule, without truth."""
+    """Which abstractions count as stuck by the module's rule, (K,) bool."""
     look = learner.look
     still = (look["move"] < NO_MOVE) & (look["force"] >= NO_FORCE)
     return still | (look["drag"] > DRAG)
 
 
 def infer_first_steps(learner: Learner, samples: Samples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
-    """First row (m,) of each push that has `steps` samples, and the belief (m, K) after them.
+    """First row (m,) of each push with at least `steps` samples, and the belief (m, K) after that many.
 
     Raises:
         UserError: no push is that long.
@@ -80,7 +74,7 @@ def infer_first_steps(learner: Learner, samples: Samples, steps: int = 5) -> tup
 
 @dataclass(frozen=True)
 class Agreement:
-    """Abstractions against hidden truth: balanced accuracy with its interval, adjusted Rand index, pushes."""
+    """Balanced accuracy against hidden truth with its interval, adjusted Rand index, and numbers of pushes."""
 
     balanced_accuracy: float
     low: float
@@ -101,7 +95,7 @@ def agreement(
     """How well the first `steps` samples of a push tell stuck from free.
 
     Raises:
-        UserError: no push of known truth is long enough, or only one kind is there.
+        UserError: no push of known truth is long enough, or all have the same truth.
     """
     from sklearn.metrics import adjusted_rand_score
 
@@ -125,7 +119,7 @@ def agreement(
 
 
 def abstraction_table(learner: Hma) -> pd.DataFrame:
-    """A row per abstraction: name, share, force (N), rise (N/mm), move, lag, drag (1), counts as stuck."""
+    """A row per abstraction: name, share, force (N), rise (N/mm), move, lag, drag (1), stuck (0 or 1)."""
     return pd.DataFrame(
         {"abstraction": learner.names, "share": learner.shares}
         | {name: np.asarray(value) for name, value in learner.look.items()}
@@ -134,7 +128,7 @@ def abstraction_table(learner: Hma) -> pd.DataFrame:
 
 
 def residuals(learner: Learner, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """r (n, 6) of the module, and the abstraction (n,) that comes nearest."""
+    """r (n, 6) of the module, and the index (n,) of the nearest abstraction."""
     groups = push_groups(samples)
     residual = np.empty((len(samples), len(SEEN)))
     nearest = np.empty(len(samples), dtype=int)
@@ -156,10 +150,10 @@ def residuals(learner: Learner, samples: Samples) -> tuple[np.ndarray, np.ndarra
 class PredictiveCheck:
     """Which pushes the learned abstractions do not explain.
 
-    pushes: a row per push: push, tower, block, layer, side, steps, distance, p_value, fails, abstraction (the one most
-    used), worst (the dimension of the state that is most off).
-    by_abstraction: a row per abstraction used: name, pushes, how many fail, mean distance.
-    p_value: of all pushes together.  new_abstraction: whether one is called for.
+    pushes: a row per push: push, tower, block, layer, side, steps, distance (D), p_value, fails, abstraction (most
+    frequent), worst (the dimension of the state with the largest term of D²).  by_abstraction: a row per abstraction
+    used: name, pushes, number of failures, mean distance.  p_value: of all pushes together.  new_abstraction: whether
+    one is needed.
     """
 
     pushes: pd.DataFrame
@@ -171,9 +165,9 @@ class PredictiveCheck:
 def predictive_check(
     learner: Learner, samples: Samples, reference: Samples, rng: np.random.Generator
 ) -> PredictiveCheck:
-    """Compare predictions with new samples; `reference`: samples of the known tower that learning has not seen.
+    """Compare predictions with new samples; `reference` are samples of the known tower that were not learned from.
 
-    A new abstraction is called for if all pushes together are too far off (p_value below `LEVEL`).
+    A new abstraction is needed if all pushes together deviate too much (p_value below `LEVEL`).
 
     Raises:
         UserError: fewer than `ENOUGH` reference pushes.
@@ -186,8 +180,8 @@ def predictive_check(
     table, values, _ = _per_push(learner, samples)
     sizes = known["steps"].to_numpy()
     square = _square(values, table["steps"].to_numpy(), reference_values, sizes, within)
-    # a reference push is judged by the others, as a new one is: otherwise it would lie too near
-    own = np.vstack(
+    # a reference push is compared with the others only: with itself included it would lie too near
+    reference_square = np.vstack(
         [
             _square(
                 reference_values[[j]],
@@ -199,7 +193,7 @@ def predictive_check(
             for j in range(len(known))
         ]
     )
-    known["distance"] = np.sqrt(own.sum(axis=1))
+    known["distance"] = np.sqrt(reference_square.sum(axis=1))
     table["distance"] = np.sqrt(square.sum(axis=1))
     table["worst"] = [STATE[SEEN[k]] for k in square[:, : len(SEEN)].argmax(axis=1)]
     rank = np.searchsorted(np.sort(known["distance"]), table["distance"].to_numpy())
@@ -224,13 +218,13 @@ def _square(
     reference_sizes: np.ndarray,
     within: np.ndarray,
 ) -> np.ndarray:
-    """Terms (pushes, 7) of D² of `values` (pushes, 7), from v of the reference."""
+    """Terms (pushes, 7) of D² for `values` v (pushes, 7), relative to the reference."""
     between = reference.var(axis=0, ddof=1) - (1.0 / reference_sizes).mean() * within
     return (values - reference.mean(axis=0)) ** 2 / (np.maximum(between, 0.0) + within / sizes[:, None])
 
 
 def _per_push(learner: Learner, samples: Samples) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
-    """A row per push, v (pushes, 7), and the variance (7,) within pushes of what v is the mean of."""
+    """A row per push, v (pushes, 7), and the variance (7,) within pushes."""
     residual, nearest = residuals(learner, samples)
     values = np.column_stack([residual, np.log((residual**2).mean(axis=1))])
     rows, means, spread, freedom = [], [], 0.0, 0
@@ -254,12 +248,12 @@ def _per_push(learner: Learner, samples: Samples) -> tuple[pd.DataFrame, np.ndar
 
 
 def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generator) -> Hma:
-    """The learner with one abstraction more, learned from `samples` of pushes that failed; the old one stays.
+    """A copy of the learner with start more abstraction, learned from `samples` of failing pushes.
 
-    Its share is that of one abstraction among K + 1 (nothing is known yet of how many blocks it holds for).
+    Its share is 1/(K + 1), because the number of blocks that it holds for is unknown.
 
     Raises:
-        UserError: fewer than `MIN_SAMPLES` samples, or a learner without a window mixture (one-shot).
+        UserError: fewer than `MIN_SAMPLES` samples, or a learner without a window mixture (start-shot).
     """
     if learner.mixture is None:
         raise UserError("a new abstraction needs the two-step learner (one_shot: false).")
@@ -280,13 +274,13 @@ def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generato
     inputs = learner.scaling.inputs(samples.state, samples.action, samples.context)
     outputs = learner.scaling.outputs(samples.state, samples.next_state)
     nearest = np.bincount(residuals(learner, samples)[1], minlength=k).argmax()
-    one = BayesianNetworks(
+    start = BayesianNetworks(
         nets.settings, [m[[nearest]] for m in nets.mean], [s[[nearest]] for s in nets.log_std], nets.shared
     )
-    new = train(inputs, outputs, np.ones((len(inputs), 1)), config.network, int(rng.integers(2**31)), one)
+    new = train(inputs, outputs, np.ones((len(inputs), 1)), config.network, int(rng.integers(2**31)), start)
 
-    other = copy(learner)
-    other.networks = BayesianNetworks(
+    extended = copy(learner)
+    extended.networks = BayesianNetworks(
         nets.settings,
         *(
             [torch.cat(pair) for pair in zip(a, b)]
@@ -295,17 +289,17 @@ def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generato
         nets.shared,
         [torch.cat(pair, dim=1) for pair in zip(nets.draws, new.draws)],
     )
-    other.shares = np.append(learner.shares * (1 - share), share)
-    other.first = np.append(learner.first * (1 - share), share)
-    other.mixture = replace(
+    extended.shares = np.append(learner.shares * (1 - share), share)
+    extended.first = np.append(learner.first * (1 - share), share)
+    extended.mixture = replace(
         old,
         weights=weights,
         means=np.vstack([old.means, scaled.mean(axis=0)]),
         covariances=np.concatenate([old.covariances, cov[None]]),
         topics=topics,
-        shares=other.shares,
+        shares=extended.shares,
     )
     look = describe(features, np.ones((len(features), 1)), config.window.force_scale)
-    other.look = {name: np.append(value, look[name]) for name, value in learner.look.items()}
-    other.names = [*learner.names, f"new: {names_of(look)[0]}"]
-    return other
+    extended.look = {name: np.append(value, look[name]) for name, value in learner.look.items()}
+    extended.names = [*learner.names, f"new: {names_of(look)[0]}"]
+    return extended

@@ -1,24 +1,18 @@
-"""Bayesian neural networks of the changes of the state: K networks in one batch, with a prior that they share.
+"""Bayesian neural networks of the changes of the state: K networks in one batch, with a shared prior.
 
     w_k ~ Normal(μ_θ, σ_w²/fan-in),   μ_θ ~ Normal(0, σ_θ²/fan-in)                                  (weights)
     Δ | x, w_k ~ Normal(g(x; w_k), diag exp h(x; w_k))                                               (output)
     loss = −Σ_i Σ_k r_ik log p(Δ_i | x_i, w_k) + β Σ_k KL(q(w_k) ‖ p(w_k | μ_θ)) − β log p(μ_θ),
     q(w_k) = Normal(m_k, diag s_k²)                                                                  (mean field)
 
-| paper | code            | unit | shape       |                                                       |
-|-------|-----------------|------|-------------|-------------------------------------------------------|
-| x     | `inputs`        | 1    | (n, d)      | scaled inputs, `learner.Scaling`                      |
-| Δ     | `outputs`       | 1    | (n, 7)      | scaled changes of the state                           |
-| r     | `resp`          | 1    | (n, K)      | responsibilities of the abstractions                  |
-| θ_k   | `mean`, `log_std` | 1  | (K, in, out) | of each layer's weights, bias as last row            |
-| μ_θ   | `shared`        | 1    | (in, out)   | mean that the K networks share                        |
-| β     | –               | 1    |             | rises from 0 to 1 over the first steps (annealing)    |
+x are scaled inputs (`learner.Scaling`), Δ scaled changes of the state, and r the responsibilities of the abstractions;
+`mean`, `log_std` and `shared` hold m_k, log s_k and μ_θ; β rises from 0 to 1 over the first steps (annealing).
 
-The thesis gives the hierarchy (v_θ above θ_k, section 5.3.1) and no sizes.  Own choices: tanh layers beside a linear
-path from inputs to outputs (so that a handful of samples fits a line, not a wiggle); mean-field normals with local
-reparametrisation (Kingma, Salimans and Welling 2015, arXiv 1506.02557); an abstraction with few samples falls back on
-μ_θ, which all samples taught.  Predictions average `draws` fixed draws of the weights, in opposite pairs: mean of
-their means, mean of their variances plus the variance of their means.
+The thesis gives the hierarchy (v_θ above θ_k, section 5.3.1) but no sizes.  Own choices: tanh layers beside a linear
+path from inputs to outputs, so that a few samples are fitted by a line; mean-field normals with local reparametrisation
+(Kingma, Salimans and Welling 2015, arXiv 1506.02557).  An abstraction with few samples falls back on μ_θ, which is
+learned from all samples.  Predictions average `draws` fixed antithetic draws of the weights: the mean of their means,
+and the mean of their variances plus the variance of their means.
 """
 
 from dataclasses import dataclass, field, replace
@@ -31,7 +25,7 @@ from thesis_lib.jenga.learners.settings import NetworkSettings
 
 # log variances of scaled outputs: a sixtieth to ten standard deviations of a training change
 LOG_VAR = (-8.0, 4.6)
-# of q, times the prior's: networks start nearly deterministic and widen where data are silent
+# of q, times the prior's: networks start nearly deterministic and widen where there are no data
 START_STD = 0.05
 N_OUT = 7
 
@@ -39,14 +33,14 @@ Layers = list[torch.Tensor]
 
 
 def layer_shapes(n_inputs: int, hidden: tuple[int, ...]) -> list[tuple[int, int]]:
-    """(fan-in + 1, units) of the hidden layers, of the output and of the linear path."""
+    """(fan-in + 1, units) of the hidden layers, the output and the linear path."""
     sizes = [n_inputs, *hidden]
     shapes = [(a + 1, b) for a, b in pairwise(sizes)]
     return [*shapes, (hidden[-1] + 1, 2 * N_OUT), (n_inputs + 1, 2 * N_OUT)]
 
 
 def _affine(x: torch.Tensor, w: torch.Tensor) -> torch.Tensor:
-    """x (…, n, in) times weights (…, in + 1, out) whose last row is the bias."""
+    """x (…, n, in) times weights (…, in + 1, out); the last row is the bias."""
     return x @ w[..., :-1, :] + w[..., -1:, :]
 
 
@@ -60,7 +54,7 @@ def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor
 
 
 def soft_clamp(log_var: torch.Tensor) -> torch.Tensor:
-    """Log variance held within `LOG_VAR`, smoothly."""
+    """Log variance confined smoothly to `LOG_VAR`."""
     low, high = LOG_VAR
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     return middle + half * torch.tanh((log_var - middle) / half)
@@ -75,10 +69,9 @@ def _local(x: torch.Tensor, mean: torch.Tensor, std: torch.Tensor, gen: torch.Ge
 
 @dataclass
 class BayesianNetworks:
-    """K networks trained together; see the module's table.
+    """K networks trained together; the last row of each layer's weights is the bias.
 
-    mean, log_std: per layer (K, in + 1, out).  shared: per layer (in + 1, out).  draws: per layer
-    (draws, K, in + 1, out), the weights that predictions use.
+    Per layer: mean, log_std (K, in + 1, out); shared (in + 1, out); draws (draws, K, in + 1, out), used in predictions.
     """
 
     settings: NetworkSettings
@@ -89,7 +82,7 @@ class BayesianNetworks:
 
     @classmethod
     def prior(cls, n_inputs: int, k: int, settings: NetworkSettings, seed: int) -> "BayesianNetworks":
-        """K networks as the prior has them, before any data."""
+        """K networks drawn from the prior, without data."""
         gen = torch.Generator().manual_seed(seed)
         nets = cls(settings)
         for rows, columns in layer_shapes(n_inputs, settings.hidden):
@@ -103,7 +96,7 @@ class BayesianNetworks:
         return nets
 
     def redraw(self, gen: torch.Generator) -> None:
-        """New fixed draws of the weights."""
+        """Replace the fixed draws of the weights."""
         half = self.settings.draws // 2
         self.draws = []
         for m, s in zip(self.mean, self.log_std):
@@ -111,7 +104,7 @@ class BayesianNetworks:
             self.draws.append(m + torch.exp(s) * torch.cat([noise, -noise]))
 
     def at_mean(self) -> "BayesianNetworks":
-        """The same networks, predicting with their mean weights alone."""
+        """The same networks with predictions from their mean weights alone."""
         return replace(self, draws=[m[None] for m in self.mean])
 
     def predict(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -137,9 +130,10 @@ def train(
     start: BayesianNetworks | None = None,
     iterations: int | None = None,
 ) -> BayesianNetworks:
-    """Networks by the module's loss.
+    """Networks that minimise the module's loss.
 
-    inputs (n, d), outputs (n, 7), resp (n, K); start: networks to go on from; iterations: default the settings'.
+    inputs: x (n, d).  outputs: Δ (n, 7).  resp: r (n, K).  start: networks to continue.  iterations: default the
+    settings'.
     """
     gen = torch.Generator().manual_seed(seed)
     k, n = resp.shape[1], len(inputs)
@@ -189,7 +183,7 @@ def train(
 def divergence(
     shared: Layers, mean: Layers, log_std: Layers, scales: list[float], settings: NetworkSettings
 ) -> torch.Tensor:
-    """KL(q ‖ prior) of all networks, and −log p of the shared mean (up to a constant)."""
+    """KL(q ‖ prior) of all networks − log p of the shared mean, up to a constant."""
     total = torch.zeros(())
     for mu, m, ls, scale in zip(shared, mean, log_std, scales):
         prior = settings.prior_std * scale

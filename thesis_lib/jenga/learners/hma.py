@@ -1,27 +1,21 @@
-"""Hierarchical model abstractions: abstractions of pushes first, then the physics of each.
+"""Hierarchical model abstractions: first the abstractions of pushes, then the physics of each.
 
     1. top-down:   c | windows                    (`mixture`: Dirichlet process, merged)
     2. bottom-up:  s_{t+1} | s_t, a_t, c = k      (`bayesian_network`, weighted with p(c_i = k | push))
     3. noise:      z_t | s_t ~ Normal(s_t, Σ_z)   (from the residuals of 2)
-    4. belief:     b_{t+1} as in `learner`, with p(z_{t+1} | s_t, a_t, k) the network's prediction, and the window
-                   mixture of one step beside it: fully at the first step of a push (no state yet tells what the block
-                   is), to the power `emission_weight` later
+    4. belief:     b_{t+1} as in `learner`, where p(z_{t+1} | s_t, a_t, k) is the network's prediction times the window
+                   mixture of one step: in full at the first step of a push, when no state yet tells blocks apart, and
+                   to the power `emission_weight` later
 
-| paper | code           | unit    | shape   |                                              |
-|-------|----------------|---------|---------|----------------------------------------------|
-| c     | `resp`         | 1       | (n, K)  | responsibilities of training samples         |
-| Σ_z   | `noise`        | mm², N² | (7,)    | variance of a reading (diagonal)             |
-| π     | `shares`       | 1       | (K,)    | share of each abstraction                    |
+Σ_z.  Networks are trained on readings and so predict readings.  The sensors' part of their error follows from the
+second differences e_t of a push's readings, less the mean change of the abstraction (process noise white, variance q):
+Cov(e_t, e_t) = 6 Σ_z + 2q,  Cov(e_t, e_{t+1}) = −4 Σ_z − q,  Cov(e_t, e_{t+2}) = Σ_z,  solved by least squares for
+Σ_z, q ≥ 0.  Where a state is read again before the next step, half the variance between both readings is added (by the
+median: contact at a new place changes some forces for good).  Immediate effects of an action (f_t) look like noise in
+differences, so the networks' error, which holds the noise of z_{t+1} in full, is the upper bound.
 
-Σ_z.  Networks are trained on readings and so predict readings; what part of their error is the sensors' is seen in the
-second differences e_t of a push's readings after the mean change of its abstraction is taken off (process noise white,
-variance q):  Cov(e_t, e_t) = 6 Σ_z + 2q,  Cov(e_t, e_{t+1}) = −4 Σ_z − q,  Cov(e_t, e_{t+2}) = Σ_z,  solved by least
-squares for Σ_z, q ≥ 0.  Where a state is read anew before the next step, half the variance between the two readings is
-added (by the median: contact at a new place changes some forces for good).  What an action changes at once (f_t) looks
-like noise to differences, so the networks' own error, which holds the noise of z_{t+1} in full, is an upper bound.
-
-One-shot (ablation; `one_shot`): responsibilities start at random and alternate with the networks, windows play no part;
-the thesis recommends two steps where this fails.
+One-shot (ablation; `one_shot`): responsibilities start at random and alternate with the networks, without windows.  The
+thesis recommends two steps where this fails.
 
 Source: thesis, sections 5.3.1 and 5.3.2; own choices in `settings`.
 """
@@ -50,16 +44,17 @@ from thesis_lib.jenga.learners.mixture import WindowMixture, describe, fit_mixtu
 from thesis_lib.jenga.robot.samples import STATE, Samples
 
 ADVANCE = STATE.index("advance")
-FIRST_STEP = 0.5  # mm of advance: below it, no state yet tells what the block is
-PRIOR_PUSHES = 2.0  # pushes' worth of π in the initial belief
+FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell blocks apart
+PRIOR_PUSHES = 2.0  # weight of π in the initial belief, in pushes
 
 
 @dataclass
 class Hma(Learner):
-    """The paper's learner.
+    """The learner of the thesis.
 
-    Once fitted: mixture (None in one shot), networks, noise, resp (module's table); first (K,), belief before contact;
-    look and names of the abstractions, of `mixture.describe` and `mixture.names_of`.
+    Once fitted: mixture (None in one shot), networks; noise, the diagonal of Σ_z (7,), mm² and N²; resp (n, K), p(c |
+    push) of the training samples; shares π (K,); first (K,), belief before contact; look and names of the abstractions,
+    from `mixture.describe` and `mixture.names_of`.
     """
 
     name: str = "hma"
@@ -73,7 +68,7 @@ class Hma(Learner):
     names: list[str] = field(init=False, repr=False)
 
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Hma":
-        """See the module; errors as in `Learner.fit`."""
+        """Run the steps of the module.  Errors as in `Learner.fit`."""
         config = self.settings
         self.scaling = Scaling.of(samples, config.window.force_scale, config.context)
         features = windows(samples, config.window)
@@ -96,7 +91,7 @@ class Hma(Learner):
     def _one_shot(
         self, samples: Samples, inputs: np.ndarray, outputs: np.ndarray, seed: int, rng: np.random.Generator
     ) -> None:
-        """Alternate responsibilities (given whole pushes) and networks, from random responsibilities of pushes."""
+        """Alternate responsibilities of whole pushes with networks, from random responsibilities."""
         config, k = self.settings, self.settings.mixture.max_abstractions
         _, push = np.unique(samples.push, return_inverse=True)
         self.resp = rng.dirichlet(np.full(k, 0.5), push.max() + 1)[push]
@@ -114,7 +109,7 @@ class Hma(Learner):
         self.networks = train(inputs, outputs, self.resp, config.network, seed)
 
     def _noise(self, samples: Samples) -> np.ndarray:
-        """Σ_z (7,) by the module's moments."""
+        """Σ_z (7,), mm² and N², by the module's moments."""
         from scipy.optimize import nnls
 
         change = samples.next_state - samples.state
@@ -137,14 +132,14 @@ class Hma(Learner):
         pattern = np.array([[6.0, 2.0], [-4.0, -1.0], [1.0, 0.0]])
         shared = np.array([nnls(pattern, lag)[0][0] for lag in np.array(np.broadcast_arrays(*lags)).T])
         again = (samples.state[1:] - samples.next_state[:-1])[inside]
-        # 0.6745: four digits of statistics.spread's; with more every stored game of chapter 5 would be another
+        # 0.6745 has four digits, unlike statistics.spread's: more digits would change every stored game of chapter 5
         reread = 0.5 * (np.median(np.abs(again), axis=0) / 0.6745) ** 2
         mean, _ = self.predict(samples.state, samples.action, samples.context, self.resp).moments()
         most = (np.median(np.abs(samples.next_state - mean), axis=0) / 0.6745) ** 2
         return np.clip(shared + reread, SMALLEST**2, np.maximum(most, SMALLEST**2))
 
     def _first_belief(self, samples: Samples) -> np.ndarray:
-        """P(c_1) (K,): counts over first samples of pushes, with π as a prior of `PRIOR_PUSHES` pushes."""
+        """P(c_1) (K,): counts over first samples of pushes, with π as a prior worth `PRIOR_PUSHES` pushes."""
         first = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
         counts = self.resp[first].sum(axis=0) + PRIOR_PUSHES * self.shares
         return counts / counts.sum()
@@ -158,7 +153,7 @@ class Hma(Learner):
         return Prediction(self.scaling.next_state(state[:, None], mean), self.scaling.change**2 * var, weight)
 
     def at_mean(self) -> "Hma":
-        """The same with each network at its mean weights, as `showcase_nuts` has it."""
+        """A copy that predicts with mean weights alone, as `showcase_nuts` does."""
         other = copy(self)
         other.networks = self.networks.at_mean()
         return other
@@ -175,7 +170,7 @@ class Hma(Learner):
         context: np.ndarray,
         next_state: np.ndarray,
     ) -> np.ndarray:
-        """Belief (n, K) after `next_state` was observed."""
+        """Belief (n, K) after the reading `next_state` (n, 7)."""
         config = self.settings
         prediction = self.predict(state, action, context, belief)
         first = state[:, ADVANCE] < FIRST_STEP
@@ -194,9 +189,9 @@ class Hma(Learner):
         context: np.ndarray,
         abstraction: int | None = None,
     ) -> tuple[int, np.ndarray, np.ndarray]:
-        """A push from the generative model: c, states (t + 1, 7), readings (t + 1, 7).
+        """A push from the generative model: c, states (t + 1, 7), readings (t + 1, 7), mm and N.
 
-        actions: (t, 2).  context: (2,).  abstraction: c, default drawn from the belief before contact.
+        actions: (t, 2).  context: (2,).  abstraction: c, drawn from the belief before contact by default.
         """
         steps = len(actions)
         c = int(rng.choice(self.n_abstractions, p=self.first)) if abstraction is None else abstraction

@@ -5,16 +5,9 @@
     update:   S = P⁻ + Σ_z,  G = P⁻ S⁻¹,  m = m⁻ + G (z − m⁻),  P = (I − G) P⁻ (I − G)ᵀ + G Σ_z Gᵀ
     weight:   b(k) ∝ b(k) Normal(z; m⁻, S)
 
-| paper | code         | unit    | shape     |                                                   |
-|-------|--------------|---------|-----------|---------------------------------------------------|
-| m, P  | `mean`, `cov` | mm, N  | (K, 7), (K, 7, 7) | state of each abstraction                  |
-| b     | `belief`     | 1       | (K,)      | of the abstractions                               |
-| Σ_z   | `noise`      | mm², N² | (7,)      | variance of a reading (diagonal)                  |
-| Q_k   | –            | mm², N² | (K, 7)    | process noise                                     |
-
-Learners predict readings from readings, with variance Q + 2 Σ_z where f is nearly the identity plus a change; so
+Learners predict readings from readings, with variance Q + 2 Σ_z if f is the identity plus a nearly constant change; so
 Q = max(var − 2 Σ_z, `LEAST` var).  The weights are exact for linear f_k and an abstraction that lasts the whole push
-(`stay` = 1, the thesis's plate); with `stay` < 1 weights mix and each filter keeps its own state (own choice).
+(`stay` = 1, the thesis's plate); with `stay` < 1 weights mix and each filter keeps its state (own choice).
 The prior of the first state is flat, so the first reading is its mean and Σ_z its covariance.
 
 Source: thesis, section 5.5.4 (which samples by Hamiltonian Monte Carlo: `showcase_nuts`); the bank: Magill 1965,
@@ -29,22 +22,23 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import SEEN, Learner, bayes, log_likelihood, mix
 from thesis_lib.jenga.learners.settings import BeliefSettings
 
-LEAST = 0.1  # of a predicted variance is process noise, however noisy the sensors
+LEAST = 0.1  # least share of process noise in a predicted variance
 STEP = np.array(
     [0.1, 0.1, 0.1, 0.02, 0.02, 0.1, 0.1]
 )  # mm, N: half widths of the differences, below sensor noise
 
 
 def process_variance(var: Any, noise: Any, xp: Any = np) -> Any:
-    """Q from the variance of a predicted reading (…, 7) and Σ_z (7,)."""
+    """Q (…, 7), mm² and N², from the variance of a predicted reading (…, 7) and Σ_z (7,)."""
     return xp.maximum(var - 2.0 * noise, LEAST * var)
 
 
 class KalmanBank:
-    """One filter for each abstraction of a learner, for one push; see the module's table.
+    """One filter per abstraction of a fitted learner, for one push.
 
-    learner: fitted.  context: (2,).  noise: Σ_z (7,).  wild: how wild measurements are treated in the weights (None:
-    normal, as in the equations).  stay: probability that the abstraction lasts another step.
+    mean, cov: m (K, 7) and P (K, 7, 7), in mm and N.  belief: b (K,).  noise: diagonal of Σ_z (7,), mm² and N².
+    context: (2,).  wild: outlier model of the weights (None: normal, as in the equations).  stay: probability that the
+    abstraction lasts another step.
 
     Raises:
         UserError: noise that is not positive.
@@ -68,14 +62,14 @@ class KalmanBank:
         self.cov = np.tile(np.diag(noise), (k, 1, 1))
 
     def start(self, observation: np.ndarray) -> None:
-        """First reading (7,) of a push."""
+        """Restart from the first reading (7,) of a push."""
         k = self.learner.n_abstractions
         self.belief = self.prior.copy()
         self.mean = np.tile(observation, (k, 1))
         self.cov = np.tile(np.diag(self.noise), (k, 1, 1))
 
     def step(self, action: np.ndarray, observation: np.ndarray) -> np.ndarray:
-        """Belief (K,) after `action` (2,) and the reading (7,) that follows it."""
+        """Belief (K,) after `action` (2,) and the reading (7,) that follows."""
         mean, jacobian, var = self._linearised(action)
         cov = jacobian @ self.cov @ jacobian.transpose(0, 2, 1)
         cov = cov + np.eye(7) * process_variance(var, self.noise)[:, None]
@@ -93,7 +87,7 @@ class KalmanBank:
         return self.belief
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (7,) and covariance (7, 7) of the state, over the abstractions."""
+        """Mean (7,) and covariance (7, 7) of the state, mixed over abstractions."""
         mean = self.belief @ self.mean
         apart = self.mean - mean
         return mean, np.einsum("k,kij->ij", self.belief, self.cov + apart[:, :, None] * apart[:, None])
@@ -107,7 +101,7 @@ class KalmanBank:
         self.cov = rest @ cov @ rest.transpose(0, 2, 1) + (gain * self.noise) @ gain.transpose(0, 2, 1)
 
     def _linearised(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """f_k (K, 7), its Jacobian (K, 7, 7) and the variance (K, 7) of a predicted reading, each at its own mean."""
+        """f_k (K, 7), Jacobian (K, 7, 7) and variance (K, 7) of a predicted reading, each at its filter's mean."""
         k = len(self.mean)
         shifts = np.concatenate([np.zeros((1, 7)), np.diag(STEP), -np.diag(STEP)])
         states = (self.mean[:, None] + shifts).reshape(-1, 7)
@@ -115,8 +109,8 @@ class KalmanBank:
         out = self.learner.predict(
             states, np.tile(action, (rows, 1)), np.tile(self.context, (rows, 1)), np.full((rows, k), 1.0 / k)
         )
-        own = np.repeat(np.arange(k), 15)
-        mean = out.mean[np.arange(rows), own].reshape(k, 15, 7)
-        var = out.var[np.arange(rows), own].reshape(k, 15, 7)[:, 0]
+        abstraction = np.repeat(np.arange(k), 15)
+        mean = out.mean[np.arange(rows), abstraction].reshape(k, 15, 7)
+        var = out.var[np.arange(rows), abstraction].reshape(k, 15, 7)[:, 0]
         jacobian = ((mean[:, 1:8] - mean[:, 8:]) / (2 * STEP[:, None])).transpose(0, 2, 1)
         return mean[:, 0], jacobian, var

@@ -1,4 +1,4 @@
-"""What every learner of the push dynamics offers, and the scaling and windows that they share.
+"""The interface of all learners of the push dynamics, with their common scaling and windows.
 
     s_{t+1} = s_t + Δ,   Δ | s_t, a_t, c = k  ~  Normal(μ_k, Σ_k)        (learners predict changes)
     b_{t+1}(k) ∝ p(z_{t+1} | s_t, a_t, k) Σ_j b_t(j) P(k | j),   P(k | j) = ρ δ_jk + (1 − ρ) π_k
@@ -13,18 +13,18 @@
 | ρ     | `stay`    | 1     |           | probability that the abstraction lasts another step                  |
 
 Inputs of all learners (own choice): lag of the block behind the pusher (advance − x), y, yaw, asinh of both forces over
-`force_scale` (a logarithm that passes zero smoothly), advance, root of the tower's displacement, contact offset,
-heading, and the context; standardised with the training samples only, and clipped at `CLIP` standard deviations so
-that no learner extrapolates without limit.  Outputs are the changes of the state, standardised in the same way.
+`force_scale` (a logarithm that passes smoothly through zero), advance, root of the tower's displacement, contact
+offset, heading, and the context.  They are standardised with the training samples only and clipped at `CLIP` standard
+deviations, which limits extrapolation.  Outputs are the changes of the state, standardised in the same way.
 
-Features of a window (top-down step; order within a window plays no part, as in the thesis): means over its steps of
+Features of a window (top-down step; as in the thesis, order within a window does not matter): means over its steps of
 force, rise of force, the block's displacement per advance, lag as a share of the advance, and the tower's displacement
-per advance.  (The turn of the block says more about where it was pushed than about what it is: with it, and with the
-tower's displacement so far, fewer windows of made pushes were told apart.)  A window of sample i is the up to D samples
-of the push that end with i, so that windows and samples correspond one to one.
+per advance.  (The block's yaw depends more on where it was pushed than on the block: with it, and with the tower's
+total displacement, fewer windows of synthetic pushes were told apart.)  The window of sample i is the up to D samples
+of the push that end with i, so windows and samples correspond one to one.
 
-The likelihood leaves `advance` out: it is the robot's own doing.  Each other dimension may be wild (`BeliefSettings`),
-else one stick-slip jump would settle a belief for good.
+The likelihood omits `advance`, which the robot controls.  Each other dimension may be an outlier (`BeliefSettings`):
+otherwise one stick-slip jump would settle a belief for good.
 
 Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/scirobotics.aav3123.
 """
@@ -42,18 +42,18 @@ from thesis_lib.jenga.robot.samples import STATE, Samples
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
 SEEN = (X, Y, YAW, F_N, F_T, TOWER)  # dimensions whose prediction counts in the belief
 FEATURES = ("force", "rise", "move", "lag", "drag")
-# of these a window takes the mean over its steps, of the others the change per step
+# features averaged over a window's steps; the others are changes per step
 LEVELS = ("force", "lag")
 CLIP = 4.0
 MIN_SAMPLES = 20
-LAG_START = 3.0  # mm; lag as a share of the advance starts softly: the first poses of a push are the noisiest
-# mm, N: below the resolution of any of the sensors; keeps a constant dimension from dividing by zero
+LAG_START = 3.0  # mm added to the advance in the lag's share: the first poses of a push are the noisiest
+# mm, N: below the resolution of all sensors; avoids division by zero in a constant dimension
 SMALLEST = np.array([0.02, 0.02, 0.02, 0.01, 0.01, 0.01, 0.02])
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Next state for each abstraction: mean and var (n, K, 7) in mm, N and their squares; weight (n, K)."""
+    """Next state for each abstraction: mean and var (n, K, 7), mm and N and their squares; weight (n, K)."""
 
     mean: np.ndarray
     var: np.ndarray
@@ -68,10 +68,10 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Standardisation of inputs and outputs, of training samples only.
+    """Standardisation of inputs and outputs by the training samples.
 
-    centre, spread: (d,), of the inputs.  drift, change: (7,) mean and standard deviation of the state's changes, mm and
-    N.
+    centre, spread: (d,), of the inputs.  drift, change: (7,), mean and standard deviation of the state's changes, mm
+    and N.
     """
 
     centre: np.ndarray
@@ -83,7 +83,7 @@ class Scaling:
 
     @classmethod
     def of(cls, samples: Samples, force_scale: float, with_context: bool) -> "Scaling":
-        """Raises UserError for fewer than `MIN_SAMPLES` samples."""
+        """Scaling by these samples; UserError for fewer than `MIN_SAMPLES`."""
         if len(samples) < MIN_SAMPLES:
             raise UserError(
                 f"a learner needs at least {MIN_SAMPLES} samples, got {len(samples)}; collect more pushes."
@@ -91,7 +91,7 @@ class Scaling:
         raw = raw_inputs(samples.state, samples.action, samples.context, force_scale, with_context)
         change = samples.next_state - samples.state
         spread = raw.std(axis=0)
-        # an input that never varied in training carries nothing; one of unit spread around it is clipped, not blown up
+        # an input constant in training carries no information: unit spread keeps it from blowing up later
         return cls(
             raw.mean(axis=0),
             np.where(spread > 1e-6, spread, 1.0),
@@ -102,7 +102,7 @@ class Scaling:
         )
 
     def inputs(self, state: Any, action: Any, context: Any, xp: Any = np) -> Any:
-        """Scaled inputs (n, d), with `xp` NumPy or a library of the same names."""
+        """Scaled inputs (n, d); `xp` is NumPy or a library with the same names."""
         raw = raw_inputs(state, action, context, self.force_scale, self.with_context, xp)
         return xp.clip((raw - self.centre) / self.spread, -CLIP, CLIP)
 
@@ -111,16 +111,13 @@ class Scaling:
         return (next_state - state - self.drift) / self.change
 
     def next_state(self, state: Any, outputs: Any) -> Any:
-        """Inverse of `outputs`; shapes that broadcast to (…, 7)."""
+        """Inverse of `outputs`, for shapes that broadcast to (…, 7)."""
         return state + self.drift + self.change * outputs
 
 
 @dataclass
 class Learner(ABC):
-    """A learner of the push dynamics; see the module's table for shapes and units.
-
-    scaling, and shares (K,) of the abstractions, are there once it is fitted.
-    """
+    """A learner of the push dynamics.  After `fit` it has `scaling` and the `shares` (K,) of its abstractions."""
 
     settings: LearnerSettings = field(default_factory=LearnerSettings)
     name: str = ""
@@ -130,12 +127,12 @@ class Learner(ABC):
 
     @property
     def n_abstractions(self) -> int:
-        """K."""
+        """Number of abstractions K."""
         return len(self.shares)
 
     @abstractmethod
     def fit(self, samples: Samples, rng: np.random.Generator) -> Self:
-        """Learn from samples of whole pushes in order, and return itself.
+        """Learn from samples of whole pushes in order, and return self.
 
         Raises:
             UserError: fewer than `MIN_SAMPLES` samples.
@@ -145,7 +142,7 @@ class Learner(ABC):
     def predict(
         self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
     ) -> Prediction:
-        """Next reading for each abstraction."""
+        """Next reading for each abstraction; arguments as in the module's table, context (n, 2)."""
 
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
         """Belief (n, K) before contact: the shares."""
@@ -159,7 +156,7 @@ class Learner(ABC):
         context: np.ndarray,
         next_state: np.ndarray,
     ) -> np.ndarray:
-        """Belief (n, K) after `next_state` was observed."""
+        """Belief (n, K) after the reading `next_state` (n, 7)."""
         out = self.predict(state, action, context, belief)
         return bayes(out.weight, log_likelihood(out.mean, out.var, next_state, self.settings.belief))
 
@@ -185,14 +182,14 @@ def raw_inputs(
 
 
 def soft_root(value: Any, xp: Any = np) -> Any:
-    """Root of a length in mm that noise may make negative: sign(v) (√(|v| + 1) − 1) · 2, slope 1 at zero."""
+    """Root of a length (mm) that noise may make negative: sign(v) (√(|v| + 1) − 1) · 2, slope 1 at zero."""
     return 2.0 * xp.sign(value) * (xp.sqrt(xp.abs(value) + 1.0) - 1.0)
 
 
 def step_features(
     start: np.ndarray, next_state: np.ndarray, steps: np.ndarray | float, force_scale: float
 ) -> np.ndarray:
-    """Features (n, 5), see `FEATURES`, of what happened from `start` to `next_state`, both (n, 7), in `steps`."""
+    """Features (n, 5), see `FEATURES`, of the change from `start` to `next_state`, both (n, 7), in `steps` steps."""
     change = (next_state - start) / np.reshape(steps, (-1, 1))
     return np.column_stack(
         [
@@ -206,7 +203,7 @@ def step_features(
 
 
 def windows(samples: Samples, settings: WindowSettings) -> np.ndarray:
-    """Features (n, 5) of the window that ends with each sample; a push's samples must follow each other."""
+    """Features (n, 5) of the window that ends with each sample; samples of a push must be consecutive."""
     n, depth = len(samples), settings.depth
     begin = window_begin(samples, depth)
     steps = (np.arange(n) - begin + 1).astype(float)
@@ -226,7 +223,7 @@ def window_begin(samples: Samples, depth: int) -> np.ndarray:
 
 
 def push_numbers(push: np.ndarray) -> np.ndarray:
-    """Ids of pushes (n,) as numbers from 0, in order of collection."""
+    """Pushes (n,) numbered from 0 in order of collection."""
     new = np.concatenate([[False], push[1:] != push[:-1]])
     return np.cumsum(new)
 
@@ -240,7 +237,7 @@ def push_groups(samples: Samples) -> list[np.ndarray]:
 def log_likelihood(
     mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings
 ) -> np.ndarray:
-    """Log density (n, K) of observed (n, 7) under each abstraction; mean and var (n, K, 7)."""
+    """Log density (n, K) of `observed` (n, 7) under each abstraction, with mean and var (n, K, 7)."""
     dims = list(SEEN)
     var = var[..., dims]
     square = (observed[:, None, dims] - mean[..., dims]) ** 2 / var
@@ -261,12 +258,12 @@ def bayes(belief: np.ndarray, log_like: np.ndarray) -> np.ndarray:
 
 
 def mix(belief: np.ndarray, stay: float, weights: np.ndarray) -> np.ndarray:
-    """Belief (n, K) a step later: the abstraction lasts with probability `stay`, else is drawn from `weights` (K,)."""
+    """Belief (n, K) a step later: the abstraction lasts with probability `stay` or is drawn from `weights` (K,)."""
     return stay * belief + (1.0 - stay) * weights
 
 
 def first_of(samples: Samples, steps: int) -> list[np.ndarray]:
-    """Rows of the first `steps` samples of each push that has so many."""
+    """Rows of the first `steps` samples of each push that is long enough."""
     return [rows[:steps] for rows in push_groups(samples) if len(rows) >= steps]
 
 

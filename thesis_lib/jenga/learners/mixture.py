@@ -1,4 +1,4 @@
-"""Top-down step: a Dirichlet-process mixture over windows of pushes, merged to few abstractions.
+"""Top-down step: a Dirichlet-process mixture over windows of pushes, merged to a few abstractions.
 
     π | α ~ GEM(α),   u_i | π ~ Multi(π),   x_i | u_i ~ Normal(m_{u_i}, S_{u_i})       (windows; thesis, section 5.3.2)
     c_j | η ~ Multi(η),   u_i | c_j ~ Multi(φ_{c_j})   for the windows i of push j          (abstractions of pushes)
@@ -12,22 +12,22 @@
 | φ     | `topics`      | 1    | (K, C)    | share of each component in each abstraction                  |
 | η     | `shares`      | 1    | (K,)      | share of each abstraction                                    |
 
-Pushes are not Gaussian (a force that climbs is a curve), so the process takes a dozen components for four behaviours,
-whatever α; and the first windows of a hard and of a stuck block are the same component.  So components are the words
-and abstractions the topics of the thesis's own analogy (section 5.3.3), with a push as the document: an abstraction
-keeps the components it is made of as its sub-mixture, p(x | k) = Σ_u φ_ku N_u(x), and may share some with others.
+Pushes are not Gaussian (a rising force is a curve), so the process needs a dozen components for four behaviours,
+whatever α, and the first windows of a hard and of a stuck block share a component.  So components are the words and
+abstractions the topics of the thesis's analogy (section 5.3.3), with a push as the document.  An abstraction is a
+sub-mixture of components, p(x | k) = Σ_u φ_ku N_u(x), and may share some with others.
 
-Merging criterion (own choice): pushes start as an abstraction each, and pairs are merged as long as the integrated
-complete-data likelihood grows, which is closed for counts n_ku of words (Dirichlet-multinomial) and m_k of pushes,
+Merging criterion (own choice): each push starts as an abstraction, and pairs are merged while the integrated
+complete-data likelihood grows.  It has a closed form in counts n_ku of words (Dirichlet-multinomial) and m_k of pushes,
 
     ICL = Σ_k [log B(a + n_k) − log B(a)] + log B(½ + m) − log B(½),   log B(a) = Σ log Γ(a_u) − log Γ(Σ a_u)
 
-and further down to `max_abstractions`.  Counts are divided by `overlap`, as neighbouring windows share samples.  It is
-the merging of mixture components by ICL (Biernacki et al. 2000, doi 10.1109/34.865189; Baudry et al. 2010,
-doi 10.1198/jcgs.2010.08111; Hennig 2010, doi 10.1007/s11634-010-0058-3), asked of pushes, not of single windows.
+Merging continues in any case down to `max_abstractions`.  Counts are divided by `overlap` because neighbouring windows
+share samples.  Mixture components were merged by ICL before (Biernacki et al. 2000, doi 10.1109/34.865189; Baudry et
+al. 2010, doi 10.1198/jcgs.2010.08111; Hennig 2010, doi 10.1007/s11634-010-0058-3); here pushes replace single windows.
 
 Sources: thesis; Blei and Jordan 2006, doi 10.1214/06-BA104 (variational Dirichlet process, as in scikit-learn); Nigam
-et al. 2000, doi 10.1023/A:1007692713085 (one topic a document).
+et al. 2000, doi 10.1023/A:1007692713085 (one topic per document).
 """
 
 import warnings
@@ -40,16 +40,16 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import FEATURES, LEVELS
 from thesis_lib.jenga.learners.settings import MixtureSettings
 
-# Names of abstractions (own choices): N; block per mm of advance; tower per mm of advance, as in the declared criterion
-# of a movable block (1 mm in 6 mm, `settings.MovableSettings`); N between easy and hard
+# Limits of the names (own choices): N; block per advance; tower per advance, as in the criterion of a movable block
+# (1 mm in 6 mm, `settings.MovableSettings`); N between easy and hard
 NO_FORCE, NO_MOVE, DRAG, HARD = 0.02, 0.5, 1.0 / 6.0, 0.5
 
 
 @dataclass(frozen=True)
 class WindowMixture:
-    """A mixture over windows and the abstractions made of its components (module's table).
+    """A mixture over windows, and the abstractions formed from its components (module's table).
 
-    centre, spread: (5,), standardisation of features by the training windows.  resp: (n, K), of the training windows.
+    centre, spread: (5,), of the training windows' features.  resp: (n, K), of the training windows.
     """
 
     centre: np.ndarray
@@ -63,11 +63,11 @@ class WindowMixture:
 
     @property
     def n_abstractions(self) -> int:
-        """K."""
+        """Number of abstractions K."""
         return len(self.topics)
 
     def log_density(self, features: np.ndarray, names: tuple[str, ...] = FEATURES) -> np.ndarray:
-        """log p(x | k) (n, K) of features (n, 5), or of those named alone; up to a constant of the scale."""
+        """log p(x | k) (n, K) of features (n, 5), or of the named ones alone; up to a constant."""
         use = [FEATURES.index(name) for name in names]
         scaled = ((features - self.centre) / self.spread)[:, use]
         parts = log_normal(scaled, self.means[:, use], self.covariances[:, use][:, :, use])
@@ -75,7 +75,7 @@ class WindowMixture:
 
 
 def log_normal(x: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """Log density (n, C) of x (n, d) under normals of means (C, d) and covariances (C, d, d)."""
+    """Log density (n, C) of x (n, d) under normals with means (C, d) and covariances (C, d, d)."""
     whiten = np.linalg.inv(np.linalg.cholesky(covariances))
     white = np.einsum("cij,ncj->nci", whiten, x[:, None] - means)
     log_det = -np.log(np.diagonal(whiten, axis1=1, axis2=2)).sum(axis=1)
@@ -91,7 +91,7 @@ def _log_mix(parts: np.ndarray, weights: np.ndarray) -> np.ndarray:
 def fit_mixture(
     features: np.ndarray, push: np.ndarray, settings: MixtureSettings, rng: np.random.Generator
 ) -> WindowMixture:
-    """Components of the Dirichlet process on features (n, 5), merged to abstractions of pushes (n,).
+    """Dirichlet-process components of features (n, 5), merged to abstractions of pushes (n,).
 
     Raises:
         UserError: features that are not finite.
@@ -112,7 +112,7 @@ def fit_mixture(
         random_state=int(rng.integers(2**31)),
     )
     with warnings.catch_warnings():
-        # a bound that still creeps after 300 steps is no failure of the clustering
+        # clusters are stable even if the bound still creeps after 300 steps
         warnings.simplefilter("ignore")
         process.fit(scaled)
     keep = process.weights_ >= min(settings.min_weight, process.weights_.max())
@@ -140,7 +140,7 @@ def log_beta(a: np.ndarray) -> np.ndarray:
 
 
 def icl(counts: np.ndarray, prior: np.ndarray, group: np.ndarray) -> float:
-    """ICL (nats) of pushes with `counts` (pushes, C) of words put into `group` (pushes,); prior (C,) is a."""
+    """ICL (nats) of pushes with word counts (pushes, C), grouped by `group` (pushes,); prior (C,) is a."""
     member = np.eye(group.max() + 1)[group]
     m = member.sum(axis=0)
     words = (log_beta(prior + member.T @ counts) - log_beta(prior)).sum()
@@ -148,13 +148,13 @@ def icl(counts: np.ndarray, prior: np.ndarray, group: np.ndarray) -> float:
 
 
 def merge(counts: np.ndarray, prior: np.ndarray, settings: MixtureSettings) -> np.ndarray:
-    """Group (pushes,) of each push by the module's criterion, numbered by falling number of pushes."""
+    """Group (pushes,) of each push by the module's criterion, numbered by decreasing size."""
     group = np.arange(len(counts))
     total, size = counts.copy(), np.ones(len(counts))
-    fit = log_beta(prior + total)
-    gain = np.full((len(counts), len(counts)), -np.inf)  # of the words' part, [a, b] with b < a
+    evidence = log_beta(prior + total)
+    gain = np.full((len(counts), len(counts)), -np.inf)  # growth of the words' part, [a, b] with b < a
     for a in range(1, len(counts)):
-        gain[a, :a] = log_beta(prior + total[a] + total[:a]) - fit[a] - fit[:a] + log_beta(prior)
+        gain[a, :a] = log_beta(prior + total[a] + total[:a]) - evidence[a] - evidence[:a] + log_beta(prior)
     while True:
         k = len(total)
         if k <= settings.min_abstractions:
@@ -174,22 +174,22 @@ def merge(counts: np.ndarray, prior: np.ndarray, settings: MixtureSettings) -> n
         group = np.where(group > a, group - 1, group)
         total[b] += total[a]
         size[b] += size[a]
-        total, size, fit = np.delete(total, a, 0), np.delete(size, a), np.delete(fit, a)
+        total, size, evidence = np.delete(total, a, 0), np.delete(size, a), np.delete(evidence, a)
         gain = np.delete(np.delete(gain, a, 0), a, 1)
-        fit[b] = log_beta(prior + total[b])
-        row = log_beta(prior + total[b] + total) - fit[b] - fit + log_beta(prior)
+        evidence[b] = log_beta(prior + total[b])
+        row = log_beta(prior + total[b] + total) - evidence[b] - evidence + log_beta(prior)
         gain[b, :b], gain[b + 1 :, b] = row[:b], row[b + 1 :]
     order = np.argsort(-size, kind="stable")
     return np.argsort(order)[group]
 
 
 def _size_term(k: int, pushes: int) -> float:
-    """Terms in K of the ICL's part for the pushes: log Γ(K/2) − log Γ(pushes + K/2)  (− K log Γ(½) stands apart)."""
+    """log Γ(K/2) − log Γ(pushes + K/2), the terms in K of the ICL's part for pushes, except −K log Γ(½)."""
     return float(gammaln(0.5 * k) - gammaln(pushes + 0.5 * k))
 
 
 def push_posterior(log_like: np.ndarray, push: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """p(c | push) (n, K), the same for all samples of a push, from log likelihoods (n, K) of its samples."""
+    """p(c | push) (n, K), equal for all samples of a push, from log likelihoods (n, K) and shares (K,)."""
     _, number = np.unique(push, return_inverse=True)
     total = np.zeros((number.max() + 1, log_like.shape[1]))
     np.add.at(total, number, log_like)
@@ -199,14 +199,14 @@ def push_posterior(log_like: np.ndarray, push: np.ndarray, shares: np.ndarray) -
 
 
 def describe(features: np.ndarray, resp: np.ndarray, force_scale: float) -> dict[str, np.ndarray]:
-    """What each abstraction looks like: mean force (N), rise (N/step), move, lag, drag (1), each (K,)."""
+    """Mean look of each abstraction: force (N), rise (N/step), move, lag, drag (1), each (K,)."""
     mean = (resp / np.maximum(resp.sum(axis=0), 1e-9)).T @ features
     look = {name: mean[:, column] for column, name in enumerate(FEATURES)}
     return look | {"force": force_scale * np.sinh(look["force"])}
 
 
 def names_of(look: dict[str, np.ndarray]) -> list[str]:
-    """Names from what `describe` says: no block, no move, drags tower, easy move, hard move; numbered if repeated."""
+    """Names from `describe`: no block, no move, drags tower, easy move, hard move; numbered if repeated."""
     names = []
     for force, move, drag in zip(look["force"], look["move"], look["drag"]):
         if drag > DRAG:

@@ -1,18 +1,13 @@
-"""Mixture of linear regressions: the hierarchical baseline, whose latent experts know nothing of pushes.
+"""Mixture of linear regressions: the hierarchical baseline, whose latent experts do not know of pushes.
 
     Δ | x, l = k ~ Normal(W_k x̃, diag v_k),   P(l = k | x) = softmax_k(γ_k x̃),   x̃ = (x, 1)
     E:  r_ik ∝ P(l = k | x_i) p(Δ_i | x_i, k)        M:  W_k by ridge, weights r_k; v_k; γ by ridge multinomial logit
 
-| paper | code       | unit | shape          |                                                 |
-|-------|------------|------|----------------|-------------------------------------------------|
-| l     | –          |      |                | expert, 0 … K−1                                 |
-| x     | `inputs`   | 1    | (n, d)         | scaled inputs (state, action, context)          |
-| W, v  | `w`, `var` | 1    | (K, d+1, 7), (K, 7) | of scaled changes                          |
-| γ     | `gate`     | 1    | (K, d+1)       | gate on state and action (own choice; the thesis is silent) |
+x (n, d) are scaled inputs (state, action, context) and Δ (n, 7) scaled changes.  The gate γ acts on state and action
+(own choice).  The number of experts (2 … 11 as in the thesis) maximises the log likelihood of held-out pushes (5-fold).
 
-The number of experts, 2 … 11 as in the thesis, is that with the best log likelihood of held-out pushes (5-fold).
-Its belief: b(l) ∝ p(z_{t+1} | …, l) times the gate's prior of the step, times what earlier steps said, kept with
-probability `stay` as in `learner`; the thesis's figure 5-5C gives its l_t no memory, so this is generous to it.
+Belief: b(l) ∝ p(z_{t+1} | …, l) times the gate's prior of the step, times the earlier belief, kept with probability
+`stay` as in `learner`.  In the thesis's figure 5-5C l_t has no memory, so this favours the baseline.
 
 Source: thesis, section 5.5.2; Jordan and Jacobs 1994, doi 10.1162/neco.1994.6.2.181 (EM for gated experts).  The
 author's public code (stick-breaking experts by Metropolis sampling) is not stated to be the paper's.
@@ -26,13 +21,13 @@ from thesis_lib.jenga.learners.learner import Learner, Prediction, Scaling, baye
 from thesis_lib.jenga.learners.settings import ExpertSettings
 from thesis_lib.jenga.robot.samples import Samples
 
-SMALLEST_VAR = 1e-3  # of scaled changes: an expert of a handful of samples must not fit them exactly
-GATE_STEPS = 5  # Newton-like steps of the gate in an M step; EM needs an increase only
+SMALLEST_VAR = 1e-3  # of scaled changes: an expert with few samples must not fit them exactly
+GATE_STEPS = 5  # Newton-like steps of the gate in an M step: EM only needs an increase
 
 
 @dataclass(frozen=True)
 class Experts:
-    """Parameters of the module's table."""
+    """Parameters: w, W (K, d + 1, 7); var, v (K, 7), of scaled changes; gate, γ (K, d + 1)."""
 
     w: np.ndarray
     var: np.ndarray
@@ -55,12 +50,12 @@ def _log_softmax(logits: np.ndarray) -> np.ndarray:
 
 
 def with_one(inputs: np.ndarray) -> np.ndarray:
-    """x̃ (n, d + 1)."""
+    """x̃ (n, d + 1) of inputs (n, d)."""
     return np.column_stack([inputs, np.ones(len(inputs))])
 
 
 def em(x: np.ndarray, y: np.ndarray, k: int, settings: ExpertSettings, rng: np.random.Generator) -> Experts:
-    """Experts with the highest penalised likelihood over the restarts; x̃ (n, d + 1), y (n, 7)."""
+    """Experts of the highest penalised likelihood over restarts, for x̃ (n, d + 1) and changes y (n, 7)."""
     best, best_value = None, -np.inf
     for _ in range(settings.restarts):
         # a random linear view of the changes splits the samples better than random labels do
@@ -89,7 +84,7 @@ def em(x: np.ndarray, y: np.ndarray, k: int, settings: ExpertSettings, rng: np.r
 
 
 def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, ridge: float) -> Experts:
-    """M step."""
+    """M step of EM."""
     d = x.shape[1]
     gram = np.einsum("nk,nd,ne->kde", resp, x, x) + ridge * np.eye(d)
     w = np.linalg.solve(gram, np.einsum("nk,nd,no->kdo", resp, x, y))
@@ -106,9 +101,9 @@ def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, 
 
 @dataclass
 class Mor(Learner):
-    """Mixture of linear regressions, whose abstractions are the experts.
+    """Mixture of linear regressions; its abstractions are the experts.
 
-    Once fitted: experts; scores, the held-out log likelihood (nats a sample) of each number of experts.
+    Once fitted: experts; scores, the held-out log likelihood (nats per sample) for each number of experts.
     """
 
     name: str = "mor"
@@ -117,14 +112,14 @@ class Mor(Learner):
     scores: dict[int, float] = field(init=False, repr=False)
 
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Mor":
-        """See the module; errors as in `Learner.fit`."""
+        """Choose the number of experts and fit them.  Errors as in `Learner.fit`."""
         config = self.settings.experts
         self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
         x = with_one(self.scaling.inputs(samples.state, samples.action, samples.context))
         y = self.scaling.outputs(samples.state, samples.next_state)
         push = push_numbers(samples.push)
         fold = rng.permutation(push.max() + 1)[push] % config.folds
-        once = config.model_copy(update={"restarts": 1})  # folds average over starts, too
+        once = config.model_copy(update={"restarts": 1})  # folds already average over starts
         self.scores = {}
         for k in range(config.fewest, config.most + 1):
             total = 0.0
@@ -142,10 +137,10 @@ class Mor(Learner):
     def predict(
         self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
     ) -> Prediction:
-        """Next reading for each expert; weights join belief and gate."""
+        """Next reading for each expert; weights combine belief and gate."""
         x = with_one(self.scaling.inputs(state, action, context))
         mean = self.scaling.next_state(state[:, None], np.einsum("nd,kdo->nko", x, self.experts.w))
         var = np.broadcast_to(self.scaling.change**2 * self.experts.var, mean.shape)
         prior = mix(belief, self.settings.belief.stay, self.shares)
-        # belief and gate both hold the experts' shares: once is enough
+        # belief and gate both contain the experts' shares, which must count once
         return Prediction(mean, var, bayes(prior / self.shares, self.experts.log_gate(x)))

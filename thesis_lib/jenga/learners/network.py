@@ -2,13 +2,10 @@
 
     Δ | x ~ Normal(g(x; w), diag exp h(x; w)),   w by −log p + ½ λ |w|²/n  (a most probable network, no posterior)
 
-| paper | code      | unit | shape        |                                        |
-|-------|-----------|------|--------------|----------------------------------------|
-| x, Δ  | `inputs`, `outputs` | 1 | (n, d), (n, 7) | as in `bayesian_network`        |
-| w     | `layers`  | 1    | (in + 1, out) | of each layer, bias as last row       |
-| λ     | `weight_decay` | 1 |             | precision of weights times √fan-in     |
+x (n, d) and Δ (n, 7) are as in `bayesian_network`; w are the `layers`, each (in + 1, out) with the bias as last row;
+λ is `weight_decay`, the precision of the weights times √fan-in.
 
-Same architecture, inputs, optimiser and number of steps as each network of HMA; K = 1, so its belief is 1.
+Architecture, inputs, optimiser and number of steps are those of each HMA network; K = 1, so its belief is 1.
 Source: thesis, section 5.5.2, which gives no sizes.
 """
 
@@ -24,7 +21,7 @@ from thesis_lib.jenga.robot.samples import Samples
 
 
 def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettings, seed: int) -> Layers:
-    """Most probable weights for inputs (n, d) and outputs (n, 7)."""
+    """Most probable weights, per layer (in + 1, out), for inputs (n, d) and outputs (n, 7)."""
     gen = torch.Generator().manual_seed(seed)
     x, y = (torch.as_tensor(a, dtype=torch.float32) for a in (inputs, outputs))
     shapes = layer_shapes(x.shape[1], settings.hidden)
@@ -50,14 +47,14 @@ def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettin
 
 @dataclass
 class Network(Learner):
-    """Feed-forward network: K = 1, so that its belief is always 1.  Once fitted: layers (module's table)."""
+    """Feed-forward network with K = 1.  Once fitted: layers (see the module)."""
 
     name: str = "network"
 
     layers: Layers = field(init=False, repr=False)
 
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Network":
-        """See the module; errors as in `Learner.fit`."""
+        """Train by the module's loss.  Errors as in `Learner.fit`."""
         self.shares = np.ones(1)
         self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
         self.layers = train_plain(

@@ -1,4 +1,4 @@
-"""Settings of the No-U-Turn sampler, apart from it: the configuration is read without torch and pandas."""
+"""Settings of the No-U-Turn sampler, in a separate module so that configuration needs neither torch nor pandas."""
 
 from pydantic import Field
 

@@ -1,8 +1,8 @@
 """Settings of chapter 5's learners.
 
-The thesis gives none of these numbers except the range of the number of experts and "truncation about ten times the
-expected number": all others are own choices, made on development towers.  One number of each learner (`prior_std`,
-`weight_decay`, `ridge`) was chosen of three by how well 100 samples of one training set predict those of the others.
+The thesis gives only the range of the number of experts and "truncation about ten times the expected number"; all other
+numbers are own choices from development towers.  For each learner one of three values of `prior_std`, `weight_decay` or
+`ridge` was chosen by how well 100 samples of one training set predict those of the others.
 """
 
 from pydantic import Field

@@ -12,9 +12,9 @@ class RuleSettings(Section):
     """The hand-written rule: straight, centred, with two thresholds.
 
     Chosen on development towers: a grid of 6 x 4 thresholds on straight pushes of all 45 blocks of tower 0, replayed
-    under 6 draws of the sensor noise (blocks brought out less 0.15 per mm of tower displacement: flat between 0.3 and 1
-    N, 1.5 and 2 mm), then games on tower 1 with three pairs (0.3 N, 1 mm: 6 extractions; 0.75 N, 1.5 mm: 9; 1.5 N, 2
-    mm: 8).
+    under 6 draws of the sensor noise (blocks brought out less 0.15 per mm of tower displacement: flat between 0.3 and
+    1 N, 1.5 and 2 mm), then games on tower 1 with three pairs (0.3 N, 1 mm: 6 extractions; 0.75 N, 1.5 mm: 9; 1.5 N,
+    2 mm: 8).
     """
 
     force: float = Field(0.75, gt=0, description="N along the push, above which the block is given up")
@@ -52,7 +52,7 @@ class ControllerSettings(Section):
     Weights: one grid of 960 points (progress, growth, damage, no_move, give_up; the scale is free) for all learners, on
     straight pushes of tower 0 replayed through HMA, MOR and network at 100 and 1000 samples of towers from 5000 on,
     without a game.  The score was blocks brought out less 0.15 per mm of tower displacement; a point near the best was
-    rounded. Then `effort`, `stray`, `no_move` and `probe` were set by hand (`no_move` beyond the grid) after two games
+    rounded.  Then `effort`, `stray`, `no_move` and `probe` were set by hand (`no_move` beyond the grid) after two games
     of HMA on tower 1, one of HMA on tower 2 and one of the network on tower 1, so HMA was tuned more than the others.
     A higher price of giving up a block that is nearly out was rejected after one game of HMA on each of towers 1 and 2:
     both ended in falls that the belief had announced.

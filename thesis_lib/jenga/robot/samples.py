@@ -131,11 +131,7 @@ class Samples:
         return replace(self, **{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
     def first(self, n: int) -> "Samples":
-        """The first `n` samples collected.
-
-        Raises:
-            UserError: there are fewer.
-        """
+        """The first `n` samples collected; UserError if there are fewer."""
         if n > len(self):
             raise UserError(f"{n} samples are asked for but only {len(self)} were collected; collect more.")
         return self.select(np.arange(n))

@@ -1,1 +1,1 @@
-"""The study of chapter 5: samples, games, what is learned, what is shown."""
+"""The study of chapter 5: samples, games, learned models, showcases."""

@@ -1,12 +1,13 @@
 """Collection by the base exploration policy: a random block, random contact locations and headings, early retreat.
 
-A tower is one run: blocks are tried in random order until one falls, all 45 have been tried, or enough samples are in.
-A push ends when the robot gives up (at random, so that 100 samples hold stuck and free blocks alike), sees the tower
-move too far or the block leave its way, has advanced 45 mm, or has the block out far enough: it is then extracted and
-placed.  Each tower has its own random stream, so towers can be collected in any order or by several processes.
+A run on one tower tries blocks in random order until one falls, all 45 have been tried, or there are enough samples.
+A push ends when the robot gives up (at random, so that 100 samples hold both stuck and free blocks), sees the tower
+move too far or the block leave its way, has advanced 45 mm, or has the block out far enough.  In the last case the
+block is extracted and placed.  Each tower has its own random stream, so towers can be collected in any order or by
+several processes.
 
-The hidden label of a push (`Samples.truth`) comes from a trial push just before it, of which nothing remains.
-A fall ends the run and the sample in which it happened is not kept.
+The hidden label of a push (`Samples.truth`) comes from a trial push just before it; the tower is restored in between.
+A fall ends the run, and the sample in which it happens is discarded.
 """
 
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ from thesis_lib.jenga.tower.tower import REACHABLE, TowerError
 
 SIDEWAYS, YAW, SEEN = (STATE.index(name) for name in ("y", "yaw", "tower"))
 APART = 1000  # seeds from one training set to the next
-REFUSED = 3  # towers in a row: then it is the settings, not the tower
+REFUSED = 3  # unusable towers in a row that point to the settings, not the tower
 ATTEMPT = ("tower", "block", "layer", "side", "truth", "steps", "pushed", "extracted", "placed", "reason")
 
 
@@ -46,7 +47,7 @@ class _Run:
                 return
 
     def _try(self, block: int, limit: int) -> bool:
-        """One block; whether the run goes on."""
+        """Try one block; whether the run continues."""
         reduced = self.setup.collect.reduced
         tower = reduce(self.tower, block) if reduced else self.tower
         truth = hidden_label(tower, block, self.setup.movable)
@@ -128,11 +129,11 @@ def explore_tower(
     limit: int = 10**6,
     blocks: Sequence[int] = tuple(REACHABLE),
 ) -> tuple[Samples | None, pd.DataFrame]:
-    """At most `limit` samples of one tower (None if it gave none), and what became of each block that was tried.
+    """At most `limit` samples of one tower (None without any), and a table of the blocks tried.
 
-    blocks: those that are tried, in random order.  seed: of the tower; with base_seed it also fixes the policy's
-    choices and the noise.  Columns of the table: tower, block, layer, side, truth, steps, pushed, extracted, placed (-1
-    where not tried) and the reason why it ended.
+    blocks: candidates, tried in random order.  seed: of the tower; with base_seed it also fixes the policy's choices
+    and the noise.  Columns of the table: tower, block, layer, side, truth, steps, pushed, extracted, placed (-1 if not
+    tried) and reason (why it ended).
 
     Raises:
         TowerError: the tower does not stand when settled, or the simulation broke down.
@@ -148,10 +149,10 @@ def collect(
 ) -> tuple[Samples, pd.DataFrame]:
     """`n` samples from towers first_seed, first_seed + 1, …, at most `per_tower` of each, and their tables.
 
-    A tower that cannot be used is left out whole and stands in the table: block -1, the error as reason.
+    An unusable tower gives no samples and one row of the table: block -1, the error as reason.
 
     Raises:
-        TowerError: `REFUSED` towers in a row cannot be used.
+        TowerError: `REFUSED` unusable towers in a row.
     """
     parts, tables, seed, refused = [], [], first_seed, 0
     while (have := sum(map(len, parts))) < n:
@@ -176,7 +177,7 @@ def collect(
 def collect_named(
     name: str, most: int, setup: Setup, towers: TowerChoice, choice: SampleChoice, seed: int
 ) -> tuple[Samples, pd.DataFrame]:
-    """Samples of "set_0", "set_1", ... (`most` of each) or of "held_out", and what became of the blocks tried."""
+    """Samples of "set_0", "set_1", ... (`most` of each) or of "held_out", and the table of blocks tried."""
     if name == "held_out":
         return collect(choice.held_out, towers.first_held_out + 1, seed, setup, choice.per_tower)
     first = towers.first_training + int(name.split("_")[1]) * APART

@@ -1,16 +1,16 @@
-"""Something that the learner has never seen: is it noticed, where, and does relearning with few samples help?
+"""An effect that the learner has never seen: is it noticed, where, and does relearning with few samples help?
 
-Three blocks of a layer glued to each other, a layer with slippery faces, or a heavier pusher.  On towers with the
-effect the base policy pushes the blocks that have it, and as many others.  On the first half of the towers the
+The effects are three blocks of a layer glued together, a layer with slippery faces, and a heavier pusher.  On towers
+with the effect the base policy pushes blocks that have it, and as many others.  On the first half of the towers the
 predictive check says which pushes the learned abstractions do not explain, which abstraction fails, and whether a new
-one is called for; it is learned from the failing pushes alone.  On the other half the error before and after is
+one is needed; it is learned from the failing pushes alone.  On the other half the error before and after is
 
     e = mean over samples and readings of |z − ẑ|/σ_Δ,    σ_Δ the spread of training's changes, ẑ the mixture's mean
 
-with the belief filtered along each push, and a 95 % interval over pushes.  Neither half knows which blocks have the
-effect: that is used to choose what is pushed, and to tell what is shown.
+with the belief filtered along each push, and a 95 % interval over pushes.  Neither half uses which blocks have the
+effect: that only selects the pushed blocks and groups the results.
 
-Source: thesis, section 5.8 names models that notice what they do not explain as a goal; the procedure is our own.
+Source: thesis, section 5.8, has models that notice what they do not explain as a goal; the procedure is an own choice.
 """
 
 from collections.abc import Callable
@@ -36,11 +36,12 @@ from thesis_lib.statistics.intervals import student_mean
 
 @dataclass(frozen=True)
 class HiddenResult:
-    """What was found.
+    """Tables of one effect.
 
-    summary: a row: effect, p_value, new_abstraction (0 or 1), pushes and failing ones, with and without the effect,
-    abstraction that fails most, samples relearned from.  pushes: a row per push of the first half (`PredictiveCheck`)
-    with affected (0 or 1).  errors: stage (before, relearned), group (affected, others), error, low, high, n.
+    summary: one row: effect, p_value, new_abstraction (0 or 1), numbers of pushes and of failing pushes with and
+    without the effect, the abstraction that fails most, number of samples relearned from.  pushes: a row per push of
+    the first half (`PredictiveCheck`) with affected (0 or 1).  errors: stage (before, relearned), group (affected,
+    others), error, low, high, n.
     """
 
     summary: pd.DataFrame
@@ -49,11 +50,7 @@ class HiddenResult:
 
 
 def hidden_of(effect: str, choice: HiddenChoice) -> tuple[HiddenEffects, tuple[int, ...]]:
-    """The effect and the blocks that have it.
-
-    Raises:
-        UserError: there is no such effect.
-    """
+    """The effect and the blocks that have it; UserError for an unknown effect."""
     layer = tuple(range(PER_LAYER * choice.layer, PER_LAYER * (choice.layer + 1)))
     known = {
         "glued": (HiddenEffects(glued=layer), layer),
@@ -75,13 +72,16 @@ def hidden_study(
     base_seed: int,
     rng: np.random.Generator,
 ) -> HiddenResult:
-    """The whole procedure for one effect; `reference` are held-out samples of towers without it."""
+    """The whole procedure for one effect; `reference` are held-out samples of towers without it.
+
+    Raises UserError if one half of the towers gave no samples.
+    """
     hidden, affected_blocks = hidden_of(effect, choice)
     tower = setup.tower.model_copy(update={"hidden": hidden})
     with_effect = setup.model_copy(update={"tower": tower})
     halves: list[list[Samples]] = [[], []]
     for i in range(choice.towers):
-        # few blocks have some effects, all have others
+        # some effects concern few blocks, others all
         affected = rng.permutation(affected_blocks)[: -(-choice.pushes // choice.towers)]
         rest = [block for block in REACHABLE if block not in affected_blocks]
         others = rng.permutation(rest)[: -(-choice.others // choice.towers)] if rest else []
@@ -115,7 +115,7 @@ def hidden_study(
 
 
 def error_rows(learner: Hma, samples: Samples, affected_blocks: tuple[int, ...]) -> pd.DataFrame:
-    """Rows of group, error, low, high, n: pushes of blocks with the effect (`affected_blocks`), and of others."""
+    """Rows of group, error, low, high, n: pushes of blocks in `affected_blocks`, and of the others."""
     belief = filtered(learner, samples)
     mean, _ = learner.predict(samples.state, samples.action, samples.context, belief).moments()
     dims = list(SEEN)
@@ -155,18 +155,18 @@ def hidden_tables(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, pd.DataFrame]:
-    """summary, pushes and errors of all effects of the settings, by one learner of all `samples`."""
+    """summary, pushes and errors of all effects in the settings, for one learner of all `samples`."""
     learner = learner_of("hma", settings).fit(samples, rng)
     results = []
     for i, effect in enumerate(settings.hidden.effects):
-        # towers of their own, far from those of the reference
+        # separate towers, far from those of the reference
         first = settings.towers.first_held_out + APART * (i + 1)
-        found = hidden_study(
+        result = hidden_study(
             effect, learner, reference, settings.setup, settings.hidden, first, base_seed, rng
         )
-        results.append(found)
-        say(f"{effect}: p = {found.summary['p_value'].iloc[0]:.3f}")
+        results.append(result)
+        say(f"{effect}: p = {result.summary['p_value'].iloc[0]:.3f}")
     return {
-        name: pd.concat([getattr(found, name) for found in results], ignore_index=True)
+        name: pd.concat([getattr(result, name) for result in results], ignore_index=True)
         for name in ("summary", "pushes", "errors")
     }

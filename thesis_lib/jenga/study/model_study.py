@@ -1,16 +1,12 @@
-"""What a learned model knows: abstractions against hidden truth, forces against the friction cone and the height.
+"""Content of a learned model: abstractions against hidden truth, forces against the friction cone and the height.
 
-Held-out pushes are of towers that no learner has seen.  The belief is filtered along each push as in a game; what is
-shown of an abstraction is what the model says of samples in which it is the most likely one.
+Held-out pushes come from towers that no learner has seen.  The belief is filtered along each push as in a game; an
+abstraction is described by the model's predictions for samples in which it is the most likely one.  The forces f_n and
+f_t (figure 5-7A, N) are predictions of the next reading; the height (figure 5-7B) is that of the block's centre above
+the base before the game.
 
-| on paper                         | in code          | unit |                                                        |
-|----------------------------------|------------------|------|--------------------------------------------------------|
-| f_n, f_t (figure 5-7A)           | `f_n`, `f_t`     | N    | predicted for the next reading                         |
-| μ                                | `mu`             | 1    | finger on wood, 0.42                                   |
-| height (figure 5-7B)             | `height_mm`      | mm   | of the block's centre above the base, before the game  |
-
-A prediction lies inside the cone if |f_t| ≤ μ f_n + n σ, with σ the noise of a force reading and n = `SLACK`: readings
-have noise, and so has what is learned from them.
+A prediction lies inside the cone if |f_t| ≤ μ f_n + n σ, with μ = 0.42 of finger on wood, σ the noise of a force
+reading and n = `SLACK`: both readings and predictions learned from them are noisy.
 Source: thesis, section 5.5.4 and figure 5-7.
 """
 
@@ -46,7 +42,7 @@ def filtered(learner: Learner, samples: Samples) -> np.ndarray:
 
 
 def cone_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
-    """Predicted forces (figure 5-7A): push, step, f_n, f_t (N), abstraction (its name), inside (0 or 1)."""
+    """Predicted forces (figure 5-7A): push, step, f_n, f_t (N), abstraction (name), inside (0 or 1)."""
     belief = filtered(learner, samples)
     predicted = learner.predict(samples.state, samples.action, samples.context, belief)
     mean, _ = predicted.moments()
@@ -65,9 +61,9 @@ def cone_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
 
 
 def height_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
-    """A row per held-out push (figure 5-7B): height_mm, f_n and its prediction f_n_pred (N), abstraction, truth.
+    """A row per held-out push (figure 5-7B): push, block, height_mm, f_n, f_n_pred (predicted), abstraction, truth.
 
-    Both forces are the means over the push's last half, where the finger has stopped bending.
+    Both forces (N) are means over the last half of the push, when the finger no longer bends further.
     """
     belief = filtered(learner, samples)
     predicted = learner.predict(samples.state, samples.action, samples.context, belief)
@@ -92,10 +88,9 @@ def height_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
 
 
 def looks(learners: Mapping[tuple[int, int], Hma], samples: Samples) -> pd.DataFrame:
-    """What each abstraction looks like: size, set, those of `abstraction_table`, and stuck_share.
+    """Looks of the abstractions of `learners` by (size, set): size, set, columns of `abstraction_table`, stuck_share.
 
-    `learners` by (size, set).  stuck_share: of the held-out pushes that end in the abstraction, the share whose hidden
-    label is stuck (NaN where none does).
+    stuck_share: share of stuck blocks among the held-out pushes that end in the abstraction (NaN without any).
     """
     parts = []
     for (size, number), learner in learners.items():
@@ -115,7 +110,7 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
     """Figure 5-7 in numbers: quantity, value, std, low, high (bootstrap over pushes), n (pushes).
 
     inside_cone: share of predictions inside the friction cone.  height_correlation: rank correlation of a push's force
-    with the height of the block; height_correlation_predicted: the same of the predicted force.
+    with the height of the block; height_correlation_predicted: the same for the predicted force.
     """
     from scipy.stats import spearmanr
 
@@ -140,17 +135,17 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
 
 
 def of_one(looks: pd.DataFrame) -> pd.DataFrame:
-    """Abstractions of the first set at the largest size: what is drawn."""
+    """Abstractions of the first set at the largest size, for the figure."""
     return looks[(looks["size"] == looks["size"].max()) & (looks["set"] == looks["set"].min())]
 
 
 def agreements(
     learners: Mapping[tuple[int, int], Hma], samples: Samples, rng: np.random.Generator, steps: int = 5
 ) -> pd.DataFrame:
-    """Stuck or free after `steps` steps, without truth in learning: a row per (size, set), and the mean per size.
+    """Stuck or free after `steps` steps, learned without truth: a row per (size, set), and the mean per size.
 
-    Columns size, set (-1 for the mean), balanced_accuracy, low, high (bootstrap over pushes; of the mean: the least and
-    the greatest set), rand_index, n_stuck, n_free, n_abstractions, n_stuck_abstractions.
+    Columns size, set (-1 for the mean), balanced_accuracy, low, high (bootstrap over pushes; for the mean: lowest and
+    highest set), rand_index, n_stuck, n_free, n_abstractions, n_stuck_abstractions.
     """
     rows = []
     for (size, number), learner in learners.items():

@@ -1,8 +1,8 @@
-"""What is shown: pushes of a stuck and an easy block with the belief over abstractions, and frames of a game.
+"""Showcases: pushes of a stuck and an easy block with the belief over abstractions, and frames of a game.
 
-Figure 5-8: a straight, centred push of the first block of a held-out tower whose hidden label is stuck, and of the
-first that is free (the label chooses what is shown, nothing else).  Each abstraction's prediction of the next reading,
-the belief of the filter after each step, and at every `every` steps that of the No-U-Turn sampler on the same readings.
+Figure 5-8 has straight, centred pushes of the first stuck and the first free block of a held-out tower; the hidden
+label only selects the blocks.  It shows each abstraction's prediction of the next reading, the belief of the filter
+after each step, and every `every` steps the belief of the No-U-Turn sampler on the same readings.
 
 Source: thesis, section 5.5.4, figure 5-8.
 """
@@ -37,19 +37,19 @@ CASES = {"stuck": STUCK, "easy": FREE}
 def straight_pushes(
     seed: int, setup: Setup, steps: int, rng: np.random.Generator
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Readings (steps + 1, 7), actions (steps, 2) and context (2,) of both cases, and the block's number.
+    """For both cases readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,) and the number of the block.
 
     Raises:
         UserError: the tower has no stuck or no free block.
     """
     tower = settled_tower(seed, setup)
     settled = tower.save()
-    found: dict[str, dict[str, np.ndarray]] = {}
+    pushes: dict[str, dict[str, np.ndarray]] = {}
     for block in rng.permutation(REACHABLE):
         tower.load(settled)
         label = hidden_label(tower, int(block), setup.movable)
         case = next(name for name, wanted in CASES.items() if wanted == label)
-        if case in found:
+        if case in pushes:
             continue
         tower.load(settled)
         robot = Robot(tower, Sensor(setup.sensing, rng))
@@ -61,15 +61,15 @@ def straight_pushes(
             if robot.reached_goal() or tower.fallen().size:
                 break
         actions = np.zeros((len(readings) - 1, 2))
-        found[case] = {
+        pushes[case] = {
             "readings": np.array(readings),
             "actions": actions,
             "context": np.asarray(context, float),
             "block": np.array(int(block)),
         }
-        if len(found) == len(CASES):
-            return found
-    missing = ", ".join(set(CASES) - set(found))
+        if len(pushes) == len(CASES):
+            return pushes
+    missing = ", ".join(set(CASES) - set(pushes))
     raise UserError(f"tower {seed} has no {missing} block to show: take another seed.")
 
 
@@ -81,11 +81,11 @@ def showcase_table(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Figure 5-8 and how the sampler did.
+    """Figure 5-8 and diagnostics of the sampler.
 
     Returns:
-        A row per case, step and abstraction: belief (filter), belief_nuts (NaN between runs), f_n, x, tower as read,
-        f_n_pred, x_pred.  A row per run: case, step, r_hat, ess, divergences, belief and state apart from the filter.
+        A row per case, step and abstraction: block, belief (filter), belief_nuts (NaN between runs), f_n, x, tower
+        (readings), f_n_pred, x_pred.  A row per run: case, step, r_hat, ess, divergences, belief_apart, state_apart.
     """
     rows, runs = [], []
     mean, sampler = learner.at_mean(), Sampler(learner, nuts)
@@ -136,12 +136,12 @@ def showcase_table(
 
 
 def recorded_game(policy: Policy, settings: Chapter5, blocks: int, base_seed: int) -> Game:
-    """A game on a development tower (no test tower is shown), with its frames."""
+    """A game on a development tower (test towers are not shown), with its frames."""
     return play(SHOWN, policy, settings.setup, base_seed, blocks=blocks, frames=True)
 
 
 def frames(game: Game) -> tuple[list[np.ndarray], np.ndarray, list[str], list[int]]:
-    """At most `PICTURES` frames of a game: poses (54, 7), sizes (54, 3), titles, and the block that came out (-1)."""
+    """At most `PICTURES` frames: poses (54, 7) of each, sizes (54, 3), titles, and extracted blocks (-1: none)."""
     chosen = np.unique(np.linspace(0, len(game.frames) - 1, PICTURES).astype(int))
     shown = [game.frames[i] for i in chosen]
     titles = [f"{title} ({i} out)" if i else title for i, (title, _, _) in zip(chosen, shown)]

@@ -1,24 +1,17 @@
 """Posterior over states and abstraction of one push by the No-U-Turn sampler, for the showcase pushes (figure 5-8).
 
     p(s_{0:t}, c | z_{0:t}) ∝ b_0(c) Π_i Normal(z_i; s_i, Σ_z) Π_i Normal(s_{i+1}; f_c(s_i, a_i), Q_c(s_i, a_i))
-    each abstraction has states of its own, s^k, and those of the others follow pseudo-priors ψ:
+    each abstraction has its own states s^k, and those of the others follow pseudo-priors ψ:
     log Σ_k exp[log b_0(k) + log p(z, s^k | k) − log ψ_k(s^k)] + Σ_k log ψ_k(s^k),   p(c | z) = E [p(c | s^1 … s^K)]
 
-| paper | code      | unit    | shape      |                                                            |
-|-------|-----------|---------|------------|------------------------------------------------------------|
-| s     | `state_mean`, `state_std` | mm, N | (t + 1, 7) | posterior; `advance` is known exactly        |
-| z     | `readings` | mm, N  | (t + 1, 7) |                                                            |
-| c     | `belief`  | 1       | (K,)       | p(c | z), and its Monte Carlo standard error               |
-| R̂     | `r_hat`   | 1       |            | largest over states and abstraction probabilities          |
-| ESS   | `ess`     | 1       |            | smallest over the same                                     |
+States common to all abstractions mix badly: they lie near the prediction of one abstraction, and chains do not cross
+(R̂ 1.08 after 500 draws of four steps, and worse with more).  With separate states and ψ_k the Laplace approximation of
+p(s^k | z, k), the terms of the sum hardly vary, and chains sample near-normals.  The target is exact for any ψ (Carlin
+and Chib 1995, doi 10.1111/j.2517-6161.1995.tb02042.x).  States are e = (s − z)/σ_z = mode_k + L_k u_k, where the
+readings' density is Normal(e; 0, 1) and ψ_k is Normal(u; 0, 1).  The networks enter as arrays of their mean weights, so
+the sampler does not depend on torch and has one physics per abstraction; `Hma.at_mean` gives the filter the same one.
 
-States common to all abstractions mix badly: they lie near what one of them predicts, and chains do not cross (R̂ 1.08
-after 500 draws of four steps, and worse with more).  With states of their own and ψ_k the Laplace approximation of
-p(s^k | z, k), the terms of the sum hardly vary, and chains sample near-normals; the target is exact whatever ψ is
-(Carlin and Chib 1995, doi 10.1111/j.2517-6161.1995.tb02042.x).  States are e = (s − z)/σ_z = mode_k + L_k u_k,
-where the readings' density is Normal(e; 0, 1) and ψ_k is Normal(u; 0, 1).  The networks come in as arrays of their mean
-weights, so the sampler knows nothing of torch and has one physics for each abstraction; `Hma.at_mean` gives the filter
-the same one.  Sources: thesis, section 5.5.4; Hoffman and Gelman 2014, arXiv 1111.4246 (NUTS); Vehtari et al. 2021,
+Sources: thesis, section 5.5.4; Hoffman and Gelman 2014, arXiv 1111.4246 (NUTS); Vehtari et al. 2021,
 doi 10.1214/20-BA1221 (R̂ of split chains).
 """
 
@@ -39,7 +32,12 @@ LEAST_CURVATURE = 0.5
 
 @dataclass(frozen=True)
 class Posterior:
-    """See the module's table.  divergences: among all draws."""
+    """Posterior of one push.
+
+    belief: p(c | z) (K,); belief_error: its Monte Carlo standard error.  state_mean, state_std: s (t + 1, 7), mm and N;
+    `advance` is known exactly.  r_hat, ess: largest R̂ and smallest effective sample size over states and abstraction
+    probabilities.  divergences: among all draws.
+    """
 
     belief: np.ndarray
     belief_error: np.ndarray
@@ -51,7 +49,7 @@ class Posterior:
 
 
 def log_transitions(layers: list, scaling: Any, noise: Any, states: Any, actions: Any, context: Any) -> Any:
-    """Σ_i log Normal(s_{i+1}; f(s_i), Q) in JAX, for states (t + 1, 7) and mean weights of one network."""
+    """Σ_i log Normal(s_{i+1}; f(s_i), Q) in JAX, for states (t + 1, 7) and the mean weights of one network."""
     import jax.numpy as jnp
 
     x = scaling.inputs(states[:-1], actions, context, jnp)
@@ -73,8 +71,7 @@ def log_transitions(layers: list, scaling: Any, noise: Any, states: Any, actions
 
 
 class Sampler:
-    """Samples posteriors with one learner; pushes of the same length share what JAX compiles, which takes longer than
-    the draws."""
+    """Samples posteriors with one learner; pushes of equal length share one compilation, slower than the draws."""
 
     def __init__(self, learner: Hma, settings: NutsSettings):
         import jax
@@ -94,7 +91,7 @@ class Sampler:
         """Posterior given readings z_0 … z_t (t + 1, 7), actions (t, 2) and context (2,) of one push.
 
         Raises:
-            UserError: readings and actions that do not fit each other, or no step.
+            UserError: readings and actions that do not match, or no step.
         """
         if len(actions) < 1 or len(readings) != len(actions) + 1:
             raise UserError(
@@ -113,7 +110,7 @@ class Sampler:
         samples, diverging = self._draw(key, prior, push, *self._laplace(push, shape[0] * shape[1]))
         drawn = {name: np.asarray(value, float) for name, value in samples.items()}
         belief = drawn["c"]
-        # a probability that never leaves 0 or 1 has no variance and so neither R̂ nor ESS
+        # a probability that stays at 0 or 1 has no variance, hence neither R̂ nor ESS
         moving = belief.std(axis=(0, 1)) > 1e-4
         all_of = np.concatenate([drawn["e"], belief[..., moving]], axis=2)
         ess_belief = np.where(moving, effective_sample_size(belief + 0.0), np.inf)
@@ -148,9 +145,9 @@ class Sampler:
 
         modes, roots, dets = [], [], []
         for k in range(self._layers[0].shape[0]):
-            own = [w[k] for w in self._layers]
-            found = minimize(
-                lambda e, own=own: tuple(
+            layers = [w[k] for w in self._layers]
+            optimum = minimize(
+                lambda e, own=layers: tuple(
                     np.asarray(part, float) for part in self._value(jnp.asarray(e), own, push)
                 ),
                 np.zeros(size),
@@ -158,11 +155,11 @@ class Sampler:
                 method="L-BFGS-B",
             )
             values, vectors = np.linalg.eigh(
-                np.asarray(self._curvature(jnp.asarray(found.x), own, push), float)
+                np.asarray(self._curvature(jnp.asarray(optimum.x), layers, push), float)
             )
-            # readings alone give 1; networks bend, and where they bend the wrong way ψ may be wider but not without end
+            # readings alone give curvature 1; networks may lower it, so a bound keeps ψ from growing without limit
             deviation = 1.0 / np.sqrt(np.maximum(values, LEAST_CURVATURE))
-            modes.append(found.x)
+            modes.append(optimum.x)
             roots.append(vectors * deviation)
             dets.append(np.log(deviation).sum())
         return jnp.asarray(np.array(modes)), jnp.asarray(np.array(roots)), jnp.asarray(np.array(dets))
@@ -170,7 +167,7 @@ class Sampler:
     def _chains(
         self, key: Any, prior: Any, push: tuple, mode: Any, root: Any, log_det: Any
     ) -> tuple[dict, Any]:
-        """Draws of u by NUTS: what is computed from each (chains, draws, …), and which diverged."""
+        """Draws of u by NUTS: derived quantities (chains, draws, …), and which draws diverged."""
         import jax
         import jax.numpy as jnp
         import numpyro
@@ -206,7 +203,7 @@ class Sampler:
 def agreement(
     learner: Hma, posterior: Posterior, readings: np.ndarray, actions: np.ndarray, context: np.ndarray
 ) -> dict[str, float]:
-    """How far the bank of filters is from the sampler after the same readings.
+    """Distance between the filter bank and the sampler after the same readings.
 
     belief: total variation distance; state: largest difference of the last state's mean, in posterior deviations.
     """

@@ -1,15 +1,15 @@
-"""Block steering (figure 5-9): after a push off its centre a block turns and drifts; does the controller bring it back?
+"""Block steering (figure 5-9): after an off-centre push a block turns and drifts; does the controller bring it back?
 
-Free blocks of a development tower are pushed `disturbed` steps near one edge of the end face, and then from the same
-state twice on: straight at the centre, or by model predictive control on the learned model with the weights
-`ShowcaseChoice.steering` (those of the games hardly steer: a block that comes out askew costs them little).
+Free blocks of a development tower are pushed `disturbed` steps near one edge of the end face.  The push then continues
+from the same state in two ways: straight at the centre, or by model predictive control on the learned model with the
+weights `ShowcaseChoice.steering` (the weights of the games hardly steer: a block out askew costs them little).
 
     stray = (y² + ψ²)^½ of the true state at the end, ψ = yaw · r_g, in mm
 
-Each pair starts in the same state of the simulation and reads the same noise up to there.  Label and true state choose
-and judge what is shown; the controller sees readings only.
+Each pair has the same simulation state and the same noise of readings up to there.  Label and true state select and
+judge the pushes; the controller sees readings only.
 
-Source: thesis, section 5.5.4, figure 5-9; disturbance and comparison are ours.
+Source: thesis, section 5.5.4, figure 5-9; disturbance and comparison are own choices.
 """
 
 import numpy as np
@@ -28,13 +28,13 @@ from thesis_lib.jenga.tower.health import settled_tower
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower
 
-MOST = 60  # steps, after which a push that does not come out ends
+MOST = 60  # steps after which an unfinished push ends
 
 
 def steering_pushes(
     learner: Learner, seed: int, setup: Setup, choice: ShowcaseChoice, rng: np.random.Generator
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Every step of the pushes of `choice.steered_blocks` free blocks of tower `seed`, and how each push ended.
+    """All steps of the pushes of `choice.steered_blocks` free blocks of tower `seed`, and the end of each push.
 
     Returns:
         steps: block, edge (mm, contact of the disturbance), steered (0 or 1), step, advance, x, y, yaw (mm, as read
@@ -60,10 +60,10 @@ def steering_pushes(
             for steered in (0, 1):
                 tower.load(settled)
                 policy = Learned(learner, choice.steering) if steered else None
-                own = {"block": block, "edge": edge, "steered": steered}
+                case = {"block": block, "edge": edge, "steered": steered}
                 rows, end = _push(tower, block, edge, policy, setup, choice, np.random.default_rng(noise))
-                steps += [own | row for row in rows]
-                ends.append(own | end)
+                steps += [case | row for row in rows]
+                ends.append(case | end)
     if shown < choice.steered_blocks:
         raise UserError(
             f"tower {seed} has {shown} free blocks, fewer than the {choice.steered_blocks} to be steered."
@@ -118,10 +118,9 @@ def _push(
 
 
 def strayed_most(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
-    """Rows of `steps` of the pair whose straight push ended farthest off, of pairs that both came out.
+    """Rows of `steps` of the pair whose straight push strayed most, among pairs that both came out.
 
-    Raises:
-        UserError: no pair came out.
+    Raises UserError if there is no such pair.
     """
     pairs = ends.pivot(index=["block", "edge"], columns="steered", values=["stray", "out"])
     both = pairs[(pairs["out"] == 1).all(axis=1)]

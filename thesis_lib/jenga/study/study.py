@@ -1,16 +1,13 @@
-"""The study of chapter 5: who plays, and what the games say.
+"""The study of chapter 5: tables of the games.
 
-Extractions of one policy differ from tower to tower far more than policies do, so that policies are compared on the
-same towers, block orders and noise:
+Extractions of one policy differ from tower to tower far more than policies do.  So policies are compared on the same
+towers, block orders and noise:
 
     mean ± t_{n−1} s/√n over towers;    difference of two policies: the same of the differences tower by tower
 
-A refused game (a tower that could not be used) is counted and leaves its tower out of the comparisons of that policy.
-
-| on paper                                  | in code      | unit   |
-|-------------------------------------------|--------------|--------|
-| consecutive extractions (figure 5-5B)     | `extractions`| blocks |
-| samples                                   | `size`       | 1; 0 for policies without training |
+A refused game (an unusable tower) is counted and leaves its tower out of that policy's comparisons.  `extractions`
+are the consecutive extractions (blocks) of figure 5-5B; `size` is the number of samples, 0 for policies without
+training.
 """
 
 from collections.abc import Sequence
@@ -21,7 +18,7 @@ import pandas as pd
 from thesis_lib.jenga.play.game import Game
 from thesis_lib.statistics.intervals import standard_error, student_mean, wilson
 
-# counts of figure 5-6: attempts and successes of push, extract and place
+# (attempts, successes) of push, extract and place in figure 5-6
 PUBLISHED = {
     "exploration": {
         "all": ((403, 172), (172, 97), (97, 85)),
@@ -38,9 +35,9 @@ ACTIONS = ("push", "extract", "place")
 
 
 def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.DataFrame]:
-    """All tables of the games, by (size, game): games, attempts, curve, paired, success, needed.
+    """All tables of the games, given as (size, game): games, attempts, curve, paired, success, needed.
 
-    `shown` is the number of samples that the learned policy of success and needed has learned from.
+    `shown`: number of training samples of the learned policy in success and needed.
     """
     table, attempts = games_table(games), attempts_table(games)
     return {
@@ -79,7 +76,7 @@ def attempts_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
 
 
 def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
-    """Columns policy, size, mean, std (its standard error), low, high, n, refused (figure 5-5B)."""
+    """Columns policy, size, mean, std (standard error), low, high, n, refused (figure 5-5B)."""
     rows = []
     for (policy, size), part in games.groupby(["policy", "size"], sort=True):
         counts = part["extractions"].dropna().to_numpy()
@@ -91,11 +88,11 @@ def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
 
 
 def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
-    """Extractions of `policy` at each size minus those of every other one on the same towers.
+    """Extractions of `policy` at each size minus those of every other policy on the same towers.
 
-    Rivals that learn are compared at the same size (MOR also at ten times that: the thesis's claim), those that do not
-    (size 0) and PPO at every size.  Columns policy, size, rival, rival_size, difference, std (its standard error), low,
-    high, n.
+    Learning rivals are compared at the same size (MOR also at ten times that: the thesis's claim), rivals without
+    training (size 0) and PPO at every size.  Columns policy, size, rival, rival_size, difference, std (standard error),
+    low, high, n.
     """
     counts = games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
     rows = []
@@ -122,18 +119,18 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
     """
     rows = []
     for phase, policy, own_size in (("exploration", "exploration", 0), ("learned", "hma", size)):
-        own = attempts[(attempts["policy"] == policy) & (attempts["size"] == own_size)]
+        of_policy = attempts[(attempts["policy"] == policy) & (attempts["size"] == own_size)]
         for position in ("all", "side", "middle"):
-            part = own if position == "all" else own[own["side"] == int(position == "side")]
+            part = of_policy if position == "all" else of_policy[of_policy["side"] == int(position == "side")]
             for i, (action, column) in enumerate(zip(ACTIONS, ("pushed", "extracted", "placed"))):
                 tried = part[part[column] >= 0]
                 n, k = len(tried), int((tried[column] == 1).sum())
                 low, high = wilson(k, n)
-                told, right = PUBLISHED[phase][position][i]
+                attempted, succeeded = PUBLISHED[phase][position][i]
                 share = k / n if n else np.nan
-                # that of one success and one failure more: none of it is certain
+                # with one success and one failure added, so that it is never 0
                 std = np.sqrt((k + 1) * (n - k + 1) / (n + 2) ** 3)
-                rows.append((phase, position, action, n, k, share, std, low, high, right / told))
+                rows.append((phase, position, action, n, k, share, std, low, high, succeeded / attempted))
     names = [
         "phase",
         "position",
@@ -150,10 +147,10 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
 
 
 def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor", of: str = "hma") -> pd.DataFrame:
-    """How many samples `policy` needs for what `of` reaches with `first` samples, with what the towers allow.
+    """Number of samples with which `policy` matches `of` at `first` samples, with bounds from the spread over towers.
 
     Columns policy, of, size (of `of`), needed (NaN: more than were tried), needed_low, needed_high: the smallest size
-    at which the paired difference `of` − `policy` is at most 0 in the mean, at its lower end and at its upper end.
+    at which the paired difference `of` − `policy` is at most 0 in its mean, lower end and upper end.
     """
     counts = games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
     ends = []

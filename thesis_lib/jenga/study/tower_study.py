@@ -1,10 +1,10 @@
-"""Is the tower what the thesis says: share of movable blocks, and what it depends on; how far simulators agree.
+"""Tower against thesis: share of movable blocks and its dependence on the threshold; agreement of simulators.
 
     movable  ⇔  in a straight, centred trial push no other block moves more than the threshold, and the block follows
 
-The threshold was fixed on development towers so that 47 % are movable there; test towers check it.  The interval is
-Student's t over towers.  Agreements are those of the first development tower: with a time step half as long, with the
-reduced tower, and of the criterion with real extraction.
+The threshold was fixed on development towers so that 47 % are movable there; test towers check it, with Student's t
+interval over towers.  The first development tower is compared with half the time step, with the reduced tower, and
+with real extraction.
 
 Source: thesis, section 5.4.4 (47 %).
 """
@@ -29,8 +29,8 @@ THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
 def scan_tower(
     seed: int, scanned: int, setup: Setup, say: Callable[[str], None] = lambda _: None
 ) -> pd.DataFrame:
-    """`movable.scan` of `scanned` blocks of a tower, spread evenly; no rows if the tower is refused."""
-    # rounding a step that is no multiple of three takes middle and side blocks in turn
+    """`movable.scan` of `scanned` evenly spread blocks of a tower; no rows if the tower is refused."""
+    # a step that is no multiple of three takes middle and side blocks in turn
     blocks = np.unique(np.linspace(0, len(REACHABLE) - 1, scanned).round().astype(int))
     try:
         tower = settled_tower(seed, setup)
@@ -41,10 +41,9 @@ def scan_tower(
 
 
 def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: MovableSettings) -> pd.DataFrame:
-    """Rows of set (development, test), tower, threshold_mm, share; of refused towers none.
+    """Rows of set (development, test), tower, threshold_mm, share, without refused towers.
 
-    Raises:
-        UserError: every tower of a set was refused.
+    Raises UserError if every tower of a set was refused.
     """
     for name, tables in scans.items():
         if all(table.empty for table in tables):
@@ -61,7 +60,7 @@ def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: Movabl
 
 
 def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFrame]]) -> pd.DataFrame:
-    """Rows of set, threshold_mm, mean, low, high, n over towers, and refused: towers that did not stand."""
+    """Rows of set, threshold_mm, mean, low, high, n (towers), refused (towers that did not stand)."""
     refused = {name: sum(table.empty for table in tables) for name, tables in scans.items()}
     rows = [
         (name, threshold, *student_mean(part["share"].to_numpy()), len(part), refused[name])
@@ -73,7 +72,7 @@ def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFr
 def fidelity(
     scan_of: pd.DataFrame, setup: Setup, say: Callable[[str], None] = lambda _: None
 ) -> pd.DataFrame:
-    """Agreements on the blocks of one scan: comparison, quantity, value, n (blocks)."""
+    """Agreement on the blocks of one scan: comparison, quantity, value, n (blocks)."""
     seed, rows = int(scan_of["tower"].iloc[0]), []
     half = setup.tower.model_copy(update={"timestep": setup.tower.timestep / 2.0})
     finer = settled_tower(seed, setup.model_copy(update={"tower": half}))
@@ -97,6 +96,6 @@ def fidelity(
 
 
 def settled(setup: Setup, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (54, 7) and sizes (54, 3) of a settled tower, to be drawn."""
+    """Poses (54, 7) and sizes (54, 3), m, of a settled tower, for drawing."""
     tower = settled_tower(seed, setup)
     return tower.poses(), tower.sizes

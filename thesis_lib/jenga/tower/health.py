@@ -26,11 +26,7 @@ class Health:
 
 
 def settled_tower(seed: int, setup: Setup) -> Tower:
-    """The tower of a seed, at rest and checked.
-
-    Raises:
-        TowerError: it failed a check.
-    """
+    """The tower of a seed, at rest and checked; TowerError if a check fails."""
     tower = Tower(seed, setup.tower, setup.robot).settle()
     check(tower, setup.health)
     return tower
