@@ -105,8 +105,8 @@ class _Rows:
         except ValueError:
             value = math.inf
         if not math.isfinite(value):
-            what = "empty or NaN" if math.isnan(value) else repr(cell)
-            raise UserError(f"{self.cells.path}, data row {row}: {column} is {what}, not a finite number")
+            content = "empty or NaN" if math.isnan(value) else repr(cell)
+            raise UserError(f"{self.cells.path}, data row {row}: {column} is {content}, not a finite number")
         return value
 
 
@@ -167,22 +167,22 @@ def _result(claim: Claim, published: str, ours: float, std: float, reference: fl
 
 def _measure_number(claim: Claim, published: str, rows: _Rows) -> Result:
     row, check = rows.only(), claim.check
-    ours, std, reference = rows.value(row), rows.std(row), float(claim.published)
+    value, std, reference = rows.value(row), rows.std(row), float(claim.published)
     if isinstance(check, Interval):
         allowed = check.k * std + check.rounding
     else:
         allowed = check.tolerance * (abs(reference) if isinstance(check, Rel) else 1.0)
-    holds = abs(ours - reference) <= allowed * (1 + SLACK)
-    return _result(claim, published, ours, std, reference, holds)
+    holds = abs(value - reference) <= allowed * (1 + SLACK)
+    return _result(claim, published, value, std, reference, holds)
 
 
 def _measure_threshold(claim: Claim, published: str, rows: _Rows) -> Result:
     row, check = rows.only(), claim.check
-    ours, std = rows.value(row), rows.std(row)
+    value, std = rows.value(row), rows.std(row)
     sign = 1.0 if isinstance(check, Greater) else -1.0
     margin = check.k * std if check.k else 0.0
-    holds = sign * (ours - check.threshold) > margin
-    return _result(claim, published, ours, std, check.threshold, holds)
+    holds = sign * (value - check.threshold) > margin
+    return _result(claim, published, value, std, check.threshold, holds)
 
 
 def _measure_flag(claim: Claim, published: str, rows: _Rows) -> Result:

@@ -13,7 +13,7 @@ claims:
     statement: The friction coefficient that fits Mirtich's law, as coded by the authors, to all impacts.
     published: 0.062          # as the thesis states it (may be left out: see below)
     unit: "1"
-    source:                   # where ours is found, below the results folder
+    source:                   # our value, below the results folder
       file: chapter3/planar_impact/table_3_1.csv
       where: {law: mirtich_as_published}      # selects exactly one row (orderings: the rows compared)
       column: mu

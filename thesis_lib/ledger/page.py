@@ -77,9 +77,9 @@ def _cells(result: Result) -> dict:
     claim = result.claim
     unit = "" if claim.unit == "1" else f" {claim.unit}"
     numeric = result.difference == result.difference  # NaN if the claim is not a number
-    ours = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
+    value = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
     if result.std == result.std:
-        ours += f" ± {result.std:.2g}"
+        value += f" ± {result.std:.2g}"
     difference = f"{result.difference:+.3g}{unit}" if numeric else ""
     if result.relative_difference == result.relative_difference:
         difference += f" ({100 * result.relative_difference:+.3g}\u00a0%)"
@@ -91,7 +91,7 @@ def _cells(result: Result) -> dict:
         "claim": claim,
         "status": result.status,
         "published": published,
-        "ours": ours or "–",
+        "ours": value or "–",
         "difference": difference or "–",
         "reason": reason,
     }

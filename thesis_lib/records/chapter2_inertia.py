@@ -207,13 +207,13 @@ def figure_hidden(summary: "pd.DataFrame") -> str:
     datasets = summary["datasets"]
     right = (summary["right"] * datasets).round()
     parts = []
-    for truth, what in (
+    for truth, setting in (
         ("nothing", "with nothing hidden"),
         (OUTSIDE, f"with {OUTSIDE}, which is in no library,"),
     ):
         selected = summary["truth"] == truth
         if selected.any():
-            parts.append(f"{what} on {int(right[selected].sum())} of {int(datasets[selected].sum())}")
+            parts.append(f"{setting} on {int(right[selected].sum())} of {int(datasets[selected].sum())}")
     named = summary[~summary["truth"].isin(["nothing", OUTSIDE])]
     named = named[named["snr_db"] == named["snr_db"].min()]
     before, after = (float(named[f"force_error_{when}"].median()) for when in ("before", "after"))

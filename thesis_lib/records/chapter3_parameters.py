@@ -85,9 +85,9 @@ def figure_3_10(figure: "pd.DataFrame", statements: "pd.DataFrame") -> str:
         row_of(statements, statement=name, law=STUDIED)["value"] for name in ("epsilon_mode", "epsilon_modes")
     )
     panel = figure[figure["panel"] == "a"]
-    each = panel[(panel["series"] == "individual") & panel["misfit"].notna()]
-    zero = each["mu"] < MU_ZERO
-    here, elsewhere = each.loc[zero, "misfit"].mean(), each.loc[~zero, "misfit"].mean()
+    fits = panel[(panel["series"] == "individual") & panel["misfit"].notna()]
+    zero = fits["mu"] < MU_ZERO
+    here, elsewhere = fits.loc[zero, "misfit"].mean(), fits.loc[~zero, "misfit"].mean()
     misfit = (
         f", with {times(here / elsewhere)} the mean misfit of the others"
         if zero.any() and elsewhere > 0
@@ -96,9 +96,9 @@ def figure_3_10(figure: "pd.DataFrame", statements: "pd.DataFrame") -> str:
     ensemble = float(panel.loc[panel["series"] == "ensemble", "mu"].iloc[0])
     word = side(*ends(mean["value"], mean["std"]), 0.0, ("below", "not told apart from", "above"))
     return (
-        f"{count(zero.sum(), len(each))} impacts are explained best without friction{misfit}. The mean of the single "
-        f"μ, {number(each['mu'].mean())}, is {word} the ensemble's {number(ensemble)}; their standard deviation is "
-        f"{number(each['mu'].std())}. The density of ε has {int(peaks)} peak{'s' if peaks > 1 else ''}, the highest at "
+        f"{count(zero.sum(), len(fits))} impacts are explained best without friction{misfit}. The mean of the single "
+        f"μ, {number(fits['mu'].mean())}, is {word} the ensemble's {number(ensemble)}; their standard deviation is "
+        f"{number(fits['mu'].std())}. The density of ε has {int(peaks)} peak{'s' if peaks > 1 else ''}, the highest at "
         f"{number(peak)}."
     )
 

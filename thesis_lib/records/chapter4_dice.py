@@ -1,6 +1,6 @@
-"""Figure 4-8 and its tables: errors of each contact model in where dice end."""
+"""Figure 4-8 and its tables: errors of each contact model in the resting position of dice."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not type the cells of a row
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from collections.abc import Mapping

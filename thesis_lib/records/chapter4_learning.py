@@ -1,6 +1,6 @@
 """Figures 4-1, 4-2, 4-5 and 4-6: learned contact models, and what they add to named physics."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not type the cells of a row
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 import math
@@ -141,7 +141,7 @@ can.""",
 
 
 def figure_4_6(summary: "pd.DataFrame", convergence: "pd.DataFrame") -> str:
-    """How far errors fall with training impacts, and from where they are level."""
+    """How far errors fall with training impacts, and the number of impacts from which they are level."""
     curves = [_curve(summary, convergence, name) for name in ("rigid_x1", "wrench_x1", "residual_wrench")]
     first, last = summary["n"].min(), summary["n"].max()
     return (

@@ -1,6 +1,6 @@
 """Figures 4-3, 4-4, 4-7, 4-9 and 4-10: single throws of the die and the beliefs over them."""
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not type the cells of a row
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from typing import TYPE_CHECKING

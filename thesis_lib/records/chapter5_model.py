@@ -35,7 +35,7 @@ DIAGRAM = {
     ),
     "x": ("1", "place in the picture"),
     "y": ("1", "place in the picture"),
-}  # columns of what is drawn by hand
+}  # columns of hand-drawn diagrams
 
 
 FIGURE_5_2 = Figure(

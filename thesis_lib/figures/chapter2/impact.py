@@ -164,9 +164,11 @@ def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
         ax.set_ylim(-0.7, len(group) - 0.3)
         ax.set_title(name)
         for height, row in zip(y, group.itertuples()):
-            known = np.isfinite(row.scale)
+            has_noise = np.isfinite(row.scale)
             text = (
-                rf"misfit {row.scale:.1f} $\sigma$" if known else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"
+                rf"misfit {row.scale:.1f} $\sigma$"
+                if has_noise
+                else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"
             )
             ax.annotate(text, (1.01, height), xycoords=("axes fraction", "data"), va="center", fontsize=7)
     handles, names = axes[0].get_legend_handles_labels()

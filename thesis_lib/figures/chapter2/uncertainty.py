@@ -120,7 +120,7 @@ def _landing(
     ax: Axes, letter: str, name: str, body: PlanarFreeBody, record: Record, window: ContactWindow
 ) -> pd.DataFrame:
     """Squares during a landing, side by side in time, and what the window identifies."""
-    free, known = identifiability(window), identifiability(window.fix({"m": body.mass}))
+    free_mass, fixed_mass = identifiability(window), identifiability(window.fix({"m": body.mass}))
     sketch = Sketch(ax, letter)
     ax.set_title(f"({letter}) square lands {name}")
     size = body.shape.extent
@@ -132,20 +132,20 @@ def _landing(
         sketch.line("square", points, t=record.t[step], linewidth=0.9)
         sketch.point("centre", record.q[step, :2] - [record.q[0, 0], 0.0] + shift, markersize=2)
     sketch.ground(-1.1 * size, 1.65 * size * (len(shown) - 1) + 1.1 * size, 0.12 * size)
-    verdict = {0: "nothing, not even $m/I$", 1: "$m/I$ only", 2: "$m$ and $I$"}[free.rank]
-    known_mass = "$I$" if known.rank else "still nothing"
+    verdict = {0: "nothing, not even $m/I$", 1: "$m/I$ only", 2: "$m$ and $I$"}[free_mass.rank]
+    verdict_known_mass = "$I$" if fixed_mass.rank else "still nothing"
     ax.text(
         0.0,
         -0.05,
-        f"identifiable without known force: {verdict}\nif the mass is known: {known_mass}",
+        f"identifiable without known force: {verdict}\nif the mass is known: {verdict_known_mass}",
         transform=ax.transAxes,
         va="top",
         fontsize=7.5,
     )
     columns = {
-        "rank": free.rank,
-        "sigma_1": free.singular_values[0],
-        "sigma_2": free.singular_values[1],
-        "rank_mass_known": known.rank,
+        "rank": free_mass.rank,
+        "sigma_1": free_mass.singular_values[0],
+        "sigma_2": free_mass.singular_values[1],
+        "rank_mass_known": fixed_mass.rank,
     }
     return sketch.table().assign(**columns)

@@ -36,8 +36,8 @@ def figure_3_11(
     unit = ImpulseAxis.of(mass_known)
     target = target_of(impacts)
     keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
-    each = individual[individual["law"] == law].set_index(["trial", "impact"]).reindex(keys)
-    mu, epsilon, misfit = (each[name].to_numpy(float) for name in ("mu", "epsilon", "misfit"))
+    parameters = individual[individual["law"] == law].set_index(["trial", "impact"]).reindex(keys)
+    mu, epsilon, misfit = (parameters[name].to_numpy(float) for name in ("mu", "epsilon", "misfit"))
     fit = ensemble[ensemble["law"] == law].iloc[0]
     cases = {
         "a": (zero_friction_case(impacts, mu, misfit), r"$\mu = 0$"),

@@ -104,16 +104,16 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
         UserError: no impact has individual parameters under this law.
     """
     unit = ImpulseAxis.of(mass_known)
-    each = individual[(individual["law"] == law) & individual["misfit"].notna()]
-    if not len(each):
+    impacts = individual[(individual["law"] == law) & individual["misfit"].notna()]
+    if not len(impacts):
         raise UserError(f"No impact has individual parameters under {law}; look at individual.csv.")
     fit = ensemble[ensemble["law"] == law].iloc[0]
-    mu_max = 1.05 * max(float(each["mu"].quantile(SHOWN_SHARE)), 0.02, 1.3 * fit["mu"])
+    mu_max = 1.05 * max(float(impacts["mu"].quantile(SHOWN_SHARE)), 0.02, 1.3 * fit["mu"])
     figure = new_figure(height=3.3)
     axes = figure.subplot_mosaic([["a", "mu"], ["a", "epsilon"]], width_ratios=(1.25, 1.0))
 
     ax = axes["a"]
-    shown = each.sort_values("misfit", kind="stable")  # largest misfit on top
+    shown = impacts.sort_values("misfit", kind="stable")  # largest misfit on top
     top = max(float(shown["misfit"].quantile(0.98)), np.finfo(float).tiny)
     dots = ax.scatter(
         shown["mu"],
@@ -130,15 +130,15 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
     ax.set_ylim(-0.02, 1.03)
     ax.set_xlabel(r"individual $\mu$")
     ax.set_ylabel(r"individual $\epsilon$")
-    beyond = int((each["mu"] > mu_max).sum())
+    beyond = int((impacts["mu"] > mu_max).sum())
     note = f", {beyond} beyond the axis" if beyond else ""
-    ax.set_title(f"(a) {LAWS[law].title}, {len(each)} impacts{note}")
+    ax.set_title(f"(a) {LAWS[law].title}, {len(impacts)} impacts{note}")
     bar = figure.colorbar(dots, ax=ax, location="bottom", aspect=30, pad=0.02, extend="max")
     bar.set_label(f"misfit that remains ({unit.unit})")
     bar.outline.set_visible(False)
 
     parts = [
-        each.assign(panel="a", series="individual")[
+        impacts.assign(panel="a", series="individual")[
             ["panel", "series", "trial", "impact", "mu", "epsilon", "misfit"]
         ],
         pd.DataFrame(
@@ -146,14 +146,14 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
         ),
     ]
     for name, symbol, upper in (("mu", r"\mu", np.inf), ("epsilon", r"\epsilon", 1.0)):
-        low, high = (0.0, mu_max) if name == "mu" else _shown_range(each[name].to_numpy())
+        low, high = (0.0, mu_max) if name == "mu" else _shown_range(impacts[name].to_numpy())
         grid = np.linspace(low, high, GRID)
-        density = reflected_density(each[name].to_numpy(), grid, 0.0, upper)
+        density = reflected_density(impacts[name].to_numpy(), grid, 0.0, upper)
         ax = axes[name]
         ax.fill_between(grid, density, color="#009E73", alpha=0.25, linewidth=0)
         ax.plot(grid, density, color="#009E73")
         ax.axvline(fit[name], color="#D55E00", linestyle=(0, (5, 1.5)), label="ensemble")
-        ax.axvline(each[name].mean(), color=INK, linestyle=(0, (1, 1.2)), label="mean of individual")
+        ax.axvline(impacts[name].mean(), color=INK, linestyle=(0, (1, 1.2)), label="mean of individual")
         ax.set_xlabel(f"${symbol}$")
         ax.set_ylabel("density")
         ax.set_ylim(bottom=0.0)

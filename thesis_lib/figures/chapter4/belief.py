@@ -33,11 +33,11 @@ def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, conta
     shown = samples[samples["contact"] <= contacts]
     rows = []
     for contact, part in shown.groupby("contact"):
-        some = part.head(DRAWN)
-        for pose in some[["x", "y", "theta"]].to_numpy():
+        particles = part.head(DRAWN)
+        for pose in particles[["x", "y", "theta"]].to_numpy():
             draw_outline(ax, shape, pose, color=CONTACT_COLORS[contact], linewidth=0.4, alpha=0.35)
         ax.plot([], [], color=CONTACT_COLORS[contact], label=f"belief, {CONTACT_NAMES[contact]}")
-        rows += [(trial, f"belief_{contact}", *row) for row in some[["t", "x", "y", "theta"]].to_numpy()]
+        rows += [(trial, f"belief_{contact}", *row) for row in particles[["t", "x", "y", "theta"]].to_numpy()]
     end = float(shown["t"].max())
     measured = poses[poses["trial"] == trial]
     measured = measured[measured["t"] <= measured["t"].iloc[0] + end + 0.15]

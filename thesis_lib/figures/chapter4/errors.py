@@ -131,7 +131,7 @@ def figure_4_6(summary: pd.DataFrame, law: str) -> Drawn:
 def figure_named_physics(
     rungs: pd.DataFrame, summary: pd.DataFrame, effects: Sequence[str] = (), floor: float | None = None
 ) -> Drawn:
-    """Errors of law, effects and residuals: what is left to learn with the missing effects added.
+    """Errors of law, effects and residuals: the error left to learn once the missing effects are added.
 
     Args:
         rungs: model, n, mean, low, high, with rows irb_bound and irb_bound_effects (of `learning_study.named_physics`).

@@ -1,4 +1,4 @@
-"""Figure 5-7 (thesis section 5.5.4), the abstractions, and hidden effects: what has been learned of the tower.
+"""Figure 5-7 (thesis section 5.5.4), the abstractions, and hidden effects: the learned model of the tower.
 
     friction cone:  |f_t| ≤ μ f_n,   μ = 0.42 (plastic on wood; 0.35 to 0.5 in the thesis)
 
@@ -48,12 +48,12 @@ AS_PREDICTED = "#E0E0E0"
 
 def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
     """Colour by the kind of an abstraction (also of a new one), line style by its number among those of its kind."""
-    styles, seen, colors = {}, Counter(), dict(COLORS)
+    styles, counts, colors = {}, Counter(), dict(COLORS)
     for name in names:
         kind = re.sub(r" \d+$", "", name.removeprefix("new: "))
         color = colors.setdefault(kind, SPARE[(len(colors) - len(COLORS)) % len(SPARE)])
-        styles[name] = (color, DASHES[seen[kind] % len(DASHES)])
-        seen[kind] += 1
+        styles[name] = (color, DASHES[counts[kind] % len(DASHES)])
+        counts[kind] += 1
     return styles
 
 

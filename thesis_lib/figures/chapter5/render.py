@@ -88,8 +88,8 @@ def strip_figure(
     """Frames of a game (poses (54, 7) each) side by side, on one scale.  Table as above, with the column frame."""
     figure = new_figure(WIDTH, 2.1)
     axes = figure.subplots(1, len(frames), sharex=True, sharey=True, squeeze=False)[0]
-    for number, (each, poses, title) in enumerate(zip(axes, frames, titles)):
-        draw_tower(each, poses, sizes, None if colours is None else colours[number])
-        each.set_title(textwrap.fill(title, 10), fontsize=7, y=1.0, va="bottom")
+    for number, (ax, poses, title) in enumerate(zip(axes, frames, titles)):
+        draw_tower(ax, poses, sizes, None if colours is None else colours[number])
+        ax.set_title(textwrap.fill(title, 10), fontsize=7, y=1.0, va="bottom")
     tables = [_table(poses).assign(frame=number) for number, poses in enumerate(frames)]
     return figure, pd.concat(tables, ignore_index=True)

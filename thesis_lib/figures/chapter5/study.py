@@ -120,8 +120,8 @@ def figure_paired(pairs: pd.DataFrame) -> Drawn:
         policy_style(rival)[3] + (f" ({other:g})" if rival in sized else "")
         for rival, other in zip(table["rival"], table["other"])
     ]
-    known = list(POLICY_STYLE)
-    table["place"] = [known.index(rival) if rival in known else len(known) for rival in table["rival"]]
+    order = list(POLICY_STYLE)
+    table["place"] = [order.index(rival) if rival in order else len(order) for rival in table["rival"]]
     rows = list(table.sort_values(["place", "rival", "other"], kind="stable")["row"].unique())
     panels = list(table.groupby(["policy", "size"], sort=False))
     across = min(PANELS_ACROSS, len(panels))
@@ -282,10 +282,10 @@ def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
         ax.plot(
             100 * row.published, y, "D", color="#D55E00", markersize=3.5, markeredgecolor="white", zorder=3
         )
-    known = row.attempts > 0
+    tried = row.attempts > 0
     texts = (
         f"{row.successes:.0f} / {row.attempts:.0f}",
-        f"{100 * row.low:.0f} to {100 * row.high:.0f} %" if known else "none tried",
+        f"{100 * row.low:.0f} to {100 * row.high:.0f} %" if tried else "none tried",
         f"{100 * row.published:.1f} %" if np.isfinite(row.published) else "",
     )
     for place, text in zip(COLUMNS, texts):

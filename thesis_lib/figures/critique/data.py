@@ -44,10 +44,10 @@ def draw_data(critique: Critique) -> Drawn:
         axes[0].set_ylabel("height $y$ (m)")
         _path_legend(parts[0])
     table = features(critique.ladder[0][1], o)
-    held = np.isin(o.trial, np.unique(critique.held_out.trial))
+    held_out = np.isin(o.trial, np.unique(critique.held_out.trial))
     below = parts[int(has_paths)]
     for i, (ax, name) in enumerate(zip(below.subplots(1, len(STATES)), STATES)):
-        rows += _histogram(ax, name, table[name].to_numpy(), held)
+        rows += _histogram(ax, name, table[name].to_numpy(), held_out)
         if i == 0:
             ax.set_ylabel("impacts")
     kinds = [Patch(color="0.8", label="training"), Patch(color=USED, label="held out")]
@@ -109,9 +109,9 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     hits = o.found.arcs[o.found.arcs["trial"] == trial].sort_values("t")
     t, x, y, theta = (samples[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
     last = hits["t"].max() + 0.12 if len(hits) else t.max()
-    seen = t <= last  # after the last hit the body mostly rests
-    ax.plot(x[seen], y[seen], ".", color="0.6", markersize=1.6, zorder=1)
-    rows = [("path", "sample", a, b, np.nan, trial) for a, b in zip(x[seen], y[seen])]
+    shown = t <= last  # after the last hit the body mostly rests
+    ax.plot(x[shown], y[shown], ".", color="0.6", markersize=1.6, zorder=1)
+    rows = [("path", "sample", a, b, np.nan, trial) for a, b in zip(x[shown], y[shown])]
     outline = o.rig.shape.outline(60)
     outline = np.concatenate([outline, outline[:1]])
     for hit in hits.itertuples():
@@ -140,8 +140,8 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
             ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
             rows += [("path", "arc", a, b, np.nan, trial) for a, b in zip(q[:, 0], height)]
     margin = o.rig.shape.extent
-    low, high = o.rig.height - 0.4 * margin, y[seen].max() + margin
-    left, right = x[seen].min() - margin, x[seen].max() + margin
+    low, high = o.rig.height - 0.4 * margin, y[shown].max() + margin
+    left, right = x[shown].min() - margin, x[shown].max() + margin
     # both axes have one scale in a panel of proportions `PANEL`
     wide = max(right - left, PANEL * (high - low))
     ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
