@@ -1,15 +1,15 @@
-"""Tests of whole classes of models, before any candidate is tried: what no choice of (μ, ε) and no such law could do.
+"""Tests of whole classes of models, before any candidate is tried.
 
 | test             | what every model of the class keeps                                                               |
 |------------------|---------------------------------------------------------------------------------------------------|
-| rigid_point      | τ = m (k² Δω − r_x Δv_y + r_y Δv_x) = 0, one impulse through the believed contact point; and no   |
-|                  | gain of energy at the contact, α ≤ 1                                                              |
-| momentum_balance | k² Δω = a r_x Δv_y − b r_y Δv_x with a = b = 1, whatever the contact law is                       |
+| rigid_point      | τ = m (k² Δω − r_x Δv_y + r_y Δv_x) = 0: one impulse at the believed contact point; and α ≤ 1: no |
+|                  | gain of energy at the contact                                                                     |
+| momentum_balance | k² Δω = a r_x Δv_y − b r_y Δv_x with a = b = 1, for any contact law                               |
 | parity           | a mirrored throw gives the mirrored outcome: residuals δv_x and δω are odd, δv_y is even          |
 | homogeneity      | twice the velocity gives twice the outcome: residual over speed does not depend on the speed      |
 
-The first two look at the measurements alone, the last two at the residual of the law without effects.  A test that the
-data cannot support (throws that go one way, unknown noise) says so instead of giving a p-value.
+The first two use measurements only, the last two the residual of the law without effects.  If the data cannot support a
+test (throws in one direction, unknown noise), it gives a reason instead of a p-value.
 """
 
 from collections.abc import Callable
@@ -29,16 +29,16 @@ from thesis_lib.critique.drops.residuals import (
 )
 from thesis_lib.statistics.spread import robust_std
 
-SIGMAS = 3.0  # beyond which an impact counts as outside a class
-NOISE_TRUST = 1.2  # factor by which the noise may be understated before a share beyond SIGMAS means anything
-ONE_SIDED = 0.1  # share of throws the other way below which parity cannot be told
-FEW = 100  # impacts below which fewer shapes of the residual are allowed for
-CLIP = 5.0  # robust standard deviations: single wild impacts decide no regression
+SIGMAS = 3.0  # standard deviations: an impact beyond is outside a class
+NOISE_TRUST = 1.2  # the noise may be this factor too small before a share beyond SIGMAS is significant
+ONE_SIDED = 0.1  # least share of throws in either direction for a test of parity
+FEW = 100  # impacts; below, fewer shapes of the residual are fitted
+CLIP = 5.0  # robust standard deviations: limits the weight of wild impacts in a regression
 Statistic = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # v_pre, v_post, r -> (n, m)
 
 
 def class_tests(fitted: Fit, observations: Observations) -> dict:
-    """All four tests for the law `fitted` without effects, as in where.json."""
+    """All four tests for the law `fitted` without effects."""
     return {
         "rigid_point": rigid_point(fitted, observations),
         "momentum_balance": momentum_balance(fitted, observations),
@@ -48,21 +48,21 @@ def class_tests(fitted: Fit, observations: Observations) -> dict:
 
 
 def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measured v_pre and v_post (n, 3), and the contact point r (n, 2) that the shape has at the measured angle."""
+    """Measured v_pre, v_post (n, 3) in m/s, rad/s, and contact point r (n, 2) in m at the measured angle."""
     before, after = states_at_impact(fitted.model, fitted.values, observations)
     r = observations.rig.shape.contact_point(before.theta) + observations.offset
     return before.v, after.v, r
 
 
 def _noise(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:
-    """Covariance (n, m, m) that the noise of all data gives to `statistic`."""
+    """Covariance (n, m, m) of `statistic` from the noise of all data."""
     return noise_covariance(
         lambda o: statistic(*velocities(fitted, o)), observations, observations.t_std, fitted.model.has_arc
     )
 
 
 def rigid_point(fitted: Fit, observations: Observations) -> dict:
-    """Share of impacts that no rigid point impulse can explain, beyond the noise."""
+    """Share of impacts that no rigid point impulse explains within the noise."""
     if not observations.noise_known:
         return {"p_value": None, "why_not": "the noise of the measurements is unknown"}
     k_g = observations.rig.k_g
@@ -92,7 +92,7 @@ def rigid_point(fitted: Fit, observations: Observations) -> dict:
 
 
 def momentum_balance(fitted: Fit, observations: Observations) -> dict:
-    """Coefficients a and b of the balance of angular momentum, 1 and 1 for every contact law."""
+    """Coefficients a and b of the balance of angular momentum; both 1 for every contact law."""
     k2 = observations.rig.k_g**2
 
     def terms(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -106,7 +106,7 @@ def momentum_balance(fitted: Fit, observations: Observations) -> dict:
     if not seen.any():
         return {"p_value": None, "why_not": "the lever arms of the contact do not vary"}
     X = X[:, seen]
-    # τ regressed on X gives (a − 1, b − 1); both hold the same noise, whose product must not pass for a slope
+    # τ regressed on X gives (a − 1, b − 1); both share noise, whose covariance would bias the slope
     coefficients, covariance = _regress(tau, X)
     shared = _noise(terms, fitted, observations)[:, :2, 2].sum(axis=0)[seen]
     coefficients = 1.0 + coefficients - np.linalg.pinv(X.T @ X, hermitian=True) @ shared
@@ -121,7 +121,7 @@ def momentum_balance(fitted: Fit, observations: Observations) -> dict:
 
 
 def parity(fitted: Fit, observations: Observations) -> dict:
-    """Whether the residual has parts that a mirrored throw would not mirror."""
+    """Test for parts of the residual that a mirrored throw would not mirror."""
     v_t, v_n, omega, r_x, _ = _contact_state(fitted, observations)
     positive = float(np.mean(v_t > 0))
     if min(positive, 1.0 - positive) < ONE_SIDED:
@@ -137,10 +137,10 @@ def parity(fitted: Fit, observations: Observations) -> dict:
 
 
 def homogeneity(fitted: Fit, observations: Observations) -> dict:
-    """Whether the residual over the speed depends on the speed, at fixed direction."""
+    """Test whether the residual over speed depends on the speed, at fixed direction."""
     v_t, v_n, _, r_x, speed = _contact_state(fitted, observations)
     spread = float(np.quantile(speed, 0.9) / np.quantile(speed, 0.1))
-    # a law of degree 1 sees the direction of the contact velocity and the lever arm, nothing else
+    # a law of degree 1 depends on the direction of the contact velocity and on the lever arm only
     a, r = v_t / np.hypot(v_t, v_n), r_x / observations.rig.k_g
     constant = np.ones_like(a)
     shapes = [constant, a, np.abs(a), a * a, a * np.abs(a)], [constant, r, r * r]
@@ -165,7 +165,7 @@ def _contact_state(fitted: Fit, observations: Observations) -> tuple[np.ndarray,
 
 
 def _residual(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
-    """Residual of the velocity in m/s without the tails of single wild impacts, and what it should be; (n, 3) each."""
+    """Residual of the velocity with clipped tails, and its expected standard deviation; (n, 3) each in m/s."""
     o, weights = observations, np.array([1.0, 1.0, observations.rig.k_g])
     S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
     std = np.sqrt(np.einsum("nii->ni", S)[:, :3] * weights**2 + fitted.sigma_m**2)
@@ -175,7 +175,7 @@ def _residual(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.n
 
 
 def _extra(y: np.ndarray, keep: np.ndarray, breaks: np.ndarray, std: np.ndarray) -> float:
-    """p-value of `breaks` beside `keep` in a regression of y, whose noise is `std`."""
+    """p-value of the columns `breaks` beside `keep` in a regression of y (n,) with noise `std` (n,)."""
     X, y = np.concatenate([keep, breaks], axis=1) / std[:, None], y / std
     scale = np.sqrt(np.mean(X**2, axis=0))
     added = np.r_[np.zeros(keep.shape[1], bool), np.ones(breaks.shape[1], bool)]
@@ -187,7 +187,7 @@ def _extra(y: np.ndarray, keep: np.ndarray, breaks: np.ndarray, std: np.ndarray)
 
 
 def _regress(y: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares with covariance that allows for unequal noise (HC3)."""
+    """Least squares with a covariance for unequal noise (HC3)."""
     inverse = np.linalg.pinv(X.T @ X, rcond=1e-10, hermitian=True)
     coefficients = inverse @ (X.T @ y)
     leverage = np.clip(np.einsum("ni,ij,nj->n", X, inverse, X), 0.0, 0.99)
@@ -196,7 +196,7 @@ def _regress(y: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _p_of(coefficients: np.ndarray, covariance: np.ndarray, rest: int) -> float:
-    """p-value of all coefficients being zero."""
+    """p-value of all coefficients being zero, with `rest` residual degrees of freedom."""
     rank = int(np.linalg.matrix_rank(covariance, hermitian=True))
     if rank == 0 or rest < 1:
         return 1.0

@@ -1,18 +1,16 @@
-"""How small an effect this dataset could have shown, for every candidate.
+"""Smallest size of each candidate effect that this dataset would show.
 
-An effect must pass three thresholds to be named, each of which one size passes with a chance of 80 %, which is 0.84
-standard deviations beyond the threshold:
+The size at which each test would pass with a chance of 80 %, that is 0.84 standard deviations beyond its threshold:
 
     significant  max(√(2 c) + 0.84, 2 (1.96 + 0.84)) / √I
                  c: quantile of the largest gain of all candidates under the null, nats; I: Fisher information of the
-                 parameter after all others are fitted.  A size x/√I gains x²/2 ± x nats on unseen trials, so that the
-                 second term puts the 95 % interval of that gain above zero.
-    material     size that, left out of the model with all other parameters refitted, raises an error of one of the
-                 effect's channels by the least amount that the verdict counts, and 0.84 standard errors of the rise
+                 parameter with all others refitted.  A size x/√I gains x²/2 ± x nats on unseen trials; the second term
+                 puts the 95 % interval of that gain above zero.
+    material     size that raises an error of a channel of the effect by the verdict's least amount plus 0.84 standard
+                 errors, if left out of the model with all other parameters refitted
     smallest     the larger of the two
 
-The first falls with the root of the number of drops, the second hardly.  Each is None where no size within the
-parameter's bounds would do.
+The first falls with the root of the number of drops, the second hardly.  None: no size within the bounds suffices.
 """
 
 from collections.abc import Mapping
@@ -28,19 +26,18 @@ from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.spread import robust_std
 
-POWER = 0.8416  # standard deviations: the normal quantile of 80 %
-MEDIAN_STD = 1.17 / np.sqrt(2.0)  # times √n: relative standard error of a root mean square from a median
+POWER = 0.8416  # standard deviations: normal quantile of 80 %
+MEDIAN_STD = 1.17 / np.sqrt(2.0)  # relative standard error of a root mean square from a median, times √n
 BISECTIONS = 30
-SMALLEST_SHARE = 1e-6  # of a parameter's range: sizes below it are as good as nothing
+SMALLEST_SHARE = 1e-6  # of a parameter's range: smaller sizes count as zero
 
 Parts = Mapping[str, np.ndarray]
 
 
 def detectable(critique: Critique) -> list[dict]:
-    """Rows name, smallest, significant, material (each by parameter) and drops_for_half.
+    """Rows name, smallest, significant, material (each by parameter, in its unit) and drops_for_half.
 
-    drops_for_half: number of drops with which half of `smallest` would be found, for the parameter that needs most;
-    None where no number would do, because half the size does not matter.
+    drops_for_half: drops that would show half of `smallest` for every parameter; None if half the size is immaterial.
     """
     testable, _ = testable_effects(critique.training)
     significant, material = significant_sizes(critique), material_sizes(critique)
@@ -57,7 +54,7 @@ def detectable(critique: Critique) -> list[dict]:
         discrete = any(p.discrete is not None for p in testable[name].parameters)
         known = [p for p, size in smallest.items() if size is not None and not discrete]
         halves = {p: 0.5 * smallest[p] for p in known}  # pyright: ignore[reportOperatorIssue]
-        # the information grows with the number of drops, so that the significant size falls with its root
+        # information grows with the number of drops: the significant size falls with its root
         drops = None
         if known and all(halves[p] >= by_error[p] for p in known):
             drops = max(int(np.ceil(trials * (by_score[p] / halves[p]) ** 2)) for p in known)
@@ -74,14 +71,14 @@ def detectable(critique: Critique) -> list[dict]:
 
 
 def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
-    """By effect and parameter, the size that both tests of the log score would have seen with a chance of 80 %."""
+    """By effect and parameter, the size that passes both tests of the log score with a chance of 80 %."""
     discovery, final = critique.discovery, critique.ladder[-1][1]
     testable, _ = testable_effects(critique.training)
     scan = discovery.last_scan
     null = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
-    limit = max(float(null), 2.0 * (Z95 + POWER))  # the latter: 95 % intervals of gains above zero
+    limit = max(float(null), 2.0 * (Z95 + POWER))  # the second puts 95 % intervals of gains above zero
     sizes: dict[str, dict[str, float | None]] = {}
-    for step in discovery.steps:  # the fit itself says how well what is in the model is known
+    for step in discovery.steps:  # parameters in the model: their covariance is that of the fit
         name = step.effect.name
         sizes[name] = {
             p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in step.effect.parameters
@@ -93,7 +90,7 @@ def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
         known = scales > 0
         std = np.full(len(scales), np.inf)
         if known.any():
-            # in units of each parameter's own information, so that the units of parameters do not matter
+            # scaled by the information of each parameter, so that units do not matter
             unit = information[np.ix_(known, known)] / np.outer(scales[known], scales[known])
             std[known] = np.sqrt(np.diag(np.linalg.pinv(unit, rcond=1e-8, hermitian=True))) / scales[known]
         sizes[name] = {p.name: _within(limit * s, p) for p, s in zip(testable[name].parameters, std)}
@@ -101,7 +98,7 @@ def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
 
 
 def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
-    """By effect and parameter, the size that would raise an error by what counts as material."""
+    """By effect and parameter, the size that raises an error by a material amount."""
     o, final = critique.training, critique.ladder[-1][1]
     S = residual_covariance(final.model, final.values, o)
     sharp = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
@@ -109,7 +106,7 @@ def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
     floors = {"impact": floor if np.isfinite(floor) else 0.0}
 
     def at(model: Model, values: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """Residuals by channel, in m/s or standard deviations, and all of them whitened."""
+        """Residuals by channel, in m/s or standard deviations, and all whitened residuals."""
         z, f = Whitening(model, o, S, final.sigma_m)(values)
         R = impact_residuals(model, values, o)
         parts = {"impact": R[:, :3] * [1.0, 1.0, o.rig.k_g], "all": np.concatenate([z.ravel(), f.ravel()])}
@@ -153,7 +150,7 @@ def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
 
 
 def _compensated(shift: Parts, others: list[Parts]) -> Parts:
-    """The part of a shift that the other parameters, refitted, do not take up."""
+    """The part of a shift that refitting the other parameters leaves."""
     B = np.stack([other["all"] for other in others], axis=1)
     size = np.linalg.norm(B, axis=0)
     use = np.flatnonzero(size > 0)
@@ -198,14 +195,14 @@ def _material(
 
 
 def _error(residual: np.ndarray, channel: str) -> float:
-    """As `judge` has it: mean kinetic norm, or root of the robust mean square in standard deviations."""
+    """Error as in `judge`: mean kinetic norm in m/s, or root of the robust mean square in standard deviations."""
     if channel == "impact":
         return float(np.linalg.norm(residual, axis=1).mean())
     return float(robust_std(residual, axis=None))
 
 
 def _rise_std(before: np.ndarray, after: np.ndarray, channel: str) -> float:
-    """Standard error of the rise of `_error`; impacts are paired, medians taken as if they were not."""
+    """Standard error of the rise of `_error`; impacts are paired, medians are treated as independent."""
     n = len(before)
     if channel == "impact":
         rise = np.linalg.norm(after, axis=1) - np.linalg.norm(before, axis=1)
@@ -214,7 +211,7 @@ def _rise_std(before: np.ndarray, after: np.ndarray, channel: str) -> float:
 
 
 def _within(size: float, p: Parameter) -> float | None:
-    if p.discrete is not None:  # on or off: its size is given, and either shows or not
+    if p.discrete is not None:  # on or off: there is one size, and it shows or not
         step = abs(p.discrete - p.null)
         return step if size <= step else None
     return float(size) if 0.0 < size <= max(p.high - p.null, p.null - p.low) else None

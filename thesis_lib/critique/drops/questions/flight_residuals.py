@@ -1,16 +1,11 @@
-"""Residuals in flight: acceleration of each flight, measured minus predicted, in units of its noise.
+"""Residuals in flight: acceleration measured minus predicted, in units of its noise.
 
     z_c = (a_c − â_c(q, v)) / σ_c,    z = √(Σ_c z_c² / 3),    c = x, y, θ
 
-a_c comes from a parabola through all samples of the flight, σ_c from the noise of the samples (`observations`), and
-â_c from the model.  Noise alone gives z_c a spread of 1.  State and features are those of the middle of the flight,
-where the velocity is that of the centre of mass: in flight there is no contact point that it could belong to.  The
-duration of the flight is a feature too, because σ_c falls with its power −5/2: long flights show what short ones hide.
-
-| on paper | in code                       | unit | shape  | meaning                                               |
-|----------|-------------------------------|------|--------|-------------------------------------------------------|
-| z_c      | `residual_x`, `_y`, `_theta`  | 1    | (m, 3) | residual of the acceleration over its noise           |
-| z        | `misfit`                      | 1    | (m,)   | root mean square of the three                         |
+a_c comes from a parabola through all samples of the flight, σ_c from their noise (`observations`), and â_c from the
+model.  Noise alone gives z_c a spread of 1.  State and features are those of the centre of mass at mid-flight.  The
+duration of the flight is a feature too: σ_c falls with its power −5/2, so that only long flights show small deviations.
+The columns `residual_x`, `_y`, `_theta` hold z_c, and `misfit` holds z.
 """
 
 import numpy as np
@@ -30,12 +25,12 @@ RESIDUALS = ("residual_x", "residual_y", "residual_theta")
 
 
 def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
-    """Residuals (m, 3) of the acceleration in units of noise."""
+    """z_c (m, 3) of m flights."""
     return flight_residuals(fitted.model, fitted.values, flights, rig) / np.sqrt(flights.variance)
 
 
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
-    """Features of each flight, columns as in `FLIGHT_UNITS`; see foundation/columns.yaml."""
+    """Features of each flight, columns as in `FLIGHT_UNITS` and foundation/columns.yaml."""
     true = fitted.model.to_true(flights.state, fitted.model.active(fitted.values), rig)
     return pd.DataFrame(
         {
@@ -54,7 +49,7 @@ def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
 
 
 def flight_table(critique: Critique) -> pd.DataFrame:
-    """A row per flight and model (base, and augmented if there is one); no rows without trajectories."""
+    """A row per flight and model (base, and augmented if it differs); empty without trajectories."""
     o = critique.observations
     models = {"base": critique.ladder[0][1]}
     if len(critique.ladder) > 1:
@@ -78,5 +73,5 @@ def flight_table(critique: Critique) -> pd.DataFrame:
 
 
 def misfit(residuals: np.ndarray) -> np.ndarray:
-    """Root mean square (m,) of the components (m, 3)."""
+    """z (m,) of the components z_c (m, 3)."""
     return np.sqrt(np.mean(residuals**2, axis=1))

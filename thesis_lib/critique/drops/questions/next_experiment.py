@@ -1,15 +1,15 @@
-"""Which release to measure next: states just before impact that would tell most.
+"""Propose the next releases: states just before impact that would tell most.
 
-With `shows` "difference" these are states at which two models differ most, in units of noise: the final model and its
-nearest rival, which is an alternative that these data cannot tell from a chosen effect, else the unused candidate with
-the largest score test.  The difference of their predictions of the velocity after impact, d, counts as √(dᵀ S⁻¹ d)
-with S the mean covariance of the final model's residual, scatter included.  Effects that are on or off are no such
-candidates: a first-order test says nothing of a step that the fit has excluded.
+`shows` "difference": states at which two models differ most.  They are the final model and its nearest rival: an
+alternative that these data cannot tell from a chosen effect, or else the unused candidate with the largest score test.
+The difference d of their predicted velocities after impact counts as √(dᵀ S⁻¹ d), with S the mean covariance of the
+final model's residual, scatter included.  Effects that are on or off are no rivals by score test: a first-order test
+says nothing about a step.
 
-With `shows` "misfit" something is left that no effect explains, and comparing named effects would be beside the point:
-these are states around which the final model's own misfit is largest, as a root mean square in units of noise.
+`shows` "misfit": something remains that no effect explains.  States around which the final model's own root mean square
+misfit is largest, in units of noise.
 
-States lie within reach of the rig: `REACH` times the range of those before the first impacts of the trials measured.
+Proposed states lie within `REACH` times the range of the states before the first impacts of the measured trials.
 """
 
 from collections.abc import Sequence
@@ -24,16 +24,16 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, State
 
 DRAWS = 400
-REACH = 1.3  # states may lie this much beyond those measured
+REACH = 1.3  # range of proposed states over that of measured ones
 FEWEST, MOST = 3, 5
-APART = 0.35  # least distance of two states, in widths of the ranges over four dimensions
-CLEAR = 3.0  # standard deviations that a difference must reach to be believed
-TOO_MANY = 10.0  # times the impacts at hand: repeats beyond this are no proposal
-WORTHWHILE = 0.5  # of the largest difference: a further state must have it
-CLIP = 10.0  # times the median misfit: a single wild impact is no region
-NEIGHBOURS = 10  # measured impacts around a state whose misfits are averaged
+APART = 0.35  # least distance of two states in four dimensions, in widths of the ranges
+CLEAR = 3.0  # least difference in standard deviations
+TOO_MANY = 10.0  # times the impacts at hand: more repeats are not proposed
+WORTHWHILE = 0.5  # least difference of a further state, over the largest
+CLIP = 10.0  # times the median misfit: limits the weight of a wild impact
+NEIGHBOURS = 10  # measured impacts around a state over which misfits are averaged
 CHANNELS = ("vx", "vy", "omega", "theta")
-CHECKS = {  # what shows a fault of the measurement without any impact
+CHECKS = {  # what shows a fault of the measurement without an impact
     "sensor_drift": "Film a mark that is fixed beside the surface: in the picture it moves only if the camera drifts.",
     "length_scale": "Film a ruler in the plane of motion.",
     "mirrored_rotation": "Turn the body counter-clockwise by hand and look at the sign of its angle.",
@@ -43,10 +43,7 @@ CHECKS = {  # what shows a fault of the measurement without any impact
 
 
 def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
-    """`why` in plain words, `states` (vx, vy, omega, theta just before impact), and what they show by how many sigmas.
-
-    `shows` is "difference" or "misfit", or None where no states are proposed; see the module's text.
-    """
+    """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states."""
     if critique.is_structured:
         return _unexplained(critique, rng)
     final = critique.ladder[-1][1]
@@ -74,7 +71,7 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
 
 
 def _pairs(critique: Critique) -> list[tuple[Effect, Effect]]:
-    """Chosen effects with the nearest of those that the data cannot tell from them."""
+    """Chosen effects, each with the nearest effect that the data cannot tell from it."""
     return [
         (step.effect, EFFECTS[name])
         for step in critique.discovery.steps
@@ -100,7 +97,7 @@ def _told_apart(
 def _compared(
     critique: Critique, final: Fit, rival: Fit, why: str, rng: np.random.Generator, checks: Sequence[str] = ()
 ) -> dict:
-    """States at which two models differ most, or why there are none."""
+    """States at which two models differ most, or the reason why there are none."""
     states, differences = _states(critique, final, rival, rng)
     advice = " ".join(["", *checks])
     if not len(states) or differences.max() <= 0:
@@ -132,7 +129,7 @@ def _nothing(why: str) -> dict:
 
 
 def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
-    """States around which what is left is largest."""
+    """States around which the remaining misfit is largest."""
     final, channels = critique.ladder[-1][1], critique.misfit_channels
     why = "Something is left that no effect explains, so that no comparison of named effects is proposed."
     if channels == ("flight",) and not critique.is_learnable:
@@ -147,26 +144,26 @@ def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
     apart = drawn[:, None] - measured[None]
     apart[..., 3] = _within_a_turn(apart[..., 3])
     near = np.argsort(np.sum((apart / width) ** 2, axis=2), axis=1, kind="stable")[:, :NEIGHBOURS]
-    left = np.sqrt(np.mean(misfit[near] ** 2, axis=1))
-    rows = _pick(drawn, left)
+    nearby = np.sqrt(np.mean(misfit[near] ** 2, axis=1))
+    rows = _pick(drawn, nearby)
     when = set(critique.remaining.depends_on) & {"trial", "t"} if critique.is_learnable else set()
     repeat = "Repeat one of them from the first trial to the last, too: what is left depends on when it was measured."
     return {
-        "why": f"{why} The misfit is largest around these states before impact, up to {left[rows[0]]:.2g} times "
+        "why": f"{why} The misfit is largest around these states before impact, up to {nearby[rows[0]]:.2g} times "
         "what noise would give: measure each several times, to see what repeats." + f" {repeat}" * bool(when),
         "shows": "misfit",
         "states": [dict(zip(CHANNELS, map(_set_point, drawn[i]))) for i in rows],
-        "sigmas": [float(left[i]) for i in rows],
+        "sigmas": [float(nearby[i]) for i in rows],
     }
 
 
 def _misfits(critique: Critique, final: Fit, channels: tuple[str, ...]) -> np.ndarray:
-    """Root mean square residual (n,) of each impact in units of noise, over the components that are misfitted."""
+    """Root mean square residual (n,) of each impact in units of noise, over the misfitted `channels`."""
     o = critique.observations
     R = impact_residuals(final.model, final.values, o)
     std = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
     parts = {"impact": slice(0, 3), "meet": slice(3, 6), "touch": slice(6, None)}
-    if not o.noise_known:  # then the scatter is all there is to compare with
+    if not o.noise_known:  # the scatter replaces the unknown noise
         std = np.ones_like(std) * np.maximum(np.std(R, axis=0), 1e-12)
     used = [parts[name] for name in channels if name in parts] or [parts["impact"]]
     z = np.concatenate([(R / std)[:, part] for part in used], axis=1)
@@ -176,7 +173,7 @@ def _misfits(critique: Critique, final: Fit, channels: tuple[str, ...]) -> np.nd
 def _states(
     critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Candidate states (n, 4) as in `CHANNELS`, and by how many sigmas the models differ there (n,)."""
+    """Candidate states (n, 4) as in `CHANNELS`, and the models' differences there (n,) in standard deviations."""
     o = critique.observations
     rig = o.rig
     drawn, _ = _reachable(critique, final, rng)
@@ -191,9 +188,9 @@ def _states(
         trial=np.full(len(drawn), np.median(o.trial)),
         t=np.full(len(drawn), np.median(o.t)),
     )
-    one, two = (fitted.model.predict(state, fitted.values, rig) for fitted in (final, rival))
-    d = one.v - two.v
-    # the median keeps single impacts at a kink of the law from making all others look alike
+    by_final, by_rival = (fitted.model.predict(state, fitted.values, rig) for fitted in (final, rival))
+    d = by_final.v - by_rival.v
+    # a median, because single impacts at a kink of the law would dominate a mean
     S = np.median(residual_covariance(final.model, final.values, o, o.t_std)[:, :3, :3], axis=0)
     S = S + final.sigma_m**2 * np.diag([1.0, 1.0, 1.0 / rig.k_g**2])
     difference = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", d, np.linalg.inv(S), d), 0.0))
@@ -205,15 +202,15 @@ def _within_a_turn(theta: np.ndarray) -> np.ndarray:
 
 
 def _reachable(critique: Critique, final: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """States that the rig can reach (n, 4), drawn evenly, and those of all impacts measured (m, 4), as `CHANNELS`."""
+    """States in reach of the rig (n, 4), drawn evenly, and those of the measured impacts (m, 4), as in `CHANNELS`."""
     o = critique.observations
     rig = o.rig
     before, _ = states_at_impact(final.model, final.values, o)
     measured = np.stack([getattr(before, name) for name in CHANNELS], axis=1)
     everything = measured.copy()
-    # a release decides its first impact; the spin that bodies have after a bounce is beyond most hands and launchers
+    # a release sets its first impact only; the spin after a bounce is beyond most hands and launchers
     measured = measured[np.unique(o.trial, return_index=True)[1]]
-    # bodies turn many times: only the angle within a turn is a state
+    # only the angle within a turn matters
     measured[:, 3] = _within_a_turn(measured[:, 3])
     low, high = np.quantile(measured, [0.01, 0.99], axis=0)
     half = 0.5 * REACH * (high - low)
@@ -224,7 +221,7 @@ def _reachable(critique: Critique, final: Fit, rng: np.random.Generator) -> tupl
     v_n = drawn[:, 1] + r[:, 0] * drawn[:, 2]
     seen = rig.shape.contact_point(measured[:, 3])
     slowest, fastest = np.quantile(-(measured[:, 1] + seen[:, 0] * measured[:, 2]), [0.1, 0.99])
-    # a body that is dropped falls, and hits about as hard as those that were measured
+    # a dropped body hits about as hard as the measured ones
     drawn = drawn[(drawn[:, 1] < 0.0) & (-v_n > slowest) & (-v_n < REACH * fastest)]
     return drawn, everything
 
@@ -245,5 +242,5 @@ def _pick(states: np.ndarray, differences: np.ndarray) -> list[int]:
 
 
 def _set_point(value: float) -> float:
-    """Three digits: finer than a hand or a launcher sets."""
+    """The value to three digits, finer than a hand or a launcher sets."""
     return float(f"{value:.3g}") + 0.0

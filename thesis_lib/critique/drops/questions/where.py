@@ -1,14 +1,14 @@
-"""Where a model fails: short readable rules over the state before impact, corrected for how many were tried.
+"""Find where a model fails: short rules over the state before impact, with p-values for all rules tried.
 
     z_i = e_i / √(trace of the kinetic covariance of e_i)
 
-is the error of impact i over what noise and mean scatter predict there, so that a region of large noise is no region of
-failure.  A rule (one interval of one feature, or two of them) is scored by the rank sum of z inside against outside.
-Its p-value counts all rules: it is the share of permutations of z in which *any* rule scores as high.  Flights have
-rules of their own, over the state at mid-flight, with z from `flights`; their p-values count the rules for flights.
+is the error of impact i over that predicted by noise and mean scatter, so that a region of large noise is no region of
+failure.  A rule is one interval of one feature, or two.  Its score is the rank sum of z inside against outside.  Its
+p-value is the share of permutations of z in which *any* rule scores as high.  Flights have their own rules and p-values
+over the state at mid-flight.
 
-Rules are found on all impacts, for they are few.  The errors told of a region are those of held-out impacts where at
-least `FEWEST_HELD_OUT` lie inside and as many outside (`on`: "held_out"), else of all ("all").
+Rules are found on all impacts, because there are few.  A region's errors are those of held-out impacts if at least
+`FEWEST_HELD_OUT` lie inside and as many outside (`on`: "held_out"), else of all ("all").
 """
 
 import itertools
@@ -34,24 +34,24 @@ from thesis_lib.critique.drops.residuals import impact_residuals, residual_covar
 from thesis_lib.foundation.rounding import six_digits
 
 PERMUTATIONS = 499
-LEVEL = 0.05  # of the corrected p-value: a rule above it is not told
+LEVEL = 0.05  # largest corrected p-value of a reported rule
 SMALLEST, LARGEST = 0.05, 0.6  # share of the impacts inside a rule
 MOST_REGIONS = 3
-FEWEST_HELD_OUT = 30  # inside and outside a region for its mean errors to be those of held-out impacts
-OVERLAP = 0.1  # share of a region that may lie in those before it
-SIMPLER = 0.9  # a rule of one feature is told instead of one of two if it scores this much of it
-MOST_IMPACTS = 3000  # looked at; a random part of larger sets
+FEWEST_HELD_OUT = 30  # inside and outside a region, for errors of held-out impacts
+OVERLAP = 0.1  # largest share of a region inside earlier ones
+SIMPLER = 0.9  # a rule of one feature replaces one of two if its score reaches this share
+MOST_IMPACTS = 3000  # a random part of larger sets is used
 TAILS = (0.1, 0.2, 1 / 3, 0.5, 2 / 3, 0.8, 0.9)  # quantiles at which one-feature rules are cut
 MIDDLES = ((0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.25, 0.75))
 COARSE = (0.2, 1 / 3, 0.5, 2 / 3, 0.8)  # the same for rules of two features
-# for these the sign and the magnitude may matter separately
+# sign and magnitude of these may matter separately
 _SIGNED = ("v_t", "omega", "r_x", "theta", "v_x", "v_y")
 _UNITS = {**FLIGHT_UNITS, **{name: unit for name, (unit, _) in FEATURES.items()}}
 
 
 @dataclass(frozen=True)
 class Condition:
-    """low < feature < high, of its magnitude if `absolute`; in the feature's unit."""
+    """low < feature < high in the feature's unit, or of its magnitude if `absolute`."""
 
     feature: str
     absolute: bool
@@ -73,7 +73,7 @@ class Condition:
         return f"{self.low:g} < {name} < {amount(self.high)}"
 
     def inside(self, table: pd.DataFrame) -> np.ndarray:
-        """Which rows (n,) fulfil it."""
+        """Mask (n,) of the rows that satisfy it."""
         x = table[self.feature].to_numpy(float)
         x = np.abs(x) if self.absolute else x
         inside = np.ones(len(x), bool)
@@ -88,9 +88,9 @@ Rule = tuple[Condition, ...]
 
 
 def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
-    """The content of where.json: regions before and after the effects, and tests of whole classes of models."""
+    """Content of where.json: regions before and after the effects, and tests of whole classes of models."""
     rng = rng or np.random.default_rng(0)
-    # a stream of their own: what is drawn after them does not depend on whether there are flights
+    # separate streams: later draws must not depend on whether there are flights
     flight_rng = rng.spawn(1)[0]
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     after = None
@@ -119,7 +119,7 @@ def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) ->
 
 
 def flight_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
-    """The same for flights; errors in units of noise."""
+    """Regions of the state at mid-flight with larger errors, in units of noise."""
     flights, rig = critique.observations.flights, critique.observations.rig
     z = misfit(relative_residuals(fitted, flights, rig))
     held_out = np.isin(flights.state.trial, critique.held_out.trial)
@@ -127,7 +127,7 @@ def flight_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) ->
 
 
 def relative_error(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
-    """Error (n,) in m/s, and the same over the root mean square that noise and scatter predict for each impact."""
+    """Error (n,) in m/s, and its ratio to the root mean square that noise and scatter predict for each impact."""
     o, k_g = observations, observations.rig.k_g
     weights = np.array([1.0, 1.0, k_g])
     error = velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], k_g)
@@ -148,9 +148,8 @@ def regions(
 
     Args:
         table: features of n impacts or flights.
-        error: (n,) in `unit`; z: (n,) the same over what is expected.
-        held_out: (n,) whether no choice has seen it.
-        rng: of the permutations.
+        error: (n,) in `unit`; z: (n,) error over its expectation.
+        held_out: (n,) mask.
     """
     known = np.flatnonzero(np.isfinite(z))
     if len(known) > MOST_IMPACTS:
@@ -169,11 +168,11 @@ def regions(
         if p_value > LEVEL or len(worst) == MOST_REGIONS:
             break
         enough = min(np.sum(held_out & inside), np.sum(held_out & ~inside)) >= FEWEST_HELD_OUT
-        told = held_out if enough else np.ones(len(z), bool)
+        judged = held_out if enough else np.ones(len(z), bool)
         (mean_in, sigmas_in), (mean_out, sigmas_out) = (
-            (float(error[part & told].mean()), float(z[part & told].mean())) for part in (inside, ~inside)
+            (float(error[part & judged].mean()), float(z[part & judged].mean())) for part in (inside, ~inside)
         )
-        # small errors beyond a smaller noise are no place where a user loses anything
+        # a region must also err more in `unit`: relative to a smaller noise alone it costs the user nothing
         if np.mean(taken[inside]) > OVERLAP or mean_in <= mean_out:
             continue
         taken |= inside
@@ -197,7 +196,7 @@ def regions(
 
 
 def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Standardised rank sum of each rule, and the largest of any rule in each permutation."""
+    """Standardised rank sum of each rule (rules,), and the largest of any rule in each permutation."""
     n = len(z)
     ranks = rankdata(z)
     ranks = (ranks - ranks.mean()) / (ranks.std(ddof=1) or 1.0)
@@ -211,7 +210,7 @@ def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple
 
 
 def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
-    """All rules with enough support, and their members (rules, n)."""
+    """All rules with enough support, and their masks (rules, n)."""
     if table.empty:
         return [], np.zeros((0, 0), bool)
     fine, coarse = {}, {}
@@ -241,7 +240,7 @@ def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
 def _conditions(
     feature: str, absolute: bool, x: np.ndarray, signed: bool, quantiles: tuple, middles: tuple
 ) -> list[Condition]:
-    """Tails and middles at quantiles of x, at thresholds of two digits that a reader can keep in mind."""
+    """Tails and middles at quantiles of x, with thresholds rounded to two digits for readers."""
 
     def cut(q: float) -> float:
         return float(f"{np.quantile(x, q):.2g}")
