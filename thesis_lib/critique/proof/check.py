@@ -1,9 +1,8 @@
-"""Whether today's code still says what is stored: a sample of rows is computed again, or all of them over night.
+"""Compute stored rows of the proof again: a random sample, or all.
 
-A row agrees if the verdict and the groups of effects that it names are the same, and its numbers are within `MOVED` of
-the stored ones.  A row whose verdict or groups differ fails the check.  Numbers that moved fail it in the sources
-`HELD`, and only if it is known which code made the row: rows from before hashes were kept answer for their verdicts
-alone.  The p-value of what remains is drawn, and not compared.
+A row agrees if verdict and groups of effects are equal, and its numbers are within `MOVED`.  A different verdict or
+group fails the check.  Moved numbers fail it only in the sources `HELD`, and only if the row's code is known: older
+rows hold no hash, and only their verdicts count.  The p-value of what remains is random and is not compared.
 """
 
 import math
@@ -20,15 +19,15 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 
 MOVED = 1e-3  # relative; searches that end elsewhere in the last digits differ by less than 1e-5
-FLOOR_MOVED = 0.05  # of the floor, which was drawn once: by up to 2 % from one stream to another
-# the last digits of Drake's drops depend on the processor, and which trials are held out depends on every digit
+FLOOR_MOVED = 0.05  # relative; the floor is drawn, and differs by up to 2 % between streams
+# Drake's last digits depend on the processor, and the held-out trials depend on every digit
 HELD = ("law", "mechanism")
 
 AGREES, MOVES, DIFFERS = "agrees", "moved", "differs"
 
 
 def compare(stored: Row, again: Row) -> tuple[str, str]:
-    """`AGREES`, `MOVES` (the numbers) or `DIFFERS`, and what does."""
+    """`AGREES`, `MOVES` (numbers) or `DIFFERS`, and the differences."""
     said = [f"{row.verdict}, {row.named or row.why or 'nothing named'}" for row in (stored, again)]
     if said[0] != said[1]:
         return DIFFERS, f"stored {said[0]}; now {said[1]}"
@@ -44,10 +43,9 @@ def compare(stored: Row, again: Row) -> tuple[str, str]:
 def check(
     cases: Iterable[Case], store: Path = STORE, *, stamp: bool = False, tell: Callable[[str], object] = print
 ) -> bool:
-    """Compute stored rows again, tell of each how it compares, and return whether none fails.
+    """Compute stored rows again, `tell` how each compares, and return whether none fails.
 
-    Args:
-        stamp: put what was computed, with today's hash, in the place of each row whose verdict and groups agree.
+    `stamp` stores each new row, with today's hash, whose verdict and groups agree.
     """
     passed = True
     for case in cases:
@@ -62,10 +60,7 @@ def check(
 
 
 def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: Path = STORE) -> list[Case]:
-    """Rows that other code than today's made: a random sample, or with None all of them.
-
-    The sample is drawn anew for each code, and the same each time for one.
-    """
+    """Rows made by other code than today's: a random sample, the same for equal code; None: all of them."""
     older = [
         case
         for source in sources
@@ -79,7 +74,7 @@ def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: P
 
 
 def ages(store: Path = STORE) -> str:
-    """How many rows of each source were made by which code."""
+    """Text that counts the rows of each source by the code that made them."""
     lines = [f"Today's code is {code_hash()}. Rows by the code that made them:"]
     for source in SOURCES:
         counts = Counter(row.code for row in read_rows(source, store).values())
@@ -94,7 +89,7 @@ def rerun(names: Sequence[str], store: Path = STORE) -> pd.DataFrame:
     """Compute the first dataset of each "source/truth" again: columns source, truth, verdict, agrees (1).
 
     Raises:
-        UserError: a result is not stored, or says something else than it does now.
+        UserError: a result is not stored, or differs now.
     """
     cases = [Case(source, truth, SEEDS) for source, truth in (name.split("/") for name in names)]
     missing = [f"{case.source}/{case.truth}" for case in cases if case not in read_rows(case.source, store)]

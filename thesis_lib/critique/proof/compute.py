@@ -1,4 +1,4 @@
-"""One row of the proof: what the critique says of one dataset, and the code that said it."""
+"""One row of the proof: the result of the critique of one dataset, and the hash of the code."""
 
 import functools
 import hashlib
@@ -21,7 +21,7 @@ from thesis_lib.foundation.randomness import generator
 
 
 class Recovered(NamedTuple):
-    """A parameter of the hidden effect; `std` is that of the fit, `fisher` that of the Cramér-Rao bound."""
+    """A parameter of the hidden effect; `std` of the fit, `fisher` from the Cramér-Rao bound."""
 
     true: float
     found: float
@@ -31,19 +31,18 @@ class Recovered(NamedTuple):
 
 @dataclass(frozen=True)
 class Row:
-    """What the critique says of one dataset.
+    """Result of the critique of one dataset.
 
     Attributes:
         verdict: adequate, effects, unexplained, or refused.
         law: base law.
-        groups: effects in the order of selection, each followed by those that it cannot be told from.
-        n_impacts: impacts used.
-        errors: held-out `base`, `augmented` and noise `floor` of the impacts, m/s; `flight_base`, `flight_augmented`,
-            `touch_base` and `touch_augmented`, in units of noise; NaN where the dataset shows none.
-        remaining_p: p-value of the structure that remains.
-        parameters: of the one hidden effect that is in the model, with a true value in the effect's own meaning.
+        groups: effects in the order of selection, each with the effects that cannot be told from it.
+        errors: held-out error `base`, `augmented` and noise `floor` of impacts, m/s; `flight_base`, `flight_augmented`,
+            `touch_base` and `touch_augmented` in units of noise; NaN if absent.
+        remaining_p: p-value of the remaining structure.
+        parameters: of a single hidden effect that the model contains, if a true value exists.
         why: reason of a refusal.
-        code: `code_hash` of the code that made the row; "" if that is not known.
+        code: `code_hash` of the code that made the row; "" if unknown.
     """
 
     case: Case
@@ -65,12 +64,12 @@ class Row:
 
 @functools.cache
 def code_hash() -> str:
-    """Hash (16 hex digits) of the code that makes a row, and of the sizes of what is hidden."""
+    """Hash (16 hex digits) of the code that makes a row, and of the hidden sizes."""
     return hashlib.sha256(f"{lib_hash(__file__)}{file_sha256(SIZES)}".encode()).hexdigest()[:16]
 
 
 def compute(case: Case) -> Row:
-    """Make the dataset of a case and criticise it."""
+    """Make the dataset of a case, and criticise it."""
     dataset, true = make(case)
     try:
         critique = criticise(dataset, rng=generator(case.seed, "critique", dataset.digest()))
@@ -100,7 +99,7 @@ def compute(case: Case) -> Row:
 
 
 def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recovered]:
-    """Continuous parameters of the hidden effect, by their names within it."""
+    """Continuous parameters of the hidden effect by short name."""
     fitted = critique.discovery.fitted
     names = [
         key

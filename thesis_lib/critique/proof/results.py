@@ -1,19 +1,18 @@
-"""The stored results of the proof as two tables: a row a dataset, and a row a recovered parameter.
+"""Tables of the proof's stored results: one row per dataset, and one per recovered parameter.
 
-A verdict is right (`is_right`) on a dataset in which
+The verdict on a dataset is right (`is_right`) if
 
-- nothing was hidden: if it is `adequate`;
-- the cause lies outside the library: if it is `unexplained`;
-- one effect was hidden: if the group named first holds it;
-- two effects were hidden (truth "a+b"): if each stands in a group of its own (one group that holds both says "one or
-  the other").
+- nothing was hidden, and it is `adequate`;
+- the cause is outside the library, and it is `unexplained`;
+- one effect was hidden, and the first group contains it;
+- two effects were hidden (truth "a+b"), and each is in a group of its own.
 
-A group that counts and holds more than `LARGEST_GROUP` effects makes it wrong; so does a refusal.
+A refusal is wrong, and so is a group that counts and has more than `LARGEST_GROUP` effects.
 
-The misfit of a dataset over its floor is the largest in the channels in which the hidden effect acts: the error of the
-impacts over the noise floor, and the misfits of flights and gaps, which are in units of noise: their floor is 1.
-(The covariance of gaps is conservative: their misfit stays somewhat below 1 when nothing is hidden.)  Where no effect
-is known to act, it is that of the impacts.  The misfit of poses ("meet") is not stored.
+The misfit over its floor is the largest in the channels of the hidden effect: the error of impacts over the noise
+floor, and the misfits of flights and gaps in units of noise, with floor 1.  (The covariance of gaps is conservative:
+without hidden effects their misfit is below 1.)  If no effect is known, impacts alone count.  The misfit of poses
+("meet") is not stored.
 
 | on paper           | in code                                 | unit | a row of    |                                |
 |--------------------|-----------------------------------------|------|-------------|--------------------------------|
@@ -36,8 +35,8 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.intervals import Z95
 
 KINDS = ("single", NOTHING, "pair", "outside")
-LARGEST_GROUP = 3  # effects that may be named together
-CELL = ("source", "truth", "ratio", "drops", "noise")  # datasets that differ in nothing but the seed
+LARGEST_GROUP = 3  # most effects in a group
+CELL = ("source", "truth", "ratio", "drops", "noise")  # datasets of a cell differ only in the seed
 OUTCOMES = (
     *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right"),
     *("error_before", "error_after", "floor", "before_over_floor", "after_over_floor", "why"),
@@ -46,7 +45,7 @@ RECOVERED = (*CELL, "seed", "effect", "parameter", "z", "inside", "width")
 
 
 def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
-    """Whether a verdict with the groups of effects that it names is right: the one definition, see above."""
+    """Whether verdict and groups are right, as the module's docstring defines it."""
     if case.kind in (NOTHING, "outside"):
         return verdict == ("adequate" if case.kind == NOTHING else "unexplained")
     counted = _counted(case, groups)
@@ -63,10 +62,10 @@ def _counted(case: Case, groups: Sequence[Sequence[str]]) -> Sequence[Sequence[s
 
 
 def outcomes(store: Path = STORE) -> pd.DataFrame:
-    """A row per stored dataset, columns `OUTCOMES`, sorted; group_size and misfits are NaN where there are none.
+    """A row per stored dataset, columns `OUTCOMES`, sorted; missing group_size and misfits are NaN.
 
-    `effect` is the one that describes a single truth best, "" where there is none; `named` joins the effects of a group
-    by "/", groups by " + "; `group_size` is that of the first group, for a pair the mean over groups.
+    `effect` describes a single truth best, "" if none does.  `named` joins effects of a group by "/" and groups by
+    " + ".  `group_size` is that of the first group; for a pair the mean over groups.
 
     Raises:
         CorruptFileError: a stored result cannot be read.
@@ -76,7 +75,7 @@ def outcomes(store: Path = STORE) -> pd.DataFrame:
 
 
 def recovered(store: Path = STORE) -> pd.DataFrame:
-    """A row per parameter with a true value, in datasets whose model holds the hidden effect; columns `RECOVERED`.
+    """A row per parameter with a true value in a model with the hidden effect; columns `RECOVERED`.
 
     Raises:
         CorruptFileError: a stored result cannot be read.
@@ -134,7 +133,7 @@ def _outcome(row: Row) -> dict:
 
 
 def _misfit(row: Row, effects: Sequence[str], when: str) -> float:
-    """The largest misfit over its floor of the channels in which the hidden effect acts; NaN if none is known."""
+    """The largest misfit over its floor in the channels of `effects`; NaN if unknown."""
     channels = {channel for name in effects for channel in EFFECTS[name].channels} or {"impact"}
     floor = row.errors["floor"]
     over_floor = {

@@ -1,7 +1,7 @@
-"""Sizes of the laws injected in the proof: how much of an effect raises the base law's misfit to 3 times the floor.
+"""Sizes of the laws injected in the proof: those at which the base law's misfit is 3 times the floor.
 
-The factors in config/proof_sizes.json multiply the scales of an effect's parameters.  They were found here, on a
-development seed, before the first run; `python -m thesis_lib.critique.proof size NAME` finds one again.
+Factors in config/proof_sizes.json multiply the scales of an effect's parameters.  They were found on a development seed
+before the first run.  `python -m thesis_lib.critique.proof size NAME` finds one again.
 """
 
 import json
@@ -31,10 +31,10 @@ LAW = "wang_mason"  # an exact path-wise law
 
 
 def require_checkout() -> None:
-    """Refuse to work without config/.
+    """Raise an error if there is no config/.
 
     Raises:
-        UserError: the package was installed without the checkout that it comes from.
+        UserError: the package was installed without its checkout.
     """
     if not SIZES.is_file():
         raise UserError(
@@ -54,7 +54,7 @@ def stored_factor(name: str) -> float:
 
 
 def law_size(name: str, factor: float) -> dict[str, float]:
-    """Parameters of an effect: its scales times a factor."""
+    """Parameters of an effect by name: its scales times `factor`."""
     return {
         p.name: p.discrete
         if p.discrete is not None
@@ -64,7 +64,7 @@ def law_size(name: str, factor: float) -> dict[str, float]:
 
 
 def find_size(name: str, ratio: float, seed: int) -> float:
-    """Factor on the scales of an effect at which the base law's misfit is `ratio` times the noise floor (bisection)."""
+    """Factor on an effect's scales at which the base law's misfit is `ratio` times the noise floor, by bisection."""
     effect = EFFECTS[name]
     body = SQUARE if name == "rounded_corners" else ELLIPSE_BODY
 
@@ -75,7 +75,7 @@ def find_size(name: str, ratio: float, seed: int) -> float:
         model = Model(LAWS[LAW], (effect,))
         o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG_NOISE, rng=rng))
         judged = judge(fit(Model(LAWS[LAW]), o), o)
-        # from the misfit without anything hidden, which is not exactly 1 in the gap
+        # relative to the misfit without effects, which is not exactly 1 in the gap
         impact = float(judged.error.mean()) / judged.floor
         flight = np.sqrt(judged.sigmas["flight"])
         touch = np.sqrt(judged.sigmas["touch"]) / 0.85 if effect.channels == ("touch",) else 0.0

@@ -1,6 +1,6 @@
-"""The stored results of the proof: a table a source, config/proof/<source>.csv, with a row a dataset.
+"""The stored results of the proof: config/proof/<source>.csv, with a row per dataset.
 
-Rows are sorted, and numbers are written as short as they read back the same, so that git shows what changed.
+Rows are sorted, and numbers have the shortest exact form, so that git shows what changed.
 
 | column                            | unit | meaning                                                                   |
 |-----------------------------------|------|---------------------------------------------------------------------------|
@@ -9,9 +9,9 @@ Rows are sorted, and numbers are written as short as they read back the same, so
 | named                             |      | groups of effects in the order of selection: "a/b + c"                    |
 | base, augmented, floor            | m/s  | held-out error of the impacts before and after, and its noise floor       |
 | flight_..., touch_...             | 1    | held-out misfit of flights and gaps, in units of noise; empty: none       |
-| remaining_p                       | 1    | p-value of the structure that remains                                     |
+| remaining_p                       | 1    | p-value of the remaining structure                                        |
 | parameters                        |      | "name=true:found:std:fisher" of each, joined by ";"                       |
-| code                              |      | hash of the code that made the row (`code_hash`); empty: not known        |
+| code                              |      | `code_hash` of the code that made the row; empty: unknown                 |
 """
 
 import csv
@@ -41,10 +41,10 @@ COLUMNS = (
 
 
 def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
-    """The stored rows of a source; none where there is no table.
+    """The stored rows of a source; empty if there is no table.
 
     Raises:
-        CorruptFileError: a row cannot be read, stands twice, or is about an unknown truth.
+        CorruptFileError: a row is unreadable or duplicate, or its truth is unknown.
     """
     path = Path(store) / f"{source}.csv"
     rows: dict[Case, Row] = {}
@@ -71,10 +71,7 @@ def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
 
 
 def put_row(row: Row, store: Path = STORE, *, replace: bool = False) -> None:
-    """Add a row to the table of its source; one that stands there already is kept unless `replace`.
-
-    Several runs may do so at once: each waits until the others have written.
-    """
+    """Add a row to the table of its source, or `replace` an existing one; parallel runs wait for each other."""
     with _alone(store):
         rows = read_rows(row.case.source, store)
         if replace or row.case not in rows:
@@ -94,7 +91,7 @@ def write_rows(source: str, rows: dict[Case, Row], store: Path) -> None:
 
 @contextmanager
 def _alone(store: Path) -> Iterator[None]:
-    """Hold the folder of the tables; the kernel lets go of it when the holder is gone."""
+    """Lock the folder of the tables; the kernel releases it when the process ends."""
     Path(store).mkdir(parents=True, exist_ok=True)
     folder = os.open(store, os.O_RDONLY)
     try:
@@ -128,7 +125,7 @@ def _number(text: str) -> float:
 def _row(source: str, cells: dict[str, str]) -> Row:
     drops, seed = int(cells["drops"]), int(cells["seed"])
     case = Case(source, cells["truth"], seed, drops, float(cells["noise"]), float(cells["ratio"]))
-    _ = case.kind  # an unknown truth is a KeyError
+    _ = case.kind  # raises KeyError if the truth is unknown
     if cells["verdict"] not in VERDICTS:
         raise ValueError(f"no verdict is called {cells['verdict']!r}")
     parameters = {}

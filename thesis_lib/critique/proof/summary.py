@@ -1,19 +1,18 @@
-"""The proof against its targets: one row per figure and source of truth, and all tables as text.
+"""The proof against its targets: one row per figure and source, and all tables as text.
 
-A figure counts datasets of 150 drops, or of as many as it names, with effects at three times the noise floor and the
-rig's noise.  "mechanism" is our own integration of compliant contact, "drake" is Drake's; they are judged together and
-each by itself.
+Unless a figure says otherwise it counts datasets of 150 drops with the rig's noise and effects at three times the noise
+floor.  "mechanism" is our integration of compliant contact, "drake" is Drake's; they are judged together and apart.
 
-- A share is held against its target; its 95 % Wilson interval stands beside it.  Datasets are independent.  Parameters
-  of one dataset are not quite, so that the interval of the coverage is a little too narrow.
-- The coverage counts parameters of models that hold the hidden effect: an effect that was not named has none.  It is
-  met only if the median width over the Cramér-Rao bound is at most `WIDEST`.
+- A share is compared with its target, and has a 95 % Wilson interval.  Parameters of one dataset are not quite
+  independent, so that the interval of the coverage is slightly too narrow.
+- The coverage counts parameters of models that contain the hidden effect.  Its target also requires a median width
+  over the Cramér-Rao bound of at most `WIDEST`.
 - The misfit over its floor is the median over single-effect datasets, right or wrong, with the interval of its order
-  statistics.  The worst truth and the share of datasets within the target stand in the note.
-- A figure without stored results is "not run"; `n_asked` says how many datasets were planned for it.
+  statistics.  The note gives the worst truth, and the share of datasets within the target.
+- A figure without stored results is "not run"; `n_asked` is the number of planned datasets.
 """
 
-# pandas' stubs do not know what a row holds
+# pandas' stubs do not type the rows of a table
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
 
 from collections.abc import Sequence
@@ -32,9 +31,9 @@ from thesis_lib.foundation.files import write_result
 from thesis_lib.statistics.intervals import median_interval, wilson
 
 MECHANISMS = ("mechanism", "drake")
-WIDEST = 1.3  # interval width over the Cramér-Rao bound
-SEEDS_ASKED = {NOTHING: 200, "single": 10}  # datasets planned for each truth and source at 150 drops
-ASKED = {"pair": 10 * 10, "outside": 3 * 10, "small": 8 * 3}  # in all; "small": of each source, at 50 drops
+WIDEST = 1.3  # largest interval width over the Cramér-Rao bound
+SEEDS_ASKED = {NOTHING: 200, "single": 10}  # datasets planned per truth and source at 150 drops
+ASKED = {"pair": 10 * 10, "outside": 3 * 10, "small": 8 * 3}  # in all; "small": per source, at 50 drops
 SUMMARY = (
     "figure",
     "source",
@@ -57,12 +56,11 @@ class Target:
     """One figure of the summary.
 
     Attributes:
-        figure: what is measured.
         measure: share of right verdicts, coverage of parameters, or misfit over its floor.
         kind: of the datasets that count, one of `proof.results.KINDS`.
-        at_least, aim: intervals (low, high) within which the value must lie.
+        at_least, aim: intervals (low, high) for the value.
         groups: sources that are judged together.
-        drops: releases in a dataset.
+        drops: releases per dataset.
     """
 
     figure: str
@@ -119,9 +117,7 @@ TARGETS = (
 
 
 def summary(store: Path = STORE) -> pd.DataFrame:
-    """The proof against its targets: columns `SUMMARY`, explained in foundation/columns.yaml.
-
-    `met` is aim, at least, missed, or not run (nothing stored).
+    """The proof against its targets: columns `SUMMARY`; `met` is aim, at least, missed, or not run (nothing stored).
 
     Raises:
         CorruptFileError: a stored result cannot be read.
@@ -138,7 +134,7 @@ def summary(store: Path = STORE) -> pd.DataFrame:
                 "at_least": _said(target, target.at_least),
                 "aim": _said(target, target.aim),
                 "n_asked": _asked(target, group),
-                # of a dataset in which nothing or nothing known was hidden every group is wrong
+                # without a known hidden effect every group is wrong
                 "group_size": counted["group_size"].mean() if target.kind in ("single", "pair") else np.nan,
                 "note": "",
             }
@@ -168,7 +164,7 @@ def _coverage(target: Target, values: pd.DataFrame) -> dict:
         "measured": share,
         "low": low,
         "high": high,
-        # a width that is not known is not known to be small
+        # an unknown width does not meet the target
         "met": target.met(share) if width <= WIDEST else "missed",
         "note": f"{len(values)} parameters, median width over the bound {width:.2f}",
     }
@@ -196,7 +192,7 @@ _MEASURES = {"right": _right, "coverage": _coverage, "misfit": _misfit}
 
 
 def _asked(target: Target, group: Sequence[str]) -> float:
-    """Datasets that were planned; NaN where the plan is not per source, or it depends on what is named."""
+    """Number of planned datasets; NaN if it is not planned per source, or depends on the named effects."""
     if target.measure == "coverage":
         return np.nan
     if target.drops != 150:
@@ -222,7 +218,7 @@ def tables(store: Path = STORE) -> dict[str, pd.DataFrame]:
 
 
 def report(store: Path = STORE, folder: Path | None = None) -> str:
-    """Text of all tables; with a `folder` they are also written there as CSV, under the names that `tables` gives them.
+    """All tables as text; with a `folder` they are also written there as CSV, named as in `tables`.
 
     Raises:
         CorruptFileError: a stored result cannot be read.
@@ -234,7 +230,7 @@ def report(store: Path = STORE, folder: Path | None = None) -> str:
 
 
 def as_text(content: dict[str, pd.DataFrame]) -> str:
-    """The tables of `tables` for a terminal of 120 columns."""
+    """Text of the tables for a terminal of 120 columns."""
     lines = ["The proof against its targets", ""]
     last = None
     for row in content["summary"].itertuples():
@@ -277,7 +273,7 @@ def _confusion_lines(row: tuple) -> list[str]:
     if row.named_first:
         said += "; first "
         said += _fitting(row.named_first.split(";"), 120 - 14 - len(said))
-    # names of pairs are longer than the column
+    # names of pairs may be longer than the column
     first = (
         [f"{row.source:<10}{row.truth:<35}{values}".rstrip()]
         if len(row.truth) < 35
@@ -287,7 +283,7 @@ def _confusion_lines(row: tuple) -> list[str]:
 
 
 def _fitting(names: Sequence[str], width: int) -> str:
-    """Names joined by commas, with the number of those that do not fit."""
+    """Names joined by commas, and the number of those beyond `width`."""
     for kept in range(len(names), 0, -1):
         more = len(names) - kept
         text = ", ".join(names[:kept]) + (f", and {more} more" if more else "")

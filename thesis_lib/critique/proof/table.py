@@ -11,7 +11,7 @@ from thesis_lib.critique.proof.results import CELL, outcomes, recovered
 from thesis_lib.critique.proof.store import STORE, VERDICTS
 from thesis_lib.statistics.intervals import wilson
 
-TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary's table; the other sizes show the curve
+TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary; other sizes show the curve
 MISFITS = ("error_before", "error_after", "floor", "before_over_floor", "after_over_floor")
 CONFUSION = (
     *CELL,
@@ -23,7 +23,7 @@ MISSES = ("source", "truth", "seed", "kind", "verdict", "named", "why")
 
 
 def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
-    """Rows at the size, drops and noise of the summary's table, or with `changes` of these."""
+    """Rows at the size, drops and noise of `TABLE`, or of `changes`."""
     keep = np.ones(len(table), bool)
     for key, value in (TABLE | changes).items():
         keep &= (table[key] == value).to_numpy()
@@ -31,10 +31,7 @@ def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
 
 
 def confusion(store: Path = STORE) -> pd.DataFrame:
-    """A row per source, truth, ratio, drops and noise: how often the verdict was right, and how well.
-
-    Shares have Wilson intervals; misfits, |z| and widths are medians; columns are explained in foundation/columns.yaml,
-    what is right and the misfit over its floor in `proof.results`.
+    """A row per source, truth, ratio, drops and noise; Wilson intervals of shares, medians of misfits, |z| and widths.
 
     Raises:
         CorruptFileError: a stored result cannot be read.
@@ -70,7 +67,7 @@ def confusion(store: Path = STORE) -> pd.DataFrame:
 
 
 def _counts(values: pd.Series, order: Sequence[str] | None = None) -> str:
-    """As "a:3;b:1", the most frequent first, or in the given order."""
+    """Counts as "a:3;b:1", the most frequent first, or in `order`."""
     counts = values.value_counts()
     names = sorted(counts.index, key=lambda name: (-counts[name], name))
     names = [name for name in order if name in counts.index] if order else names
@@ -78,7 +75,7 @@ def _counts(values: pd.Series, order: Sequence[str] | None = None) -> str:
 
 
 def misses(store: Path = STORE) -> pd.DataFrame:
-    """Every stored dataset of the table (`TABLE`) on which the verdict is wrong; columns `MISSES`.
+    """Every dataset of `TABLE` with a wrong verdict; columns `MISSES`.
 
     Raises:
         CorruptFileError: a stored result cannot be read.
