@@ -11,8 +11,9 @@ state without a feasible sample follows the law, without added uncertainty.  The
 particle belief has the same feasible samples s_i with kernels of covariance S_i = h² cov(s), h = (4/(5 m))^(1/7)
 (Silverman's in three dimensions).
 
-Velocities are compared in the kinetic metric.  Poses are not: most contacts add no uncertainty to them, and they are
-measured a hundred times more finely than any body is known.  The measurement is y = v + noise of covariance R,
+Log score and PIT use the velocity in the kinetic metric.  They leave out the pose: most contacts add no uncertainty to
+it, and it is measured a hundred times more finely than any body is known.  The measurement is y = v + noise of
+covariance R,
 
     p(y) = (1 − γ) Σ_i N(y | m_i, S_i + R)/m + γ N(y | m̄, 25 S̄)
 

@@ -69,7 +69,7 @@ from thesis_lib.residual.throwing.propagation import LearnedImpact
 class DiceStudy:
     """Results of one split."""
 
-    releases: Releases  # releases, contacts: all that were measured, training and held out
+    releases: Releases  # releases, contacts: all measured ones, training and held out
     contacts: MeasuredContacts
     train: np.ndarray  # trials of the training throws, ascending
     outcomes: dict[str, HeldOutThrows]  # held-out throws of each model, by its name
@@ -79,7 +79,7 @@ class DiceStudy:
     difficulty: pd.DataFrame  # a row per model and spread
     rates: pd.DataFrame  # samples drawn and rejected, a row per model
     parameters: pd.DataFrame  # of all models
-    laws: pd.DataFrame  # training errors of the six laws on isolated impacts, of which the least was taken
+    laws: pd.DataFrame  # training errors of the six laws on isolated impacts; the study uses the best
     # a row per held-out contact (isolated impacts for the learned impacts) with its PIT and misfit
     contact_pits: pd.DataFrame
     # first, first_table: scores of the beliefs over the state after the first contact, and their summary

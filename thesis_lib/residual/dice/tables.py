@@ -45,9 +45,8 @@ class HeldOutThrows:
 def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStudySettings) -> pd.DataFrame:
     """PIT of held-out contacts under a law with scatter or a contact map: trial, model, pit, misfit, a row per contact.
 
-    The velocity `duration` after the first touch is compared in the kinetic metric.  `pit` is its χ² probability in
-    three dimensions, for a contact map that of Student's t (`calibration`); `misfit` is its distance from the mean in
-    m/s.
+    Velocities `duration` after the first touch are compared in the kinetic metric.  `pit` is the χ² probability in
+    three dimensions, for a contact map Student's t (`calibration`); `misfit` is the distance from the mean in m/s.
     """
     model = thrower.model
     rows, q, v, residual, c_n = contact_residuals(model, contacts, settings)
@@ -122,7 +121,7 @@ def throw_rows(
 
 
 def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
-    """Trials with the narrowest and widest beliefs at rest, beyond a twentieth at each end; outcomes are not used."""
+    """Trials at the 5 % and 95 % quantiles of the belief's spread at rest; outcomes are not used."""
     part = throws[throws["model"] == model].sort_values(["spread_rest", "trial"])
     away = len(part) // 20
     return int(part["trial"].iloc[away]), int(part["trial"].iloc[-1 - away])

@@ -66,7 +66,7 @@ class GaussianProcess:
     noise: np.ndarray
     weight: np.ndarray
     log_likelihood: np.ndarray
-    n_hyper: int  # training points that the hyperparameters were found with
+    n_hyper: int  # training points that gave the hyperparameters
     device: str = "cpu"
 
     def predict(

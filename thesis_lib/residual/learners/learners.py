@@ -58,7 +58,7 @@ class Prediction:
 
     # (n, 3) mean velocity after impact as measured, m/s and rad/s; NaN where the base has none
     v_post: np.ndarray
-    # impulse, covariance, jacobian: see the module's table; NaN covariance where it was not asked for
+    # impulse, covariance, jacobian: see the module's table; NaN covariance where not requested
     impulse: np.ndarray
     covariance: np.ndarray
     jacobian: np.ndarray

@@ -52,13 +52,11 @@ def learning_curves(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors of all laws, bounds and learners on random splits of approaching impacts
-    (`impact_study.study.select_impacts`).
+    """Errors of all laws, bounds and learners on random splits of impacts from `impact_study.study.select_impacts`.
 
     Returns:
         curves: a row per model, n and split; errors: a row per model and held-out impact of the first split, at the
-        size
-        nearest to that of figure 4-5.
+        size nearest to that of figure 4-5.
 
     Raises:
         ValueError: the smallest size exceeds the training impacts of a split.
@@ -112,13 +110,13 @@ def named_physics(
         law: the critique's base law.
         model: the critique's model.json.
         settings: sizes and splits (here draws of the training impacts).
+        rng: for draws and searches.
+        say: called with a line for each draw.
 
     Returns:
         curves: a row per model, n and draw; rungs: a row per model at the size of figure 4-5 with mean error over
-        draws,
-        its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published and under
-        the
-        effects.
+        draws, its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published and
+        under the effects.
 
     Raises:
         ValueError: no training or no held-out impacts.

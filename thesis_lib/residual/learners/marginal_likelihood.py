@@ -10,9 +10,9 @@
 | w        | `weight`  | 1    | (n,)     | of each measurement, 1 unless it is wild                 |
 
 With Σ_ij G_ij (x_id − x_jd)² = 2 Σ_i x_id² (G 1)_i − 2 (Xᵀ G X)_dd the gradient needs one Cholesky factor and one
-inverse, without the n × n steps of automatic differentiation.  L-BFGS-B runs from several starts; the first is fixed (l
-= 3, s = σ² = 0.5), the others are drawn.  Weak log-normal priors (`PRIOR`) prevent overfitting of a handful of impacts;
-`prior: false` is marginal likelihood alone.
+inverse, without the n × n steps of automatic differentiation.  L-BFGS-B runs from several starts; the first is fixed
+(`START`), the others are drawn.  Weak log-normal priors (`PRIOR`) prevent overfitting of a handful of impacts; `prior:
+false` is marginal likelihood alone.
 
 One wild impact (a second corner that hits within a frame) can give a Gaussian process short lengths everywhere.  So an
 impact more than `WILD` standard deviations from its leave-one-out prediction has its noise raised to match, and the

@@ -11,8 +11,8 @@ since impacts are homogeneous of degree 1 in the velocity, the four sides of a s
 with x.  Noise is proportional to s, too, but fast contacts repeat better than slow ones, so each range of speeds has
 its own process.
 
-The remaining errors have heavier tails than a Gaussian.  Their standardised leave-one-out residuals z follow Student's
-t in d = 6 dimensions with a common number of degrees of freedom ν,
+The remaining errors have heavier tails than a Gaussian.  Their standardised leave-one-out residuals z are assumed to
+follow Student's t in d = 6 dimensions with a common number of degrees of freedom ν,
 
     log p(z) = Σ_j −log a_j − (ν + d)/2 log(1 + Σ_j (z_j/a_j)²/ν) + const          a by EM, ν from a grid
 
@@ -77,9 +77,7 @@ class ContactMap(Sampled):
         return mean, cov, took, in_range
 
     def missed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n, 6) of the residual at touches, and mask (n,) of those within the training
-        range.
-        """
+        """Mean and standard deviation (n, 6) of the residual at touches; mask (n,) of those in the training range."""
         speed = velocity_error(v, self.body.k_g)
         X = contact_features(q, v, self.body.k_g)
         mean, std, in_range = np.zeros((len(q), 6)), np.zeros((len(q), 6)), np.ones(len(q), bool)

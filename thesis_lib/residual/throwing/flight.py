@@ -146,8 +146,7 @@ def fly(body: ThrownBody, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> tuple[
 def first_touch(body: ThrownBody, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Time t (n,) in s to the first touch, and the corner (n,) that touches.
 
-    A corner that touches at the start counts (t = 0) only if it approaches.  Of simultaneous touches the fastest
-    counts.
+    A corner that touches at the start counts (t = 0) only if it approaches; of simultaneous touches the fastest counts.
     """
     n = len(q)
     ux, uy = body.u[:, 0], body.u[:, 1]

@@ -31,9 +31,7 @@ from thesis_lib.residual.throwing.belief import covariance_root, through_dynamic
 from thesis_lib.residual.throwing.flight import ThrownBody
 from thesis_lib.residual.throwing.throw import LawImpact, push
 
-PENETRATION = (
-    1e-3  # m; a pose this deep is rejected, a shallower one is lifted: contacts dent by a millimetre
-)
+PENETRATION = 1e-3  # m; deeper poses are rejected, shallower ones lifted: contacts dent by a millimetre
 
 
 @dataclass
@@ -154,8 +152,8 @@ class Sampled:
     def distribution(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Mean (n, 6), covariance (n, 6, 6), time (n,) in s and in_range (n,), as in `Drawn`; here the law, which is
-        certain.
+        """Mean (n, 6), covariance (n, 6, 6), time (n,) in s and in_range (n,) of `Drawn`; here the law, without
+        scatter.
         """
         _, after, _ = self.law(q, v, r, slow, np.random.default_rng(0))
         n = len(q)

@@ -97,7 +97,7 @@ class Throws:
     # contacts; NaN where there was none
     snapshot_q: np.ndarray
     snapshot_v: np.ndarray
-    snapshot_t: np.ndarray  # (snapshots, n) s, its instant
+    snapshot_t: np.ndarray  # (snapshots, n) time in s
 
 
 def simulate_throws(

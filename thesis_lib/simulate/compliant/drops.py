@@ -1,9 +1,10 @@
 """Drops of a planar body with compliant contact, integrated in continuous time without an impact law.
 
-Each drop has its own clock.  Flight goes from tick to tick (samples, at most `FLIGHT_STEP` apart) with classical
-Runge-Kutta steps, exact for a parabola.  Bisection cuts a step that ends below the plate at the touch.  From there the
-contact forces of `forces` are integrated with the small step of the contact until nothing touches or sticks.  All drops
-fly, then all that have landed are in contact, and so on: loops run over steps, never over drops.
+Each drop has its own clock.  Flight goes from tick to tick (samples and times between them, at most `FLIGHT_STEP`
+apart) with classical Runge-Kutta steps, exact for a parabola.  Bisection cuts a step that ends below the plate at the
+touch.  From there the contact forces of `forces` are integrated with the small step of the contact until nothing
+touches or sticks.  All drops fly, then all that have landed are in contact, and so on: loops run over steps, never over
+drops.
 
 A recording ends when the body comes to rest: after `SLOW_TOUCHES` slow contacts in a row, `MAX_CONTACTS` contacts, or a
 contact longer than `LONGEST` contact times.
@@ -76,8 +77,7 @@ def simulate_compliant_drops(
 
     Returns:
         Drops whose `impacts` also have duration (s) and separated (False where the recording ended during the contact),
-        and
-        whose `trials` have contacts (count) and t_end, the end of the recording in s.
+        and whose `trials` have contacts (count) and t_end, the end of the recording in s.
 
     Raises:
         UserError: the body has no mass, an argument is out of range, or a release touches the plate.
@@ -127,9 +127,8 @@ def contact_truth(
 ) -> dict[str, np.ndarray]:
     """Columns `TRUTH` of the contacts of the drops `rows` (m,).
 
-    `before` and `after` are q and v (m, 3 or more) of the true centre of mass and t (m,) in s, at the touch and at the
-    end. `impulse` (m, 2) is c_t, c_n in N s, `energy_change` (m,) in J; `separated` (m,) marks bodies that have left
-    the plate.
+    `before` and `after`: q, v (m, 3 or more) of the true centre of mass and t (m,) in s; `impulse` (m, 2): c_t, c_n in
+    N s; `energy_change` (m,): J; `separated` (m,): whether the body has left the plate.
     """
     q, v, t = before
     pose, v_pre = mechanics.origin_state(q, v)

@@ -111,7 +111,7 @@ def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: HiddenCauses) -> tup
 
 
 def write_example(example: Example, folder: str | Path) -> Path:
-    """Write dataset.yaml, trajectories.csv and `NEW_IMPACTS`; returns `folder`.  UserError if it holds other tables."""
+    """Write dataset.yaml, trajectories.csv and `NEW_IMPACTS`; UserError if `folder` holds other tables of a dataset."""
     folder = write_dataset(example.dataset, folder, float_format=FLOAT_FORMAT)
     write_csv(example.new_impacts, folder / NEW_IMPACTS, FLOAT_FORMAT)
     return folder

@@ -124,7 +124,7 @@ class Mechanics:
         return self.plate(t, rows)[1][:, 0] - v[:, 1] - self.lowest_point(q[:, 2])[:, 0] * v[:, 2]
 
     def plate(self, t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Height and vertical velocity (n, 1) of the plate at times t (n,) of the drops `rows`."""
+        """Height and vertical velocity, each (n, 1), of the plate at times t (n,) of the drops `rows`."""
         m = self.hidden
         if m.plate_amplitude == 0.0:
             return np.full((len(t), 1), m.surface_height), np.zeros((len(t), 1))
@@ -180,8 +180,7 @@ class Mechanics:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """One time step of bodies in contact; `q`, `v` (n, 5) at time t (n,) s are kept, their `memory` changes.
 
-        Returns q, v after the step, impulse (n, 2) = (c_t, c_n) in N s, and mask (n,) of bodies that are free of
-        contact.
+        Returns q, v after the step, impulse (n, 2) = (c_t, c_n) in N s, and mask (n,) of bodies without contact.
         """
         h, m = self.contact.dt, self.hidden
         q = q + 0.5 * h * v
@@ -239,7 +238,7 @@ class Mechanics:
         limit = mu * push
         mobility = 1.0 / self.shell + r_y**2 / self.inertia
         if m.tangential_compliance == 0.0:
-            # points that touch together share the work, else the sum would overshoot
+            # points that touch together share the force, or the sum would overshoot
             sharing = np.maximum((push > 0.0).sum(axis=1, keepdims=True), 1)
             return np.clip(-slip / (mobility * h * sharing), -limit, limit)
         k = self.stiffness / m.tangential_compliance

@@ -77,8 +77,7 @@ def fly(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """A flight from (t, q, v) to the last of the times `samples` in s, or until the body touches.
 
-    Returns times (s,), positions and velocities (s, size) of its steps, and whether it ends at a touch, just above the
-    surface.
+    Returns times (s,), positions and velocities (s, size) of its steps, and whether it ends just above a touch.
     """
     clock.start(t, q, v)
     for end in samples:

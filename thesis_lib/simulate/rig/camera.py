@@ -2,9 +2,9 @@
 
     x_m = (1 + s) x + d t,   y_m = (1 + s) y,   θ_m(t) = ± θ(t − lag) + δ
 
-A wobble after an impact displaces the tracked frame along the direction of its x axis at the impact, by a Δv_n cos(β −
-axis) exp(−t/T) sin(2π f t), with t since the impact and β the place that was hit, since the lever out of the plane
-varies over the body.  θ is displaced by half that over the radius of gyration.
+A wobble after an impact displaces the tracked frame along the direction of its x axis at the impact, by w = a Δv_n
+cos(β − axis) exp(−t/T) sin(2π f t).  Here t is the time since the impact and β the place that was hit, as the lever out
+of the plane varies over the body.  θ is displaced by w/2 over the radius of gyration.
 
 All arrays in SI units; poses (n, samples, 3) are x, y, θ of the body's origin.
 """
