@@ -1,1 +1,1 @@
-"""Chapter 3: (μ, ε) of impact laws from many impacts and from each, and what the laws can predict at all."""
+"""Chapter 3: (μ, ε) of impact laws from many impacts and from each, and the predictive range of the laws."""

@@ -1,4 +1,4 @@
-"""Misfit of a law to measured impacts, for whole grids of parameters at once (thesis equations 3.7 and 3.8).
+"""Misfit of a law to measured impacts, over grids of parameters (thesis equations 3.7 and 3.8).
 
 | on paper      | in code         | unit | shape     |                                                     |
 |---------------|-----------------|------|-----------|-----------------------------------------------------|
@@ -7,13 +7,13 @@
 | ‖c_irb − c‖   | `misfit`        | N s  | broadcast | metric "impulse", eq. 3.8                           |
 | ‖v⁺ − v̂⁺‖_k   | `misfit`        | m/s  | broadcast | metric "velocity": kinetic norm, as in figure 3-8   |
 
-The least squares of eq. 3.7 needs a weighting of Δω against Δv, on which the thesis is silent:
+The least squares of eq. 3.7 needs a weighting of Δω against Δv, which the thesis does not state:
 
-    "kinetic"      k Δω counts like Δv: c = M_C J Δv, the one that no choice of units changes; the default here;
+    "kinetic"      k Δω counts like Δv: c = M_C J Δv, invariant under a change of units; the default here;
     "unweighted"   Δω in rad/s counts like Δv in m/s: what the authors stored with their data ("p_true").
 
-In the velocity metric the misfit is √((c − c_irb)ᵀ M_C⁻¹ (c − c_irb)/m + e²), with kinetic c_irb
-and e the part of Δv that no impulse through the contact point can give; both metrics need the impulse only.
+In the velocity metric the misfit is √((c − c_irb)ᵀ M_C⁻¹ (c − c_irb)/m + e²), with kinetic c_irb and e the part of Δv
+that no impulse through the contact point can give.  Both metrics need the impulse only.
 """
 
 from dataclasses import dataclass
@@ -33,17 +33,16 @@ from thesis_lib.datasets.format.impacts import Impacts
 
 Metric = Literal["impulse", "velocity"]
 Weighting = Literal["kinetic", "unweighted"]
-BLOCK = 16_384  # misfits at a time: some thirty arrays of 128 KiB; larger ones cost more in page faults than in sums
+BLOCK = 16_384  # misfits at a time: some thirty arrays of 128 KiB; larger ones lose time to page faults
 
 
 @dataclass(frozen=True)
 class Target:
-    """What identification needs of n measured impacts: computed once, used for every law and parameter.
+    """Measured impulses and contact spaces of n impacts, computed once for all laws and parameters.
 
     Attributes:
-        space: contact space of the impacts.
         c_t, c_n: (n,) measured impulse c_irb, N s.
-        unreachable: (n,) m/s, part of Δv that no impulse through the contact point can give (kinetic norm).
+        unreachable: (n,) m/s, kinetic norm of the part of Δv that no impulse through the contact point can give.
         mass: kg.
     """
 
@@ -62,7 +61,7 @@ class Target:
 
 
 def target_of(impacts: Impacts, weighting: Weighting = "kinetic") -> Target:
-    """Measured impulse and contact space of impacts; see the module's text for the two weightings."""
+    """Measured impulse and contact space of impacts; the module's head explains the weightings."""
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     c_t, c_n = measured_impulse(impacts.dv, impacts.r, **body)
     explained = velocity_change(c_t, c_n, impacts.r, **body)
@@ -93,14 +92,14 @@ def _unweighted_impulse(impacts: Impacts) -> tuple[np.ndarray, np.ndarray]:
 def misfit(
     law: Law, target: Target, mu: np.ndarray | float, epsilon: np.ndarray | float, metric: Metric
 ) -> np.ndarray:
-    """Misfit of `law` at parameters that broadcast against n impacts, e.g. (G, 1) gives (G, n); NaN: no solution."""
+    """Misfit for parameters that broadcast against n impacts, e.g. (G, 1) gives (G, n); NaN: no solution."""
     with np.errstate(all="ignore"):
         c_t, c_n = law.impulse(target.space, np.asarray(mu, float), np.asarray(epsilon, float))
         return misfit_of_impulse(target, c_t, c_n, metric)
 
 
 def misfit_table(law: Law, target: Target, mu: np.ndarray, epsilon: np.ndarray, metric: Metric) -> np.ndarray:
-    """Misfit (G, n) at G parameter pairs, in blocks of impacts that fit the processor's cache."""
+    """Misfit (G, n) at G parameter pairs, in blocks of impacts that fit the cache."""
     table = np.empty((len(mu), len(target)))
     width = max(1, BLOCK // len(mu))
     for start in range(0, len(target), width):
@@ -110,7 +109,7 @@ def misfit_table(law: Law, target: Target, mu: np.ndarray, epsilon: np.ndarray, 
 
 
 def misfit_of_impulse(target: Target, c_t: np.ndarray, c_n: np.ndarray, metric: Metric) -> np.ndarray:
-    """Misfit of given impulses (..., n) in N s or m/s."""
+    """Misfit of impulses (..., n) in N s: in N s, or in m/s for the metric "velocity"."""
     d_t, d_n = c_t - target.c_t, c_n - target.c_n
     if metric == "impulse":
         return np.sqrt(d_t * d_t + d_n * d_n)

@@ -1,4 +1,4 @@
-"""Energy of a body in flight and over its impacts: the thesis's test of figure 3-6, for all trials of a dataset.
+"""Energy of a body in flight and over its impacts: the thesis's test of figure 3-6 on all trials of a dataset.
 
 | on paper | in code        | unit | shape  |                                                                |
 |----------|----------------|------|--------|----------------------------------------------------------------|
@@ -6,11 +6,10 @@
 | E        | `total_energy` | J/kg | (n,)   | g (y − y_rest) + (v_x² + v_y² + k² ω²)/2, per unit mass        |
 | y_rest   | `rest_height`  | m    |        | height of the body frame in its lowest touching pose           |
 
-The net energy falls at an impact, and stays from just after it to just before the next one of the same trial.  Arcs
-keep their energy by construction; the test compares two arcs, fitted at either end of a flight to other samples, so
-it only counts flights that are long enough for both windows to be apart.
-Both rows are evaluated on all impacts of a dataset, so that the test does not select its own data.  The ellipse impacts
-are no evidence for the fall: the authors kept only drops whose contact-space energy falls.
+The total energy falls at an impact, and is conserved from just after it to just before the trial's next one.  Each arc
+conserves its energy by construction.  The test compares two arcs, fitted to separate samples at either end of a flight;
+shorter flights are left out.  Both statements use all impacts, so that the test does not select its data.  The ellipse
+impacts are no evidence for the fall: the authors kept only drops whose contact-space energy falls.
 """
 
 import numpy as np
@@ -22,23 +21,23 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.statistics.intervals import mean_of, share_of
 
-WINDOWS = 2 * ArcSettings().max_window  # samples of the two arcs of a flight: a longer one shares none
-FEWEST = 5  # flights: the standard error of fewer means nothing
+WINDOWS = 2 * ArcSettings().max_window  # samples of the two arcs of a flight: in a longer one they share none
+FEWEST = 5  # flights: fewer give no useful standard error
 
 
 def rest_height(shape: Shape, height: float = 0.0) -> float:
-    """Height in m of the body frame above which potential energy counts: the lowest pose that touches."""
+    """Height in m of the body frame in its lowest touching pose, the zero of potential energy."""
     turn = np.linspace(0.0, 2.0 * np.pi, 721)
     return height - float(np.max(shape.contact_point(turn)[:, 1]))
 
 
 def total_energy(q: np.ndarray, v: np.ndarray, *, k_g: float, gravity: float, rest: float) -> np.ndarray:
-    """Total energy (n,) in J/kg of poses q (n, 3) with velocities v (n, 3)."""
+    """Total energy (n,) in J/kg at poses q (n, 3) and velocities v (n, 3)."""
     return gravity * (q[:, 1] - rest) + 0.5 * np.sum((v * [1.0, 1.0, k_g]) ** 2, axis=1)
 
 
 def flights(impacts: Impacts, longer_than: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (first, next), each (m,), of successive impacts of one trial that lie more than `longer_than` s apart."""
+    """Rows (first, next), (m,) each, of successive impacts of a trial that lie more than `longer_than` s apart."""
     order = np.lexsort((impacts.impact, impacts.trial))
     a, b = order[:-1], order[1:]
     successive = (impacts.trial[a] == impacts.trial[b]) & (impacts.impact[b] == impacts.impact[a] + 1)
@@ -48,10 +47,10 @@ def flights(impacts: Impacts, longer_than: float = 0.0) -> tuple[np.ndarray, np.
 
 
 def energy_statements(dataset: Dataset, impacts: Impacts) -> pd.DataFrame:
-    """Rows energy_loss, energy_taken and energy_between for `statements`, from all impacts of a dataset.
+    """Rows for `statements`, from all impacts of a dataset.
 
-    energy_loss: share of impacts after which the total energy is lower; energy_taken: mean relative loss at an
-    impact; energy_between: mean relative change over a flight (left out where fewer than `FEWEST` are long enough).
+    energy_loss: share of impacts after which the total energy is lower; energy_taken: mean relative loss at an impact;
+    energy_between: mean relative change over a flight (omitted if fewer than `FEWEST` are long enough).
     """
     terms = {
         "k_g": dataset.k_g,

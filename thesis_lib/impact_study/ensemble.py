@@ -1,9 +1,9 @@
 """Ensemble parameters (μ, ε): one pair for many impacts (thesis section 3.4, figure 3-7, table 3.1).
 
-The cost is the sum of the misfits of the single impacts ("we simply sum up the cost function").  It is minimised on
-a grid that zooms in: every point of a grid over the box is evaluated for every impact, giving a table (G, n); the
-box then shrinks to the neighbourhood of the best points.  Standard errors come from the bootstrap over *trials*,
-whose replicates are weights on the same table: all replicates zoom together until their spread fills the box.
+The cost is the sum of the misfits of the single impacts ("we simply sum up the cost function").  A zooming grid
+minimises it: the misfit of every impact at every grid point gives a table (G, n), and the box shrinks to the
+neighbourhood of the best points.  Standard errors come from the bootstrap over *trials*, whose replicates are weights
+on the same table: all replicates zoom together until their spread fills the box.
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from thesis_lib.contact.law import Law
 from thesis_lib.impact_study.cost import Metric, Target, misfit_table
 from thesis_lib.statistics.bootstrap import draw_counts
 
-# own choice: three times the friction of an inclined-plane test; a fit that ends here is reported
+# our choice: three times the friction of an inclined-plane test; a fit that ends here is reported
 MU_MAX = 1.0
 GRID = 21  # points a side
-CELLS = 5_000_000  # of the table held at a time: 40 MB
+CELLS = 5_000_000  # of the table in memory at a time: 40 MB
 TOLERANCE = 1e-6  # width of the final box in μ and ε: far below any standard error
 
 
@@ -27,7 +27,7 @@ class EnsembleFit:
     """Ensemble parameters with bootstrap standard errors.
 
     `cost` is the mean misfit in the metric's unit; `replicates` (B, 2) are the bootstrap's (μ, ε); `at_bound` names
-    the parameters that ended at the edge of their box (their standard errors are then not meaningful).
+    the parameters that ended at the edge of their box, whose standard errors are then meaningless.
     """
 
     mu: float
@@ -41,7 +41,7 @@ class EnsembleFit:
     replicates: np.ndarray
 
     def columns(self) -> dict[str, Any]:
-        """One row of a table: all but the replicates, `at_bound` as text."""
+        """A table row without the replicates, with `at_bound` as text."""
         names = ("mu", "mu_std", "epsilon", "epsilon_std", "cost", "n", "n_failed")
         return {name: getattr(self, name) for name in names} | {"at_bound": ";".join(self.at_bound)}
 
@@ -55,15 +55,12 @@ def fit_ensemble(
     bootstrap: int = 0,
     rng: np.random.Generator | None = None,
 ) -> EnsembleFit:
-    """Best (μ, ε) for all impacts of `target` together.
+    """Best common (μ, ε) of n measured impacts.
 
     Args:
-        law: the impact law.
-        target: n measured impacts.
         metric: "impulse" (the thesis) or "velocity".
         trials: (n,) trial of each impact, the unit of the bootstrap; each impact by itself if omitted.
-        bootstrap: replicates for the standard errors; 0 for none.
-        rng: needed if bootstrap > 0.
+        bootstrap: replicates for the standard errors; 0 for none, otherwise `rng` is needed.
 
     Raises:
         ValueError: no impacts, or bootstrap without rng.
@@ -87,13 +84,13 @@ def fit_ensemble(
 
 
 def cost_grid(law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
-    """Mean misfit on the grid mu (I,) × epsilon (J,): (I, J), for the topography of figure 3-7."""
+    """Mean misfit (I, J) on the grid mu (I,) × epsilon (J,), for figure 3-7."""
     table = misfit_table(law, target, np.repeat(mu, len(epsilon)), np.tile(epsilon, len(mu)), metric)
     return np.nanmean(table, axis=1).reshape(len(mu), len(epsilon))
 
 
 def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each impact counts in each replicate, (n, B): trials are drawn with replacement."""
+    """Number of times (n, B) that each impact counts in each replicate: trials are drawn with replacement."""
     _, unit = np.unique(trials, return_inverse=True)
     return draw_counts(unit.max() + 1, replicates, rng).T[unit].astype(float)
 
@@ -101,7 +98,7 @@ def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Gener
 def _zoom(
     law: Law, target: Target, metric: Metric, weights: np.ndarray, *, until: float
 ) -> tuple[np.ndarray, float, int]:
-    """Minimise each column of weighted costs; returns the best points (B, 2), the first's mean cost, failures."""
+    """Minimum of each column of weighted costs: best points (B, 2), the first's mean cost, failures."""
     low, high = np.zeros(2), np.array([MU_MAX, 1.0])
     limits = low.copy(), high.copy()
     for _ in range(30):
@@ -123,9 +120,9 @@ def _zoom(
 def _costs(
     law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray, weights: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted misfits (G, B) at the points mu, epsilon (G,), and impacts without a solution at each (G,).
+    """Weighted misfits (G, B) at the points mu, epsilon (G,), and numbers (G,) of impacts without a solution.
 
-    An impact without a solution counts as the worst misfit of all: it must not reward a parameter.
+    An impact without a solution gets the largest misfit, so that it does not reward a parameter.
     """
     costs, failures = [], []
     missing, worst = [], 0.0

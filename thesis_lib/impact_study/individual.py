@@ -2,20 +2,20 @@
 
     (μ*, ε*) = argmin ‖c_irb − Model(μ, ε)‖   subject to   0 ≤ μ ≤ μ_s, 0 ≤ ε ≤ 1
 
-μ_s, the lowest coefficient of friction beyond which the predicted impulse no longer changes (sticking), is found by
-bisection (to a share of the impulse, `STUCK`); μ is unobservable above it.  Below it AP Poisson, Mirtich and
-Wang-Mason reach some impulses with two pairs (μ, ε); of equally good pairs that are found, the one with lower μ counts.
+μ_s is the friction coefficient above which the predicted impulse no longer changes (sticking), found by bisection (to
+the share `STUCK` of the impulse); μ is unobservable above it.  Below it AP Poisson, Mirtich and Wang-Mason reach some
+impulses with two pairs (μ, ε); of equally good pairs the one with lower μ is taken.
 
-The misfit has kinks where slip ends, narrow slanted valleys near them and often more than one minimum, so three
-steps, all impacts at once:
+The misfit has kinks where slip ends, narrow slanted valleys near them and often several minima.  The search treats all
+impacts at once:
 
-1. profile: for each μ of a coarse grid the error of the best ε, measured to the chords between the impulses at
-   neighbouring ε; its lowest minima are the starts (the grid is denser at low μ, where the outcomes are);
-2. the same again about each start, on a denser grid;
-3. pattern search: a small grid about the best point, and the solution of Model(μ, ε) = c_irb linearised about
-   it; the better one is the next centre, and the grid shrinks once the best point lies inside it.
+1. profile: for each μ of a coarse grid (denser at low μ, where the outcomes are) the error of the best ε, measured to
+   the chords between the impulses at neighbouring ε; its lowest minima are the starts;
+2. the same about each start, on a denser grid;
+3. pattern search: a small grid about the best point, and the solution of Model(μ, ε) = c_irb linearised about it; the
+   better one is the next centre, and the grid shrinks once the best point lies inside it.
 
-Sources: thesis; the search is an own choice (the authors use a 20 × 20 grid and a gradient method from its best point).
+Source: thesis; the search is our choice (the authors use a 20 × 20 grid and a gradient method from its best point).
 """
 
 from dataclasses import dataclass
@@ -25,17 +25,17 @@ import numpy as np
 from thesis_lib.contact.law import Law
 from thesis_lib.impact_study.cost import BLOCK, Metric, Target, misfit, misfit_of_impulse
 
-MU_MAX = 2.0  # own choice: above the friction of dry solids, and above nearly every μ_s of the chapter's data
+MU_MAX = 2.0  # our choice: above the friction of dry solids, and above nearly every μ_s of the chapter's data
 # of the impulse: a change below a tenth of any measurement's noise; path-wise laws never stop changing
 STUCK = 1e-3
-# points in μ and ε of the first profile; with half of each one impact in 300 ends beside its minimum
+# points in μ and ε of the first profile; with half of each, one impact in 300 misses its minimum
 COARSE = (65, 33)
 DENSE = (33, 9)  # points of the second profile, over two gaps of the first in μ and six in ε
 STARTS = 2  # minima of the first profile that are followed
-SAME = 1e-9  # of the misfit of no impulse at all: differences below it are rounding
-FINE = 5  # points a side of the pattern; it halves
+SAME = 1e-9  # of the misfit of zero impulse: smaller differences are rounding
+FINE = 5  # points a side of the pattern, whose size halves
 ROUNDS = 20  # leaves a pattern of 1e-9 in μ
-# shares of the linearised step that are tried: the model has kinks
+# shares of the linearised step to try, as the model has kinks
 STEPS = np.array([1.0, 0.5, 0.1])[:, None]
 
 
@@ -50,10 +50,10 @@ class IndividualFit:
 
 
 def fit_individual(law: Law, target: Target, metric: Metric) -> IndividualFit:
-    """Fit every impact by itself; an impact that the law never resolves gets NaN."""
+    """Fit each impact; an impact without a solution of the law gets NaN."""
     n = len(target)
     mu, epsilon, error = np.empty((STARTS, n)), np.empty((STARTS, n)), np.empty((STARTS, n))
-    with np.errstate(all="ignore"):  # what a law cannot resolve is NaN and loses every comparison
+    with np.errstate(all="ignore"):  # NaN marks impacts without a solution and loses every comparison
         for rows in _blocks(n, 2 * COARSE[0] * COARSE[1] // 5):
             mu[:, rows], epsilon[:, rows] = _starts(law, target[rows], metric)
         for start in range(STARTS):
@@ -61,7 +61,7 @@ def fit_individual(law: Law, target: Target, metric: Metric) -> IndividualFit:
                 mu[start, rows], epsilon[start, rows], error[start, rows] = _search(
                     law, target[rows], metric, mu[start, rows], epsilon[start, rows]
                 )
-    # equally good up to rounding: the lower μ, so that the choice does not hang on the last bit
+    # of equal errors up to rounding, the lower μ: the choice must not depend on the last bit
     slack = SAME * misfit_of_impulse(target, 0.0, 0.0, metric)
     best = np.argmin(np.where(error <= error.min(axis=0) + slack, mu, np.inf), axis=0)
     mu, epsilon, error = (a[best, np.arange(n)] for a in (mu, epsilon, error))
@@ -72,7 +72,7 @@ def fit_individual(law: Law, target: Target, metric: Metric) -> IndividualFit:
 
 
 def _blocks(n: int, each: int) -> list[slice]:
-    """Rows in blocks for which arrays of `each` values an impact fit the processor's cache."""
+    """Rows in blocks for which arrays of `each` values an impact fit the cache."""
     width = max(1, BLOCK // each)
     return [slice(start, start + width) for start in range(0, n, width)]
 
@@ -80,7 +80,7 @@ def _blocks(n: int, each: int) -> list[slice]:
 def _profile(
     law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Least error over ε and the ε that has it, each (I, n), for grids mu (I, n or 1) and epsilon (J, n or 1)."""
+    """Least error over ε and its ε, (I, n) each, for grids mu (I, n or 1) and epsilon (J, n or 1)."""
     shape = (len(mu), len(epsilon), len(target))
     c_t, c_n = (np.broadcast_to(a, shape) for a in law.impulse(target.space, mu[:, None], epsilon[None]))
     chord_t, chord_n = np.diff(c_t, axis=1), np.diff(c_n, axis=1)
@@ -103,7 +103,7 @@ def _profile(
 
 
 def _starts(law: Law, target: Target, metric: Metric) -> tuple[np.ndarray, np.ndarray]:
-    """(μ, ε), each (STARTS, n): the lowest minima over μ of the coarse profile; too few are filled with any."""
+    """(μ, ε), (STARTS, n) each: the lowest minima over μ of the coarse profile; missing ones are filled with any."""
     mu = MU_MAX * np.linspace(0.0, 1.0, COARSE[0])[:, None] ** 2
     epsilon = np.linspace(0.0, 1.0, COARSE[1])[:, None]
     error, epsilon = _profile(law, target, metric, mu, epsilon)
@@ -117,7 +117,7 @@ def _starts(law: Law, target: Target, metric: Metric) -> tuple[np.ndarray, np.nd
 def _search(
     law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Best (μ, ε, error), each (n,), that steps 2 and 3 find from a start (n,)."""
+    """Best (μ, ε, error), (n,) each, of steps 2 and 3 from a start (n,)."""
     # a gap of the quadratic grid at μ = m (i/(N−1))² is m (2 i + 1)/(N−1)²
     i = np.rint(np.sqrt(mu / MU_MAX) * (COARSE[0] - 1))
     gap = MU_MAX * (2.0 * i + 1.0) / (COARSE[0] - 1) ** 2
@@ -136,7 +136,7 @@ def _search(
 def _round(
     law: Law, target: Target, metric: Metric, point: tuple[np.ndarray, ...], half: tuple[np.ndarray, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """One round of the pattern search: best (μ, ε, error), and whether the pattern may shrink; each (n,)."""
+    """One round of the pattern search: best (μ, ε, error), and whether the pattern may shrink, (n,) each."""
     columns = np.arange(len(target))
     offset = np.linspace(-1.0, 1.0, FINE)[:, None]
     mus = np.clip(point[0] + half[0] * offset, 0.0, MU_MAX)
@@ -176,7 +176,7 @@ def _round(
 
 
 def sticking_bound(law: Law, target: Target, epsilon: np.ndarray) -> np.ndarray:
-    """μ_s (n,): lowest μ from which on the impulse is that at `MU_MAX` up to the share `STUCK`."""
+    """μ_s (n,): lowest μ from which the impulse equals that at `MU_MAX` up to the share `STUCK`."""
     space = target.space
     with np.errstate(all="ignore"):
         final = law.impulse(space, np.full(len(target), MU_MAX), epsilon)

@@ -12,9 +12,9 @@
 | flatness_mu, _epsilon      | some | width of the shortest interval with half of the values over their 95 % quantile |
 
 Flatness is 0.53 for an even density from 0 up, and 0.12 for a Gaussian whose spread is a tenth of its mean.
-`law` is one of `FOLLOWED` where only some laws have the row.  All rows describe the impacts that were fitted one by
-one, training and held-out alike; nothing is predicted.  Values that do not exist are left out (no impact has μ = 0, a
-group has a single impact).
+`law` is one of `FOLLOWED` where only some laws have the row.  All rows describe the individually fitted impacts,
+training and held-out alike; nothing is predicted.  Undefined values are omitted (no impact has μ = 0, a group has a
+single impact).
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def individual_rows(impacts: Impacts, individual: pd.DataFrame, ensemble: pd.Dat
     """Rows (statement, law, value, std, unit).
 
     Args:
-        impacts: the impacts studied; those of `individual` are among them.
+        impacts: the impacts studied, including those of `individual`.
         individual: trial, impact, law, mu, epsilon, misfit of one weighting.
         ensemble: mu, mu_std, epsilon, epsilon_std of the same weighting, indexed by law.
     """
@@ -73,7 +73,7 @@ def _of_one_law(law: str, each: pd.DataFrame, r_x: np.ndarray, fit: pd.Series) -
 
 
 def epsilon_modes(epsilon: np.ndarray) -> tuple[float, int]:
-    """Where the density of the ε (n,) peaks, and how many peaks exceed a tenth of the highest."""
+    """Peak of the density of the ε (n,), and number of peaks above a tenth of the highest."""
     from scipy.signal import find_peaks
     from scipy.stats import gaussian_kde
 

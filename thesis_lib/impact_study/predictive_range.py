@@ -1,11 +1,10 @@
-"""What a law can predict at all: share of outcomes in its range, and share of the admissible set it covers.
+"""Predictive range of a law: share of outcomes that it reaches, and share of the admissible set that it covers.
 
 An outcome lies in the range of a law if some (μ, ε) brings the law within a tolerance of the measured impulse
-(thesis, table 3.2).  The thesis gives no tolerance; it is an own choice, reported with the result, and the share is
-given for several.
+(thesis, table 3.2).  The thesis gives no tolerance; the share is reported for several, our choice.
 
-The region of a law (thesis, figure 3-3) is the image of 0 ≤ μ ≤ μ_s, 0 ≤ ε ≤ 1 in the plane of impulses; its area
-over the area of the admissible set is the share of what rigid contact allows that the law can reach.
+The region of a law (thesis, figure 3-3) is the image of 0 ≤ μ ≤ μ_s, 0 ≤ ε ≤ 1 in the plane of impulses.  Its area over
+that of the admissible set is the share of the outcomes of rigid contact that the law can reach.
 """
 
 import numpy as np
@@ -14,11 +13,11 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 
 POINTS = 81  # a side of the parameter grid; doubling it changes the covered share by less than 0.002
-ARC = 721  # vertices of the half disc that is cut to the admissible set
+ARC = 721  # vertices of the half disc before it is cut to the admissible set
 
 
 def region(law: Law, space: ContactSpace, *, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Impulses (c_t, c_n), each (points μ, points ε, n), over a grid of μ = tan of an even angle and even ε."""
+    """Impulses (c_t, c_n), (points μ, points ε, n) each, over a grid even in arctan μ and in ε."""
     mu = np.tan(np.linspace(0.0, 0.5 * np.pi, points, endpoint=False))
     epsilon = np.linspace(0.0, 1.0, points)
     with np.errstate(all="ignore"):
@@ -30,8 +29,7 @@ def region(law: Law, space: ContactSpace, *, points: int = POINTS) -> tuple[np.n
 def covered_share(law: Law, space: ContactSpace) -> np.ndarray:
     """Area of the law's region over the area of the admissible set, (n,).
 
-    The region is summed from the cells of the parameter grid; a cell with a corner outside the admissible set
-    (some laws gain energy or penetrate) does not count.
+    Grid cells with a corner outside the admissible set (some laws gain energy or penetrate) are omitted.
     """
     c_t, c_n = region(law, space)
     v_t, v_n = space.velocity_after(c_t, c_n)
@@ -54,8 +52,8 @@ def admissible_area(space: ContactSpace) -> np.ndarray:
 
 
 def admissible_outline(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
-    """Outline (c_t, c_n), each (ARC + 2, n), of the admissible set: half the energy ellipse above the line of
-    maximum compression, cut at c_n = 0.  The first and the last point are the ends of the line."""
+    """Outline (c_t, c_n), (ARC + 2, n) each, of the admissible set: half the energy ellipse above the line of maximum
+    compression, cut at c_n = 0.  The first and the last point are the ends of the line."""
     # whitened with M_C⁻¹ = L Lᵀ the ellipse is a disc; v_n⁺ ≥ 0 is the half of it about (l_nt, l_nn)
     l_tt = np.sqrt(space.K_tt)
     l_nt, l_nn = space.K_tn / l_tt, np.sqrt(space.det) / l_tt
@@ -65,8 +63,8 @@ def admissible_outline(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
     d_n = radius * np.sin(phase) / l_nn
     c_n = centre_n + d_n
     c_t = centre_t + (radius * np.cos(phase) - l_nt * d_n) / l_tt
-    # points with c_n < 0 (a few, in skewed contacts) move to c_n = 0 along a chord to a frictionless impulse: those
-    # of the arc to one inside the set, the ends of the line of maximum compression to the plastic one, which is on it
+    # points with c_n < 0 (a few, in skewed contacts) move to c_n = 0 along a chord to a frictionless impulse: those of
+    # the arc to one inside the set, the ends of the line of maximum compression to the plastic one, which is on it
     plastic = -space.v_n / space.K_nn
     arc = _lifted(c_t, c_n, 1.5 * plastic)
     line = _lifted(c_t[[0, -1]], c_n[[0, -1]], plastic)

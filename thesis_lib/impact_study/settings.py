@@ -67,7 +67,7 @@ class Topography(Section):
     )
 
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Grid lines in μ and ε, each (points,)."""
+        """Grid lines in μ and ε, (points,) each."""
         return np.linspace(*self.mu, self.points), np.linspace(*self.epsilon, self.points)
 
 

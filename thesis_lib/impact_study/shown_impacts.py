@@ -1,18 +1,17 @@
-"""The two impacts of figure 3-11, which explain odd parameters.
+"""The two impacts of figure 3-11, which explain unusual parameters.
 
 | on paper | in code                  | unit | shape |                                                           |
 |----------|--------------------------|------|-------|-----------------------------------------------------------|
 | c_irb    | `Target.c_t`, `.c_n`     | N s  | (n,)  | measured impulse, eq. 3.7                                 |
-| r_x      | `Impacts.r[:, 0]`        | m    | (n,)  | how far the contact lies from under the centre of mass    |
+| r_x      | `Impacts.r[:, 0]`        | m    | (n,)  | horizontal distance of the contact from the centre of mass |
 
 (a) μ = 0.  Among impacts whose individual μ is below `MU_ZERO`, the quarter with the contact point nearest to below
     the centre of mass; of these the one with the largest misfit.  Without such impacts: the one with the least μ.
 (b) Spin reversal.  Among impacts whose measured impulse lies beyond the line of sticking, the one at the median
-    distance beyond it.  Without such impacts: the one that comes nearest to it.
-"Beyond" is as seen from the impulse without friction, c_t = 0 at the same c_n: friction has then turned round the slip
-v_t + K_tn c_n that it opposed.  A mere change of sign of v_t would not do: in a skewed contact the normal impulse alone
-can cause it, and every law predicts that.
-Ties go to the first impact, so that equal data give equal figures.
+    distance beyond it.  Without such impacts: the one nearest to it.
+"Beyond" is relative to the impulse without friction, c_t = 0 at the same c_n: friction has then reversed the slip
+v_t + K_tn c_n that it opposed.  A change of sign of v_t is not enough: in a skewed contact the normal impulse alone can
+cause it, and every law predicts that.  Ties go to the first impact, so that equal data give equal figures.
 """
 
 import numpy as np

@@ -5,11 +5,9 @@
 | v          | `velocity`   | m/s, rad/s | (n, 3) | from the samples, never across an impact                    |
 | E_p, E_k   | `energies`   | J        | (n, 3) | m g (y − y_rest), m (v_x² + v_y² + k² ω²)/2, and their sum     |
 
-Velocities come from the samples and not from the fitted arcs, because an arc under gravity keeps its energy by
-construction: the figure would show nothing.  Each is the slope of a straight line through x, θ and y + g t²/2 over a
-few neighbours between the same two impacts.
-
-The trial shown is the first one whose leading impacts (at most three) are all measured; of several, the lowest number.
+Velocities come from the samples, because fitted arcs conserve their energy by construction and would make the figure
+trivial.  Each is the slope of a straight line through x, θ and y + g t²/2 over a few neighbours between the same two
+impacts.  The trial shown is the first whose leading impacts (at most three) are all measured.
 """
 
 import numpy as np
@@ -19,15 +17,15 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.energy import rest_height
 
-LEADING = 3  # impacts that the trial shown should have measured from its start
+LEADING = 3  # impacts from the start that should be measured
 HALF_WINDOW = 5  # samples on either side; at 250 Hz and 0.3 mm this gives velocities to 7 mm/s
 
 
 def pick_trial(arcs: pd.DataFrame) -> int:
-    """Number of the trial to show; `arcs` has the columns trial, impact and used (was the impact measurable?).
+    """Number of the trial to show; `arcs` has the columns trial, impact and used (whether the impact was measurable).
 
     Raises:
-        UserError: not a single impact was measurable.
+        UserError: no impact was measurable.
     """
     if not arcs["used"].astype(bool).any():
         raise UserError(
@@ -43,15 +41,13 @@ def pick_trial(arcs: pd.DataFrame) -> int:
 
 
 def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity: float) -> np.ndarray:
-    """Velocities (n, 3) at the samples of one trial, from the neighbours between the same two impacts.
+    """Velocities (n, 3) at a trial's samples; NaN with fewer than three neighbours between the same two impacts.
 
     Args:
         t: (n,) s, increasing.
         pose: (n, 3) x, y, θ.
         hits: instants of all impacts in s, measurable or not.
         gravity: m/s².
-
-    Samples with fewer than three neighbours on their stretch get NaN.
     """
     stretch = np.searchsorted(np.sort(hits), t)
     first, last = np.searchsorted(stretch, stretch), np.searchsorted(stretch, stretch, side="right")
@@ -76,10 +72,7 @@ def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity
 
 
 def energies(pose: np.ndarray, velocity: np.ndarray, dataset: Dataset) -> np.ndarray:
-    """Potential, kinetic and total energy (n, 3) in J, or J/kg where the dataset gives no mass.
-
-    The potential energy is that above the lowest touching pose of the body.
-    """
+    """Potential, kinetic and total energy (n, 3) in J, or J/kg where the dataset gives no mass."""
     rest = rest_height(dataset.shape, dataset.height)
     mass = 1.0 if dataset.mass is None else dataset.mass
     potential = mass * dataset.gravity * (pose[:, 1] - rest)

@@ -1,6 +1,6 @@
-"""What chapter 3 says in words, as numbers with standard errors, for the claims ledger.
+"""Statements of chapter 3 as numbers with standard errors, for the claims ledger.
 
-A row has `statement`, `law` ('' where it concerns none), `value`, `std` (NaN where it makes no sense), `unit`.
+A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if undefined), `unit`.
 
 | statement                  | value                                                                            |
 |----------------------------|----------------------------------------------------------------------------------|
@@ -16,7 +16,7 @@ A row has `statement`, `law` ('' where it concerns none), `value`, `std` (NaN wh
 | local_minima               | points of that grid that are below all eight neighbours                          |
 | small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
 
-`converged_at` without a law is the slowest of the laws that were followed, whichever these are.
+`converged_at` without a law is that of the slowest law in the table.
 Rows about individual parameters are explained in `individual_statements`, those about energy in `energy`.
 """
 
@@ -53,12 +53,12 @@ def statements(
     """All statements, in the kinetic weighting.
 
     Args:
-        impacts: the impacts studied, or more.
+        impacts: at least the impacts studied.
         split: trial, impact, train; predictions are judged on impacts with train = 0 only.
         ensemble, individual: parameters of both weightings; `individual` of all impacts studied.
         errors: `held_out_errors` in the kinetic weighting.
-        topography, convergence: as in figure 3-7; `convergence` may follow any laws.
-        energy: further rows, those of `energy_statements`.
+        topography, convergence: as in figure 3-7; `convergence` for any laws.
+        energy: rows of `energy_statements` to append.
     """
     held_out = pick(impacts, split, train=0)
     ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
@@ -104,14 +104,14 @@ def crosses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray
 
 
 def _prediction(space: ContactSpace, law: str, mu: float, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
-    with np.errstate(all="ignore"):  # branches that are not taken
+    with np.errstate(all="ignore"):  # branches of the law that are not taken
         return LAWS[law].impulse(space, np.asarray(mu), np.asarray(epsilon))
 
 
 def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
-    """Least k from which on μ and ε of every subset stay within `share` of their value at the largest k.
+    """Least k from which μ and ε of every subset stay within `share` of their value at the largest k, or the largest k.
 
-    The largest k itself if nothing smaller does; `convergence` holds one law.
+    `convergence` holds one law.
     """
     sizes = np.sort(convergence["k"].unique())
     off = np.zeros(len(sizes), dtype=bool)
@@ -123,7 +123,7 @@ def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
 
 
 def local_minima(topography: pd.DataFrame) -> int:
-    """Number of grid points whose cost is below that of all their neighbours, borders included."""
+    """Number of grid points, borders included, with a lower cost than all their neighbours."""
     cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
     padded = np.pad(cost, 1, constant_values=np.inf)
     lowest = np.ones(cost.shape, dtype=bool)
@@ -134,7 +134,7 @@ def local_minima(topography: pd.DataFrame) -> int:
 
 
 def mirrored_rotation(impacts: Impacts) -> Impacts:
-    """The same impacts with θ and ω read clockwise, and the contact point that goes with it."""
+    """The same impacts with θ and ω read clockwise, and the corresponding contact point."""
     flip = np.array([1.0, 1.0, -1.0])
     return replace(
         impacts,
@@ -156,7 +156,7 @@ def _errors_at(impacts: Impacts, law: str, mu: float, epsilon: float) -> np.ndar
 
 
 def _over_best_post_hoc(errors: pd.DataFrame) -> list[tuple[str, str, float, float, str]]:
-    """Paired differences; a law of both variants is compared among the laws as published."""
+    """Paired differences; a law of both variants is compared among the published laws."""
     wide = errors.pivot(index=["trial", "impact"], columns="model", values="velocity_error")
     rows = {}
     for laws in (VARIANTS["as_defined"], VARIANTS["as_published"]):  # the later one counts

@@ -1,18 +1,17 @@
 """Our laws against the predictions that the authors stored with their data, and table 3.1's counts from those.
 
-How the stored predictions were computed, found by matching them:
-- every law was fed the velocity after one sample of gravity, v + h (0, −g, 0) with h = 1/250 s, and the impulse
+Matching the stored predictions shows how they were computed:
+- every law got the velocity after one sample of gravity, v + h (0, −g, 0) with h = 1/250 s, and the impulse is
   reported as M_C J (v⁺ − v) with the velocity before it;
 - μ is that of table 3.1 with two decimals (`STORED_WITH`);
 - AP Newton rebounds to −ε v_n with v_n before the gravity step;
 - Mirtich and Wang-Mason march in steps of 0.1 mN s and stop at the first step that is far enough;
 - for AP Poisson a tenth of the stored impulses do not solve the problem of the plastic stage.
 
-If table 3.1 was identified with the same code, the gravity step is in it, so `parameters` repeats it: the law sees
-v + h (0, −g, 0), and its impulse is compared with c_irb − M_C J h (0, −g, 0), what is left of the measured one after
-gravity's part.  That part is 1.4 mN s at most; it lowers ε by 0.007 to 0.009 for all laws but AP Newton (which
-rebounds from the velocity before the step) and raises μ by 0.001 to 0.003.  What else the authors did (which impacts,
-which search) is not known.
+If table 3.1 was identified with the same code, it includes the gravity step, so `parameters` repeats it: the law gets
+v + h (0, −g, 0), and its impulse is compared with c_irb − M_C J h (0, −g, 0), the measured impulse without gravity's
+part.  That part is at most 1.4 mN s; it lowers ε by 0.007 to 0.009 for all laws but AP Newton (which rebounds from the
+velocity before the step) and raises μ by 0.001 to 0.003.  The authors' choice of impacts and search is not known.
 """
 
 from dataclasses import replace
@@ -43,7 +42,7 @@ STORED_WITH = {law: (int(100 * mu + 1e-9) / 100, epsilon) for law, (mu, epsilon)
 
 
 def best_worst(stored: pd.DataFrame) -> pd.DataFrame:
-    """Per cent of impacts in which each stored prediction is nearest to, and farthest from, the stored impulse."""
+    """Percentage of impacts in which each stored prediction is nearest to, and farthest from, the stored impulse."""
     truth = stored[["p_true_t", "p_true_n"]].to_numpy()
     predicted = np.stack([stored[[f"{law}_p_t", f"{law}_p_n"]].to_numpy() for law in SIX_LAWS], axis=1)
     best, worst = best_and_worst(np.linalg.norm(predicted - truth[:, None, :], axis=2))
@@ -77,9 +76,9 @@ def agreement(impacts: Impacts, stored: pd.DataFrame) -> pd.DataFrame:
 
 
 def cost_at_published(impacts: Impacts) -> pd.DataFrame:
-    """Mean misfit in N s at table 3.1's parameters, at ours for the same impacts, and the excess of the former.
+    """Mean misfit in N s at table 3.1's parameters and at ours for the same impacts, and the excess of the former.
 
-    Unweighted target and impulse metric, as the authors have them.  Where the excess is small, the cost hardly
+    Target unweighted, metric impulse, as the authors have them.  Where the excess is small, the cost hardly
     distinguishes the published parameters from the best ones.
     """
     target = target_of(impacts, "unweighted")
@@ -93,9 +92,9 @@ def cost_at_published(impacts: Impacts) -> pd.DataFrame:
 
 
 def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
-    """Ensemble (μ, ε) of the six laws as published with the authors' gravity step, from all impacts.
+    """Ensemble (μ, ε) of the six published laws with the authors' gravity step, from all impacts.
 
-    Unweighted target and impulse metric; standard errors from `REPLICATES` bootstrap replicates over trials, whose
+    Target unweighted, metric impulse.  Standard errors come from `REPLICATES` bootstrap replicates over trials, whose
     streams derive from `seed` and the law's name.
     """
     target = _target_after_gravity(impacts)
@@ -109,7 +108,7 @@ def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
 
 
 def _target_after_gravity(impacts: Impacts) -> Target:
-    """Contact space after the gravity step, and what the law's own impulse should then be."""
+    """Contact space after the gravity step, and the target for the law's impulse there."""
     stepped = replace(impacts, v_pre=impacts.v_pre + GRAVITY_STEP)
     part = measured_impulse(
         np.broadcast_to(GRAVITY_STEP, impacts.v_pre.shape), impacts.r, mass=impacts.mass, k_g=impacts.k_g
@@ -129,12 +128,12 @@ def _with_gravity_step(law: str, variant: Law) -> Law:
 
 
 def _rebound(law: str, after: ContactSpace) -> np.ndarray | float:
-    """For AP Newton v_n before the gravity step over that after it, since it rebounds from the former; else 1."""
+    """For AP Newton v_n before the gravity step over v_n after it, since it rebounds from the former; otherwise 1."""
     return (after.v_n - GRAVITY_STEP[1]) / after.v_n if law == "anitescu_potra_newton" else 1.0
 
 
 def drops_kept(all_drops: pd.DataFrame) -> pd.DataFrame:
-    """How many of the authors' drops carry none of their flags, and how many carry each."""
+    """Numbers of the authors' drops without any of their flags and with each flag."""
     flags = [name for name in all_drops.columns if name.startswith("flag_")]
     flagged = all_drops[flags] != 0
     rows = [("all", len(flagged)), ("kept", int((~flagged.any(axis=1)).sum()))]

@@ -1,8 +1,8 @@
 """The impact study of chapter 3: from impacts to parameters, held-out errors and predictive ranges, as tables.
 
-Training and held-out impacts are kept apart.  `split_trials` draws the training trials, ensemble parameters are
-identified on them, and every error and every best/worst count comes from the other trials.  Individual parameters and
-predictive ranges describe single impacts and predict nothing; they use all impacts.
+Training and held-out impacts are separate.  `split_trials` draws the training trials for the ensemble parameters; every
+error and every best/worst count comes from the other trials.  Individual parameters and predictive ranges describe
+single impacts, predict nothing and use all impacts.
 """
 
 from collections.abc import Iterable, Sequence
@@ -25,7 +25,7 @@ ALL_LAWS = tuple(LAWS)
 
 
 def split_trials(trials: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Mask (n,) of the impacts whose trial is drawn for training; `share` of the trials, at least one each way.
+    """Mask (n,) of the impacts of training trials: `share` of the trials, at least one on each side.
 
     Raises:
         ValueError: fewer than two trials.
@@ -40,10 +40,10 @@ def split_trials(trials: np.ndarray, share: float, rng: np.random.Generator) -> 
 def select_impacts(
     impacts: Impacts, filtering: str, max_impacts: int | None, rng: np.random.Generator
 ) -> Impacts:
-    """Approaching impacts, filtered as the thesis does or not, at most `max_impacts` of them, in their order.
+    """Approaching impacts in their order, filtered as in the thesis or not, at most `max_impacts` of them.
 
     Raises:
-        ValueError: nothing is left.
+        ValueError: no impact remains.
     """
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     impacts = impacts.select(contact_space(impacts.v_pre, impacts.r, **body).v_n < 0.0)
@@ -56,12 +56,12 @@ def select_impacts(
 
 
 def split_table(impacts: Impacts, train: np.ndarray) -> pd.DataFrame:
-    """Which impacts are studied, and which of them the mask `train` (n,) takes for training."""
+    """The impacts studied, with the training mask `train` (n,)."""
     return pd.DataFrame({"trial": impacts.trial, "impact": impacts.impact, "train": train.astype(int)})
 
 
 def pick(impacts: Impacts, split: pd.DataFrame, train: int | None = None) -> Impacts:
-    """The impacts that `split` lists, all of them or only training (1) or held-out (0) ones."""
+    """The impacts that `split` lists: all, training (1) or held-out (0) ones."""
     chosen = split if train is None else split[split["train"] == train]
     keys = pd.MultiIndex.from_frame(chosen[["trial", "impact"]])
     here = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
@@ -79,7 +79,7 @@ def ensemble_table(
     """Ensemble (μ, ε) with bootstrap standard errors: a row per law and weighting of eq. 3.7."""
     rows = []
     laws = tuple(laws)
-    seed = int(rng.integers(2**63))  # streams by name, so that a further law changes no other
+    seed = int(rng.integers(2**63))  # streams by name, so that adding a law changes no other
     for weighting in weightings:
         target = target_of(impacts, weighting)
         for name in laws:
@@ -133,7 +133,7 @@ def topography_table(
 def convexity_violations(topography: pd.DataFrame) -> float:
     """Share of neighbouring triples on the grid, along both axes and diagonals, that break convexity.
 
-    A convex cost has c(a) + c(b) ≥ 2 c(middle) for every pair; 1e-9 of the cost's range is allowed for rounding.
+    A convex cost has c(a) + c(b) ≥ 2 c(middle); 1e-9 of the cost's range is allowed for rounding.
     """
     cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
     slack = -1e-9 * np.ptp(cost)
@@ -171,10 +171,10 @@ def individual_table(
 def held_out_errors(
     impacts: Impacts, split: pd.DataFrame, ensemble: pd.DataFrame, weighting: Weighting
 ) -> pd.DataFrame:
-    """Errors of those impacts that `split` holds out: a row per impact and model.
+    """Errors of the held-out impacts, a row per impact and model.
 
-    Columns: trial, impact, model (a law, or `irb_bound`), velocity_error in m/s (kinetic norm of the velocity of
-    the centre of mass) and impulse_error in N s (against the measured impulse in that weighting).
+    Columns: trial, impact, model (a law, or `irb_bound`), velocity_error in m/s (kinetic norm of the velocity of the
+    centre of mass) and impulse_error in N s (against the measured impulse in that weighting).
     """
     impacts = pick(impacts, split, train=0)
     target = target_of(impacts, weighting)
@@ -185,7 +185,7 @@ def held_out_errors(
         out = LAWS[row.law](impacts.v_pre, impacts.r, **body, mu=row.mu, epsilon=row.epsilon)
         velocity = velocity_error(impacts.v_post - out.v_post, impacts.k_g)
         errors[row.law] = (velocity, _distance(target, *out.impulse.T))
-    # whole columns at once: tables to be joined would be held twice
+    # whole columns at once: joining tables would need twice the memory
     velocity, impulse = (np.concatenate(parts) for parts in zip(*errors.values()))
     return pd.DataFrame(
         {

@@ -1,8 +1,8 @@
 """Tables 3.1 and 3.2 of the thesis, and the summary of held-out errors, from the tables of `impact_study`.
 
-Every table shows two variants: `as_published`, the authors' code where it differs from the law that it is named
-after, and `as_defined`, the six laws themselves; and both weightings of equation 3.7 (see `cost`).
-Standard errors of shares are Wilson's (see `shares`), so that a share of 0 % has one too.
+Every table has both weightings of equation 3.7 (see `cost`) and two variants: `as_published`, the authors' code where
+it differs from the law of that name, and `as_defined`, the six laws themselves.  Standard errors of shares are Wilson's
+(see `shares`), so that a share of 0 % has one too.
 """
 
 import itertools
@@ -15,7 +15,7 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.statistics.intervals import wilson_std
 
-# the authors' code where it differs from the law that it is named after, the law itself elsewhere
+# the authors' code where it differs from the law of that name, the law itself elsewhere
 SIX_AS_PUBLISHED = tuple(
     f"{name}_as_published" if f"{name}_as_published" in LAWS else name for name in SIX_LAWS
 )
@@ -34,9 +34,8 @@ def best_and_worst(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Table 3.1 for each variant and weighting; `errors` are held-out errors by weighting.
 
-    Best and worst are counted in impulse space over held-out impacts among the six laws of a variant, as the authors
-    count them, in per cent.  `at_bound` names the parameters that ended at the edge of their range: there the law
-    would go beyond its range, and the bootstrap's standard error is not meaningful.
+    Best and worst are counted, in per cent, in impulse space over held-out impacts among the six laws of a variant, as
+    by the authors.  `at_bound` names parameters at the edge of their range, whose standard errors are meaningless.
     """
     rows = []
     for (weighting, table), (variant, laws) in itertools.product(errors.items(), VARIANTS.items()):
@@ -66,7 +65,7 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
 
 
 def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float) -> pd.DataFrame:
-    """Table 3.2: share of outcomes within each law's range, for several tolerances, with standard errors.
+    """Table 3.2: share of outcomes within each law's range, with standard errors.
 
     Tolerances are in m/s, of impulse over mass, so that datasets without a mass can be compared.
     """
@@ -93,13 +92,13 @@ def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float
 
 
 def _by_model(errors: pd.DataFrame, values: str) -> pd.DataFrame:
-    """A column per model, a row per impact: what `DataFrame.pivot` gives, in a quarter of its memory."""
+    """A column per model, a row per impact, as by `DataFrame.pivot` but in a quarter of its memory."""
     columns: dict[str, pd.Series] = {}
     for model in sorted(errors["model"].unique()):
         rows = errors.loc[errors["model"] == model, ["trial", "impact", values]]
         column = rows.set_index(["trial", "impact"])[values]
         first = next(iter(columns.values()), column)
-        if column.index.equals(first.index):  # as it does unless a model lacks an impact: one index for all
+        if column.index.equals(first.index):  # true unless a model lacks an impact: one index for all
             column.index = first.index
         columns[model] = column
     return pd.DataFrame(columns).sort_index()

@@ -1,4 +1,4 @@
-"""Forces that act on a mechanism but that its believed model lacks (own addition to thesis chapter 2).
+"""Hidden forces: they act on a mechanism but are missing from its believed model (our addition to thesis chapter 2).
 
 Each is a generalised force Q(q, v) on the right-hand side of M v̇ + C v = g + f_ext + Q + J'c:
 
@@ -6,16 +6,16 @@ Each is a generalised force Q(q, v) on the right-hand side of M v̇ + C v = g + 
     Coulomb joint friction    Q_i = -f_i tanh(q̇_i / q̇_s)
     gravity direction         Q = Σ_b m_b J_b' g ((sin α, -cos α) - (0, -1))      J_b of the centre of mass of body b
     rolling resistance        Q_θ = -c_rr ρ N tanh(ω / ω_s)        ρ radius of the disk, length of a spoke
-    cogging                   Q_1 = A sin(n q_1)                   of no candidate effect: the critique must say so
+    cogging                   Q_1 = A sin(n q_1)                   no candidate effect: the critique must report this
     payload                   a point mass m_p at the tip of link 2, or at a spoke of the wheel, r from the hub
 
-The sign of a speed is smoothed by tanh over q̇_s and ω_s, because an explicit step cannot hold a sign function at rest.
-N is the normal force of the same step, found by fixed-point iteration: the step is solved, its N gives the moment, and
-the step is solved again, `N_SOLVES` times.  c_rr is small, so that each solve gains about two digits.  A payload is not
-a force but another mechanism: a heavier link, or a wheel whose centre of mass is off the hub.
+tanh over q̇_s and ω_s smooths the sign of a speed, because an explicit step cannot hold a sign function at rest.  N is
+the normal force of the same step, found by `N_SOLVES` fixed-point iterations: the step is solved, and its N gives the
+moment of the next solve.  c_rr is small, so each solve gains about two digits.  A payload is not a force but changes
+the mechanism: a heavier link, or a wheel whose centre of mass is off the hub.
 
-Starts and torques are drawn for the believed mechanism; the true one is run with them, as on a rig whose experiments
-were planned with the believed model.
+Starts and torques are drawn for the believed mechanism and applied to the true one, as on a rig whose experiments were
+planned with the believed model.
 
 | on paper | in code  | unit    | shape | meaning                                                  |
 |----------|----------|---------|-------|----------------------------------------------------------|
@@ -56,7 +56,7 @@ TRUTHS: dict[MechanismKind, tuple[str, ...]] = {
     ),
     "wheel": ("nothing", "gravity_direction", "payload", "rolling_resistance"),
 }
-N_SOLVES = 2  # of a step, until its normal force and the moment that it gives agree
+N_SOLVES = 2  # of a step, for its normal force and moment to agree
 
 
 class HiddenSizes(Section):
@@ -138,7 +138,7 @@ def cogging(amplitude: float, periods: int) -> Force:
 
 
 def gravity_direction(mechanism: ArmDisk | RimlessWheel, alpha: float) -> Force:
-    """Q (nv,) of gravity turned by alpha in rad from what the mechanism believes."""
+    """Q (nv,) of gravity turned by alpha in rad from its believed direction."""
     if isinstance(mechanism, RimlessWheel):
         turned = mechanism.slope + alpha
         change = mechanism.g * np.array(
@@ -177,10 +177,9 @@ def rolling_resistance(
     pairs: tuple[int, ...],
     speed: float,
 ) -> Force:
-    """Q (nv,) on the last coordinate, -c_rr radius N tanh(ω / speed), N that of `pairs` in the same step.
+    """Q (nv,) on the last coordinate, -c_rr radius N tanh(ω / speed), with N of `pairs` in the same step.
 
     Args:
-        mechanism: what moves.
         f_ext: (m, nv) known forces of the steps, N, N m.
         h, mu, epsilon: of the simulation.
         c_rr, radius, speed: 1, m, rad/s.
@@ -201,7 +200,7 @@ def rolling_resistance(
 
 
 def loaded_arm(settings: Chapter2Bodies, payload: float) -> Chapter2Bodies:
-    """Settings whose second link carries a point mass of `payload` kg at its tip."""
+    """Settings whose second link has a point mass of `payload` kg at its tip."""
     a = settings.arm
     m, c, length = a.link_masses[1], a.link_coms[1], a.link_lengths[1]
     mass = m + payload
@@ -224,9 +223,9 @@ def planned(
     settings: Chapter2Bodies = chapter2.DEFAULT,
     sizes: HiddenSizes | None = None,
 ) -> tuple[Record, ...]:
-    """n trials of the believed mechanism: the starts and torques with which `run_with` runs the true one.
+    """n trials of the believed mechanism, whose starts and torques `run_with` applies to the true one.
 
-    The wheel starts on a spoke, rolling downhill and uphill in turn: a resistance changes its sign, a slope does not.
+    The wheel starts on a spoke, alternately downhill and uphill: a resistance changes its sign, a slope does not.
     """
     if kind == "arm":
         return chapter2.arm_trajectories(n, rng, settings).records
@@ -249,13 +248,7 @@ def run_with(
     settings: Chapter2Bodies = chapter2.DEFAULT,
     sizes: HiddenSizes | None = None,
 ) -> tuple[Record, ...]:
-    """The planned trials run on a mechanism with a hidden effect; those that cannot be solved are left out.
-
-    Args:
-        kind: mechanism.
-        truth: one of `TRUTHS[kind]`.
-        plans: from `planned`.
-        settings, sizes: of chapter 2, and of what is hidden.
+    """The planned trials on a mechanism with a hidden effect, one of `TRUTHS[kind]`; unsolvable trials are left out.
 
     Raises:
         UserError: this mechanism has no such hidden effect.

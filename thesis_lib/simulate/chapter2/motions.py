@@ -1,16 +1,16 @@
-"""Bodies, releases and torques of chapter 2's simulations (thesis 2.4), with what is ours marked as such.
+"""Bodies, releases and torques of chapter 2's simulations (thesis 2.4).
 
 The thesis gives m = 1 kg, ε = 0.6, μ = 0.7 and m/I = 6 and 0.8 1/m² for block and ellipse.  The ratios fix the size of
 uniform bodies: m/I = 6/a² for a square of side a, hence a = 1 m, and m/I = 4/(a² + b²) for an ellipse, hence semi-axes
-of 2 and 1 m.  Everything else is an own choice; the descriptions of the settings say why.
+of 2 and 1 m.  Everything else is our choice; the descriptions of the settings give the reasons.
 
-The torques of the arm are set in advance, not fed back: they carry a share of the arm's weight at the start, which lets
-it come down on the disk, and two sines a joint with random phases, which excite all inertial parameters,
+The torques of the arm are open loop: a share of the arm's weight at the start, which lets it come down on the disk, and
+two sines per joint with random phases, which excite all inertial parameters,
 
     τ_i(t) = τ_i0 - s g_i(q_0) + Σ_j A_i sin(2π f_ij t + ψ_ij).
 
-The disk spins when it lands.  Where it only rolls on the ground, the contact force takes up all but m + I/R² of its two
-inertial parameters, however much it slips on the arm; a landing that slips adds I/m, and both are identifiable.
+The disk spins when it lands.  If it only rolls on the ground, only m + I/R² of its two inertial parameters is
+identifiable, even if it slips on the arm; a landing that slips adds I/m, and both are identifiable.
 """
 
 from collections import Counter
@@ -32,7 +32,7 @@ from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import Record, simulate
 
 Kind = Literal["block", "ellipse", "disk", "rod", "wheel"]
-# trajectories drawn for one of the arm that is kept; more mean that the settings fit no contact
+# trajectories drawn per accepted one of the arm; more mean that the settings give no contact
 MAX_TRIES = 50
 FILTERS = ("not solved", "too fast", "arm below the ground", "too little contact")
 
@@ -49,7 +49,7 @@ class Releases(Section):
     omega: Spread = Field(Spread(low=-3.0, high=3.0), description="rad/s, up to a turn in a drop")
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """q and v (n, 3) of n releases; the first of them do not depend on n."""
+        """q and v (n, 3) of n releases; a larger n keeps the first ones."""
         u = rng.random((n, 5))  # row by row: one row per drop
         q, v = np.zeros((n, 3)), np.zeros((n, 3))
         q[:, 1], q[:, 2] = self.height.quantile(u[:, 0]), self.theta.quantile(u[:, 1])
@@ -201,7 +201,7 @@ def arm_disk(settings: Chapter2Bodies = DEFAULT) -> ArmDisk:
 def releases(
     kind: Kind, n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Initial states q and v, each (n, 3), of n drops of a body, or of n starts of the wheel on one spoke.
+    """Initial states q and v, (n, 3) each, of n drops of a body or starts of the wheel on one spoke.
 
     Raises:
         UserError: there is no such kind, or a release reaches into the surface.
@@ -229,12 +229,11 @@ def releases(
 
 @dataclass(frozen=True)
 class ArmTrajectories:
-    """Trajectories of arm and disk that have enough contact, and what became of the others.
+    """Trajectories of arm and disk with enough contact.
 
     Attributes:
-        records: those kept.
         tried: number drawn.
-        left_out: number left out for each reason of `FILTERS`.
+        left_out: number left out, by reason of `FILTERS`.
     """
 
     records: tuple[Record, ...]
@@ -245,13 +244,8 @@ class ArmTrajectories:
 def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT) -> ArmTrajectories:
     """Draw starts and torques until n trajectories have enough contact with arm and ground at once.
 
-    Args:
-        n: trajectories to keep.
-        rng: draws start and torques.
-        settings: of chapter 2.
-
     Raises:
-        UserError: fewer than one in `MAX_TRIES` draws is kept.
+        UserError: fewer than one in `MAX_TRIES` draws is accepted.
     """
     arm, a = arm_disk(settings), settings.arm
     kept: list[Record] = []
@@ -277,13 +271,13 @@ def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies 
 def _start(
     arm: ArmDisk, a: ArmSettings, h: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q and v (5,) at the start and torques (steps, 5): the disk under link 2, all at rest but its spin."""
+    """Initial q and v (5,) and torques (steps, 5): the disk under link 2, all at rest except its spin."""
     u = rng.random(6)
     first, incline = a.link_1.quantile(u[0]), a.incline.quantile(u[1])
     height = a.disk_radius + a.disk_gap.quantile(u[2])
     q = np.array([first, incline - first, 0.0, height, 0.0])
     elbow = arm.joints(q[None])[0][0]
-    # below link 2 at the wanted distance: (P - elbow)' (sin β, -cos β) = R + gap
+    # below link 2 at the given distance: (P - elbow)' (sin β, -cos β) = R + gap
     distance = a.disk_radius + a.arm_gap.quantile(u[3])
     q[2] = elbow[0] + (distance + (height - elbow[1]) * np.cos(incline)) / np.sin(incline)
     t = h * np.arange(a.steps)
@@ -301,5 +295,5 @@ def _left_out(arm: ArmDisk, record: Record, a: ArmSettings) -> str:
     if np.abs(record.v).max() > a.max_speed:
         return "too fast"
     if min(points[:, 1].min() for points in arm.joints(record.q)) < 0.0:
-        return "arm below the ground"  # which has no contact with it here
+        return "arm below the ground"  # the model has no contact of arm and ground
     return "" if (record.c_n > 0).all(axis=1).sum() >= a.min_contact else "too little contact"

@@ -2,8 +2,8 @@
 
     σ_i² = var(channel i) / 10^(SNR/10)
 
-Each coordinate of q and v of each record is a channel of its own; var is the variance of its values over the record.
-A channel that does not move gets no noise.
+Each coordinate of q and v of each record is a channel; var is its variance over the record.  A constant channel gets no
+noise.
 
 | on paper | in code  | unit         | shape   | meaning                                     |
 |----------|----------|--------------|---------|---------------------------------------------|
@@ -21,11 +21,9 @@ from thesis_lib.simulate.stepping.stepping import Record
 
 @dataclass(frozen=True)
 class NoisyStates:
-    """What a sensor reports of a record.
+    """Noisy states q, v (m+1, nv) of a record.
 
-    Attributes:
-        q, v: (m+1, nv) noisy states.
-        sigma: (2, nv) standard deviations of the noise on q and on v: the truth, which an estimator need not know.
+    `sigma` (2, nv) holds the true standard deviations of the noise on q and v, which an estimator need not know.
     """
 
     q: np.ndarray

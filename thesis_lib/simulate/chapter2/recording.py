@@ -1,7 +1,7 @@
-"""An example recording: what a mechanism with one hidden cause would have logged, for trying the critique on.
+"""Simulated recording of a mechanism with one hidden cause, for trying the critique.
 
 The trials are planned with the believed mechanism and run with the hidden cause (`hidden_forces`); states are measured
-with the noise of `NOISE`.  The folder holds what the owner has and nothing else: what was hidden is not written down.
+with the noise of `NOISE`.  The folder does not name the hidden cause.
 """
 
 import numpy as np
@@ -41,16 +41,11 @@ def simulate_recording(
     seed: int = 0,
     bodies: Chapter2Bodies = DEFAULT,
 ) -> Recording:
-    """Simulate a recording.
+    """Simulate a recording of the mechanism `bodies` with the cause `hidden`, one of `TRUTHS[kind]`.
 
     Args:
-        name: of the recording.
-        kind: mechanism.
-        hidden: one of `TRUTHS[kind]`.
-        size: of the cause, in its unit, the same at both joints; that of `HiddenSizes` if None.
-        trials: their number.
+        size: of the cause, in its unit, the same at both joints; default: that of `HiddenSizes`.
         seed: equal seeds give equal data.
-        bodies: what the mechanism is believed to be.
 
     Raises:
         UserError: the cause is unknown, its size is out of range, or there are too few trials.
@@ -69,7 +64,7 @@ def simulate_recording(
     for i, record in enumerate(records):
         q = record.q + sigma_q * rng.standard_normal(record.q.shape)
         v = record.v + sigma_v * rng.standard_normal(record.v.shape)
-        # the torque of a step stands with the state before it, none with the last
+        # a step's torque is in the row of the state before it; the last state has none
         u = np.vstack([record.f_ext[:, :driven], np.zeros((1, driven))])
         numbers = np.column_stack([np.full(len(q), i), record.t, q, v, u])
         tables.append(pd.DataFrame(numbers, columns=list(header.columns)).astype({"trial": int}))
@@ -94,7 +89,7 @@ def _header(kind: MechanismKind, bodies: Chapter2Bodies) -> RecordingHeader:
 
 
 def _sizes(kind: MechanismKind, hidden: str, size: float | None) -> HiddenSizes:
-    if size is None or hidden not in TRUTHS[kind]:  # `run_with` refuses the unknown
+    if size is None or hidden not in TRUTHS[kind]:  # `run_with` refuses unknown causes
         return HiddenSizes()
     key = SIZE_OF.get((kind, hidden))
     if key is None:
@@ -109,7 +104,7 @@ def _sizes(kind: MechanismKind, hidden: str, size: float | None) -> HiddenSizes:
 
 
 def hidden_text() -> str:
-    """What can be hidden in each mechanism, with the default size and its meaning, a line each."""
+    """A line per cause that can be hidden in each mechanism, with its default size and meaning."""
     lines = []
     for kind, truths in TRUTHS.items():
         lines.append(f"\n  --mechanism {kind}:")

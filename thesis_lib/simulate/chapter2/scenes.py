@@ -1,15 +1,15 @@
-"""The simulated motions that the figures of chapter 2 show: chosen by a stated criterion, never by hand.
+"""The simulated motions in the figures of chapter 2, chosen by a stated criterion.
 
 | scene          | figure | what moves, and how it is chosen                                                         |
 |----------------|--------|------------------------------------------------------------------------------------------|
 | `falling_rod`  | 2-2    | the start of a grid whose left end sticks and whose right end then slides for longest     |
 | `landing_disk` | 2-4    | a disk thrown flat, from flight to rolling, with its noisy states and a window of m steps |
-| `tipping_block`| 2-5    | a block that rocks over its corner, in contact all the time, with its noisy states         |
+| `tipping_block`| 2-5    | a block that rocks over its corner, always in contact, with its noisy states              |
 | `traces`       | 2-9    | of a few random drops the one that travels farthest, so that its outlines lie apart       |
 | `reaching_arm` | 2-1    | the arm's lowest start, with the disk moved until it touches both arm and ground          |
 
-The mode of a contact in a step follows from the record alone: open without normal force, else sticking or sliding by
-the velocity of the touching point along the surface after the step, J_t v_{k+1}.
+The record gives the mode of a contact in a step: open without normal force, else sticking or sliding by the velocity of
+the touching point along the surface after the step, J_t v_{k+1}.
 
 Sources: thesis figures 2-1 to 2-9; the falling rod is that of D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods
 Eng. 39 (1996), doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
@@ -42,11 +42,11 @@ from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import Record, simulate
 
-SLIPS = 1e-6  # m/s; sticking contacts of a record move with rounding, 1e-13
+SLIPS = 1e-6  # m/s; sticking contacts of a record move by rounding, 1e-13
 
 
 class Mode(IntEnum):
-    """What a contact does during a step."""
+    """Mode of a contact during a step."""
 
     OPEN = 0
     STICKS = 1
@@ -82,8 +82,7 @@ class RodFall:
     """A rod whose left end lands and sticks and whose right end lands later and slides.
 
     Attributes:
-        body: the rod; its pairs are the left and the right end.
-        record: of the fall.
+        body: its pairs are the left and the right end.
         modes: (m, 2) `Mode` of the ends in each step.
         lands: steps in which left and right end first touch.
     """
@@ -96,7 +95,7 @@ class RodFall:
 
 @dataclass(frozen=True)
 class NoisyMotion:
-    """A motion, what a sensor reports of it, and a window start..stop-1 of its steps."""
+    """A motion, its noisy states, and a window start..stop-1 of its steps."""
 
     body: PlanarFreeBody
     record: Record
@@ -115,9 +114,8 @@ def contact_modes(record: Record) -> np.ndarray:
 def falling_rod(settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCENES) -> RodFall:
     """The fall of figure 2-2.
 
-    Of all starts on the grid of the settings, in which the left end lands first and sticks and the right end slides
-    when it lands, the one with the largest min(steps that the left end sticks from its landing on without a break,
-    steps that the right end slides); of several, the first.
+    Of the grid's starts whose left end lands first and sticks and whose right end slides on landing, the first with the
+    largest min(steps without a break that the left end sticks from its landing, steps that the right end slides).
 
     Raises:
         UserError: no start of the grid does this.
@@ -134,7 +132,7 @@ def falling_rod(settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCEN
         left, right = (int(step) for step in closed.argmax(axis=0))
         sticks = int(np.argmin(np.append(modes[left:right, 0] == Mode.STICKS, False)))
         slides = int((modes[right:, 1] == Mode.SLIDES).sum())
-        lies_right = np.cos(record.q[right, 2]) > 0.0  # else it fell over backwards
+        lies_right = np.cos(record.q[right, 2]) > 0.0  # otherwise it fell over backwards
         if left < right and lies_right and modes[right, 1] == Mode.SLIDES and sticks > 0:
             score = min(sticks, slides)
             if best is None or score > best[0]:
@@ -173,7 +171,7 @@ def landing_disk(
 def tipping_block(
     rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCENES
 ) -> NoisyMotion:
-    """The block of figure 2-5: released at rest on one corner it tips over it, in contact all the time."""
+    """The block of figure 2-5: released at rest on one corner, it tips over it, always in contact."""
     body = block(settings)
     q = np.array([0.0, 0.0, scenes.tip_theta])
     q[1] = -body.contacts(q).phi.min()
@@ -186,8 +184,8 @@ def traces(
 ) -> dict[str, tuple[PlanarFreeBody, Record]]:
     """Motions of figure 2-9: "block", "ellipse", "wheel, high friction" and "wheel, low friction".
 
-    Block and ellipse: of the first random drops the one whose centre travels farthest along the surface.  The wheel
-    starts at the middle of its range of speeds in both cases.
+    Block and ellipse: of a few random drops the one whose centre travels farthest along the surface.  The wheel starts
+    at the middle of its range of speeds in both cases.
     """
     shown: dict[str, tuple[PlanarFreeBody, Record]] = {}
     drops: dict[Kind, PlanarFreeBody] = {"block": block(settings), "ellipse": ellipse(settings)}
@@ -213,19 +211,19 @@ def reaching_arm(settings: Chapter2Bodies = DEFAULT) -> tuple[ArmDisk, np.ndarra
     first, incline = a.link_1.low, a.incline.low  # there link 2 touches the disk farthest from the joint
     q = np.array([first, incline - first, 0.0, a.disk_radius, 0.5])
     elbow = arm.joints(q[None])[0][0]
-    # below link 2, whose line is a radius away: (P - elbow)' (sin β, -cos β) = R
+    # below link 2 at a distance of one radius from its line: (P - elbow)' (sin β, -cos β) = R
     q[2] = elbow[0] + (a.disk_radius + (q[3] - elbow[1]) * np.cos(incline)) / np.sin(incline)
     return arm, q
 
 
 def falling_polygon() -> tuple[PlanarFreeBody, np.ndarray]:
-    """A body of figure 2-3 and its pose (3,): the thesis's "planar object", here an irregular pentagon of ours."""
+    """The "planar object" of figure 2-3, here an irregular pentagon of our choice, and its pose (3,)."""
     corners = ((-0.42, -0.32), (0.38, -0.38), (0.52, 0.12), (0.08, 0.44), (-0.46, 0.24))
     return PlanarFreeBody(Polygon(vertices=corners), 1.0, 0.1), np.array([1.2, 0.95, 0.3])
 
 
 def schematic_poses(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Mechanism, np.ndarray]]:
-    """Mechanisms of the schematics (figures 2-1, 2-3, 2-6 to 2-8), each with the configuration that is drawn."""
+    """Mechanisms of the schematics (figures 2-1, 2-3, 2-6 to 2-8), each with the drawn configuration."""
     rolling = wheel(settings)
     return {
         "arm": reaching_arm(settings),

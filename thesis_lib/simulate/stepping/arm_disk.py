@@ -1,16 +1,16 @@
 """Two-link arm that pushes a disk over the ground (thesis figure 2-1): dynamics from Drake, contacts in closed form.
 
 Coordinates q = (q_1, q_2, x, y, θ): angle of link 1 against the horizontal, of link 2 against link 1, and the pose of
-the disk.  Gravity acts along -y, the ground is y = 0.  Contact pairs, with the normal n from the first body to the disk
-and the tangent t = (n_y, -n_x):
+the disk.  Gravity acts along -y, the ground is y = 0.  For each contact pair the normal n points to the disk and the
+tangent is t = (n_y, -n_x):
 
     arm:     C the point of link 2 (a segment without thickness) nearest to the disk's centre P,
              φ = |P - C| - R,  n = (P - C) / |P - C|
              J_n = [-n'∂C/∂q_1, -n'∂C/∂q_2, n_x, n_y, 0],      J_t = [-t'∂C/∂q_1, -t'∂C/∂q_2, t_x, t_y, R]
     ground:  φ = y - R,  n = (0, 1),      J_n = [0, 0, 0, 1, 0],      J_t = [0, 0, 1, 0, R]
 
-C moves along the link as the disk rolls on it, but |P - C| is least there, so that J_n = ∂φ/∂q holds all the same.
-Force on the disk is c_n n + c_t t, on the link its opposite.
+C moves along the link as the disk rolls on it, but |P - C| is minimal there, so that J_n = ∂φ/∂q still holds.
+The force on the disk is c_n n + c_t t, that on the link its opposite.
 
 | on paper | in code                        | unit      | shape  | meaning                                        |
 |----------|--------------------------------|-----------|--------|------------------------------------------------|
@@ -22,7 +22,7 @@ Force on the disk is c_n n + c_t t, on the link its opposite.
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant).
 """
 
-# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not type ports' values
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 import math
@@ -42,7 +42,7 @@ ON_LINK = (
     "The disk's centre lies on link 2 of the arm, where the contact has no normal. Start the disk outside the arm, "
     "or use smaller steps or torques."
 )
-MIN_DISTANCE = 1e-9  # m, of the disk's centre from the link, below which the normal has no direction
+MIN_DISTANCE = 1e-9  # m, of the disk's centre from the link, below which the normal is undefined
 
 
 class ArmDisk(Mechanism):
@@ -50,14 +50,14 @@ class ArmDisk(Mechanism):
 
     Args:
         link_lengths, link_masses, link_inertias: two each, in m, kg, kg m² about the centres of mass.
-        link_coms: for each link its centre of mass from its joint: the distance along the link, or (along, across).
+        link_coms: centre of mass of each link from its joint in m: the distance along the link, or (along, across).
         disk_radius, disk_mass, disk_inertia: m, kg, kg m² about the centre, which is the centre of mass.
         gravity: m/s².
         base: (x, y) of the first joint, m.
 
     Attributes:
-        plant: the finalized MultibodyPlant (continuous, no geometry); its bodies are link_1, link_2 and disk, each
-            with its frame at its joint or centre and x along the link.
+        plant: the finalized MultibodyPlant (continuous, no geometry) of bodies link_1, link_2 and disk, each with its
+            frame at its joint or centre and x along the link.
 
     Raises:
         UserError: a length, mass or inertia is not positive.
@@ -103,7 +103,7 @@ class ArmDisk(Mechanism):
         self._context = self.plant.CreateDefaultContext()
 
     def add_bodies(self, plant: "MultibodyPlant") -> None:
-        """Add links, disk, joints and gravity to a plant that is not finalized; their order is that of q."""
+        """Add links, disk, joints and gravity, in the order of q, to a plant that is not finalized."""
         from pydrake.math import RigidTransform
         from pydrake.multibody.tree import PlanarJoint, RevoluteJoint
 
@@ -137,7 +137,7 @@ class ArmDisk(Mechanism):
         return self.plant.CalcGravityGeneralizedForces(self._context)
 
     def joints(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Second joint and tip of the arm, each (n, 2) in m, at configurations q (n, 5)."""
+        """Second joint and tip of the arm, (n, 2) each in m, at configurations q (n, 5)."""
         l1, l2 = self.link_lengths
         first, second = q[:, 0], q[:, 0] + q[:, 1]
         elbow = self.base + l1 * np.stack([np.cos(first), np.sin(first)], axis=1)
@@ -213,7 +213,7 @@ def _spatial_inertia(mass: float, com: np.ndarray, inertia: float) -> object:
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
-    # Drake ends the process on a position that is not finite, so that is caught here
+    # Drake ends the process on a position that is not finite
     values = np.asarray(values, dtype=float)
     if not np.isfinite(values).all():
         raise ValueError(f"the state of the arm and disk must be finite, got {values}")

@@ -1,26 +1,25 @@
-"""Impulses of the active contacts of one step: modes of a single contact in closed form, several by Drake's Moby.
+"""Impulses of the active contacts of one step: one contact by its modes in closed form, several by Drake's Moby.
 
 With K = J M⁻¹ J' the inverse contact-space inertia, v_C = J v_free and w = v_n - b, a single contact has three modes:
 
     stick:            K (c_t, c_n)' = -(v_t, w)'                          if c_n >= 0 and |c_t| <= μ c_n
     slip towards s:   c_n = -w / (K_nn - s μ K_tn),  c_t = -s μ c_n       if c_n >= 0 and s v_t⁺ >= 0
 
-k contacts have the LCP of `lcp` in blocks, z = (c_n, b_1, b_2, λ) of k unknowns each.  A pivoting solver returns z to
-its own tolerance; the equations of its basis, z_S = -M_SS⁻¹ q_S, are then solved once more, so that what remains is
-rounding.  Several contacts can have several solutions (two sticking feet share their friction in many ways): one of
-them is returned, and only its sum is determined.
+k contacts have the LCP of `lcp` in blocks, z = (c_n, b_1, b_2, λ) of k unknowns each.  A pivoting solver has its own
+tolerance; the equations of its basis, z_S = -M_SS⁻¹ q_S, are solved again to reach rounding.  Several contacts can have
+several solutions (two sticking feet share their friction in many ways): one is returned, and only its sum is unique.
 
-The residual is the largest of -z, -w and |z w| with impulses and velocities divided by v_scale / k_scale and v_scale,
-k_scale = tr K / (2 k), v_scale the largest contact velocity in the data.
+The residual is the largest of -z, -w and |z w|, with impulses divided by v_scale / k_scale and velocities by v_scale;
+k_scale = tr K / (2 k), v_scale is the largest contact velocity in the data.
 
 | on paper | in code      | unit | shape    | meaning                                        |
 |----------|--------------|------|----------|------------------------------------------------|
 | K        | `K`          | 1/kg | (2k, 2k) | rows of J_t of all contacts, then those of J_n |
 | v_C      | `v_t`, `v_n` | m/s  | (k,)     | contact velocities after the free step         |
-| b        | `b`          | m/s  | (k,)     | normal velocity that a contact must leave with |
+| b        | `b`          | m/s  | (k,)     | least normal velocity after the step           |
 | c_t, c_n | `c_t`, `c_n` | N s  | (k,)     | impulses                                       |
 
-Sources: as `lcp`, whose first source names the scheme and whose second the bases.
+Sources: see `lcp`, whose first source gives the scheme and whose second the bases.
 """
 
 from dataclasses import dataclass
@@ -32,20 +31,20 @@ from thesis_lib.simulate.stepping.lcp import MAX_UNKNOWNS, LcpStatus, solve_lcp_
 from thesis_lib.simulate.stepping.multibody import Mechanism
 
 MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
-# m: a pair this near may be closed by the impulse of another in the same step, though free motion would open it
+# m: another contact's impulse may close a pair this near in the same step, though free motion would open it
 TOUCH = 1e-4
 POLISHED = 1e-13  # residual of a basis that is solved to rounding
-ACCEPTED = 1e-9  # largest residual with which a solution counts, on dimensionless data
+ACCEPTED = 1e-9  # largest accepted residual of a solution, on dimensionless data
 
 
 @dataclass(frozen=True, slots=True)
 class StepSolution:
-    """What the contacts did in one step.
+    """Contact impulses of one step; v, c_n, c_t and residual are NaN where it has no solution.
 
     Attributes:
-        v: (nv,) velocity after the step; NaN where the step has no solution.
-        c_n, c_t: (p,) impulses in N s; NaN where it has none.
-        residual: dimensionless, NaN where it has none.
+        v: (nv,) velocity after the step.
+        c_n, c_t: (p,) impulses in N s.
+        residual: dimensionless.
         status: an `LcpStatus` code.
         impulse: whether any contact was active, or the step failed.
     """
@@ -73,13 +72,10 @@ def solve_contacts(
     """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
 
     Args:
-        mechanism: gives the contacts.
         q: (nq,) configuration at the start of the step.
         M_inv: (nv, nv).
         v, v_free: (nv,) velocity before the step and after it without contact.
-        h: s.
-        mu, epsilon: (p,).
-        v_rebound, v_recover: m/s.
+        h: s; mu, epsilon: (p,); v_rebound, v_recover: m/s.
     """
     contacts, phi_free = mechanism.contacts(q), mechanism.contacts(q + h * v_free).phi
     phi, J_n, J_t = contacts.phi, contacts.J_n, contacts.J_t
@@ -131,7 +127,7 @@ def _failed(v: np.ndarray, p: int, status: LcpStatus) -> StepSolution:
 def solve_one(
     K_tt: float, K_tn: float, K_nn: float, v_t: float, v_n: float, b: float, mu: float
 ) -> tuple[float, float, float]:
-    """Impulse (c_t, c_n) in N s of one contact and its residual; infinite residual where no mode fits."""
+    """Impulse (c_t, c_n) in N s of one contact and its residual, which is infinite if no mode is consistent."""
     w = v_n - b
     k_scale, v_scale = 0.5 * (K_tt + K_nn), max(abs(v_t), abs(v_n), abs(b)) or 1.0
     unit = v_scale / k_scale
@@ -141,7 +137,7 @@ def solve_one(
         gap = (w + K_tn * c_t + K_nn * c_n) / v_scale
         p_t, p_n = c_t / unit, c_n / unit
         cone = mu * p_n - abs(p_t)
-        # a friction impulse acts only against a slip of its full size: b (λ ± v_t) with λ = |v_t|
+        # the friction impulse must oppose a slip of its full size: b (λ ± v_t) with λ = |v_t|
         against = abs(p_t) * (abs(slip) + (slip if p_t > 0.0 else -slip))
         return c_t, c_n, max(-p_n, -gap, abs(p_n * gap), -cone, abs(slip * cone), against)
 
@@ -153,7 +149,7 @@ def solve_one(
         c_t, c_n = (K_tn * w - K_nn * v_t) / det, (K_tn * v_t - K_tt * w) / det
         if c_n >= 0.0 and abs(c_t) <= mu * c_n + MODE_TOL * unit:
             return with_residual(c_t, c_n)
-    # slip in the direction of the free motion first; the other way round is rare
+    # slip in the direction of the free motion first; the other is rare
     first = 1.0 if v_t >= 0.0 else -1.0
     for s in (first, -first):
         reach = K_nn - s * mu * K_tn
@@ -167,12 +163,12 @@ def solve_one(
 
 
 def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray) -> tuple[np.ndarray, float]:
-    """Impulses of k >= 1 contacts that share a mechanism.
+    """Impulses of k >= 1 contacts of one mechanism.
 
     Args:
         K: (2k, 2k) inverse contact-space inertia, tangential rows first, 1/kg; may be singular.
         v_c: (2k,) contact velocities after the free step in the same order, m/s.
-        b: (k,) normal velocities to leave with, m/s.
+        b: (k,) least normal velocities after the step, m/s.
         mu: (k,).
 
     Returns:
@@ -218,10 +214,10 @@ def several_lcp_matrices(
 
 
 def _polished(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float]:
-    """z with the equations of its basis solved to rounding, unless that is worse; and its residual."""
+    """z with the equations of its basis solved to rounding, unless that is worse, and its residual."""
     basis = np.flatnonzero(z > M @ z + q)
     best, residual = z, _residual(M, q, z)
-    # the least-squares solution is for bases that are singular: several supports share one force
+    # least squares, for singular bases: several supports share one force
     for solve in (np.linalg.solve, lambda A, b: np.linalg.lstsq(A, b, rcond=None)[0]):
         exact = np.zeros_like(z)
         try:

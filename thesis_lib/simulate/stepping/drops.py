@@ -1,7 +1,7 @@
 """Drops of a planar body on a level surface, stepped in time with contact impulses from an LCP.
 
-The state is stepped with a fixed h for all drops at once.  Mass matrix, gravity and contact Jacobians come from a Drake
-plant (plant.py), the impulse from the Anitescu-Potra LCP (lcp.py).  Within a step:
+All drops are stepped at once with a fixed h.  Mass matrix, gravity and contact Jacobians come from a Drake plant
+(plant.py), the impulse from the Anitescu-Potra LCP (lcp.py).  Within a step:
 
     flight   q(t) = q + v t + a t²/2,  v(t) = v + a t,  a = M⁻¹ τ_g     exact, since a is constant
     impact   a flight that ends with φ_n < 0 is cut at φ_n(t) = 0 (Newton inside a bracket, φ̇_n = J_n v), there
@@ -9,8 +9,8 @@ plant (plant.py), the impulse from the Anitescu-Potra LCP (lcp.py).  Within a st
     support  a contact slower than `V_PLASTIC` is plastic and held for the rest of the step: an Anitescu-Potra step,
              v ← v + a h + M⁻¹ J' c with ε = 0 and v_n after it >= 0, q ← q + h v, J taken half a step ahead
 
-So an impact does not depend on h; only support does, to first order.  Plastic slow contacts end the endless sequence of
-ever smaller bounces.  After support, a body that has drifted into the surface (third order in h) is lifted to it.
+Impacts do not depend on h; support does, to first order.  Plastic slow contacts end the infinite sequence of ever
+smaller bounces.  After support, a body that has drifted into the surface (third order in h) is lifted to it.
 
 | on paper      | in code         | unit            | shape  |                                                    |
 |---------------|-----------------|-----------------|--------|----------------------------------------------------|
@@ -20,8 +20,8 @@ ever smaller bounces.  After support, a body that has drifted into the surface (
 | r             | `r`             | m               | (n, 2) | contact point from the body origin                 |
 | h             | `dt`            | s               |        | time step                                          |
 
-Randomness: `rng` spawns two streams, one for releases, one for measurement noise.  Each is drawn as one block in the
-order of the drops, so drop i is the same whatever the number of drops.
+`rng` spawns one stream for releases and one for measurement noise.  Each is drawn as one block in the order of the
+drops, so drop i does not depend on the number of drops.
 
 Sources: thesis chapter 3 (experiment); Anitescu and Potra 1997, doi 10.1023/A:1008292328909; Stewart and Trinkle 1996,
 doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I (time stepping of support).
@@ -51,18 +51,18 @@ from thesis_lib.simulate.stepping.plant import PlanarPlant, planar_body
 
 V_PLASTIC = 0.05  # m/s; a slower contact rebounds by at most v²/2g = 0.13 mm, below motion-capture noise
 GAP_TOL = 1e-13  # m; accepted |φ_n| at contact: the rounding of a pose of about 1 m is 1e-16
-V_LEAVING = 1e-9  # m/s; a body on the surface that is faster than this upwards is leaving it
-MAX_IMPACTS = 20  # in one step, of one drop
+V_LEAVING = 1e-9  # m/s; a body on the surface leaves it above this upward speed
+MAX_IMPACTS = 20  # of one drop in one step
 MAX_NEWTON = 80  # bisection alone needs 50
 
 TRUTH = (*CONTACT, "energy_change", "residual", "status")
 
 
 class DropStatus(IntEnum):
-    """What became of one drop."""
+    """Outcome of one drop."""
 
     DONE = 0
-    CLUSTERED = 1  # more than MAX_IMPACTS impacts in one step; the rest of that step was treated as support
+    CLUSTERED = 1  # more than MAX_IMPACTS impacts in one step; its remainder was treated as support
     LCP_FAILED = 2  # no impulse found; the trajectory ends there
 
 
@@ -85,14 +85,12 @@ def simulate_drops(
     Args:
         body: shape, mass, radius of gyration.
         release: distribution of the release states.
-        n: number of drops.
         mu, epsilon: friction and restitution coefficients, scalars or (n,), 1.
         gravity: m/s².
-        dt: largest time step in s; the largest step up to it that divides the sampling period is taken.
+        dt: largest time step in s; the step used divides the sampling period.
         duration: s; samples at 0, 1/rate, ... up to it.
         rate: sampling rate, Hz.
-        noise: one-sigma noise of position (x, y each) and angle; what is None or absent is recorded without noise.
-        rng: spawns the streams for releases and noise.
+        noise: one-sigma noise of position (x, y each) and angle; none where it is None or absent.
 
     Returns:
         Drops whose `impacts` (those faster than the plastic limit, and failed solves) also have residual (1) and status
@@ -128,7 +126,7 @@ def simulate_drops(
 
 
 class _Simulation:
-    """The moving state of n drops and the record of their impacts."""
+    """State of n drops and the record of their impacts."""
 
     def __init__(
         self, body: Body, q: np.ndarray, v: np.ndarray, mu: np.ndarray, epsilon: np.ndarray, gravity: float
@@ -136,7 +134,7 @@ class _Simulation:
         n = len(q)
         self.shape: Shape = body.shape
         self.plant: PlanarPlant = planar_body(body.mass, body.radius_of_gyration, (0.0, -gravity))  # pyright: ignore[reportArgumentType]
-        # one free body: M and τ_g are the same at every pose, and so is the acceleration in flight
+        # one free body: M, τ_g and the acceleration in flight are the same at every pose
         origin = np.zeros((1, 3))
         self.a = np.linalg.solve(self.plant.mass_matrix(origin)[0], self.plant.gravity_forces(origin)[0])
         self.q, self.v, self.mu, self.epsilon = q.copy(), v.copy(), mu, epsilon
@@ -157,7 +155,7 @@ class _Simulation:
         self.q[flies], self.v[flies] = q[flies], v[flies]
 
         rows = np.flatnonzero(touches)
-        rest = np.full(len(rows), h)  # of the step, after what has been flown
+        rest = np.full(len(rows), h)  # time of the step that remains to be flown
         for contact in range(MAX_IMPACTS + 1):
             if not len(rows):
                 break
@@ -188,8 +186,8 @@ class _Simulation:
     def _time_of_contact(self, q: np.ndarray, v: np.ndarray, rest: np.ndarray) -> np.ndarray:
         """Time (n,) in [0, rest] at which a flight that ends below the surface comes down on it.
 
-        Newton's iteration inside a bracket.  The start counts as above the surface even where it is on it, so that a
-        body that has just bounced is followed to where it comes down again.
+        Newton's iteration inside a bracket.  A start on the surface counts as above it, so that a body that has just
+        bounced is followed until it comes down again.
         """
         low, high = np.zeros_like(rest), rest.copy()
         above = (self.shape.gap(q[:, 1], q[:, 2]) > GAP_TOL) | (self._gap_rate(q, v) > V_LEAVING)
@@ -207,7 +205,7 @@ class _Simulation:
             newton = t[todo] - gap / np.where(rate < 0.0, rate, -1.0)
             good = (rate < 0.0) & (newton > low[todo]) & (newton < high[todo])
             t[todo] = np.where(good, newton, 0.5 * (low[todo] + high[todo]))
-        t[todo] = low[todo]  # not converged: a graze, or the start itself; this side is above the surface
+        t[todo] = low[todo]  # not converged: a graze, or the start itself; this end is above the surface
         return t
 
     def _impulse(

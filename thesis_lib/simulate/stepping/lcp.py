@@ -4,9 +4,9 @@ A linear complementarity problem (LCP) asks for z with
 
     w = M z + q >= 0,   z >= 0,   z'w = 0.
 
-For k unknowns there are 2^k complementary bases: choose the unknowns S that may be positive, put w_S = 0 and all
-other z to zero, and solve M_SS z_S = -q_S.  For the four unknowns of one planar contact, trying all sixteen is exact,
-needs no pivoting rule and runs over a batch.
+k unknowns have 2^k complementary bases: choose the unknowns S that may be positive, set w_S = 0 and all other z to
+zero, and solve M_SS z_S = -q_S.  For the four unknowns of a planar contact, trying all sixteen is exact, needs no
+pivoting rule and works on batches.
 
 The contact impulse is that of Anitescu and Potra with Newton's restitution: unknowns z = (c_n, b_1, b_2, λ), friction
 directions D = (-J_t, J_t), and with K = J M⁻¹ J' the inverse contact-space inertia
@@ -16,8 +16,8 @@ directions D = (-J_t, J_t), and with K = J M⁻¹ J' the inverse contact-space i
          [ K_tn, -K_tt,  K_tt, 1],              v_t,
          [ μ,    -1,    -1,    0]]              0 ),          c_t = b_2 - b_1.
 
-Its first row makes a closed contact leave at v_n = -ε v_n_pre, the last is Coulomb's cone |c_t| <= μ c_n, λ is the
-sliding speed.  Nothing in it promises that energy is lost: with ε > 0 and friction it can grow (Kane's paradox).
+The first row makes a closed contact leave at v_n = -ε v_n_pre, the last is Coulomb's cone |c_t| <= μ c_n, and λ is the
+sliding speed.  Energy need not be lost: with ε > 0 and friction it can grow (Kane's paradox).
 
 | on paper | in code                | unit   | shape        |                                                        |
 |----------|------------------------|--------|--------------|--------------------------------------------------------|
@@ -36,15 +36,15 @@ from enum import IntEnum
 
 import numpy as np
 
-MAX_UNKNOWNS = 8  # two planar contacts: 256 bases; beyond that a pivoting method is the better tool
+MAX_UNKNOWNS = 8  # two planar contacts: 256 bases; beyond that a pivoting method is better
 # violation allowed to a basis, on data scaled to about 1: well above the rounding of a 4x4 solve (~1e-14) and
-# below what any caller can distinguish from zero
+# negligible for any caller
 FEASIBILITY_TOL = 1e-10
-SINGULAR_TOL = 1e-12  # |det| of a basis, on scaled data, at which it is taken as singular
+SINGULAR_TOL = 1e-12  # |det| of a basis, on scaled data, up to which it counts as singular
 
 
 class LcpStatus(IntEnum):
-    """What became of one problem of a batch."""
+    """Outcome of one problem of a batch."""
 
     SOLVED = 0
     NO_SOLUTION = 1  # no complementary basis is feasible
@@ -53,12 +53,12 @@ class LcpStatus(IntEnum):
 
 @dataclass(frozen=True)
 class ContactImpulse:
-    """Impulses of n single contacts.
+    """Impulses of n single contacts; c, v_c_post and residual are NaN where the solve failed.
 
     Attributes:
-        c: (n, 2) impulse (c_t, c_n) in N s; NaN where the solve failed.
-        v_c_post: (n, 2) contact velocity (v_t, v_n) after it, m/s; NaN where the solve failed.
-        residual: (n,) complementarity residual max(-z, -w, |z w|) of the dimensionless problem; NaN where it failed.
+        c: (n, 2) impulse (c_t, c_n) in N s.
+        v_c_post: (n, 2) contact velocity (v_t, v_n) after it, m/s.
+        residual: (n,) complementarity residual max(-z, -w, |z w|) of the dimensionless problem.
         status: (n,) `LcpStatus` codes.
     """
 
@@ -71,13 +71,12 @@ class ContactImpulse:
 def solve_lcp_enumeration(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Solve n LCPs w = M z + q ⟂ z by trying every complementary basis.
 
-    Where several solutions exist, the first in a fixed order is returned, which tries all bases without z_0 before
-    those with it: with c_n as z_0, a contact gets no impulse where none is needed.  Feasibility is judged with an
-    absolute tolerance: scale the data to about 1 first.
+    Of several solutions the first in a fixed order is returned.  Bases without z_0 come before those with it: with c_n
+    as z_0, a contact gets no impulse where none is needed.  The feasibility tolerance is absolute: scale the data to
+    about 1 first.
 
     Args:
-        M: (n, k, k), k <= `MAX_UNKNOWNS`.
-        q: (n, k).
+        M, q: (n, k, k) and (n, k), k <= `MAX_UNKNOWNS`.
 
     Returns:
         z (n, k), NaN where there is no solution, and status (n,) of `LcpStatus` codes.
@@ -104,7 +103,7 @@ def solve_lcp_enumeration(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.
         trial = _basic_solution(M[todo], q[todo], positive)
         w = _slack(M[todo], q[todo], trial)
         w[:, positive] = 0.0
-        # NaN of a singular basis fails the comparison, as it must
+        # NaN of a singular basis fails the comparison, as intended
         solved = (trial.min(axis=1) >= -FEASIBILITY_TOL) & (w.min(axis=1) >= -FEASIBILITY_TOL)
         z[todo[solved]] = np.maximum(trial[solved], 0.0)
         status[todo[solved]] = LcpStatus.SOLVED
@@ -125,16 +124,13 @@ def impact(
     mu: np.ndarray | float,
     epsilon: np.ndarray | float,
 ) -> tuple[ContactImpulse, np.ndarray]:
-    """Impulse of one contact on each of n mechanisms, and their generalised velocity after it.
+    """Impulse of one contact on each of n mechanisms, and their velocity v⁺ (n, nv), NaN where the solve failed.
 
     Args:
         mass: (n, nv, nv) mass matrices.
         J: (n, 2, nv) contact rows (J_t, J_n).
         v: (n, nv) velocity before the impulse.
         mu, epsilon: scalars or (n,), 1.
-
-    Returns:
-        The impulses, and v⁺ (n, nv), NaN where the solve failed.
     """
     M_inv_Jt = np.linalg.solve(mass, np.swapaxes(J, 1, 2))
     # K = J M⁻¹ J',  v_C = J v,  v⁺ = v + M⁻¹ J' c
@@ -156,16 +152,13 @@ def contact_lcp(
         v_c: (n, 2) contact velocity (v_t, v_n) before the impulse, m/s.
         mu, epsilon: friction and restitution coefficients, scalars or (n,), 1.
         v_n_pre: (n,) normal velocity that restitution refers to, m/s; default: v_n itself (an isolated impact).
-
-    Returns:
-        The impulses, with a status for each.
     """
     K, v_c = np.asarray(K, dtype=float), np.asarray(v_c, dtype=float)
     n = len(v_c)
     mu, epsilon = np.broadcast_to(mu, n), np.broadcast_to(epsilon, n)
     v_n_pre = v_c[:, 1] if v_n_pre is None else np.asarray(v_n_pre, dtype=float)
 
-    # dimensionless data, so that one tolerance serves grams and tonnes: K / k_scale, v / v_scale
+    # dimensionless data (K / k_scale, v / v_scale), so that one tolerance serves grams and tonnes
     k_scale = np.trace(K, axis1=1, axis2=2) / 2.0
     v_scale = np.maximum(np.abs(v_c).max(axis=1), np.abs(v_n_pre))
     v_scale = np.where(v_scale == 0.0, 1.0, v_scale)

@@ -1,16 +1,15 @@
-"""Mechanisms with planar contact, as time stepping and identification see them (thesis 2.3.1, 2.4).
+"""Mechanisms with planar contact, for time stepping and identification (thesis 2.3.1, 2.4).
 
     M(q) v̇ + C(q, v) v = g(q) + f_ext + J_n(q)' c_n + J_t(q)' c_t                                     (2.2)
 
 A mechanism gives M, C v, g and, for each of its p contact pairs, the gap φ and the rows J_n = ∂φ/∂q and J_t (velocity
 of the touching point along the surface).  For a free body with contact point r from its origin, in the axes of the
-surface (2.19, 2.20; for the ellipse, 2.21 and 2.22 say the same through the angle β of the touching point):
+surface (2.19, 2.20; equivalent to 2.21 and 2.22 for the ellipse, with the angle β of the touching point):
 
     φ = y + r_y,      J_n = [0, 1, r_x],      J_t = [1, 0, -r_y]
 
-A corner is a point of the body, r = R(θ) p, and makes a pair of its own; a smooth outline has one pair, whose point is
-the lowest.  On a surface tilted by α about the origin, the axes stay on the surface and gravity turns:
-g = m g (sin α, -cos α, 0), so that a positive tilt goes downhill along +x.
+Each corner, r = R(θ) p, is a pair; a smooth outline has one pair, at its lowest point.  On a surface tilted by α about
+the origin, the axes follow the surface and gravity turns: g = m g (sin α, -cos α, 0), downhill along +x for positive α.
 
 | on paper | in code          | unit            | shape        | meaning                                        |
 |----------|------------------|-----------------|--------------|------------------------------------------------|
@@ -37,7 +36,7 @@ from thesis_lib.foundation.errors import UserError
 
 @dataclass(frozen=True)
 class ContactGeometry:
-    """Gaps and Jacobians of p contact pairs, of one configuration or with n configurations in front.
+    """Gaps and Jacobians of p contact pairs, at one configuration or at n (first axis).
 
     Attributes:
         phi: (..., p) gaps in m.
@@ -51,12 +50,12 @@ class ContactGeometry:
 
 @dataclass(frozen=True)
 class Rod:
-    """Thin straight rod of `length` m about the body origin, which touches with its ends only."""
+    """Thin straight rod of `length` m, centred on the body origin, which touches with its ends only."""
 
     length: float
 
     def outline(self, points: int = 2) -> np.ndarray:
-        """The two ends in the body frame, (2, 2) in m; `points` is not used: other shapes take it."""
+        """The two ends in the body frame, (2, 2) in m; `points` is ignored, for compatibility with other shapes."""
         return np.array([[-0.5 * self.length, 0.0], [0.5 * self.length, 0.0]])
 
 
@@ -64,8 +63,7 @@ class Mechanism(ABC):
     """A planar mechanism with nq = nv coordinates and p contact pairs.
 
     Attributes:
-        nq, nv: number of coordinates and velocities.
-        pairs: names of the contact pairs, p of them.
+        pairs: names of the contact pairs.
         constant: M and gravity do not depend on q and C v = 0, so that flight is a parabola.
     """
 
@@ -101,8 +99,7 @@ class PlanarFreeBody(Mechanism):
 
     Args:
         shape: polygon (a pair per vertex), rod (a pair per end), ellipse or disk (one pair).
-        mass: kg.
-        inertia: kg m², about the centre of mass.
+        mass, inertia: kg, and kg m² about the centre of mass.
         gravity: m/s².
         tilt: rad, slope of the surface; positive goes downhill along +x.
 
@@ -184,7 +181,7 @@ class PlanarFreeBody(Mechanism):
 
 
 def require_positive(what: str, **values: float) -> None:
-    """Raise a UserError unless all values of `what` are positive and finite; their names show in its text."""
+    """Raise a UserError, which names the values, unless all values of `what` are positive and finite."""
     for name, value in values.items():
         if not 0.0 < value < math.inf:
             raise UserError(f"A {what} needs a positive, finite {name.replace('_', ' ')}; got {value}.")

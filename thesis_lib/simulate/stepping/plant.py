@@ -1,9 +1,9 @@
 """Mass matrix, gravity and contact Jacobians of planar mechanisms, from Drake's MultibodyPlant.
 
 Drake works in three dimensions and takes gravity along -z by default.  Here the plane is Drake's world x-y plane seen
-from +z: x to the right, y up, θ counter-clockwise about +z.  Gravity is therefore set explicitly, to (g_x, g_y, 0).
-A body moves on a `PlanarJoint` between the world and the body frame, whose positions are q = (x, y, θ) and whose
-velocities are v = (v_x, v_y, ω): no change of sign or order between Drake and this program.
+from +z: x to the right, y up, θ counter-clockwise about +z.  Gravity is set to (g_x, g_y, 0).  A body moves on a
+`PlanarJoint` between the world and the body frame, with positions q = (x, y, θ) and velocities v = (v_x, v_y, ω) in
+Drake as here.
 
     M(q) v̇ = τ_g(q) + J(q)' λ,        J = (J_t; J_n) = [1, 0, -r_y; 0, 1, r_x]   (one planar body)
 
@@ -18,7 +18,7 @@ velocities are v = (v_x, v_y, ω): no change of sign or order between Drake and 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, PlanarJoint).
 """
 
-# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not know what ports give
+# Drake's stubs take ndarray[float64] alone, where lists and other arrays work, too, and do not type ports' values
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
 
 from collections.abc import Sequence
@@ -32,11 +32,7 @@ from pydrake.multibody.tree import JacobianWrtVariable, PlanarJoint, RigidBody, 
 class PlanarPlant:
     """A finalized MultibodyPlant that moves in its world x-y plane, evaluated at arrays of configurations.
 
-    Drake evaluates one configuration at a time, so each method loops over its rows (about 5 µs a row).
-
-    Attributes:
-        plant: the MultibodyPlant.
-        body: the body whose contact points `contact_jacobian` takes.
+    Drake evaluates one configuration at a time (about 5 µs).  `body` is that of `contact_jacobian`.
     """
 
     def __init__(self, plant: MultibodyPlant, body: RigidBody) -> None:
@@ -58,7 +54,7 @@ class PlanarPlant:
         return M
 
     def gravity_forces(self, q: np.ndarray) -> np.ndarray:
-        """Generalised gravity forces τ_g (n, nv) in N, N m at q (n, nq); they stand on the right of M v̇ = τ_g.
+        """Generalised gravity forces τ_g (n, nv) in N, N m at q (n, nq), on the right-hand side of M v̇ = τ_g.
 
         Raises:
             ValueError: q has the wrong shape or is not finite.
@@ -71,11 +67,11 @@ class PlanarPlant:
         return tau
 
     def contact_jacobian(self, q: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows J_t, J_n (n, nv) of the point that is fixed in the body and stands at `r` from its origin.
+        """Rows J_t, J_n (n, nv) of the body-fixed point at r from the body origin.
 
         Args:
             q: (n, nq) configurations.
-            r: (n, 2) contact points from the body origin, in world axes, m.
+            r: (n, 2) in world axes, m.
 
         Raises:
             ValueError: q or r has the wrong shape or is not finite.
@@ -96,7 +92,7 @@ class PlanarPlant:
         return J[:, 0], J[:, 1]
 
     def _checked(self, q: np.ndarray) -> np.ndarray:
-        # Drake ends the process on a position that is not finite, so that is caught here
+        # Drake ends the process on a position that is not finite
         q = np.asarray(q, dtype=float)
         if q.ndim != 2 or q.shape[1] != self.plant.num_positions() or not np.isfinite(q).all():
             raise ValueError(
@@ -111,8 +107,7 @@ def planar_body(
     """One free body in the plane; its origin is its centre of mass.
 
     Args:
-        mass: kg.
-        radius_of_gyration: m, about the centre of mass.
+        mass, radius_of_gyration: kg, and m about the centre of mass.
         gravity: acceleration (g_x, g_y) in m/s², y up.
     """
     plant = MultibodyPlant(time_step=0.0)

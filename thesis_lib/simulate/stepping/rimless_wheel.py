@@ -1,10 +1,10 @@
 """Rimless wheel on a slope: a hub with n spokes, each of whose tips can touch (thesis 2.4, figure 2-8).
 
-The state q = (x, y, θ) is that of the hub in the axes of the slope, gravity is g (sin γ, -cos γ), downhill is +x and a
-wheel that rolls downhill turns with ω < 0.  Spoke i points along θ + 2π i / n.
+The state q = (x, y, θ) is that of the hub in the axes of the slope, gravity is g (sin γ, -cos γ), and downhill is +x; a
+wheel that rolls downhill has ω < 0.  Spoke i points along θ + 2π i / n.
 
-On spokes that neither slip nor rebound, a step from one to the next conserves the angular momentum about the new tip
-and falls by 2 l sin(π/n) sin γ, which gives the limit cycle
+On spokes that neither slip nor rebound, a step from one to the next conserves the angular momentum about the new tip,
+and the hub falls by 2 l sin(π/n) sin γ, which gives the limit cycle
 
     ω⁺ = r ω⁻,   r = (I + m l² cos(2π/n)) / (I + m l²),      ω⁻² (1 - r²) = 4 m g l sin(π/n) sin γ / (I + m l²)
 
@@ -33,12 +33,10 @@ class RimlessWheel(PlanarFreeBody):
     """Rimless wheel with a contact pair per spoke.
 
     Args:
-        spokes: their number, 3 to 100.
+        spokes: 3 to 100.
         length: m, hub to tip.
-        mass: kg.
-        inertia: kg m², about the hub, which is the centre of mass.
-        slope: rad, at least 0 and below π/2.
-        gravity: m/s².
+        mass, inertia: kg, and kg m² about the hub, which is the centre of mass.
+        slope, gravity: rad, at least 0 and below π/2; m/s².
 
     Raises:
         UserError: a number is out of its range.
@@ -67,12 +65,12 @@ class RimlessWheel(PlanarFreeBody):
         self.pairs = tuple(f"spoke_{i}" for i in range(spokes))
 
     def standing(self, lean: float, omega: float, spoke: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """State (q, v), each (3,), in which one spoke stands on the slope without slip and turns with omega.
+        """State (q, v), (3,) each, in which one spoke is on the slope without slip and turns with omega.
 
         Args:
             lean: rad, angle of the hub downhill of the tip's normal; within half the angle between spokes.
             omega: rad/s, negative downhill.
-            spoke: number of the spoke that stands.
+            spoke: number of the spoke.
 
         Raises:
             UserError: another spoke would be below the slope.
@@ -88,7 +86,7 @@ class RimlessWheel(PlanarFreeBody):
         return np.array([x, y, theta]), np.array([-omega * y, omega * x, omega])
 
     def limit_cycle(self) -> tuple[float, float]:
-        """Angular velocities (ω⁻, ω⁺) in rad/s before and after each step of steady rolling; see above."""
+        """Angular velocities (ω⁻, ω⁺) in rad/s before and after each step of steady rolling; see the module's head."""
         ml2, half = self.mass * self.length**2, np.pi / self.spokes
         ratio = (self.inertia + ml2 * np.cos(2.0 * half)) / (self.inertia + ml2)
         energy = 4.0 * self.mass * self.g * self.length * np.sin(half) * np.sin(self.slope)

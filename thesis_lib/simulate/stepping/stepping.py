@@ -1,25 +1,24 @@
-"""Time stepping of mechanisms with contact: one linear complementarity problem a step (thesis 2.3.1).
+"""Time stepping of mechanisms with contact: one linear complementarity problem per step (thesis 2.3.1).
 
     v_free = v_k + h M⁻¹ (g + f_ext - C v_k),     M, C, g, J at (q_k, v_k)
     M (v_{k+1} - v_k) = h (g + f_ext - C v_k + J_n' c_n + J_t' c_t),      q_{k+1} = q_k + h v_{k+1}
 
-A step has contact if φ_free = φ(q_k + h v_free) <= 0 for a pair.  Active are such pairs and those that touch already,
-φ_k <= `TOUCH`: free motion may open what another pair's impulse keeps closed.  They obey, with the friction cone and
-maximal dissipation as in `lcp`,
+A step has contact if φ_free = φ(q_k + h v_free) <= 0 for a pair.  Such pairs are active, and so are those that already
+touch, φ_k <= `TOUCH`: free motion may open a pair that another pair's impulse keeps closed.  Active pairs obey, with
+the friction cone and maximal dissipation as in `lcp`,
 
     0 <= J_n v_{k+1} - b  ⟂  c_n >= 0,     b = -ε J_n v_k                        where that is above v_reb
                                            b = min(J_n v_free - φ_free / h, v_rec)  otherwise.
 
-The first line is Newton's restitution.  The second, the gap closes, is what a support and a dead impact obey: φ,
-linearised at the end of the free step, is zero after it.  (Linearised at its start, with φ_k and J_n v_free instead of
-φ_free, a curved path leaves the surface in one step and is caught in the next, and the contact chatters.)  A dead
-impact takes two steps, one that closes the gap and one that stops.  v_rec bounds the speed with which a penetration is
-undone, and so the energy that this can add.
+The first case is Newton's restitution.  In the second, of a support or a dead impact, the gap closes: φ, linearised at
+the end of the free step, is zero after it.  (Linearised at the start, with φ_k and J_n v_free instead of φ_free, a
+curved path leaves the surface in one step and is caught in the next, and the contact chatters.)  A dead impact takes
+two steps: one closes the gap, one stops.  v_rec bounds the speed at which a penetration is undone, and so the energy
+that this can add.
 
-One active pair is solved by going through its modes (stick, slip right, slip left); several by Drake's
-`MobyLcpSolver`, whose basis is then solved again without its tolerance, and by enumeration of the bases where it fails.
-Where nothing solves a step, it has a status and the rest of the record is NaN.  In flight, mechanisms whose M and g
-are constant go many steps at a time.
+One active pair is solved by its modes (stick, slip right, slip left).  Several are solved by Drake's `MobyLcpSolver`,
+whose basis is solved again without its tolerance, or else by enumeration of the bases.  A step without solution has a
+status, and the rest of the record is NaN.  In flight, mechanisms with constant M and g take many steps at a time.
 
 | on paper | in code      | unit   | shape   | meaning                                           |
 |----------|--------------|--------|---------|---------------------------------------------------|
@@ -43,12 +42,12 @@ from thesis_lib.simulate.stepping.contact_modes import StepSolution, solve_conta
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.multibody import Mechanism
 
-# m/s; what gravity gives in a step of 5 ms: a slower rebound would end within the step in which it begins
+# m/s; velocity from gravity in a step of 5 ms: a slower rebound would end within the step in which it begins
 V_REBOUND = 0.05
 # m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
 V_RECOVER = 0.1
-MAX_START_DEPTH = 1e-6  # m; rounding of a pose that is meant to touch
-# steps looked ahead in flight at once: beyond that most of the work is thrown away at a contact
+MAX_START_DEPTH = 1e-6  # m; rounding of a touching pose
+# steps looked ahead in flight at once: with more, most of the work is discarded at a contact
 MAX_FLIGHT = 256
 
 Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
@@ -56,7 +55,7 @@ Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Record:
-    """A simulated motion of m steps with all that acted in it.
+    """A simulated motion of m steps with all its forces.
 
     Attributes:
         h: s, time step.
@@ -68,8 +67,8 @@ class Record:
         residual: (m,) largest violation of the step's complementarity problem, dimensionless; 0 without contact.
         status: (m,) `LcpStatus` codes.
 
-    It holds exactly that M(q_k) (v_{k+1} - v_k) = h (g(q_k) + f_ext_k - C(q_k, v_k) v_k + J_n' c_n + J_t' c_t), unless
-    the simulation was given a hidden force.
+    Without a hidden force, the equation of motion holds exactly:
+    M(q_k) (v_{k+1} - v_k) = h (g(q_k) + f_ext_k - C(q_k, v_k) v_k + J_n' c_n + J_t' c_t).
     """
 
     h: float
@@ -117,14 +116,9 @@ def step_lcp(
     mu: np.ndarray | float,
     epsilon: np.ndarray | float,
 ) -> tuple[np.ndarray, np.ndarray, StepSolution]:
-    """One step from state (q, v) under f_ext (nv,).
+    """One step from state (q, v) (nv,) under f_ext (nv,) in N, N m.
 
-    Args:
-        mechanism: what moves.
-        q, v: (nv,) state.
-        f_ext: (nv,) external force in N, N m.
-        h: s.
-        mu, epsilon: friction and restitution coefficients, scalars or (p,).
+    `h` is in s; the friction and restitution coefficients `mu`, `epsilon` are scalars or (p,).
 
     Returns:
         q and v (nv,) after the step, NaN where it has no solution, and the contact impulses c_n, c_t (p,) in N s with
@@ -153,12 +147,10 @@ def simulate(
     """Simulate `steps` steps from (q0, v0).
 
     Args:
-        mechanism: what moves.
         q0, v0: (nv,) initial state.
         torque: known external force in N, N m: None, (nv,) constant, (steps, nv), or a function of (t, q, v) at the
             start of a step.
         h: s, time step.
-        steps: their number m, at least 1.
         mu, epsilon: friction and restitution coefficients, scalars or (p,).
         hidden: force as a function of (t, q, v) that acts but does not appear in the record's f_ext.
 
@@ -199,7 +191,7 @@ def _run(
     mu: np.ndarray,
     epsilon: np.ndarray,
 ) -> int:
-    """Fill the record step by step; returns the number of steps from whose start a state is known."""
+    """Fill the record step by step; returns the number of steps with a known starting state."""
     h, steps = out.h, out.steps
     constant = mechanism.constant
     M_inv = np.linalg.inv(mechanism.mass_matrix(out.q[0]))
@@ -246,7 +238,7 @@ def _run(
 
 
 def _fly(mechanism: Mechanism, out: Record, acceleration: np.ndarray, k: int, ahead: int) -> int:
-    """Fill up to `ahead` steps from step k on in which nothing touches; returns their number."""
+    """Fill up to `ahead` steps without contact from step k on; returns their number."""
     h = out.h
     v = out.v[k] + h * np.cumsum(acceleration[k : k + ahead], axis=0)
     q = out.q[k] + h * np.cumsum(v, axis=0)
@@ -257,7 +249,7 @@ def _fly(mechanism: Mechanism, out: Record, acceleration: np.ndarray, k: int, ah
 
 
 def external_force(torque: np.ndarray | Force | None, steps: int, nv: int) -> np.ndarray:
-    """Known external force (steps, nv) in N, N m from what `simulate` takes; zeros where it is a function.
+    """Known external force (steps, nv) in N, N m from the `torque` of `simulate`; zeros for a function.
 
     Raises:
         UserError: it has another shape or is not finite.
