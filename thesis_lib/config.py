@@ -107,8 +107,7 @@ def _in_yaml_terms(message: str) -> str:
 def read_config(*paths: str | Path) -> Config:
     """Read a configuration; later files overlay earlier ones, section by section.
 
-    Raises:
-        UserError: a file is missing or not plain YAML, or the merged configuration is wrong.
+    UserError if a file is missing or not plain YAML, or if the merged configuration is wrong.
     """
     merged: dict = {}
     for path in paths:

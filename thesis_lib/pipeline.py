@@ -99,8 +99,7 @@ def check_folder(needed: int) -> None:
 def hold_lock() -> int:
     """The file descriptor of a lock on this folder; the kernel releases it when its holders are gone.
 
-    Raises:
-        UserError: another run (named) holds it, or the file system has no locks.
+    UserError if another run (named) holds it, or if the file system has no locks.
     """
     STATE.mkdir(exist_ok=True)
     lock = os.open(STATE / "pipeline.lock", os.O_RDWR | os.O_CREAT, 0o644)
@@ -129,8 +128,7 @@ def hold_lock() -> int:
 def recover(unlock: Sequence[str]) -> None:
     """Remove what a killed run left: its jobs that still run, then Snakemake's lock (command `unlock`).
 
-    Raises:
-        UserError: a Snakemake is at work here, or its lock cannot be released.
+    UserError if a Snakemake is at work here, or its lock cannot be released.
     """
     snakemakes, orphans = _processes()
     locked = any((STATE / "locks").glob("*.lock"))

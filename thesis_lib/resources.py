@@ -77,11 +77,7 @@ def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str)
 
 
 def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
-    """Rule -> scale -> {peak_mb, cpu_s}; of a scale, either may be missing.
-
-    Raises:
-        UserError: the file is missing or has another form.
-    """
+    """Rule -> scale -> {peak_mb, cpu_s}, either may be missing; UserError if the file is missing or of another form."""
     path = Path(path)
     if not path.is_file():
         raise UserError(f"{path} does not exist; get it back with git checkout {path}.")

@@ -38,13 +38,8 @@ PRELOAD = (
 
 @dataclass(frozen=True)
 class Batch:
-    """Result of a batch.
-
-    Attributes:
-        rows: one per dataset, in the order of `paths`; see `batch_index`.
-        finished: the datasets criticised now, in the order in which they ended.
-        skipped: names of those that were already done.
-    """
+    """Result: `rows` (see `batch_index`), one per dataset, in the order of `paths`; `finished`, the datasets criticised
+    now, in the order in which they ended; names of those `skipped` because they were already done."""
 
     rows: list[dict]
     finished: list[Outcome]
@@ -99,11 +94,9 @@ def run_batch(
     say: Callable[[str], None] = lambda text: None,
     work: Callable[..., dict] = criticise_folder,
 ) -> Batch:
-    """Criticise many datasets, and write an index of them into `out`, also when interrupted.
+    """Criticise many datasets (folders), and write an index of them into `out`, also when interrupted.
 
     Args:
-        paths: dataset folders.
-        out: receives a folder named after each dataset.
         seed, effects: as for one dataset (`critique_folder`).
         jobs: datasets at a time.
         time_limit, memory_limit: s of wall time and bytes of resident memory per dataset; None for no limit.
@@ -185,11 +178,7 @@ def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: flo
 
 
 def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
-    """Datasets by name, which is also the name of their folder in `out`.
-
-    Raises:
-        UserError: two names are equal, one is that of a file of the batch, or a dataset would be overwritten.
-    """
+    """Folders by name; UserError if names are equal or those of a batch's files, or a dataset would be overwritten."""
     named: dict[str, Path] = {}
     for path in map(Path, paths):
         name = Path(os.path.realpath(path)).name  # unlike Path.resolve it survives a loop of links

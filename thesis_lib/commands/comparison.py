@@ -56,14 +56,11 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
 
     The first rows compare each with its own law and effects.  If these differ, rows `<law> alone, …` follow for every
     law that either chose, without effects in both.  μ and ε mean different things in different laws, so their
-    difference is given only within one law.
+    difference is given only within one law.  UserError if drops are compared with a mechanism.
 
     Returns:
         Columns quantity, a, b with the ends of their 95 % intervals, difference (b − a), sigmas (difference over its
         standard error), unit.
-
-    Raises:
-        UserError: they are critiques of different things, such as drops and a wheel.
     """
     if (kinds := [content.get("mechanism", "drops") for content in (a, b)])[0] != kinds[1]:
         raise UserError(f"A critique of {kinds[0]} cannot be compared with one of {kinds[1]}.")

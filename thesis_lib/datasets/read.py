@@ -24,10 +24,8 @@ OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 def read_dataset(path: str | Path) -> Dataset:
     """The dataset in the folder `path`; θ of trajectories is made continuous within each trial.
 
-    What is suspicious but not wrong is in `Dataset.warnings`.
-
     Raises:
-        DatasetError: something is wrong; its `problems` list everything.
+        DatasetError: something is wrong; its `problems` list everything.  Doubts are in `Dataset.warnings`.
     """
     folder, name = checked_folder(path, "dataset.yaml and the tables")
     report = Report()

@@ -23,10 +23,8 @@ def check_dataset(
 ) -> tuple[Dataset, FoundImpacts | None]:
     """The dataset in the folder `path`, and the impacts detected in its trajectories (None without).
 
-    Trajectories are searched even beside impacts.csv, which the program then uses as it is.
-
-    Raises:
-        DatasetError: something is wrong; its `problems` list everything.
+    Trajectories are searched even beside impacts.csv, which the program then uses as it is.  DatasetError lists
+    everything that is wrong.
     """
     dataset = read_dataset(path)
     if dataset.trajectories is None:

@@ -28,11 +28,7 @@ _BEGINS = re.compile(r"<!-- written by python -m thesis_lib\.docs: ([^>]+) -->")
 
 
 def rendered(page: str, where: str) -> str:
-    """The text of a page with every block written anew; `where` names the page in messages.
-
-    Raises:
-        UserError: a block has no end, or its name is unknown.
-    """
+    """The page with all blocks written anew; UserError, with the page's name `where`, if a block is broken."""
     names = [match["name"] for match in _BLOCK.finditer(page)]
     for name in _BEGINS.findall(page):
         if name not in BLOCKS:
@@ -45,11 +41,7 @@ def rendered(page: str, where: str) -> str:
 
 
 def stale_pages(folder: Path) -> dict[Path, str]:
-    """Outdated pages of `folder`, each with the text that it should have.
-
-    Raises:
-        UserError: there are no pages, or one has a broken block.
-    """
+    """Outdated pages of `folder` with the text that they should have; UserError without pages or for a broken block."""
     pages = sorted(folder.glob("*.md"))
     if not pages:
         raise UserError(f"There are no pages in {folder}; run this in the root of the repository.")

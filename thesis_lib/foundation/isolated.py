@@ -37,12 +37,9 @@ KILLED_FIRST = 800  # oom_score_adj, -1000 to 1000
 
 @dataclass(frozen=True)
 class Task:
-    """Work to be done in a process of its own.
+    """Work for a process of its own.
 
-    Attributes:
-        name: for the outcome.
-        arguments: of the work; they are pickled.
-        log: file for what the process prints; replaced.
+    `arguments` are pickled; `log` is the file for what the process prints, and is replaced.
     """
 
     name: str
@@ -54,11 +51,8 @@ class Task:
 class Outcome:
     """How a task ended.
 
-    Attributes:
-        name: of the task.
-        result, failure: what the work returned and why it failed, in words; one of the two is None.
-        wall_s, cpu_s: seconds; cpu_s is None if the process was killed.
-        peak_mib: peak of resident memory, MiB; None if the process was killed.
+    Either `result` (what the work returned) or `failure` (the reason in words) is None.  `wall_s` and `cpu_s` are in s,
+    `peak_mib` is the peak of resident memory in MiB; `cpu_s` and this are None if the process was killed.
     """
 
     name: str
@@ -82,7 +76,6 @@ def run_isolated(
 
     Args:
         work: function of an importable module; returns what JSON can hold.
-        tasks: in the order in which they start.
         jobs: processes at a time.
         time_limit, memory_limit: s of wall time and bytes of resident memory per task; None for no limit.
         preload: modules that the server imports once.

@@ -30,10 +30,8 @@ class Progress:
         clock: Callable[[], float] = time.monotonic,
     ):
         """
-        Args:
-            label: begins each line.
-            stages: beginning of a text -> share of the time (0 to 1) that has usually passed by then.
-            clock: in seconds.
+        Each line begins with `label`; `stages` maps the beginning of a text to the share of the time (0 to 1) that has
+        usually passed by then; `clock` is in seconds.
         """
         self._label, self._quiet, self._stages, self._clock = label, quiet, stages or {}, clock
         self._stream = terminal_stream(sys.stderr)

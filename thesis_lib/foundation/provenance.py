@@ -28,11 +28,8 @@ DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that
 def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
     """Hash (16 hex digits) of a script and of every module of thesis_lib that it uses.
 
-    Moving a module and changing the imports that name it leaves the hash as it was.
-
-    Args:
-        script: Python file.
-        root: folder that holds the package; by default the parent of this package.
+    Moving a module and changing the imports that name it leaves the hash as it was.  `root` is the folder that holds
+    the package, by default the parent of this package.
     """
     root = Path(root) if root else Path(__file__).resolve().parents[2]
     script = Path(script)

@@ -32,10 +32,9 @@ class YamlProblem(UserError):
 
 @dataclass
 class Document:
-    """The content of a YAML file.
+    """The content of a YAML file: mappings, lists and plain values.
 
     Attributes:
-        content: mappings, lists and plain values.
         lines: line of each key and list item, by its place, e.g. ("body", "vertices", 0).
         repeated: (place, line) of each repeated key of a mapping.
         nodes: number of keys and values with aliases expanded.

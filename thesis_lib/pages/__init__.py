@@ -25,11 +25,10 @@ def page(template: Path, title: str, *, script: str = "", kind: str = "", **cont
     """A whole HTML document.
 
     Args:
-        template: extends pages/page.html.
+        template: extends pages/page.html; `content` are its variables.
         title: of page and window, as plain text.
         script: JavaScript, run when the page has loaded.
         kind: CSS class of the page: `wide` for tables of many columns.
-        content: variables of the template.
     """
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     allowed = f"script-src 'sha256-{digest}'; " if script else ""

@@ -71,11 +71,9 @@ def plain(text: str) -> str:
 def write_index(
     rows: Sequence[Mapping], out: Path, *, total: int, seed: int, effects: Sequence[str] | None
 ) -> None:
-    """Write batch.csv, batch.json and index.html into `out`.
+    """Write batch.csv, batch.json and index.html into `out`, from the rows of the datasets that ended.
 
-    Args:
-        rows: of the datasets that ended; total: datasets of the batch.
-        seed, effects: arguments of the critiques.
+    `total` is the number of datasets in the batch; `seed` and `effects` are the arguments of the critiques.
     """
     write_result(pd.DataFrame(rows, columns=COLUMNS).astype({"n_impacts": "Int64"}), out / "batch.csv")
     options = {"seed": seed, "switched_on": None if effects is None else list(effects)}

@@ -28,8 +28,7 @@ WIDTH = 100
 def find_figure(asked: str) -> Figure:
     """The figure of that number or name: 3-8, 3.8, "Figure 3-8" and figure_3_8.png are the same.
 
-    Raises:
-        UserError: there is none; the message lists similar ones.
+    UserError if there is none, with similar ones.
     """
     key = re.sub(r"^fig(ure|\.)?[\s_]*", "", asked.strip().lower().removesuffix(".png"))
     key = re.sub(r"[._\s-]+", "-", key)

@@ -43,11 +43,9 @@ DENSITY = 180 / 96  # pixels of our pictures (savefig.dpi) to those of a page
 
 
 def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
-    """The page as HTML.
+    """The page as HTML, from the folder of a complete run; figures without a picture in it are left out.
 
-    Args:
-        results: folder of a complete run; figures without a picture in it are left out.
-        findings: files with findings; the table beside such a file is listed, too.
+    `findings` are files with findings; the table beside such a file is listed, too.
     """
     made = [
         (figure, name)
@@ -166,11 +164,7 @@ def _finding(path: Path) -> str:
 
 
 def _image(file: Path, alt: str) -> Markup:
-    """An embedded PNG with the size from its header, so that a page does not jump while it loads.
-
-    Raises:
-        CorruptFileError: it is not a PNG.
-    """
+    """An embedded PNG with its size, so that a page does not jump while it loads; CorruptFileError for other files."""
     content = read_bytes(file, LARGEST)
     if not content.startswith(b"\x89PNG") or len(content) < PNG_SIZE.size:
         raise CorruptFileError(f"{file} is no picture; delete it and run again.")

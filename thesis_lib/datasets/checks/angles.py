@@ -39,11 +39,9 @@ DEEP_SHARE = 0.05  # ... if it happens this often
 
 
 def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
-    """Report angles in degrees and bodies deep inside the surface, as warnings where the data do not decide.
+    """Report angles in degrees and bodies deep inside the surface, as warnings if the data do not decide.
 
     Args:
-        table: receives the problems.
-        samples: the N poses of the table.
         speeds: |Δx|/Δt, |Δy|/Δt (m/s) and |Δθ|/Δt (rad/s) of all steps, by name.
         noise: (3,) of x, y, θ in m, m, rad.
     """

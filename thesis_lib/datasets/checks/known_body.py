@@ -31,10 +31,7 @@ UPWARDS = (
 class KnownBody:
     """What is known of the body even if dataset.yaml is wrong elsewhere.
 
-    Attributes:
-        shape, k_g: outline and radius of gyration in m; both None without a valid shape.
-        height: of the surface, m.
-        gravity: m/s².
+    `shape` and `k_g` are None without a valid shape; lengths in m, `height` is that of the surface, `gravity` in m/s².
     """
 
     shape: Shape | None = None

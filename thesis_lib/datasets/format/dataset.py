@@ -89,11 +89,7 @@ class Dataset:
         return replace(self, **tables)
 
     def stated_impacts(self) -> Impacts:
-        """The impacts of impacts.csv as arrays, whatever the trajectories.
-
-        Raises:
-            UserError: the dataset has no impacts.csv.
-        """
+        """The impacts of impacts.csv as arrays, whatever the trajectories; UserError without impacts.csv."""
         if self.impacts is None:
             raise UserError(
                 f"The dataset {self.name} has no impacts.csv; use find_impacts on its trajectories."
@@ -101,10 +97,7 @@ class Dataset:
         return Impacts.from_table(self.impacts, self.shape, self.k_g, self.mass)
 
     def digest(self) -> str:
-        """SHA-256 (hex) of the content, whatever the folder, file type or description.
-
-        Seeds derive from it, so that equal data give equal results.
-        """
+        """SHA-256 (hex) of the content, whatever its folder, file type or description; seeds derive from it."""
         content = self.header.model_dump(mode="json", by_alias=True, exclude={"description"})
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
         for kind, table in (("trajectories", self.trajectories), ("impacts", self.impacts)):

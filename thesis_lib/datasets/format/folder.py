@@ -6,10 +6,7 @@ from thesis_lib.datasets.format.validate import DatasetError, Problem
 
 
 def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
-    """The folder at `path` and its name, which results carry.
-
-    Args:
-        content: what the folder must hold, for the message.
+    """The folder at `path` and its name, which results carry; `content` is what it must hold, for the message.
 
     Raises:
         DatasetError: there is no such folder, or its name holds characters that do not print.

@@ -91,13 +91,9 @@ class ArcSettings(Section):
 
 @dataclass(frozen=True)
 class Samples:
-    """Poses of all trials, sorted by trial and time.
+    """Poses q (N, 3) in m, m, rad at times t (N,) in s, sorted by trial and time.
 
-    Attributes:
-        trial: (N,) integers.
-        t: (N,) s.
-        q: (N, 3) m, m, rad.
-        run: (N,) integers; constant over samples of one trial without a gap in t.
+    The integers `run` (N,) are constant over samples of one trial without a gap in t.
     """
 
     trial: np.ndarray

@@ -14,12 +14,11 @@ from thesis_lib.foundation.files import FLOAT_FORMAT, atomic, write_text
 def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None = FLOAT_FORMAT) -> Path:
     """Write dataset.yaml, trajectories.csv and impacts.csv into `folder` and return it.
 
+    dataset.yaml comes last, so that a killed run leaves no dataset with half its tables.
+
     Args:
-        dataset: `path` and `warnings` are not written.
         folder: made if needed; tables of the same names are replaced.
         float_format: of the tables; None writes the shortest text that reads back to the same bits.
-
-    dataset.yaml comes last, so that a killed run leaves no dataset with half its tables.
 
     Raises:
         UserError: `folder` holds a table that the dataset lacks (it would be read as part of it).

@@ -157,11 +157,10 @@ def fit_arcs(
         samples: N poses without glitches.
         at: (n,) ascending; impact i happens between samples at[i] and at[i] + 1, both of one trial.
         sigma: (3,) noise of x, y, θ in m, m, rad, all above 0.
-        header: gives gravity, shape, surface height and radius of gyration.
         spread: one sigma in s of the arcs' offset over |Δv|.
         size: (n, 2) largest number of samples before and after; settings.max_window if None.
-        colour: (3,) factor on the variance of fitted values if the noise of neighbouring samples is correlated; 1 for
-            white noise.  It enters all fitted values, but not the chi² of residuals.
+        colour: (3,) factor on the variance of fitted values, above 1 if the noise of neighbouring samples is
+            correlated.  It does not enter the chi² of residuals.
         stray: (3,) one sigma of accelerations beyond gravity, m/s² and rad/s².
     """
     at = np.asarray(at, dtype=int)

@@ -90,13 +90,10 @@ class FoundImpacts:
 
 
 def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> FoundImpacts:
-    """Impacts of a dataset.
+    """Impacts of a dataset; `settings` are `ArcSettings()` if None.
 
     Impacts in impacts.csv are taken as they are, even beside trajectories: our fits should not replace impacts measured
     by better means.  Their covariance comes from the table, else from the header's noise, else it is None.
-
-    Args:
-        settings: `ArcSettings()` if None.
 
     Raises:
         UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.

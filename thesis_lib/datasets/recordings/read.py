@@ -19,11 +19,7 @@ ANGLES = ("theta", "q_1", "q_2")
 
 
 def read_recording(path: str | Path) -> Recording:
-    """The recording in the folder `path`; angles are made continuous within each trial.
-
-    Raises:
-        DatasetError: something is wrong; its `problems` list everything.
-    """
+    """The recording in `path`, with angles continuous within each trial; DatasetError lists everything wrong in it."""
     folder, name = checked_folder(path, f"{HEADER_FILE} and {STATES}.csv")
     report = Report()
     recording = None

@@ -19,12 +19,9 @@ HEADER_FILE, STATES = "recording.yaml", "states"
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Measured motion of a mechanism.
+    """Measured motion of a mechanism: `states` has the columns `header.columns`, in SI units and radians.
 
-    Attributes:
-        name: folder name, used in the names of results.
-        states: samples with the columns `header.columns`, SI units and radians.
-        warnings: what is suspicious but not wrong.
+    `name` is that of the folder, used in the names of results; `warnings` hold what is suspicious but not wrong.
     """
 
     name: str
@@ -38,10 +35,7 @@ class Recording:
         return np.unique(self.states["trial"].to_numpy())
 
     def digest(self) -> str:
-        """SHA-256 (hex) of the content, whatever the folder, file type or description.
-
-        Seeds derive from it, so that equal data give equal results.
-        """
+        """SHA-256 (hex) of the content, whatever its folder, file type or description; seeds derive from it."""
         content = self.header.model_dump(mode="json", by_alias=True, exclude={"description"})
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
         for column in self.header.columns:
@@ -58,10 +52,8 @@ def is_recording(folder: str | Path) -> bool:
 def write_recording(recording: Recording, folder: str | Path) -> Path:
     """Write recording.yaml and states.csv into `folder`, which is made if needed, and return it.
 
-    recording.yaml comes last, so that a killed run leaves no recording without its states.
-
-    Raises:
-        UserError: `folder` holds a states.parquet, which would be read beside states.csv.
+    recording.yaml comes last, so that a killed run leaves no recording without its states.  UserError if `folder`
+    holds a states.parquet, which would be read beside states.csv.
     """
     folder = Path(folder)
     if (stale := folder / f"{STATES}.parquet").exists():

@@ -108,8 +108,7 @@ def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MA
 def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
     """Copy the expected members `<any one folder>/<source.inside>/<file>` of a zip file to `files`.
 
-    Raises:
-        UserError: not a zip file, or a member is missing, too large, or leads out of it by its name.
+    UserError if it is not a zip file, or if a member is missing, too large, or leads out of it by its name.
     """
     regular_size(archive, MAX_DOWNLOAD)
     try:

@@ -51,11 +51,7 @@ class Located:
 
 
 def locate(name: str, search: Sequence[str | Path]) -> Located:
-    """Find a dataset by name: a simulated or published set, or a folder in one of `search`, tried in order.
-
-    Raises:
-        UserError: no dataset of that name is known.
-    """
+    """Find a simulated or published set, or a folder in one of `search`, by name; UserError if there is none."""
     if name in SIMULATED:
         folder = f"data/simulated/{name}"
         return Located(

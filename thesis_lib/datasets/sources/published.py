@@ -86,11 +86,7 @@ SOURCES = {
 
 
 def published_name(name: str) -> str:
-    """'planar-impact' or 'planar_impact' -> 'planar_impact'.
-
-    Raises:
-        UserError: no such set.
-    """
+    """'planar-impact' or 'planar_impact' -> 'planar_impact'; UserError if there is no such set."""
     plain = name.replace("-", "_")
     if plain not in SOURCES:
         known = ", ".join(known.replace("_", "-") for known in SOURCES)
@@ -114,8 +110,7 @@ def find_source(name: str, base: str | Path) -> Path | None:
 def convert_published(name: str, source_dir: str | Path, out_dir: str | Path) -> Path:
     """Convert the files in `source_dir` (or in a known folder in it) into the dataset folder `out_dir`.
 
-    Raises:
-        UserError: files are missing, or a checksum differs; nothing is written then.
+    UserError if files are missing or a checksum differs; nothing is written then.
     """
     name = published_name(name)
     folder = find_source(name, source_dir)

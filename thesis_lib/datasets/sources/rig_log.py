@@ -47,11 +47,7 @@ class Conversion:
 
 
 def parse_units(text: str) -> dict[str, float]:
-    """'mm,deg,ms' -> factor to SI for each of length, angle and time (SI by default).
-
-    Raises:
-        UserError: unknown or contradictory units.
-    """
+    """'mm,deg,ms' -> factor to SI for each of length, angle, time (SI by default); UserError for unknown units."""
     factors: dict[str, float] = {}
     for unit in filter(None, (part.strip() for part in text.split(","))):
         if unit not in UNITS:
@@ -68,8 +64,7 @@ def parse_units(text: str) -> dict[str, float]:
 def parse_columns(text: str) -> dict[str, tuple[str, float]]:
     """'t=time_s,y=-Z' -> {'t': ('time_s', 1.0), 'y': ('Z', -1.0)}: our column -> (column of the log, sign).
 
-    Raises:
-        UserError: another form, or not a column of ours.
+    UserError if the text has another form or names a column that is not ours.
     """
     columns: dict[str, tuple[str, float]] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
@@ -85,11 +80,7 @@ def parse_columns(text: str) -> dict[str, tuple[str, float]]:
 
 
 def parse_shape(text: str) -> Shape:
-    """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'polygon:x1,y1;x2,y2;…' in m.
-
-    Raises:
-        UserError: another form, or not a shape.
-    """
+    """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'polygon:x1,y1;x2,y2;…' in m; UserError for anything else."""
     kind, _, rest = text.partition(":")
     try:
         points = [tuple(float(value) for value in point.split(",")) for point in rest.split(";")]

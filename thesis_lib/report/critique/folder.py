@@ -39,15 +39,10 @@ def criticise_path(
     effects: Sequence[str] | None = None,
     say: Say = lambda text: None,
 ) -> dict:
-    """Criticise the drops or the recording in the folder `path`, and write everything into `folder`.
+    """Criticise the drops or the recording in the folder `path`, write everything into `folder`, return diagnosis.json.
 
-    The other arguments are those of `critique_folder` and `recording_folder`.
-
-    Returns:
-        The content of diagnosis.json.
-
-    Raises:
-        UserError: the data cannot be read or criticised.
+    The other arguments are those of `critique_folder` and `recording_folder`.  UserError if the data cannot be read or
+    criticised.
     """
     if is_recording(path):
         from thesis_lib.datasets.recordings.read import read_recording

@@ -93,10 +93,8 @@ def write_mechanism_critique(
 ) -> dict:
     """Write all files of a mechanism's critique into `folder` and return the content of diagnosis.json.
 
-    Args:
-        name: of the recording, as shown on the page.
-        folder: made if needed; files of an earlier critique are replaced.
-        rng: permutes windows; an equal stream gives equal bytes.
+    The page shows `name`.  `folder` is made if needed, and files of an earlier critique are replaced.  `rng` permutes
+    windows; an equal stream gives equal bytes.
     """
     from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, residual_tables
     from thesis_lib.figures.chapter2.hidden import figure_residuals

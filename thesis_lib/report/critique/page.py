@@ -55,10 +55,8 @@ def report_html(
 ) -> str:
     """The whole page.
 
-    Args:
-        diagnosis, where: contents of diagnosis.json and where.json.
-        tables: by file stem; the part of the page for a missing one is left out.
-        pictures: figure and numbers by name, as from `thesis_lib.figures.critique.pictures.pictures`.
+    `diagnosis` and `where` are the contents of the JSON files; `tables` are given by file stem, and the part of the
+    page for a missing table is left out; `pictures` holds figure and numbers by name.
     """
     text = captions(critique)
     shown = {name: picture(figure, text[name]) for name, (figure, _) in pictures.items() if name in text}

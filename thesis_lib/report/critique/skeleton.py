@@ -30,9 +30,7 @@ def critique_page(
     Args:
         d: content of diagnosis.json.
         sections: in order; empty parts and empty sections are left out.
-        word: the verdict in one line.
-        kind: CSS class of the verdict, if not its own name.
-        about: text below the verdict.
+        word: the verdict in one line; `about` is the text below it, and `kind` its CSS class if not its own name.
         key_numbers: name, value and note.
         script: JavaScript, run when the page has loaded.
     """
