@@ -1,4 +1,4 @@
-"""Restitution against the place of the contact: what measured contacts show, and what the fitted contact says.
+"""Restitution against the place of the contact: of measured contacts and of the fitted contact.
 
     e_n = −v_n⁺/v_n⁻    at the corner that touches, both velocities at the time of the touch
 
