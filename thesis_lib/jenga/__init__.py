@@ -1,1 +1,1 @@
-"""Chapter 5: a robot that learns the mechanics of a Jenga tower and plays (stands alone beside the other packages)."""
+"""Chapter 5: a robot that learns the mechanics of a Jenga tower and plays (independent of the other packages)."""

@@ -24,7 +24,7 @@ D² (the tail counts: an effect touches only some blocks).
 A new abstraction gets a normal component for the windows of the failing pushes, and a network that starts as their
 nearest one, with the shared prior of all.  Earlier abstractions stay unchanged.
 
-All of this is own choice: the thesis judges abstractions by eye (figure 5-8).
+All of these are own choices: the thesis judges abstractions by eye (figure 5-8).
 """
 
 from copy import copy
@@ -128,7 +128,7 @@ def abstraction_table(learner: Hma) -> pd.DataFrame:
 
 
 def residuals(learner: Learner, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """r (n, 6) of the module, and the index (n,) of the nearest abstraction."""
+    """r (n, 6) of the module, and the index (n,) of the abstraction nearest to each sample."""
     groups = push_groups(samples)
     residual = np.empty((len(samples), len(SEEN)))
     nearest = np.empty(len(samples), dtype=int)

@@ -25,7 +25,7 @@ from thesis_lib.jenga.learners.settings import BeliefSettings
 LEAST = 0.1  # least share of process noise in a predicted variance
 STEP = np.array(
     [0.1, 0.1, 0.1, 0.02, 0.02, 0.1, 0.1]
-)  # mm, N: half widths of the differences, below sensor noise
+)  # mm, N: half widths of the finite differences, below sensor noise
 
 
 def process_variance(var: Any, noise: Any, xp: Any = np) -> Any:

@@ -142,7 +142,7 @@ class Learner(ABC):
     def predict(
         self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
     ) -> Prediction:
-        """Next reading for each abstraction; arguments as in the module's table, context (n, 2)."""
+        """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
 
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
         """Belief (n, K) before contact: the shares."""
@@ -164,7 +164,7 @@ class Learner(ABC):
 def raw_inputs(
     state: Any, action: Any, context: Any, force_scale: float, with_context: bool, xp: Any = np
 ) -> Any:
-    """Inputs (n, 9), or (n, 11) with context, before standardisation."""
+    """Inputs (n, 9), or (n, 11) with context, before standardisation; `force_scale` in N."""
     columns = [
         state[..., ADVANCE] - state[..., X],
         state[..., Y],

@@ -112,7 +112,7 @@ def fit_mixture(
         random_state=int(rng.integers(2**31)),
     )
     with warnings.catch_warnings():
-        # clusters are stable even if the bound still creeps after 300 steps
+        # a bound that still creeps after 300 steps does not spoil the clusters
         warnings.simplefilter("ignore")
         process.fit(scaled)
     keep = process.weights_ >= min(settings.min_weight, process.weights_.max())
@@ -148,7 +148,7 @@ def icl(counts: np.ndarray, prior: np.ndarray, group: np.ndarray) -> float:
 
 
 def merge(counts: np.ndarray, prior: np.ndarray, settings: MixtureSettings) -> np.ndarray:
-    """Group (pushes,) of each push by the module's criterion, numbered by decreasing size."""
+    """Group (pushes,) of each push by the module's criterion, by decreasing size; counts (pushes, C), prior a (C,)."""
     group = np.arange(len(counts))
     total, size = counts.copy(), np.ones(len(counts))
     evidence = log_beta(prior + total)
@@ -199,7 +199,7 @@ def push_posterior(log_like: np.ndarray, push: np.ndarray, shares: np.ndarray) -
 
 
 def describe(features: np.ndarray, resp: np.ndarray, force_scale: float) -> dict[str, np.ndarray]:
-    """Mean look of each abstraction: force (N), rise (N/step), move, lag, drag (1), each (K,)."""
+    """Mean look of each abstraction, (K,) each: force (N), rise (N/step), move, lag, drag (1); `force_scale` in N."""
     mean = (resp / np.maximum(resp.sum(axis=0), 1e-9)).T @ features
     look = {name: mean[:, column] for column, name in enumerate(FEATURES)}
     return look | {"force": force_scale * np.sinh(look["force"])}

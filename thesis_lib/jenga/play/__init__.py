@@ -1,1 +1,1 @@
-"""Who plays, and the game itself."""
+"""Policies, the controller and the game."""

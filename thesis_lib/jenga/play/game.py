@@ -42,7 +42,7 @@ NOT_TRIED = -1
 class Attempt:
     """One block, the actions on it and their results.
 
-    layer, side: its first place (side: 0 middle, 1 side).  truth: hidden label (0 free, 1 stuck, -1 not asked).  steps:
+    layer, side: where it was (0 middle, 1 side).  truth: hidden label (0 free, 1 stuck, -1 not asked).  steps:
     pushes of 1 mm.  peak_force (N), perturbation (mm): largest readings.  damage: true largest displacement (mm) of any
     other block during the push.  pushed, extracted, placed: 1 success, 0 failure, -1 not tried.  reason: why it ended.
     """
@@ -130,7 +130,7 @@ class _Play:
         return _stream(self.base_seed, self.seed, name)
 
     def try_block(self, attempt: Attempt) -> str:
-        """Push and, if the block comes out, extract and place; the reason that ends the run, or ""."""
+        """Push and, if the block is out, extract and place; the reason that ends the run, or an empty text."""
         tower, policy, block = self.tower, self.policy, attempt.block
         context = tower.context(block)
         if self.label:
@@ -149,7 +149,7 @@ class _Play:
         return self._extract_and_place(attempt)
 
     def _push(self, robot: Robot, attempt: Attempt, context: np.ndarray) -> str:
-        """Push until there is a reason to stop, which is returned."""
+        """Push until there is a reason to stop, and return it."""
         policy, reading = self.policy, robot.start(attempt.block)
         while True:
             action = policy.act(reading, context)

@@ -47,7 +47,7 @@ class PpoPolicy:
     """A trained policy as it plays, deterministic and without memory; a `policies.Policy`.
 
     samples: most samples that it was trained on.  layers: weights (out, in) and biases (out,).  settings: of its
-    training. episodes: a row per push of the training so far: samples (total at its end), tower, block, steps, reward
+    training.  episodes: a row per push of the training so far: samples (total at its end), tower, block, steps, reward
     (before scaling) and reason of its end.
     """
 

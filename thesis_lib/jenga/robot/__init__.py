@@ -1,1 +1,1 @@
-"""The robot at the tower: pushing, pulling, placing, and what it senses."""
+"""The robot at the tower: pushing, pulling, placing and sensing."""

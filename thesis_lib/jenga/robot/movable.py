@@ -56,7 +56,7 @@ def hidden_label(tower: Tower, block: int, settings: MovableSettings) -> int:
 
 
 def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(REACHABLE)) -> pd.DataFrame:
-    """A trial push of each block: tower, block, layer, side, force (N), moved, others (mm), movable."""
+    """A row per block pushed: tower, block, layer, side, force (N), moved, others (mm), movable."""
     rows = []
     for block in blocks:
         force, moved, others = trial_push(tower, int(block), settings.steps)

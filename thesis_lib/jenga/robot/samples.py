@@ -1,7 +1,7 @@
 """Samples of pushes: the robot's readings before and after each advance of 1 mm, common to all learners.
 
 A sample is the tuple (z_t, z_{t+1}, a_t) = (`state`, `next_state`, `action`) of the thesis (section 5.4.3); a push is a
-sequence of samples of one block. State and next state are sensor readings, noise included.  Learners work in mm and N.
+sequence of samples of one block.  State and next state are sensor readings, noise included.  Learners work in mm and N.
 Angles become lengths through the block's radius of gyration, as in the thesis: yaw · r_g, r_g = 23 mm.
 
 `truth` is the hidden label of the push: for evaluation only, never for learning.
@@ -95,19 +95,19 @@ class Samples:
         return len(self.push)
 
     def _check_rows(self) -> None:
-        for what, names in (
+        for part, names in (
             ("state", STATE),
             ("next_state", STATE),
             ("action", ACTION),
             ("context", CONTEXT),
         ):
-            values = getattr(self, what)
+            values = getattr(self, part)
             low, high = np.array([RANGE[name] for name in names]).T
             bad = ~((values >= low) & (values <= high))  # also true for NaN
             if bad.any():
                 row, column = np.argwhere(bad)[0]
                 raise UserError(
-                    f"samples: {what} {names[column]} = {values[row, column]:.4g} in row {row} (push {self.push[row]}, "
+                    f"samples: {part} {names[column]} = {values[row, column]:.4g} in row {row} (push {self.push[row]}, "
                     f"step {self.step[row]}) is outside {low[column]:g} to {high[column]:g}: the tower has fallen or "
                     "the block has left it. Leave that push out, or collect it again."
                 )

@@ -77,7 +77,7 @@ class _Run:
         return not fell
 
     def _push(self, robot: Robot, block: int, truth: int, limit: int) -> str:
-        """Push until there is a reason to stop, which is returned."""
+        """Push until there is a reason to stop, and return it."""
         settings, push = self.setup.collect, len(self.attempts)
         offset, heading = self._action()
         robot.start(block, offset)

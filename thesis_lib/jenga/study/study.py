@@ -51,7 +51,7 @@ def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.
 
 
 def games_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
-    """A row per (size, game): policy, size, tower, extractions, placements, tried, end, refused."""
+    """A row per (size, game): policy, size, tower, extractions, placements (NaN if refused), tried, end, refused."""
     rows = [
         {
             "policy": game.policy,
