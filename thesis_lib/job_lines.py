@@ -19,7 +19,7 @@ from thesis_lib.foundation.progress import duration
 LOGS = Path(".snakemake/log")
 EVERY = 1.0  # s between two looks at the log
 UNMEASURED = 1.0  # CPU s of a job that was never measured, such as a target without a command
-TRUST = 30.0  # CPU s of finished jobs from which on their pace counts more than that of the measured ones
+TRUST = 30.0  # CPU s of finished jobs from which on their pace counts more than the measured one
 
 
 class JobLines:

@@ -38,8 +38,11 @@ PRELOAD = (
 
 @dataclass(frozen=True)
 class Batch:
-    """Result: `rows` (see `batch_index`), one per dataset, in the order of `paths`; `finished`, the datasets criticised
-    now, in the order in which they ended; names of those `skipped` because they were already done."""
+    """Result of a batch.
+
+    `rows` (see `batch_index`) are in the order of the datasets, `finished` in the order in which the critiques ended;
+    `skipped` names the datasets that were already done.
+    """
 
     rows: list[dict]
     finished: list[Outcome]
@@ -178,7 +181,7 @@ def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: flo
 
 
 def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
-    """Folders by name; UserError if names are equal or those of a batch's files, or a dataset would be overwritten."""
+    """Folders by name; UserError if a name is repeated or cannot be used, or if a dataset would be overwritten."""
     named: dict[str, Path] = {}
     for path in map(Path, paths):
         name = Path(os.path.realpath(path)).name  # unlike Path.resolve it survives a loop of links

@@ -51,8 +51,8 @@ class Task:
 class Outcome:
     """How a task ended.
 
-    Either `result` (what the work returned) or `failure` (the reason in words) is None.  `wall_s` and `cpu_s` are in s,
-    `peak_mib` is the peak of resident memory in MiB; `cpu_s` and this are None if the process was killed.
+    Either `result` (what the work returned) or `failure` (the reason in words) is None.  Times are in s, `peak_mib` is
+    the peak of resident memory; `cpu_s` and `peak_mib` are None if the process was killed.
     """
 
     name: str

@@ -40,7 +40,7 @@ class FlightWindows:
 
     @property
     def fall_up(self) -> bool:
-        """Whether bodies clearly fall towards larger y: at least a window's worth of samples, hardly any against."""
+        """Whether bodies clearly fall towards larger y: at least n windows for it, hardly any against it."""
         return self.up >= self.n and self.up > CLEARLY * self.down
 
 

@@ -31,7 +31,7 @@ UPWARDS = (
 class KnownBody:
     """What is known of the body even if dataset.yaml is wrong elsewhere.
 
-    `shape` and `k_g` are None without a valid shape; lengths in m, `height` is that of the surface, `gravity` in m/s².
+    `shape` and `k_g` (m) are None without a valid shape; `height` (m) is that of the surface; `gravity` in m/s².
     """
 
     shape: Shape | None = None

@@ -112,7 +112,7 @@ def add_weak_hits(
 
 def _peaks(score: np.ndarray, w: int, settings: ArcSettings) -> np.ndarray:
     peak = score > settings.threshold**2
-    for shift in range(1, max(2, w)):  # hits more than w samples apart do not shade each other
+    for shift in range(1, max(2, w)):  # hits w or more samples apart do not shade each other
         peak[shift:] &= score[shift:] > score[:-shift]
         peak[:-shift] &= score[:-shift] >= score[shift:]
     return peak

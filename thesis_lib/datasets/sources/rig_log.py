@@ -47,7 +47,7 @@ class Conversion:
 
 
 def parse_units(text: str) -> dict[str, float]:
-    """'mm,deg,ms' -> factor to SI for each of length, angle, time (SI by default); UserError for unknown units."""
+    """'mm,deg,ms' -> factor to SI for each of length, angle, time (SI by default); UserError for wrong units."""
     factors: dict[str, float] = {}
     for unit in filter(None, (part.strip() for part in text.split(","))):
         if unit not in UNITS:
