@@ -15,7 +15,7 @@ def rank(side: np.ndarray) -> np.ndarray:
 
 
 def norm(a: np.ndarray) -> np.ndarray:
-    """Euclidean norm over the last axis."""
+    """Euclidean norm of `a` (..., d) over its last axis: (...)."""
     return np.sqrt(np.sum(a * a, axis=-1))
 
 

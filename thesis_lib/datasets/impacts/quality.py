@@ -2,24 +2,24 @@
 
 Left out, with a reason (the first that applies):
 
-| reason             | meaning                                                                                    |
-|--------------------|--------------------------------------------------------------------------------------------|
-| `lost_frames`      | a gap in time leaves too few samples on a side, or holds the impact itself                 |
-| `second_hit`       | another hit too near: few samples between them, arcs and samples that fit only two hits, or a  |
-|                    | second corner that touches at once                                                         |
-| `window_too_short` | the trial begins or ends too near                                                          |
-| `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet     |
-| `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                |
+| reason             | meaning                                                                                      |
+|--------------------|----------------------------------------------------------------------------------------------|
+| `lost_frames`      | a gap in time leaves too few samples on a side, or holds the impact itself                   |
+| `second_hit`       | another hit too close: few samples between them, or arcs and samples that fit only two hits, |
+|                    | or a second corner that touches at once                                                      |
+| `window_too_short` | the trial starts or ends too close to the impact                                             |
+| `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet      |
+| `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                  |
 
 Flagged (names joined by ';') and kept, because dropping them would drop the evidence of what a model lacks:
 
-| flag            | meaning                                                                                          |
-|-----------------|--------------------------------------------------------------------------------------------------|
-| `energy`        | contact-space energy grows: α = v_C+ᵀ M_C v_C+ / v_C−ᵀ M_C v_C− > 1                                |
-| `cone`          | |P_t| > mu_max P_n                                                                               |
-| `compression`   | v_n+ < 0: the impulse lies below the line of maximum compression                                 |
-| `arc_deviation` | an arc deviates from the parabola by more than noise explains, though not grossly                |
-| `no_touch`      | the gap at impact is not 0 within 5 sigma and 2 mm                                               |
+| flag            | meaning                                                                           |
+|-----------------|-----------------------------------------------------------------------------------|
+| `energy`        | contact-space energy grows: α = v_C+ᵀ M_C v_C+ / v_C−ᵀ M_C v_C− > 1               |
+| `cone`          | |P_t| > mu_max P_n                                                                |
+| `compression`   | v_n+ < 0: the impulse lies below the line of maximum compression                  |
+| `arc_deviation` | an arc deviates from the parabola by more than noise explains, though not grossly |
+| `no_touch`      | the gap at impact is not 0 within 5 sigma and 2 mm                                |
 
     v_C = J v,   J = [[1, 0, −r_y], [0, 1, r_x]],   M_C = (J M⁻¹ Jᵀ)⁻¹,   M = diag(m, m, m k²),   P = M_C J Δv
 
@@ -54,7 +54,7 @@ class ContactMeasures:
 
     Attributes:
         v_c_pre, v_c_post: (n, 2) contact velocity (v_t, v_n), m/s.
-        impulse: (n, 2) P = (P_t, P_n), N s (per kg where the mass is unknown).
+        impulse: (n, 2) P = (P_t, P_n), N s (per kg if the mass is unknown).
         alpha: (n,) energy after over before, in contact space.
     """
 

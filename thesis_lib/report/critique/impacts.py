@@ -80,7 +80,7 @@ def explorer(critique: Critique, where: Mapping) -> Markup:
 
 
 def drawn_impacts(error: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Up to `MOST` of the impacts `known`, by rising error: evenly spaced in the order of their errors."""
+    """Up to `MOST` of the indices `known`, evenly spaced in the order of the errors `error` (n,), smallest first."""
     ranked = known[np.argsort(error[known], kind="stable")]
     return ranked[np.unique(np.linspace(0, len(ranked) - 1, min(len(ranked), MOST)).round().astype(int))]
 
