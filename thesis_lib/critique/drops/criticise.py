@@ -167,19 +167,19 @@ def _irb(fitted: Fit, observations: Observations) -> float:
 
 def _refuse_constant(dataset: Dataset) -> None:
     """Refuse a channel that never changes: it was not measured, so that no verdict is possible."""
-    given = dataset.impacts is not None and len(dataset.impacts) > 0
-    table = dataset.impacts if given else dataset.trajectories
+    direct = dataset.impacts is not None and len(dataset.impacts) > 0
+    table = dataset.impacts if direct else dataset.trajectories
     if table is None or len(table) < 2:
         return
-    columns = (*V_PRE, *V_POST) if given else ("x", "y", "theta")
+    columns = (*V_PRE, *V_POST) if direct else ("x", "y", "theta")
     lowest = dataset.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
-    if given and np.ptp(lowest) > 1e-9 * dataset.shape.extent:
+    if direct and np.ptp(lowest) > 1e-9 * dataset.shape.extent:
         columns = ("theta", *columns)  # only if the angle moves the contact point
     stuck = [name for name in columns if table[name].nunique() == 1]
     if stuck:
         many = len(stuck) > 1
         raise UserError(
-            f"{'Columns' if many else 'Column'} {', '.join(stuck)} of {'impacts' if given else 'trajectories'}.csv in "
+            f"{'Columns' if many else 'Column'} {', '.join(stuck)} of {'impacts' if direct else 'trajectories'}.csv in "
             f"{dataset.name} {'hold' if many else 'holds'} the same value in all {len(table)} rows, so nothing was "
             "measured there and no model can be judged. Look at the export of that channel, or measure it."
         )
@@ -195,11 +195,11 @@ def _split(
         why = "; ".join(f"{count} {name}" for name, count in reasons.items()) or "none"
         if not reasons and not len(observations):
             why = "none, because not one was detected"
-        said = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
-        said = f"What was noticed: {said} " if said else ""
+        noticed = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
+        noticed = f"What was noticed: {noticed} " if noticed else ""
         raise UserError(
             f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
-            f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {said}"
+            f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {noticed}"
             "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
         )
     training, held_out = split(trials, settings.held_out_share, rng)

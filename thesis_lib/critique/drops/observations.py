@@ -77,9 +77,13 @@ class Observations:
 
 def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
     """Observations from trajectories with detected impacts, or else from impacts.csv."""
-    found = find_impacts(dataset, settings)
+    impacts = find_impacts(dataset, settings)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
-    return _from_impacts(found, rig) if found.samples is None else _from_samples(found.samples, found, rig)
+    return (
+        _from_impacts(impacts, rig)
+        if impacts.samples is None
+        else _from_samples(impacts.samples, impacts, rig)
+    )
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:

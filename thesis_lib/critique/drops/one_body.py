@@ -11,12 +11,8 @@ them.  They count as two if they reduce the scatter by `SHRINK` and nearly every
 quantity that drifts, wears, or varies with place or angle is spread evenly instead: two sets then halve its scatter and
 leave trials in between.
 
-| on paper | in code   | unit    | shape  |                                                     |
-|----------|-----------|---------|--------|-----------------------------------------------------|
-| g, τ     | `value`   | σ       | (n,)   | gap and couple of n impacts, in units of their noise |
-| s, d, δ  | `coefficients` | 1, m | (2, p) | of either body                                      |
-
-The limits were tried on every cause of `thesis_lib.simulate.rig.hidden_causes`.  De Veaux (1989) describes a mixture of
+g and τ are fitted in units of their noise.  The limits were tried on every cause of
+`thesis_lib.simulate.rig.hidden_causes`.  De Veaux (1989) describes a mixture of
 regressions with one group per trial.
 """
 

@@ -34,13 +34,13 @@ def dependence(
     rows = [np.flatnonzero(weak.coordinate == c) for c in np.unique(weak.coordinate)]
 
     def strengths(permuted: np.ndarray) -> np.ndarray:
-        out = np.zeros(len(cells))
+        sums = np.zeros(len(cells))
         for r in rows:
             cells_of_rows = cells[:, permuted[weak.window[r]]]
             for j, cell in enumerate(cells_of_rows):
                 n = np.maximum(np.bincount(cell, minlength=BINS), 1)
-                out[j] += np.sum(np.bincount(cell, z[r], minlength=BINS) ** 2 / n)
-        return out
+                sums[j] += np.sum(np.bincount(cell, z[r], minlength=BINS) ** 2 / n)
+        return sums
 
     measured = strengths(np.arange(len(features)))
     null = np.array([strengths(rng.permutation(len(features))) for _ in range(PERMUTATIONS)])

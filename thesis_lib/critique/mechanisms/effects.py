@@ -8,13 +8,8 @@
     viscous_rotation         Q_θ = -b ω                                        the wheel in its air or guide
     torque_offset            Q_i = o_i                                         a fault of the torque sensor
 
-All use the measured motion of a step.  N is the model's normal force at this step.
-
-| on paper  | in code   | unit        | shape   | meaning                                                   |
-|-----------|-----------|-------------|---------|-----------------------------------------------------------|
-| q, v, v̇   | `Motion`  | m, rad; ... | (n, nv) | of n steps; v̇ = (v_{k+1} − v_k) / h                       |
-| N         | `c_n`     | N           | (n, p)  | normal forces of the pairs                                |
-| q̇_s, ω_s  | below     | rad/s       |         | speed over which the sign is smoothed, far below speeds   |
+All use the measured motion of a step, with v̇ = (v_{k+1} − v_k) / h.  N is the model's normal force in this step.  The
+small speeds q̇_s and ω_s smooth the sign function.
 
 Sources: H. Olsson et al., Eur. J. Control 4 (1998), doi 10.1016/S0947-3580(98)70113-X (friction); K. L. Johnson,
 Contact Mechanics, 1985, doi 10.1017/CBO9781139171731, section 9 (rolling resistance).
@@ -34,7 +29,7 @@ SMOOTH_JOINT, SMOOTH_ROLLING = 0.02, 0.03
 
 @dataclass(frozen=True)
 class Motion:
-    """n steps of measured motion; `c_n` (n, p) in N, all others (n, nv)."""
+    """n steps of measured motion: q, v, a (n, nv) in m, rad and s; normal forces `c_n` (n, p) of the pairs in N."""
 
     q: np.ndarray
     v: np.ndarray

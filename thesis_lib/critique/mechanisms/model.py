@@ -2,17 +2,12 @@
 
     M(q) v̇ + C(q, v) v − g(q) = Y(q, v, v̇; g) π,        π = (m, m c_x, m c_y, I) of each body
 
-A body's share of Y is that of a free body at the pose of its frame, projected on the coordinates that move it, Y_b =
-J_b' Y_free(pose, velocity, acceleration; g).  In the two-link arm with the disk, J_1 = ẑ in q_1, and the frame of link
-2 is at its joint, l_1 (cos q_1, sin q_1) from the base.
+A body's share of Y is that of a free body at the pose of its frame, projected on the coordinates that move it,
+Y_b = J_b' Y_free(pose, velocity, acceleration; g).  In the two-link arm with the disk, J_1 = ẑ in q_1, and the frame
+of link 2 is at its joint, l_1 (cos q_1, sin q_1) from the base.
 
-| on paper | in code      | unit            | shape         | meaning                                       |
-|----------|--------------|-----------------|---------------|-----------------------------------------------|
-| π        | `parameters` | kg, kg m, kg m² | (4 b,)        | believed inertial parameters, about the joint |
-| g        | `gravity`    | m/s²            | (2,)          | believed acceleration of gravity              |
-
-Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002, doi
-10.1016/B978-1-903996-66-9.X5000-3.
+Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
+doi 10.1016/B978-1-903996-66-9.X5000-3.
 """
 
 from abc import ABC, abstractmethod
@@ -34,8 +29,8 @@ class BelievedModel(ABC):
 
     Attributes:
         coordinates: (nv,) names of q.
-        names, parameters: (4 b,) inertial parameters.
-        gravity: (2,) m/s².
+        names, parameters: (4 b,) inertial parameters π about the joint, kg, kg m, kg m².
+        gravity: (2,) believed acceleration of gravity, m/s².
         identified: inertial parameters that motion and known forces can identify; the others keep believed values.
         roller: radius in m and contact pairs of the body that rolls on the ground; it turns with the last coordinate.
         payload: change of `parameters` by a point mass of 1 kg at the place of the payload.

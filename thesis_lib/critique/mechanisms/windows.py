@@ -176,7 +176,7 @@ class WeakForm:
 
     def _basis(self, q: np.ndarray) -> np.ndarray:
         nv = q.shape[1]
-        out = np.zeros((len(q), nv, nv))
+        basis = np.zeros((len(q), nv, nv))
         for (active, dependent), at in self._groups.items():
             free = [c for c in range(nv) if c not in dependent]
             J = _jacobians(self.model.contacts(q[at]), active)
@@ -185,8 +185,8 @@ class WeakForm:
             if dependent:
                 solved = np.linalg.solve(J[:, :, list(dependent)], J[:, :, free])
                 N[:, :, list(dependent)] = -np.swapaxes(solved, 1, 2)
-            out[at, : len(free)] = N
-        return out
+            basis[at, : len(free)] = N
+        return basis
 
     def _constraints(self, q: np.ndarray) -> None:
         """Set (J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which maps the residual force to contact forces."""
@@ -214,10 +214,10 @@ class WeakForm:
         """Σ_k N_k' h force_k over each window, whitened: (n, nv) to (N,), or (n, nv, j) to (N, j)."""
         step = np.einsum("krv,kv...->kr...", self.basis, self.h * force)
         rows = np.add.reduceat(step, self.starts, axis=0)[self.window, self._slot]
-        out = np.empty_like(rows)
-        for where, L in self._factors:
-            out[where] = solve_triangular(L, rows[where], lower=True)
-        return out
+        whitened = np.empty_like(rows)
+        for rows_of_trial, L in self._factors:
+            whitened[rows_of_trial] = solve_triangular(L, rows[rows_of_trial], lower=True)
+        return whitened
 
     def residual(self, force: np.ndarray) -> np.ndarray:
         """z (N,) if `force` (n, nv) of the effects acts besides the believed model."""
@@ -242,11 +242,11 @@ class WeakForm:
         self._factors = []
         ends = np.append(self.starts, n).tolist()
         for i, t in enumerate(trials):
-            where = np.flatnonzero(self.trial == i)
-            if not len(where):
+            rows = np.flatnonzero(self.trial == i)
+            if not len(rows):
                 continue
-            G = np.zeros((2, len(where), len(t.q), nv))
-            for row, r in enumerate(where):
+            G = np.zeros((2, len(rows), len(t.q), nv))
+            for row, r in enumerate(rows):
                 window = int(self.window[r])
                 at = np.arange(ends[window], ends[window + 1])
                 k, slot = step[at], self._slot[r]
@@ -256,7 +256,7 @@ class WeakForm:
             S = np.einsum("crkv,cv,cskv->rs", G, t.sigma**2, G, optimize=True)
             # rows may have no noise at all: a small diagonal keeps the factor defined
             S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
-            self._factors.append((where, np.linalg.cholesky(S)))
+            self._factors.append((rows, np.linalg.cholesky(S)))
 
 
 def _jacobians(contacts: ContactGeometry, pairs: tuple[int, ...]) -> np.ndarray:

@@ -1,7 +1,7 @@
 """A mechanism's equations of motion as a world for the search: one base, forces as candidates, windows as data.
 
-The log score is that of unit noise, −|z|²/2 + const.  Fits are linear except in the direction of gravity.  So the
-parameters of each fold follow to first order from the full fit, and refits gain what the score test predicts.
+The log score is that of unit noise, −|z|²/2 + const.  Fits are linear except in the direction of gravity.
+So parameters of a fold follow from the full fit, and refits gain what the score test predicts.
 """
 
 from collections.abc import Mapping, Sequence

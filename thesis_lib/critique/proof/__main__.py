@@ -25,7 +25,7 @@ SAMPLE = 2  # rows; about 20 s of CPU time each
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit code: 1 for a row that differs, or for what the user can mend."""
+    """Run a command and return the exit code: 1 if a row differs or for a `UserError`."""
     options = _parser().parse_args(arguments)
     try:
         require_checkout()
@@ -68,7 +68,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _chosen(source: str, names: Sequence[str]) -> list[str]:
-    """Truths of a source by their names, with "all" for the single ones and "pairs" for the pairs."""
+    """Truths of a source by name; "all" adds all single ones and "pairs" all pairs."""
     single, double = truths(source), pairs(source)
     chosen = {*names, *(single if "all" in names else ()), *(double if "pairs" in names else ())}
     return [truth for truth in [*single, *double] if truth in chosen]

@@ -1,13 +1,12 @@
 """The datasets of the proof: what is hidden in each, and how it is made.
 
-Three sources of truth: "law", the effect's own law injected into drops (law_drops); "mechanism", drops with compliant
-contact in continuous time in which the effect arises from its cause (simulate/compliant); and "drake", the same of
-those causes that Drake's MultibodyPlant can have (simulate/drake).
+There are three sources of truth.  "law" injects the effect's own law into drops (law_drops).  "mechanism" simulates
+compliant contact in continuous time, in which the effect follows from its cause (simulate/compliant).  "drake" does the
+same for the causes that Drake's MultibodyPlant supports (simulate/drake).
 
-Sizes raise the base law's error (the misfit of arcs for effects in flight, of gaps for what only the touch shows) to
-about three times the noise floor.  They were fixed on development seeds (`DEVELOPMENT`); the table uses others
-(`SEEDS`).  For the detection curve they are scaled as if the squares of misfit and noise added up: to R times the floor
-by √(R² − 1) / √8.
+Sizes raise the base law's error (for effects in flight the misfit of arcs, for the touch that of gaps) to about three
+times the noise floor.  They were fixed on seeds in `DEVELOPMENT`; the table uses `SEEDS` and above.  For the detection
+curve the factor √(R² − 1) / √8 scales them to R times the floor, as if squares of misfit and noise added up.
 """
 
 from dataclasses import dataclass
@@ -57,10 +56,8 @@ class Case:
     """One dataset of the proof.
 
     Attributes:
-        source: one of `SOURCES`.
         truth: effect (law) or cause (mechanism, drake), two of them joined by "+", or "nothing".
-        seed: of the dataset.
-        drops: releases; noise: times the rig's; ratio: misfit over the noise floor, nominal.
+        drops: number of releases; noise: times the rig's; ratio: nominal misfit over the noise floor.
     """
 
     source: str
@@ -76,7 +73,7 @@ class Case:
 
     @property
     def hidden(self) -> tuple[str, ...]:
-        """Names of the effects or causes; () where nothing is hidden."""
+        """Names of the hidden effects or causes."""
         return () if self.truth == NOTHING else tuple(self.truth.split("+"))
 
     @property
@@ -92,7 +89,7 @@ class Case:
 
     @property
     def expected(self) -> tuple[tuple[str, ...], ...]:
-        """For each effect or cause the effects that describe it, the best first; none: outside the library.
+        """For each hidden effect or cause the effects that describe it, the best first; () if outside the library.
 
         Raises:
             KeyError: there is no such effect or cause.
@@ -104,13 +101,13 @@ class Case:
 
     @property
     def body(self) -> Body:
-        """The chapter's ellipse, or a square where corners matter."""
+        """The ellipse of the chapter, or a square if corners matter."""
         corners = {"rounded_corners", *(name for name, cause in CAUSES.items() if cause.polygon_only)}
         return SQUARE if corners & set(self.hidden) else ELLIPSE_BODY
 
 
 def truths(source: str) -> list[str]:
-    """All single truths of a source: nothing first."""
+    """All single truths of a source, "nothing" first."""
     if source == "drake":
         from thesis_lib.simulate.drake.drops import SUPPORTED
 
@@ -126,7 +123,7 @@ def pairs(source: str) -> list[str]:
 
 
 def make(case: Case) -> tuple[Dataset, dict[str, float]]:
-    """The dataset, and the true parameters by full name where they have the effects' own meaning."""
+    """The dataset, and the true parameters by full name; empty unless the source is "law"."""
     rng = generator(case.seed, "proof", case.source, case.truth)
     noise = Noise(position=case.noise * RIG_NOISE.position, angle=case.noise * RIG_NOISE.angle)  # pyright: ignore[reportOperatorIssue]
     factor = float(np.sqrt(case.ratio**2 - 1.0) / np.sqrt(RATIO**2 - 1.0))

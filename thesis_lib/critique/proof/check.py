@@ -28,9 +28,9 @@ AGREES, MOVES, DIFFERS = "agrees", "moved", "differs"
 
 def compare(stored: Row, again: Row) -> tuple[str, str]:
     """`AGREES`, `MOVES` (numbers) or `DIFFERS`, and the differences."""
-    said = [f"{row.verdict}, {row.named or row.why or 'nothing named'}" for row in (stored, again)]
-    if said[0] != said[1]:
-        return DIFFERS, f"stored {said[0]}; now {said[1]}"
+    verdicts = [f"{row.verdict}, {row.named or row.why or 'nothing named'}" for row in (stored, again)]
+    if verdicts[0] != verdicts[1]:
+        return DIFFERS, f"stored {verdicts[0]}; now {verdicts[1]}"
     before, after = _numbers(stored), _numbers(again)
     moved = [
         f"{name} {before.get(name, math.nan):.4g} → {after.get(name, math.nan):.4g}"

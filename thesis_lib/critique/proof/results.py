@@ -64,8 +64,8 @@ def _counted(case: Case, groups: Sequence[Sequence[str]]) -> Sequence[Sequence[s
 def outcomes(store: Path = STORE) -> pd.DataFrame:
     """A row per stored dataset, columns `OUTCOMES`, sorted; missing group_size and misfits are NaN.
 
-    `effect` describes a single truth best, "" if none does.  `named` joins effects of a group by "/" and groups by
-    " + ".  `group_size` is that of the first group; for a pair the mean over groups.
+    `effect` describes a single truth best, "" if none does.  `named` joins effects of a group by "/" and groups by " +
+    ".  `group_size` is that of the first group; for a pair the mean over groups.
 
     Raises:
         CorruptFileError: a stored result cannot be read.

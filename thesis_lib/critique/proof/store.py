@@ -81,12 +81,12 @@ def put_row(row: Row, store: Path = STORE, *, replace: bool = False) -> None:
 
 def write_rows(source: str, rows: dict[Case, Row], store: Path) -> None:
     """Write the table of a source, sorted and atomically."""
-    out = io.StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\n")
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     order = sorted(rows, key=lambda case: (case.truth, case.ratio, case.drops, case.noise, case.seed))
     writer.writerows([_text(value) for value in _cells(rows[case])] for case in order)
-    write_text(out.getvalue(), Path(store) / f"{source}.csv")
+    write_text(text.getvalue(), Path(store) / f"{source}.csv")
 
 
 @contextmanager

@@ -248,8 +248,8 @@ def as_text(content: dict[str, pd.DataFrame]) -> str:
             lines.append(f"        {row.note}")
     lines += ["", f"Misses at 150 drops: {len(content['misses'])}", ""]
     for row in content["misses"].itertuples():
-        said = row.why if row.verdict == "refused" else row.named or "nothing named"
-        lines.append(f"    {row.source}/{row.truth} {row.seed}: {row.verdict}; {said}"[:120])
+        reason = row.why if row.verdict == "refused" else row.named or "nothing named"
+        lines.append(f"    {row.source}/{row.truth} {row.seed}: {row.verdict}; {reason}"[:120])
     lines += ["", "Truth against verdict (medians; [ ] 95 % intervals)", "", _HEAD]
     for row in content["confusion"].itertuples():
         lines += _confusion_lines(row)
@@ -269,17 +269,17 @@ def _confusion_lines(row: tuple) -> list[str]:
         f"{_cell(row.before_over_floor, '.2f'):>7}{_cell(row.after_over_floor, '.2f'):>6}"
         f"{_cell(100 * row.coverage, '.0f'):>8}{_cell(row.width, '.2f'):>6}"
     )
-    said = row.verdicts.replace(";", ", ")
+    verdicts = row.verdicts.replace(";", ", ")
     if row.named_first:
-        said += "; first "
-        said += _fitting(row.named_first.split(";"), 120 - 14 - len(said))
+        verdicts += "; first "
+        verdicts += _fitting(row.named_first.split(";"), 120 - 14 - len(verdicts))
     # names of pairs may be longer than the column
     first = (
         [f"{row.source:<10}{row.truth:<35}{values}".rstrip()]
         if len(row.truth) < 35
         else [f"{row.source:<10}{row.truth}", f"{'':<45}{values}".rstrip()]
     )
-    return [*first, f"{'':<14}{said}"]
+    return [*first, f"{'':<14}{verdicts}"]
 
 
 def _fitting(names: Sequence[str], width: int) -> str:

@@ -1,1 +1,1 @@
-"""What a critique leaves behind as data: diagnosis, tables, saved model, and the numbers behind its pictures."""
+"""Results of a critique as data: diagnosis, tables, saved model, and the numbers behind its plots."""

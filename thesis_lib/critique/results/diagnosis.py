@@ -1,21 +1,18 @@
-"""diagnosis.json: the verdict, what is missing, what could not be told, and what to measure next.
+"""diagnosis.json: the verdict, missing effects, what cannot be told, and what to measure next.
 
-`diagnosis` shows all keys; not all of them say themselves what they hold:
+`diagnosis` lists all keys; these need an explanation (see also detectable.py, next_experiment.py):
 
 | where           | key                 | meaning                                                                     |
 |-----------------|---------------------|-----------------------------------------------------------------------------|
-|                 | summary             | sentences for a reader (see summary.py)                                     |
-|                 | augmented_model     | law and (μ, ε) with the effects on: another law may fit better then         |
+|                 | augmented_model     | law and (μ, ε) with effects; the law may differ from that of base_model     |
 |                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
-| effects         | clears              | whether it passes the thresholds: one that the user switched on may not     |
-|                 | material_in         | channels whose held-out misfit it lowers by an amount that counts           |
+| effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
+|                 | material_in         | channels whose held-out misfit it lowers materially                         |
 | error           | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
-|                 | irb_bound_augmented | with geometry, inertia and camera as the effects have them                  |
+|                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
-|                 | worst               | largest errors, where they and not the median lift the mean above the floor |
-| remaining       | channels            | those whose misfit stays far above noise                                    |
-| detectable      | significant, material | the two sizes of which `smallest` is the larger (see detectable.py)       |
-| next_experiment | shows, sigmas       | see next_experiment.py                                                      |
+|                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
+| remaining       | channels            | those with a misfit far above noise                                         |
 """
 
 import numpy as np
@@ -32,18 +29,15 @@ from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
-WORST = 5  # impacts that are listed where single ones spoil the mean
+WORST = 5  # impacts that are listed if single ones dominate the mean
 
 
 def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame | None = None) -> dict:
-    """The content of diagnosis.json, with numbers of six digits.
+    """Content of diagnosis.json, rounded to six digits.
 
-    Args:
-        critique: what was found.
-        rng: draws intervals and trial states.
-        rungs: table of the ladder, whose intervals are told here, too; None: made here.
+    `rng` draws intervals and trial states; `rungs` is the table of the ladder, None: made here.
     """
-    found = critique.discovery
+    discovery = critique.discovery
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     content = {
         "schema": 1,
@@ -51,12 +45,12 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "n_impacts": len(critique.observations),
         "n_trials": len(np.unique(critique.observations.trial)),
         "verdict": critique.verdict,
-        "base_model": {"name": found.base, "parameters": _parameters(base, ("mu", "epsilon"))},
+        "base_model": {"name": discovery.base, "parameters": _parameters(base, ("mu", "epsilon"))},
         "augmented_model": {
             "name": final.model.law.name,
             "parameters": _parameters(final, ("mu", "epsilon")),
         },
-        "effects": [_effect(critique, i, rng) for i in range(len(found.steps))],
+        "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,
@@ -66,7 +60,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
             "error": critique.remaining.error_before,
             "error_without_it": critique.remaining.error_after,
         },
-        "not_testable": [{"name": name, "why": why} for name, why in found.not_testable.items()],
+        "not_testable": [{"name": name, "why": why} for name, why in discovery.not_testable.items()],
         "left_out": _left_out(critique),
         "detectable": detectable(critique),
         "next_experiment": next_experiment(critique, rng),
@@ -77,7 +71,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     seed = int(rng.integers(2**63))  # a stream a law: a further law changes no other interval
     content["laws"] = {name: _law(critique, name, generator(seed, name)) for name in critique.laws}
     # the base law's error has one interval, that of the ladder
-    content["laws"][found.base]["interval"] = content["error"]["base_interval"]
+    content["laws"][discovery.base]["interval"] = content["error"]["base_interval"]
     content["summary"] = summary(content)
     return six_digits(content)
 

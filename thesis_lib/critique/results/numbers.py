@@ -1,4 +1,4 @@
-"""Numbers of a finished critique as pictures and page show them: ladder, errors of laws, parameters that moved."""
+"""Numbers of a critique for plots and pages: ladder, errors of laws, parameters that moved."""
 
 from collections.abc import Mapping
 
@@ -9,21 +9,20 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.model import BASE_PARAMETERS
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 
-MOVED, MATERIAL = 3.0, 0.02  # standard errors and share by which a parameter must move to have compensated
+MOVED, MATERIAL = 3.0, 0.02  # least change of a compensating parameter: standard errors, and share
 CHANNELS = ("flight", "meet", "touch")
 BASE_NAMES = tuple(p.name for p in BASE_PARAMETERS)
 
 
 def ladder_table(critique: Critique, tables: Mapping[str, pd.DataFrame] | None = None) -> pd.DataFrame:
-    """Held-out error after each added effect: columns label, error, error_low, error_high (m/s), flight, meet, touch.
+    """Held-out error after 0, 1, ... effects: label, error, error_low, error_high (m/s), flight, meet, touch (sigma).
 
-    The last three are in units of noise.  Rows are those of `tables["ladder"]` where there is one, so that page,
-    picture and table agree.
+    Rows come from `tables["ladder"]` if it exists, so that page, plot and table agree.
     """
     columns = ["label", "error", "error_low", "error_high", *CHANNELS]
-    given = (tables or {}).get("ladder")
-    if given is not None:
-        return given[columns].reset_index(drop=True)
+    stored = (tables or {}).get("ladder")
+    if stored is not None:
+        return stored[columns].reset_index(drop=True)
     rows = []
     for label, _, judged in critique.ladder:
         sigma = [float(np.sqrt(judged.sigmas[name])) for name in CHANNELS]
@@ -32,9 +31,9 @@ def ladder_table(critique: Critique, tables: Mapping[str, pd.DataFrame] | None =
 
 
 def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
-    """Held-out error and score of each law without effects, best first, and Best Post Hoc's error of each impact.
+    """Held-out error and score of each law without effects, best first, and Best Post Hoc's error (n,) in m/s.
 
-    Columns: model, error, error_low, error_high (m/s), gain, gain_low, gain_high (nats an impact, law minus base law).
+    Columns: model, error, error_low, error_high (m/s), gain, gain_low, gain_high (nats per impact over the base law).
     """
     base = critique.laws[critique.discovery.base]
     trials = np.unique(np.concatenate([base.trial, base.flight_trial]))
@@ -55,7 +54,7 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
 
 
 def parameter_table(critique: Critique) -> pd.DataFrame:
-    """Each parameter at each step of the ladder: columns label, parameter, unit, value, std."""
+    """Each parameter at each rung of the ladder: columns label, parameter, unit, value, std."""
     rows = []
     for label, fitted, _ in critique.ladder:
         declared = fitted.model.parameters
@@ -65,10 +64,9 @@ def parameter_table(critique: Critique) -> pd.DataFrame:
 
 
 def compensations(critique: Critique) -> pd.DataFrame:
-    """By how much each base parameter moved from the first rung to the last: columns parameter, before, after, sigmas.
+    """Change of each base parameter from the first to the last rung: columns parameter, before, after, sigmas.
 
-    `sigmas` is in standard errors of the two values together.  No rows where the law changed: μ and ε of different laws
-    mean different things.
+    `sigmas` is the change over the joint standard error.  Empty if the law changed: μ and ε of different laws differ.
     """
     first, last = critique.ladder[0][1], critique.ladder[-1][1]
     rows = []
@@ -83,13 +81,13 @@ def compensations(critique: Critique) -> pd.DataFrame:
 
 
 def compensated(critique: Critique) -> pd.DataFrame:
-    """The rows of `compensations` in which a parameter moved surely and by an amount that matters."""
+    """The rows of `compensations` with a significant and material change."""
     table = compensations(critique)
     return table[(table["sigmas"].abs() > MOVED) & (_share_moved(table) > MATERIAL)]
 
 
 def moved_little(critique: Critique) -> pd.DataFrame:
-    """The rows of `compensations` in which a parameter moved surely, but by no amount that matters."""
+    """The rows of `compensations` with a significant but immaterial change."""
     table = compensations(critique)
     return table[(table["sigmas"].abs() > MOVED) & (_share_moved(table) <= MATERIAL)]
 

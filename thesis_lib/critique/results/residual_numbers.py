@@ -1,4 +1,4 @@
-"""Residuals of impacts as pictures show them: errors, their parts in the contact frame, impulses in the energy disc.
+"""Residuals of impacts for plots: errors, their parts in the contact frame, impulses in the energy disc.
 
 | on paper | in code | unit | shape | |
 |---|---|---|---|---|
@@ -6,10 +6,10 @@
 | (δv_t, δv_n, δτ/k) | `contact_residuals` | m/s | (n, 3) | of the contact point, and the couple over m k |
 | z | `energy_disc` | 1 | (n, 2) | impulse in the energy ellipse, mapped to the unit disc |
 
-The energy disc: with M_C⁻¹ = L Lᵀ the impulse c is mapped to Lᵀ (c + M_C v_C) / √(v_Cᵀ M_C v_C), turned so that "no
-impulse" lies at (0, −1) and complete reversal of v_C at (0, 1), and mirrored so that impulses against the slip lie to
-the right.  The centre is the dead stop, the circle keeps all energy, and the squared radius is the share of the
-contact-space energy that is left (thesis, equations 3.5 and 3.6).
+With M_C⁻¹ = L Lᵀ, the energy disc maps the impulse c to Lᵀ (c + M_C v_C) / √(v_Cᵀ M_C v_C).  It is turned so that "no
+impulse" is at (0, −1) and complete reversal of v_C at (0, 1), and mirrored so that impulses against the slip are on the
+right.  The centre is the dead stop, the circle keeps all energy, and the squared radius is the remaining share of the
+contact-space energy (thesis, equations 3.5 and 3.6).
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ def impact_errors(fitted: Fit, observations: Observations) -> np.ndarray:
 
 
 def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
-    """Error (n, 3) of the velocity after impact in the contact frame, measured minus predicted, m/s."""
+    """Error (n, 3) in m/s of the contact-frame velocity after impact, measured minus predicted."""
     o = observations
     R = impact_residuals(fitted.model, fitted.values, o)[:, :3]
     before, _ = states_at_impact(fitted.model, fitted.values, o)
@@ -38,7 +38,7 @@ def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
 
 
 def energy_disc(fitted: Fit, observations: Observations) -> np.ndarray:
-    """Measured impulses in the unit disc of the energy ellipse, (n, 2); see the module's docstring."""
+    """Measured impulses (n, 2) in the unit disc of the energy ellipse."""
     o = observations
     before, after = states_at_impact(fitted.model, fitted.values, o)
     v_pre = np.stack([before.vx, before.vy, before.omega], axis=1)
@@ -61,9 +61,9 @@ def energy_disc(fitted: Fit, observations: Observations) -> np.ndarray:
 
 
 def dependence(values: np.ndarray, feature: np.ndarray, bins: int = 8) -> float:
-    """Share of the variance of `values` (n,) that the means within quantile bins of `feature` explain.
+    """Share of the variance of `values` (n,), clipped at five robust std, that quantile bins of `feature` explain.
 
-    Less what bins explain by chance, (bins − 1)/(n − 1); values are clipped at five robust standard deviations.
+    The share (bins − 1)/(n − 1) that bins explain by chance is subtracted.
     """
     centre = np.median(values)
     spread = robust_std(values - centre)

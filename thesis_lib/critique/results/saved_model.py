@@ -1,7 +1,6 @@
-"""A fitted model as a file: law, parameters, effects and the rig they belong to; and its predictions.
+"""A fitted model as a file: law, parameters, effects and rig; and its predictions.
 
-model.json is checked against `SavedModel` when it is read, so that a file that was edited by hand, or that names an
-effect of another version, is refused with the reason instead of predicting something else.
+`SavedModel` validates model.json, so that a file with edits, or with an unknown effect, is refused with the reason.
 """
 
 import csv
@@ -27,11 +26,11 @@ from thesis_lib.foundation.settings import Section
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")
 POST = ("vx_post", "vy_post", "omega_post")
-OPTIONAL = ("trial", "t")  # needed by effects that change over time
+OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
-_PULL = 1.0  # release or s: a step of `trial` and `t` that shows whether a model looks at them
+_PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a model depends on them
 
 
 class SavedParameter(Section):
@@ -66,7 +65,7 @@ class SavedModel(Section):
 
     @property
     def model(self) -> Model:
-        """Law and effects."""
+        """Law with effects."""
         return Model(LAWS[self.law], tuple(EFFECTS[name] for name in self.effects))
 
     @property
@@ -76,12 +75,12 @@ class SavedModel(Section):
 
     @property
     def believed(self) -> Rig:
-        """The rig as the effects take it."""
+        """The rig in the form that effects use."""
         return Rig(self.rig.shape, self.rig.radius_of_gyration, self.rig.gravity, self.rig.height)
 
 
 def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
-    """What model.json holds of a fitted model."""
+    """Content of model.json for a fitted model."""
     parameters = {
         name: {
             "value": fitted.values[name],
@@ -101,7 +100,7 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
                 "scatter": fitted.sigma_m,
             }
         )
-        # what the user gave is not rounded
+        # values of the user are not rounded
         | {
             "rig": {
                 "shape": rig.shape.model_dump(mode="json"),
@@ -122,7 +121,7 @@ def load_model(path: str | Path) -> SavedModel:
     """Read model.json.
 
     Raises:
-        UserError: there is no such file, it is no model, or it names a law, effect or parameter that is not known.
+        UserError: the file is missing or invalid, or names an unknown law, effect or parameter.
     """
     try:
         regular_size(path, MAX_MODEL)
@@ -150,7 +149,7 @@ def load_model(path: str | Path) -> SavedModel:
     try:
         with np.errstate(all="ignore"):
             _after(model, State(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
-    except (ArithmeticError, ValueError) as error:  # sizes of 1e308 m and the like
+    except (ArithmeticError, ValueError) as error:  # for example sizes of 1e308 m
         raise UserError(
             f"{path} holds numbers that cannot be computed with ({error}). Write it again."
         ) from error
@@ -158,10 +157,10 @@ def load_model(path: str | Path) -> SavedModel:
 
 
 def read_states(path: str | Path) -> pd.DataFrame:
-    """The table that `predict` takes, from a CSV file of a user.
+    """Read the states for `predict` from a CSV file.
 
     Raises:
-        UserError: there is no such file, or it is no table of numbers below column names.
+        UserError: the file is missing, or is no table of numbers with column names.
     """
     content = read_bytes(path, MAX_STATES)
     try:
@@ -169,7 +168,7 @@ def read_states(path: str | Path) -> pd.DataFrame:
         if len(set(names)) < len(names) or len(names) > MAX_COLUMNS:
             raise ValueError("the first row must hold column names, each once")
         return pd.read_csv(io.BytesIO(content), index_col=False, encoding="utf-8-sig")
-    except Exception as error:  # the parser's own errors are of many kinds
+    except Exception as error:  # the parser raises errors of many kinds
         raise UserError(f"{path} is not a CSV table: {error}") from error
 
 
@@ -177,22 +176,21 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
     """Velocity after impact for each row.
 
     Args:
-        model: as saved.
-        states: x, y, theta, vx, vy, omega just before impact (m, rad, m/s, rad/s), as measured; further columns stay.
-            `trial` and `t` are needed only where an effect looks at them.
-        source: file that they are from, for messages.
+        states: measured x, y, theta, vx, vy, omega just before impact (m, rad, m/s, rad/s); `trial` and `t` if an
+            effect depends on them; further columns are kept.
+        source: name of their file for messages.
 
     Returns:
         The table with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
 
     Raises:
-        UserError: a column is missing or holds something other than finite numbers.
+        UserError: a column is missing, or a value is not a finite number.
     """
-    where = f"{source}: " if source else ""
+    prefix = f"{source}: " if source else ""
     missing = [name for name in STATE if name not in states]
     if missing:
         raise UserError(
-            f"{where}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
+            f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
             "(m, rad, m/s, rad/s) just before impact."
         )
     columns = {}
@@ -201,11 +199,11 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
             try:
                 columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
             except OverflowError as error:
-                raise UserError(f"{where}The column {name} holds a number that is too large.") from error
+                raise UserError(f"{prefix}The column {name} holds a number that is too large.") from error
             bad = np.flatnonzero(~np.isfinite(columns[name]))
             if len(bad):
                 raise UserError(
-                    f"{where}The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
+                    f"{prefix}The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
                     "below the header."
                 )
     n = len(states)
@@ -216,7 +214,7 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
             moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
             if not np.array_equal(after, moved, equal_nan=True):
                 raise UserError(
-                    f"{where}This model depends on {name} ({', '.join(model.effects)}): "
+                    f"{prefix}This model depends on {name} ({', '.join(model.effects)}): "
                     f"add the column {name} to the states."
                 )
     status = np.where((after == state.v).all(axis=1), "not_approaching", "ok")

@@ -1,7 +1,7 @@
-"""The verdict and what to do, in a few sentences written from the content of diagnosis.json.
+"""The verdict and what to do, in a few sentences from the content of diagnosis.json.
 
-Faults of the measurement come first, and what may be one; then impacts left out, the verdict, effects that the user
-switched on though the data do not ask for them, single impacts that go wrong, and what to do next.
+Their order: faults of the measurement and possible ones, impacts left out, the verdict, effects switched on by hand
+without support in the data, single impacts with large errors, and what to do next.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,11 +19,11 @@ from thesis_lib.critique.drops.words import (
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import listed
 
-MUCH_LEFT_OUT = 0.2  # share of the impacts above which the verdict says so
+MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
 
 
 def summary(content: Mapping) -> list[str]:
-    """Sentences for a reader; `content` is diagnosis.json without them."""
+    """Sentences for a reader; `content` is diagnosis.json without its summary."""
     found = [e for e in content["effects"] if e["clears"]]
     by_hand = [e for e in content["effects"] if not e["clears"]]
     faults = [e for e in found if e["family"] == "measurement"]
@@ -34,7 +34,7 @@ def summary(content: Mapping) -> list[str]:
 
 
 def possible_faults(effect: Mapping) -> list[str]:
-    """Effects of the measurement that the data cannot tell from this one, which is none."""
+    """Measurement effects that the data cannot tell from `effect`; none if it is one itself."""
     if effect["family"] == "measurement":
         return []
     others = effect["indistinguishable_from"]
@@ -75,7 +75,7 @@ def _adequate(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequ
     error, law = content["error"], _law(content, "base_model")
     most = " for most impacts" if error["worst"] else ""
     if by_hand:
-        # nothing else was tried, so nothing is known of the rest of the library
+        # no other effect was tried, so that nothing is known about them
         return [
             f"{law} is adequate{most} as far as was tested: its held-out error is {_speed(error['base'])}"
             f"{_floor(error)}, and other effects than those that you chose were not tried."
@@ -112,7 +112,7 @@ def _effects(content: Mapping, found: Sequence, faults: Sequence, by_hand: Seque
 
 
 def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
-    error, left = content["error"], content["remaining"]
+    error, remaining = content["error"], content["remaining"]
     physics = [_named(e) for e in found if e not in faults]
     beyond = f"; its held-out error is {_speed(error['base'])}{_floor(error)}"
     if found:
@@ -123,10 +123,10 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
         else "that no effect in the library explains"
     )
     sentences = [f"{_law(content, 'base_model')} misses something {tried}{beyond}."]
-    where = [CHANNEL_TEXT[name] for name in left["channels"] if name != "impact"]
-    if where:
-        sentences.append(f"Far more than noise is left in {listed(where)}.")
-    on = listed([f"the {feature_text(name)}" for name in left["depends_on"]])
+    channels = [CHANNEL_TEXT[name] for name in remaining["channels"] if name != "impact"]
+    if channels:
+        sentences.append(f"Far more than noise is left in {listed(channels)}.")
+    on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
     sentences.append(
         (f"What is left depends on {on}: look there" if on else "Look at what is left")
         + " for a cause that the library does not hold, or learn it as a residual."
@@ -139,7 +139,7 @@ def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mappi
         return []
     names = listed([EFFECTS[e["name"]].title for e in by_hand])
     it, error = "them" if len(by_hand) > 1 else "it", content["error"]
-    # with others on, the change of the error is not theirs alone
+    # other effects share in the change of the error
     change = (
         ""
         if found
@@ -172,7 +172,7 @@ def _with(content: Mapping, found: Sequence[Mapping]) -> str:
 
 
 def _fall(content: Mapping, found: Sequence[Mapping]) -> str:
-    """What becomes of the misfits, those in which the effects are material first."""
+    """Change of the misfits, those with a material change first."""
     error = content["error"]
     moves = "falls" if error["augmented"] < error["base"] else "goes"
     ends = f"{moves} from {_speed(error['base'])} to {_speed(error['augmented'])}{_floor(error)}"

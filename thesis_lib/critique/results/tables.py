@@ -1,19 +1,18 @@
 """Tables of the critique: comparison, errors, ladder, impacts used and left out, flights, error budget.
 
-All errors of comparison, ladder and budget are those of held-out impacts; `errors` and `flights` hold every impact and
-every flight, with a mark (`held_out`).
-foundation/columns.yaml explains the columns.  The budget splits the mean square error of the base law in (m/s)²:
+Comparison, ladder and budget use held-out impacts; `errors` and `flights` hold every impact and flight, with a mark
+(`held_out`).  foundation/columns.yaml explains the columns.  The budget splits the mean square error of the base law:
 
 | part                | definition                                                                                    |
 |---------------------|-----------------------------------------------------------------------------------------------|
-| noise               | trace of the kinetic covariance that the measured noise gives to the error                    |
-| parameters          | trace of J Cov(μ, ε) Jᵀ: how far the fit may be off because the training data are few         |
-| rigid_point_contact | mean square IRB error, less what it is on data made by the base law with the measured noise   |
-| choice_of_law       | base law less Best Post Hoc of the six, less the same difference on those made data           |
-| rest                | what is left of the total: an effect that is missing, or scatter                              |
+| noise               | trace of the kinetic covariance of the error from measured noise                              |
+| parameters          | trace of J Cov(μ, ε) Jᵀ, the error of the fit because training data are few                   |
+| rigid_point_contact | mean square IRB error, less that on data drawn from the base law with the measured noise      |
+| choice_of_law       | base law less Best Post Hoc of the six, less the same difference on drawn data                |
+| rest                | remainder of the total: a missing effect, or scatter                                          |
 
-The parts are taken off one after the other in this order and never below zero, so that they sum to the total.  The
-largest 2 % of the errors are left aside, because a single missed hit would else be most of a mean square.
+Parts are subtracted in this order, each between zero and the remainder, so that they sum to the total.  The largest 2 %
+of the errors are excluded: a single missed hit would dominate a mean square.
 """
 
 import numpy as np
@@ -38,16 +37,16 @@ from thesis_lib.impact_study.individual import fit_individual
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 DRAWS = 999  # resamples of trials for an interval
-SYNTHETIC = 4  # datasets made by the base law, averaged
-MOST_IN_RANGE = 400  # held-out impacts fitted one by one: a share is then known to 2.5 %
-RANGE_FLOORS = 2.0  # an outcome is in range if some (μ, ε) comes within this many noise floors of it
-RANGE_UNKNOWN = 0.1  # m/s, the same where the noise is unknown
-TRIM = 0.02  # share of the impacts, largest errors first, that the budget leaves aside
+SYNTHETIC = 4  # datasets drawn from the base law, averaged
+MOST_IN_RANGE = 400  # held-out impacts fitted one by one: a share then has an error of 2.5 %
+RANGE_FLOORS = 2.0  # noise floors: an outcome is in range if some (μ, ε) comes this near
+RANGE_UNKNOWN = 0.1  # m/s, the same if the noise is unknown
+TRIM = 0.02  # share of the impacts, largest errors first, that the budget excludes
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
 def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    """All tables by file stem, with every column explained in columns.yaml.
+    """All tables by file stem; columns.yaml explains every column.
 
     Raises:
         KeyError: a column is not explained.
@@ -69,12 +68,12 @@ def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFra
 def comparison(critique: Critique) -> pd.DataFrame:
     """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
     o = critique.held_out
-    found = critique.discovery.bases
-    residuals = {name: _errors(fitted, o) for name, (fitted, _) in found.items()}
+    bases = critique.discovery.bases
+    residuals = {name: _errors(fitted, o) for name, (fitted, _) in bases.items()}
     base = critique.ladder[0][1]
     share, tolerance = _shares_in_range(critique)
     rows = []
-    for name, (fitted, _) in found.items():
+    for name, (fitted, _) in bases.items():
         judged = critique.laws[name]
         rows.append(
             _row(name, "law", residuals[name], fitted, judged)
@@ -96,13 +95,13 @@ def comparison(critique: Critique) -> pd.DataFrame:
 
 
 def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
-    """Error (n,) in m/s of the best impulse that a rigid point contact at the believed geometry allows."""
+    """Error (n,) in m/s of the best impulse of a rigid point contact at the believed geometry."""
     v_pre, v_post, r = velocities(fitted, observations)
     return irb_bound(v_pre, v_post, r, mass=1.0, k_g=observations.rig.k_g).error
 
 
 def errors(critique: Critique) -> pd.DataFrame:
-    """A row per impact and model (base, and augmented if there is one) with the error in the contact frame."""
+    """A row per impact and model (base, and augmented if there are effects) with the error in the contact frame."""
     o = critique.observations
     models = {"base": critique.ladder[0][1]}
     if critique.discovery.steps:
@@ -131,7 +130,7 @@ def errors(critique: Critique) -> pd.DataFrame:
 
 
 def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
-    """A row per rung: without effects, and after each one."""
+    """A row per rung: after 0, 1, ... effects."""
     rows, previous = [], None
     for step, (label, _, judged) in enumerate(critique.ladder):
         low, high = bootstrap_mean(judged.error, judged.trial, DRAWS, rng)
@@ -169,13 +168,13 @@ def impacts(critique: Critique) -> pd.DataFrame:
 
 def left_out_impacts(observations: Observations) -> pd.DataFrame:
     """Impacts that were detected but not used: trial, impact, t, reason, detail."""
-    found = observations.found
-    left_out = found.left_out[["trial", "impact", "t", "reason", "detail"]].copy()
+    detected = observations.found
+    left_out = detected.left_out[["trial", "impact", "t", "reason", "detail"]].copy()
     if not observations.arcs:
         return left_out
-    # detection uses arcs of both sides together; the critique needs a line on each side by itself
-    arcs = found.arcs[found.arcs["used"].astype(bool)]
-    known = pd.MultiIndex.from_arrays([found.impacts.trial, found.impacts.impact])
+    # detection fits arcs of both sides together; the critique needs a line on each side
+    arcs = detected.arcs[detected.arcs["used"].astype(bool)]
+    known = pd.MultiIndex.from_arrays([detected.impacts.trial, detected.impacts.impact])
     short = arcs[~pd.MultiIndex.from_frame(arcs[["trial", "impact"]]).isin(known)]
     short = short[["trial", "impact", "t"]].assign(
         reason="window_too_short", detail="fewer than three samples clear of contact on one side"
@@ -184,7 +183,7 @@ def left_out_impacts(observations: Observations) -> pd.DataFrame:
 
 
 def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
-    """Parts of the mean square error of the base law on held-out impacts; see the module's text."""
+    """Parts of the mean square error of the base law on held-out impacts, as in the module's table."""
     o, base = critique.held_out, critique.ladder[0][1]
     laws = [fitted for fitted, _ in critique.discovery.bases.values()]
     weights = np.array([1.0, 1.0, o.rig.k_g]) ** 2
@@ -201,12 +200,12 @@ def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
         "rigid_point_contact": irb - np.nan_to_num(made_irb),
         "choice_of_law": gap - np.nan_to_num(made_gap),
     }
-    left, rows = squares, []
+    remainder, rows = squares, []
     for part, goal in goals.items():
-        amount = float(np.clip(goal, 0.0, left))
-        left -= amount
+        amount = float(np.clip(goal, 0.0, remainder))
+        remainder -= amount
         rows.append({"part": part, "mean_square": amount, "share": amount / squares})
-    rows.append({"part": "rest", "mean_square": left, "share": left / squares})
+    rows.append({"part": "rest", "mean_square": remainder, "share": remainder / squares})
     return pd.DataFrame(rows)
 
 
@@ -236,7 +235,7 @@ def _row(
 
 
 def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
-    """By law, the share of held-out outcomes that some (μ, ε) of their own would bring within the tolerance."""
+    """By law, the share of held-out outcomes that some (μ, ε) brings within the tolerance, and this in m/s."""
     o, base = critique.held_out, critique.ladder[0][1]
     floor = critique.ladder[0][2].floor
     tolerance = RANGE_FLOORS * floor if np.isfinite(floor) else RANGE_UNKNOWN
@@ -245,15 +244,15 @@ def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
     target = target_of(
         Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g)
     )
-    found = {}
+    shares = {}
     for name, (fitted, _) in critique.discovery.bases.items():
         error = fit_individual(fitted.model.law, target, "velocity").error
-        found[name] = float(np.mean(np.nan_to_num(error, nan=np.inf) <= tolerance))
-    return found, tolerance
+        shares[name] = float(np.mean(np.nan_to_num(error, nan=np.inf) <= tolerance))
+    return shares, tolerance
 
 
 def _bounds(base: Fit, laws: list[Fit], o: Observations) -> tuple[float, float, float]:
-    """Trimmed mean squares in (m/s)²: of the base law, of the IRB bound, and of the base law less Best Post Hoc."""
+    """Trimmed mean squares, (m/s)²: of the base law, of the IRB bound, and of the base law less Best Post Hoc."""
     error = _errors(base, o)
     keep = _kept(error)
     table = np.stack([_errors(fitted, o)[keep] for fitted in laws], axis=1)
@@ -263,13 +262,13 @@ def _bounds(base: Fit, laws: list[Fit], o: Observations) -> tuple[float, float, 
 
 
 def _kept(error: np.ndarray) -> np.ndarray:
-    """Rows without the largest `TRIM` of the errors and without failed solves."""
+    """Indices of the rows without the largest `TRIM` of the errors and without failed solves."""
     order = np.argsort(np.where(np.isfinite(error), error, np.inf), kind="stable")
     return np.sort(order[: max(1, min(np.isfinite(error).sum(), round((1.0 - TRIM) * len(error))))])
 
 
 def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> float:
-    """Mean of trace(J Cov Jᵀ) in the kinetic metric, J by secants over a standard error."""
+    """Mean of trace(J Cov Jᵀ) in the kinetic metric, (m/s)², with secants J over a standard error."""
     free = [name for name, p in fitted.model.parameters.items() if p.discrete is None]
     columns = []
     for name in free:

@@ -1,4 +1,4 @@
-"""Names of laws, effects, parameters and features as people read them, with handy units."""
+"""Readable names of laws, effects, parameters and features, with handy units."""
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.criticise import Critique
@@ -34,34 +34,34 @@ GREEK = {
 
 
 def handy_unit(size: float, unit: str) -> tuple[float, str]:
-    """Factor and unit in which a length or an angle of this size reads well: below 0.1 in mm and mrad."""
+    """Factor and unit for a length or an angle of this size: below 0.1 in mm and mrad."""
     small = unit in ("m", "rad") and 0.0 < abs(size) < 0.1
     return (1e3, f"m{unit}") if small else (1.0, unit)
 
 
 def symbol(name: str) -> str:
-    """A parameter's name with Greek letters, in plain text: c_mu as c_μ."""
+    """A parameter's name with Greek letters: c_mu as c_μ."""
     return "_".join(GREEK.get(part, part) for part in name.split("_"))
 
 
 def law_title(name: str) -> str:
-    """Title of a law, or its name where it has none."""
+    """Title of a law, or its name if it has none."""
     return LAWS[name].title if name in LAWS else name
 
 
 def effect_title(name: str) -> str:
-    """Title of an effect, or its name where it is not in the library (any more)."""
+    """Title of an effect, or its name if the library does not hold it."""
     return EFFECTS[name].title if name in EFFECTS else name.replace("_", " ")
 
 
 def new_law(critique: Critique, i: int) -> str:
-    """Title of the law at the i-th rung of the ladder if it is another one than at the rung before, else ''."""
+    """Title of the law at the i-th rung of the ladder if it differs from the rung before, else ''."""
     before, here = (critique.ladder[j][1].model.law.name for j in (max(i - 1, 0), i))
     return law_title(here) if here != before else ""
 
 
 def rung_title(critique: Critique, i: int) -> str:
-    """Label of the i-th rung of the ladder: the base law, or what was added and whether the law changed with it."""
+    """Label of the i-th rung of the ladder: the base law, or the added effect and a change of law."""
     if i == 0:
         return law_title(critique.discovery.base)
     law = new_law(critique, i)
@@ -69,6 +69,6 @@ def rung_title(critique: Critique, i: int) -> str:
 
 
 def unit_of(feature: str) -> str:
-    """Unit of a feature as axes show it, '' for pure numbers."""
+    """Unit of a feature for axes; '' for pure numbers."""
     unit = FEATURES[feature][0] if feature in FEATURES else "1"
     return "" if unit == "1" else unit

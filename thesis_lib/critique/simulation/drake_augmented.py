@@ -6,12 +6,8 @@ and goes on with the velocity that the model predicts:
 
     M v̇ = M g + f     between touches,        v⁺ = predict(q, v⁻)     where φ_n(q) − gap(q, v⁻) = 0
 
-The record holds the true state as the model's camera, with its faults, sees it.
-
-| on paper | in code         | unit               | shape  | meaning                                          |
-|----------|-----------------|--------------------|--------|--------------------------------------------------|
-| q, v     | `q`, `v`        | m, rad; m/s, rad/s | (3,)   | true pose and velocity of the body               |
-| φ_n      | `gap`           | m                  | (s,)   | gap of the believed shape, less what effects add |
+Here q, v (3,) are the true pose and velocity, and φ_n is the gap of the believed shape in m.  The record holds the
+state as the model's camera, with its faults, sees it.
 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (LeafSystem, MultibodyPlant).
 """
@@ -86,7 +82,7 @@ def simulate_augmented_in_drake(
     noises = noise_rng.standard_normal((n, len(samples), 3))[
         table["trial"], np.rint(table["t"] * rate).astype(int)
     ]
-    table[list(POSE)] += [one or 0.0 for one in sigma] * noises
+    table[list(POSE)] += [std or 0.0 for std in sigma] * noises
     header = Header(
         schema=1,
         description=f"{n} drops",

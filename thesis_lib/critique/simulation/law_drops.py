@@ -94,18 +94,18 @@ def _step(
 ) -> State:
     """One step of h seconds for all drops; `alive` (n,) is cleared for drops that come to rest."""
     n = len(s.x)
-    left = np.full(n, h)
+    remaining = np.full(n, h)
     for _ in range(3):  # impacts of one body within a millisecond
-        end = _fly(model, values, rig, s, left)
-        hits = alive & (model.gap(end, values, rig) < 0.0) & (left > 0.0)
+        end = _fly(model, values, rig, s, remaining)
+        hits = alive & (model.gap(end, values, rig) < 0.0) & (remaining > 0.0)
         if not hits.any():
             return end
-        low, high = np.zeros(n), left.copy()
+        low, high = np.zeros(n), remaining.copy()
         for _ in range(40):
             middle = 0.5 * (low + high)
             below = model.gap(_fly(model, values, rig, s, middle), values, rig) < 0.0
             low, high = np.where(below, low, middle), np.where(below, middle, high)
-        at = _fly(model, values, rig, s, np.where(hits, low, left))
+        at = _fly(model, values, rig, s, np.where(hits, low, remaining))
         after = model.predict(at, values, rig)
         moved = {
             name: np.where(hits, getattr(after, name), getattr(at, name)) for name in ("vx", "vy", "omega")
@@ -114,5 +114,5 @@ def _step(
         approach = at.vy + r[:, 0] * at.omega
         alive &= ~(hits & (approach > -REST))
         s = at.moved(**moved)
-        left = np.where(hits, left - low, 0.0)
+        remaining = np.where(hits, remaining - low, 0.0)
     return s

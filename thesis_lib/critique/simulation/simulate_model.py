@@ -1,18 +1,13 @@
 """Simulate drops of a saved model: law, effects and rig of a model.json.
 
 Two engines resolve every touch with the model and fly with its acceleration: `law_drops` and Drake
-(`drake_augmented`).  Equal releases give equal paths in both.  Scatter beyond noise has no known cause and is not
-drawn.
+(`drake_augmented`).  Equal releases give equal paths in both.  Scatter beyond noise is not drawn.
 
 Releases are those of the proof or of a dataset.  The latter are the states before the first impact of each trial,
-traced back to the first sample t_0, or without trajectories (impacts.csv) to v_y = 0:
+traced back to the first sample t_0, or without trajectories (impacts.csv) to v_y = 0, with the model's measured
+acceleration in flight a (m, 3):
 
     q_0 = q − v T + a T²/2,    v_0 = v − a T,    T = t_c − t_0   or   |v_y| / g
-
-| on paper | in code        | unit               | shape   | meaning                                        |
-|----------|----------------|--------------------|---------|------------------------------------------------|
-| q_0, v_0 | `q`, `v`       | m, rad; m/s, rad/s | (m, 3)  | true states at release, height above surface   |
-| a        | `a`            | m/s², rad/s²       | (m, 3)  | measured acceleration in flight, of the model  |
 """
 
 import math
@@ -41,7 +36,7 @@ CLEAR = 0.01  # m, least height of the lowest point at release
 
 @dataclass(frozen=True)
 class MeasuredReleases:
-    """Releases of a dataset, q and v (m, 3): each once in order, then drawn with replacement."""
+    """True poses q, height above the surface, and velocities v (m, 3): each once in order, then with replacement."""
 
     q: np.ndarray
     v: np.ndarray

@@ -4,8 +4,8 @@
 
 a_c comes from a parabola through all samples of the flight, σ_c from their noise (`observations`), and â_c from the
 model.  Noise alone gives z_c a spread of 1.  State and features are those of the centre of mass at mid-flight.  The
-duration of the flight is a feature too: σ_c falls with its power −5/2, so that only long flights show small deviations.
-The columns `residual_x`, `_y`, `_theta` hold z_c, and `misfit` holds z.
+duration of the flight is a feature too: σ_c falls with its power −5/2, so that only long flights show small
+deviations.  The columns `residual_x`, `_y`, `_theta` hold z_c, and `misfit` holds z.
 """
 
 import numpy as np
@@ -49,7 +49,7 @@ def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
 
 
 def flight_table(critique: Critique) -> pd.DataFrame:
-    """A row per flight and model (base, and augmented if it differs); empty without trajectories."""
+    """A row per flight and model (base, and augmented if there are effects); empty without trajectories."""
     o = critique.observations
     models = {"base": critique.ladder[0][1]}
     if len(critique.ladder) > 1:
