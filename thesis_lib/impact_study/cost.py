@@ -41,9 +41,8 @@ class Target:
     """Measured impulses and contact spaces of n impacts, computed once for all laws and parameters.
 
     Attributes:
-        c_t, c_n: (n,) measured impulse c_irb, N s.
+        c_t, c_n, mass: (n,) measured impulse c_irb in N s, mass in kg.
         unreachable: (n,) m/s, kinetic norm of the part of Δv that no impulse through the contact point can give.
-        mass: kg.
     """
 
     space: ContactSpace

@@ -58,7 +58,6 @@ def fit_ensemble(
     """Best common (μ, ε) of n measured impacts.
 
     Args:
-        metric: "impulse" (the thesis) or "velocity".
         trials: (n,) trial of each impact, the unit of the bootstrap; each impact by itself if omitted.
         bootstrap: replicates for the standard errors; 0 for none, otherwise `rng` is needed.
 

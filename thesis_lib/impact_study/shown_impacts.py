@@ -1,10 +1,5 @@
 """The two impacts of figure 3-11, which explain unusual parameters.
 
-| on paper | in code                  | unit | shape |                                                           |
-|----------|--------------------------|------|-------|-----------------------------------------------------------|
-| c_irb    | `Target.c_t`, `.c_n`     | N s  | (n,)  | measured impulse, eq. 3.7                                 |
-| r_x      | `Impacts.r[:, 0]`        | m    | (n,)  | horizontal distance of the contact from the centre of mass |
-
 (a) μ = 0.  Among impacts whose individual μ is below `MU_ZERO`, the quarter with the contact point nearest to below
     the centre of mass; of these the one with the largest misfit.  Without such impacts: the one with the least μ.
 (b) Spin reversal.  Among impacts whose measured impulse lies beyond the line of sticking, the one at the median

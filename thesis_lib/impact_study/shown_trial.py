@@ -43,11 +43,7 @@ def pick_trial(arcs: pd.DataFrame) -> int:
 def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity: float) -> np.ndarray:
     """Velocities (n, 3) at a trial's samples; NaN with fewer than three neighbours between the same two impacts.
 
-    Args:
-        t: (n,) s, increasing.
-        pose: (n, 3) x, y, θ.
-        hits: instants of all impacts in s, measurable or not.
-        gravity: m/s².
+    `t` (n,) in s increases, `pose` (n, 3) is x, y, θ; `hits` are the instants of all impacts in s, measurable or not.
     """
     stretch = np.searchsorted(np.sort(hits), t)
     first, last = np.searchsorted(stretch, stretch), np.searchsorted(stretch, stretch, side="right")

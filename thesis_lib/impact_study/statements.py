@@ -16,8 +16,7 @@ A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if un
 | local_minima               | points of that grid that are below all eight neighbours                          |
 | small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
 
-`converged_at` without a law is that of the slowest law in the table.
-Rows about individual parameters are explained in `individual_statements`, those about energy in `energy`.
+`converged_at` without a law is that of the slowest law.  `individual_statements` and `energy` explain their rows.
 """
 
 import itertools
@@ -53,12 +52,10 @@ def statements(
     """All statements, in the kinetic weighting.
 
     Args:
-        impacts: at least the impacts studied.
         split: trial, impact, train; predictions are judged on impacts with train = 0 only.
         ensemble, individual: parameters of both weightings; `individual` of all impacts studied.
-        errors: `held_out_errors` in the kinetic weighting.
+        errors, energy: tables of `held_out_errors` in the kinetic weighting and of `energy_statements`.
         topography, convergence: as in figure 3-7; `convergence` for any laws.
-        energy: rows of `energy_statements` to append.
     """
     held_out = pick(impacts, split, train=0)
     ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")

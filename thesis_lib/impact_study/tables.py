@@ -65,10 +65,7 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
 
 
 def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float) -> pd.DataFrame:
-    """Table 3.2: share of outcomes within each law's range, with standard errors.
-
-    Tolerances are in m/s, of impulse over mass, so that datasets without a mass can be compared.
-    """
+    """Table 3.2: share of outcomes within each law's range; tolerances in m/s, of impulse over mass."""
     rows = []
     for (weighting, chosen), (variant, laws) in itertools.product(
         individual.groupby("weighting"), VARIANTS.items()

@@ -16,8 +16,6 @@ try all sixteen pairs of modes.  A copy without a solution is NaN from that step
 | f_ext    | `f_ext`      | N, N m         | (n or 1, m, 5) | known external force                                 |
 | c_n, c_t | `c_n`, `c_t` | N              | (n, m, 2)     | contact forces                                        |
 | K        | `K`          | 1/kg           | (n, 4, 4)     | J M⁻¹ J', rows J_t of both pairs, then J_n            |
-
-Sources: see `simulate.stepping.stepping`.
 """
 
 from collections.abc import Callable
@@ -66,11 +64,9 @@ def simulate_copies(
 
     Args:
         arm: only its lengths, base, radius and gravity are used.
-        theta: (n, 6) base parameters with a positive definite mass matrix.
-        q0, v0: (n, 5) initial states.
+        theta, q0, v0: (n, 6) base parameters with a positive definite mass matrix, (n, 5) initial states.
         f_ext: (m, 5) for all copies, or (n, m, 5), in N and N m.
-        h: time step in s.
-        mu, epsilon: friction and restitution of both pairs.
+        h, mu, epsilon: time step in s, friction and restitution of both pairs.
         extra: further generalised force, evaluated at the start of each step.
     """
     f_ext = np.asarray(f_ext, dtype=float)

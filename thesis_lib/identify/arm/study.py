@@ -1,4 +1,4 @@
-"""Accuracy of the contact forces and base parameters of arm and disk, without and with noise (thesis figure 2-12).
+"""Accuracy of the contact forces and base parameters of arm and disk, without and with noise (thesis 2.4, figure 2-12).
 
 Three methods identify the same trajectories; base parameters and forces are unknown to all:
 
@@ -6,20 +6,14 @@ Three methods identify the same trajectories; base parameters and forces are unk
     plain    the same on noisy states; a gap or sliding velocity within a few standard deviations counts as zero
     ours     maximum likelihood by shooting from blind starts (`fit`)
 
-The error of a pair's force c = (c_t, c_n) is relative, separately over contact steps without and with impact:
+The error of a pair's force c = (c_t, c_n) is relative, over contact steps without impact (`force_error`) and with
+(`impact_error`):
 
     e = √(Σ |ĉ_k - c_k|² / Σ |c_k|²).
 
 A step has contact if the true or the estimated c_n is positive.  An impact is a step with |c| above ten times its
 median over contact, with its two neighbours: a dead impact takes two steps, and an impact estimated a step late must
 not spoil the other sum.
-
-| on paper | in code            | unit | shape     |                                                          |
-|----------|--------------------|------|-----------|----------------------------------------------------------|
-| c        | `c_n`, `c_t`       | N    | (m, 2)    | contact forces, pairs ("arm", "ground")                  |
-| e        | `force_error`      | 1    |           | without impacts; also `impact_error`                     |
-
-Source: thesis section 2.4, figure 2-12.
 """
 
 from collections.abc import Callable
@@ -89,10 +83,8 @@ def arm_window(
 
     Args:
         arm: only its lengths, base, radius and gravity are used.
-        q, v: (m+1, 5) states.
-        f_ext: (m, 5) known force in N, N m.
-        h: time step in s.
-        mu: friction coefficient of both pairs.
+        q, v, f_ext: (m+1, 5) states and (m, 5) known force in N, N m.
+        h, mu: time step in s, friction coefficient of both pairs.
         sigma: (2, 5) noise of q and v; None: states without noise.
         tolerances: standard deviations of gap and sliding velocity that count as zero.
 

@@ -11,8 +11,6 @@ in (m/I, 1/m, 1/I, m/I²) are analysed as well.
 | `rank`           | 1    | combinations of (m, I) that are determined |
 | `eq_2_18_rank`   | 1    | rank of eq. 2.18's four columns; -1 where the case does not slide |
 | `not_identified` |      | changes of the parameters that nothing observes |
-
-Source: thesis section 2.3.3, eqs. 2.15-2.18.
 """
 
 from collections.abc import Callable

@@ -25,8 +25,6 @@ printed they do not, because it has F_y + h (m/I) F_θ where the normal velocity
 | Ỹ        | `projected`        | f per Θ  | (m, nv, n_Θ) | regressor outside the span of contact forces             |
 |          | `singular_values`  | 1        | (n_Θ,)       | of Ỹ with columns scaled by those of Y                   |
 | α        | `alpha`            | 1        |              | smallest eigenvalue of the mean of Ỹ'Ỹ, so scaled        |
-
-Source: thesis section 2.3.3.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Projection of measured states to the contact manifold: the thesis's third treatment of uncertainty (section 2.3.2).
+"""Projection of measured states to the contact manifold: thesis section 2.3.2, approach 3, figure 2-5.
 
 Noise and discretisation leave a contact at a small gap, where eq. 2.12 allows no force.  A step whose expected gap lies
 below a tolerance is taken as contact, and its pose moves to the nearest touching pose by Newton steps
@@ -6,17 +6,11 @@ below a tolerance is taken as contact, and its pose moves to the nearest touchin
     q ← q − W⁻¹ J_n' (J_n W⁻¹ J_n')⁻¹ φ(q)
 
 over all its closed contacts at once.  Where the sliding velocity at the end of the step is below a tolerance, the
-velocity is projected likewise to J_t v = 0, and the contact sticks exactly.  W weighs rotation against translation.
-Contacts that cannot all close at once are closed in the least-squares sense.
+velocity is projected likewise to J_t v = 0, and the contact sticks exactly.  W (diagonal) weighs rotation against
+translation: 1 for metres, a squared length for radians.  Contacts that cannot all close at once are closed in the
+least-squares sense.
 
 The thesis leaves open which contacts touch.  Here tolerances decide; a wrong choice is not corrected later.
-
-| on paper | in code         | unit    | shape       |                                                           |
-|----------|-----------------|---------|-------------|-----------------------------------------------------------|
-| W        | `metric`        |         | (nv,)       | diagonal; 1 for metres, a squared length for radians      |
-| φ        | `phi`           | m       | (n, p)      | gaps, zero at closed contacts after projection            |
-
-Source: thesis section 2.3.2, approach 3, figure 2-5.
 """
 
 from dataclasses import dataclass, replace

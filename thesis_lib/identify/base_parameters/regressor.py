@@ -40,9 +40,7 @@ def free_body_regressor(
 ) -> np.ndarray:
     """Y (n, 3, 4) of one free body in the parameters `FREE_BODY_PARAMETERS`.
 
-    Args:
-        q, v, a: (n, 3) poses (x, y, θ), velocities and accelerations of the body origin.
-        gravity: (g_x, g_y) in m/s².
+    `q`, `v`, `a` (n, 3) are poses (x, y, θ), velocities and accelerations of its origin, `gravity` is in m/s².
 
     Raises:
         ValueError: the shapes do not fit.
@@ -71,12 +69,8 @@ def parameter_names(bodies: Sequence[str]) -> tuple[str, ...]:
 class PlantRegressor:
     """Regressor of a MultibodyPlant that moves in its world x-y plane, by automatic differentiation.
 
-    Attributes:
-        names: (4 b,) names of the parameters.
-
-    Args:
-        plant: a finalized plant.
-        bodies: names of the b bodies with unknown parameters; the others' known inertia contributes to `offset`.
+    `bodies` names the b bodies of the finalized plant with unknown parameters `names` (4 b,); the others' known inertia
+    contributes to `offset`.
     """
 
     def __init__(self, plant: "MultibodyPlant", bodies: Sequence[str]) -> None:

@@ -196,12 +196,9 @@ def window_of(
     """Steps start..stop of a record as a window.
 
     Args:
-        record: N steps with p pairs.
-        Y: (N, nv, n_Θ) regressor of every step, gravity included: Y Θ = f_ext + J' c.
+        Y: (N, nv, n_Θ) regressor of the record's N steps, gravity included: Y Θ = f_ext + J' c.
         a_free: (N, nv) acceleration without contact forces, for the expected gap.
-        mu: coefficient of friction.
-        names: (n_Θ,) of the parameters.
-        theta_min: (n_Θ,) lower bounds; none by default.
+        names, theta_min: (n_Θ,) names of the parameters and lower bounds, none by default.
         closed: (N, p) contacts whose gap is taken as zero, for example those projected to the manifold.
         gap_tolerance, v_tolerance: m and m/s, below which a gap counts as closed and a contact as sticking.
 

@@ -13,7 +13,7 @@ give the velocities just before and after, with covariance, and the method `arcs
 With k known, `arcs_link` adds that a single impulse at the contact point acted, without a couple:
 g = Δω − (r_x Δv_y − r_y Δv_x)/k² = 0, by x ← x − C ∇g (∇g' C ∇g)⁻¹ g for x = (q, v−, v+) of covariance C.  This is the
 thesis's assumption of rigid contact; the body turns during the real contact, which the stated intervals ignore.
-In flight only gravity acts, as in the thesis: the further acceleration allowed by `datasets.impacts.arcs` is off.
+In flight only gravity acts, as in the thesis (`stray_acceleration` is off).
 
 Such data do not contain a force: samples are 4 ms apart, the contact lasts a third of that.  A peak follows from an
 impulse only with a *declared* duration T_c and pulse shape, here the half-sine

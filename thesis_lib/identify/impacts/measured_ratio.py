@@ -94,10 +94,7 @@ class RatioFit:
 class ImpactLink:
     """Relation (1) for n impacts, under a hypothesis about the measurement.
 
-    Args:
-        impacts: with or without covariance.
-        rig: shape and believed radius of gyration.
-        variant: names of effects in `SMOOTH` and `CORNERED`.
+    `variant` names effects in `SMOOTH` and `CORNERED`.
 
     Raises:
         UserError: poses or velocities are not finite.

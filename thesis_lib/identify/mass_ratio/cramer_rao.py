@@ -11,11 +11,6 @@ with the law, η = (m/I, ε, μ).  Two things are left out.  The impact steps ca
 differentiable, so an estimator that uses them may fall below the bound.  At a low signal-to-noise ratio the steps are
 uncertain, and the true limit lies above the bound.
 
-| on paper | in code  | unit               | shape    |                                            |
-|----------|----------|--------------------|----------|--------------------------------------------|
-| σ        | `sigma`  | m, rad; m/s, rad/s | (2, 3)   | noise of q and v                           |
-| k_j      | `steps`  | 1                  | (J,)     | true impact steps                          |
-
 Sources: C. R. Rao, Bulletin of the Calcutta Mathematical Society 37 (1945) 81; P. Stoica, B. C. Ng,
 IEEE Signal Processing Letters 5 (1998) 177, doi 10.1109/97.700921 (the bound under constraints).
 """
@@ -38,7 +33,7 @@ SLIDE_SHARE = 1.0 - 1e-6
 class TrueImpacts:
     """The impacts of a simulated drop of one free body."""
 
-    steps: np.ndarray  # (J,) steps with a contact force
+    steps: np.ndarray  # (J,) steps k_j with a contact force
     vertices: np.ndarray  # (J,) contact pair with the largest force
     modes: np.ndarray  # (J,) 0 stick, ±1 slide with that sign of c_t
     alone: np.ndarray  # (J,) bool, whether no second pair has a force in that step
@@ -69,10 +64,8 @@ def ratio_bound(
     """Least standard deviation of m/I in 1/m²; infinite if the drop does not determine it.
 
     Args:
-        h: time step, s.
-        q, v: (m+1, 3) true states.
-        sigma: (2, 3) noise of q and v.
-        gravity: m/s².
+        h, gravity: time step in s, m/s².
+        q, v, sigma: (m+1, 3) true states and (2, 3) their noise σ.
         law: Newton's restitution and Coulomb's friction are known to hold, with unknown coefficients.
 
     Raises:

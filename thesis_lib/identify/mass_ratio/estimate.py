@@ -15,12 +15,6 @@ With `law=True` all impacts of a drop share an unknown ε and μ, and the fit st
 samples reject the law, the estimate with free impulses is returned.  The remaining bias is of second order in the noise
 and is removed by refitting around the estimate (`hypotheses`).
 
-| on paper | in code | unit   |                                             |
-|----------|---------|--------|---------------------------------------------|
-| m/I      | `value` | 1/m²   | for a planar body 1 / k², k radius of gyration |
-| ε, μ     | `epsilon`, `mu` | 1 |                                          |
-| σ        | `sigma` | m, rad, m/s, rad/s | (2, 3): of q and of v, estimated |
-
 Sources: thesis section 2.4, table 2.1; A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 7.4 (averaging over
 discrete hypotheses).
 """
@@ -62,7 +56,7 @@ class EstimateStatus(IntEnum):
 class Estimate:
     """m/I of one drop."""
 
-    # m/I in 1/m²; NaN if it could not be computed; rejected drops may have a value, too
+    # m/I = 1/k² in 1/m², k radius of gyration; NaN if it could not be computed; rejected drops may have a value, too
     value: float
     std: float  # its standard deviation, 1/m²
     status: EstimateStatus  # use only `OK`
@@ -72,7 +66,7 @@ class Estimate:
     # impact steps k of the best hypothesis: the velocity changes from v_k to v_{k+1}
     impacts: tuple[int, ...]
     vertices: tuple[int, ...]  # the vertices that hit, numbered as in the shape (0 for smooth shapes)
-    sigma: np.ndarray  # (2, 3) standard deviations of q and v, estimated
+    sigma: np.ndarray  # (2, 3) σ of q and v in m, rad, m/s, rad/s, estimated
     law: bool = False  # whether the contact law was used
     epsilon: float = np.nan  # epsilon, mu: under the contact law, else NaN; mu is NaN too if no impact slides
     mu: float = np.nan
@@ -94,10 +88,8 @@ def estimate_ratio(
     """Estimate m/I from one drop on the level surface y = 0.
 
     Args:
-        h: time step between samples, s.
+        h, gravity: time step between samples in s, m/s².
         q, v: (m+1, 3) noisy positions (m, m, rad) and velocities; θ continuous.
-        shape: a polygon's vertices are its possible contact points.
-        gravity: m/s².
         law: assume Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop.
         use_gap: use that an impulse acts in the first step that would end in the surface.
         correct: remove the second-order bias.

@@ -138,12 +138,8 @@ class ArcModel:
     """The rows g of (1), (3) and (4), in this order, and their derivatives, for B hypotheses.
 
     There are J rows of each kind; those of (4) are J of restitution, then J of friction.
-
-    Args:
-        vertices: (B, J) numbers of the touching vertices.
-        h, gravity: s, m/s².
-        modes: (B, J) modes under the contact law, or None for free impulses.
-        use_gap: whether (3) is part of the likelihood.
+    `vertices` (B, J) are the touching ones; `modes` (B, J) those of the law, or None for free impulses; `use_gap`
+    adds (3) to the likelihood.  `h` is in s, `gravity` in m/s².
     """
 
     def __init__(

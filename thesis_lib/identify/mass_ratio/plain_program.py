@@ -1,4 +1,4 @@
-"""The thesis's program for m/I of one free body, eq. 2.23, with noisy samples taken as the truth.
+"""The thesis's program for m/I of a free body (eqs. 2.12, 2.13, 2.23, table 2.1): noisy samples taken as the truth.
 
     minimise over m/I, c   Σ_k |v_{k+1} - v_k - h g - diag(1, 1, m/I) (J_n' c_n + J_t' c_t)_k|²
     subject to             c_n >= 0,  |c_t| <= μ c_n,  c_n = 0 off contact,  c_t = -sign(v_t) μ c_n if sliding,
@@ -13,8 +13,6 @@ deviations of zero counts as zero.  Whether the thesis used this variant is not 
 |----------|-----------|--------|----------|-----------------------------------------------------------|
 | b        | `b`       | m/s, rad/s | (s, 3) | velocity change beyond gravity in s steps near contact  |
 | A        | `A_t`, `A_n` |     | (r, s, 3) | columns diag(1, 1, m/I) J', for r trial values of m/I    |
-
-Source: thesis eq. 2.12, 2.13, 2.23 and table 2.1.
 """
 
 import numpy as np
@@ -37,9 +35,7 @@ def plain_ratio(
 
     Args:
         body: only its shape and gravity are used.
-        h: time step, s.
-        q, v: (m+1, 3) noisy states.
-        mu: friction coefficient.
+        h, q, v: time step in s, (m+1, 3) noisy states.
         sigma: (2, 3) noise of q and v, for the tolerances; None: exact data.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Table 2.1 of the thesis: m/I of block and ellipse from drops at four signal-to-noise ratios, with bounds.
+"""Table 2.1 of the thesis, section 2.4: m/I of block and ellipse at four signal-to-noise ratios, with bounds.
 
 Drops are simulated (`simulate.chapter2.motions`) and cut before the fourth impact.  Left out, and counted, are drops
 in which two corners hit in one step (no state shows how they share the impulse), drops with fewer than two impacts, and
@@ -16,8 +16,6 @@ drops dominate a root mean square (an ellipse that hardly turns carries little i
 divides each error by the bound of its drop; it is 1 for an efficient estimator.
 
 The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.
-
-Source: thesis section 2.4, table 2.1.
 """
 
 from collections import Counter

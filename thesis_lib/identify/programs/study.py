@@ -1,21 +1,15 @@
 """Success of the identification programs on noise-free windows from random starts (thesis sections 2.3.2 and 2.4).
 
-For each program, mechanism and window length m, windows of m steps around the first impact of several simulated motions
-are identified from random starts (`nonlinear.ContactProgram.random_point`: parameters within a factor of ten of the
-size whose effect is the largest force, forces of that size).  A start succeeds when its residuals are below tolerance
-and
+For each program, mechanism and window length m (`n_steps`), windows around the first impact of several
+simulated motions are identified from random starts (`nonlinear.ContactProgram.random_point`: parameters within a factor
+of ten of the size whose effect is the largest force, forces of that size).  A start succeeds when its residuals are
+below tolerance and
 
     |Θ_j/Θ_j,true − 1| <= 1e-6 for every parameter,        ‖c − c_true‖ <= 1e-6 ‖c_true‖ over the window,
 
 whatever the solver reports; `n_false_claims` counts successes that only the solver reports.  Block, ellipse and wheel
 have known mass, and I (hence m/I) is unknown; arm and disk are driven by known torques, and all base parameters are
 unknown.
-
-| on paper | in code       | unit | shape |                                                              |
-|----------|---------------|------|-------|--------------------------------------------------------------|
-| m        | `n_steps`     | 1    |       | length of the window                                         |
-| Θ        | `theta_error` | 1    |       | largest relative error of the parameters, per start          |
-| c        | `force_error` | 1    |       | relative rms error of the contact forces, per start          |
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -25,13 +25,6 @@ The standard errors of the forces are those of η, carried through the time step
 
     var F = Σ_i [(F(η + S_i) - F(η))² + (F(η - S_i) - F(η))²] / 2.
 
-| on paper | in code      | unit               | shape    | meaning                                     |
-|----------|--------------|--------------------|----------|---------------------------------------------|
-| q, v     | `q`, `v`     | m, rad; per s      | (m+1, 3) | noisy states of the hub                     |
-| σ        | `sigma`      | as q, v            | (2, 3)   | standard deviations of q (row 0), v (row 1) |
-| c_n, c_t | `c_n`, `c_t` | N                  | (m, p)   | forces of the p spokes over each step       |
-| P        | `covariance` |                    | (4, 4)   | of η                                        |
-
 Sources: thesis section 2.4; G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297, doi 10.1093/biomet/65.2.297;
 S. J. Julier, J. K. Uhlmann, Proceedings of the IEEE 92 (2004) 401, doi 10.1109/JPROC.2003.823141 (sigma points).
 """
@@ -74,13 +67,13 @@ class WheelStatus(StrEnum):
 
 @dataclass(frozen=True)
 class WheelFit:
-    """Maximum-likelihood motion of a wheel and its forces; symbols as in the module's table."""
+    """Maximum-likelihood motion of a wheel and its forces, for m steps and p spokes."""
 
-    record: Record  # the fitted motion with its forces; `record.c_n`, `record.c_t` (m, p) are the estimate
+    record: Record  # the fitted motion; its c_n, c_t (m, p) in N are the estimated forces
     inertia: float  # inertia, inertia_std: kg m², about the hub
     inertia_std: float
-    sigma: np.ndarray  # (2, 3) noise, from the residuals
-    covariance: np.ndarray  # (4, 4) of η = (x_0, θ_0, ω_0, log I / (m l²))
+    sigma: np.ndarray  # (2, 3) noise σ of q and v in m, rad and per s, from the residuals
+    covariance: np.ndarray  # (4, 4) P of η = (x_0, θ_0, ω_0, log I / (m l²))
     deviations: np.ndarray  # (8, 2, m, p) c_n and c_t at the sigma points minus the estimate, N
     chi2_n: float  # χ²/n of the residuals with the noise of the differences
     p_white: float  # probability of residuals less white than these, if the wheel rolled as fitted
@@ -125,9 +118,7 @@ def plain_forces(
 
     Args:
         wheel: only its geometry, mass, slope and gravity are used.
-        h: time step, s.
-        q, v: (m+1, 3) states.
-        mu: friction coefficient.
+        h, q, v: time step in s, (m+1, 3) states.
         sigma: (2, 3) noise, which sets the tolerances; None: exact data.
         program: of the thesis, see `mode_qp`.
 
@@ -162,8 +153,7 @@ def fit_wheel(
 
     Args:
         wheel: only its geometry, mass, slope and gravity are used.
-        h: time step, s.
-        q, v: (m+1, 3) noisy states.
+        h, q, v: time step in s, (m+1, 3) noisy states.
         mu, epsilon: friction and restitution; mu does not matter as long as nothing slips.
 
     Raises:

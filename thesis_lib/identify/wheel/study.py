@@ -1,4 +1,4 @@
-"""Accuracy of a rolling rimless wheel's contact forces, and the effect of its mass on the motion (thesis 2.4).
+"""Accuracy of a rolling rimless wheel's contact forces, and its mass's effect on the motion (figures 2-10, 2-11).
 
 Each record is one start of the wheel.  The same motion is identified by three methods, with mass, geometry, slope and
 contact law known and the inertia unknown:
@@ -15,8 +15,6 @@ step of margin on either side, and judged by its impulse.  With K the other step
     error = √(Σ_K (ĉ - c)² / Σ_K c²),    impulse_error = |Σ_D (ĉ - c)| / |Σ_D c|        for c_n and c_t of a spoke,
 
 where K includes steps without contact.  The first spoke is in contact from the start and has no touchdown.
-
-Source: thesis section 2.4, figures 2-10 and 2-11.
 """
 
 from dataclasses import dataclass

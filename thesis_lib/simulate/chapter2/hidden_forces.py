@@ -179,11 +179,8 @@ def rolling_resistance(
 ) -> Force:
     """Q (nv,) on the last coordinate, -c_rr radius N tanh(ω / speed), with N of `pairs` in the same step.
 
-    Args:
-        f_ext: (m, nv) known forces of the steps, N, N m.
-        h, mu, epsilon: of the simulation.
-        c_rr, radius, speed: 1, m, rad/s.
-        pairs: contact pairs with the ground.
+    `f_ext` (m, nv) holds the known forces of the steps in N, N m; `pairs` are those with the ground; `radius` is in m,
+    `speed` in rad/s.
     """
 
     ground = list(pairs)

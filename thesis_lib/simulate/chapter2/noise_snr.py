@@ -4,11 +4,6 @@
 
 Each coordinate of q and v of each record is a channel; var is its variance over the record.  A constant channel gets no
 noise.
-
-| on paper | in code  | unit         | shape   | meaning                                     |
-|----------|----------|--------------|---------|---------------------------------------------|
-| SNR      | `snr_db` | dB           |         | ratio of variances, 20 dB is a factor 100   |
-| σ        | `sigma`  | as the state | (2, nv) | standard deviations of the noise of q and v |
 """
 
 from dataclasses import dataclass
@@ -23,7 +18,7 @@ from thesis_lib.simulate.stepping.stepping import Record
 class NoisyStates:
     """Noisy states q, v (m+1, nv) of a record.
 
-    `sigma` (2, nv) holds the true standard deviations of the noise on q and v, which an estimator need not know.
+    `sigma` (2, nv) holds the true standard deviations σ of the noise on q and v, which an estimator need not know.
     """
 
     q: np.ndarray
@@ -32,7 +27,7 @@ class NoisyStates:
 
 
 def add_noise(record: Record, snr_db: float, rng: np.random.Generator) -> NoisyStates:
-    """Gaussian noise on q and v of a record, independent in every sample and channel.
+    """Gaussian noise of `snr_db` in dB on q and v of a record, independent in every sample and channel.
 
     Raises:
         UserError: the ratio is NaN or minus infinity, or the record holds a step that was not solved.

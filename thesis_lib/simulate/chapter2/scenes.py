@@ -184,8 +184,7 @@ def traces(
 ) -> dict[str, tuple[PlanarFreeBody, Record]]:
     """Motions of figure 2-9: "block", "ellipse", "wheel, high friction" and "wheel, low friction".
 
-    Block and ellipse: of a few random drops the one whose centre travels farthest along the surface.  The wheel starts
-    at the middle of its range of speeds in both cases.
+    Of a few random drops, those whose centre travels farthest.  The wheel starts at the middle of its range of speeds.
     """
     shown: dict[str, tuple[PlanarFreeBody, Record]] = {}
     drops: dict[Kind, PlanarFreeBody] = {"block": block(settings), "ellipse": ellipse(settings)}

@@ -52,8 +52,7 @@ class ArmDisk(Mechanism):
         link_lengths, link_masses, link_inertias: two each, in m, kg, kg m² about the centres of mass.
         link_coms: centre of mass of each link from its joint in m: the distance along the link, or (along, across).
         disk_radius, disk_mass, disk_inertia: m, kg, kg m² about the centre, which is the centre of mass.
-        gravity: m/s².
-        base: (x, y) of the first joint, m.
+        gravity, base: m/s², (x, y) of the first joint in m.
 
     Attributes:
         plant: the finalized MultibodyPlant (continuous, no geometry) of bodies link_1, link_2 and disk, each with its

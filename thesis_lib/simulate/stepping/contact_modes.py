@@ -5,9 +5,10 @@ With K = J M⁻¹ J' the inverse contact-space inertia, v_C = J v_free and w = v
     stick:            K (c_t, c_n)' = -(v_t, w)'                          if c_n >= 0 and |c_t| <= μ c_n
     slip towards s:   c_n = -w / (K_nn - s μ K_tn),  c_t = -s μ c_n       if c_n >= 0 and s v_t⁺ >= 0
 
-k contacts have the LCP of `lcp` in blocks, z = (c_n, b_1, b_2, λ) of k unknowns each.  A pivoting solver has its own
-tolerance; the equations of its basis, z_S = -M_SS⁻¹ q_S, are solved again to reach rounding.  Several contacts can have
-several solutions (two sticking feet share their friction in many ways): one is returned, and only its sum is unique.
+k contacts have the LCP of `lcp` (sources there) in blocks, z = (c_n, b_1, b_2, λ) of k unknowns each.  A pivoting
+solver has its own tolerance; the equations of its basis, z_S = -M_SS⁻¹ q_S, are solved again to reach rounding.
+Several contacts can have several solutions (two sticking feet share their friction in many ways): one is returned, and
+only its sum is unique.
 
 The residual is the largest of -z, -w and |z w|, with impulses divided by v_scale / k_scale and velocities by v_scale;
 k_scale = tr K / (2 k), v_scale is the largest contact velocity in the data.
@@ -18,8 +19,6 @@ k_scale = tr K / (2 k), v_scale is the largest contact velocity in the data.
 | v_C      | `v_t`, `v_n` | m/s  | (k,)     | contact velocities after the free step         |
 | b        | `b`          | m/s  | (k,)     | least normal velocity after the step           |
 | c_t, c_n | `c_t`, `c_n` | N s  | (k,)     | impulses                                       |
-
-Sources: see `lcp`, whose first source gives the scheme and whose second the bases.
 """
 
 from dataclasses import dataclass
@@ -44,8 +43,7 @@ class StepSolution:
     Attributes:
         v: (nv,) velocity after the step.
         c_n, c_t: (p,) impulses in N s.
-        residual: dimensionless.
-        status: an `LcpStatus` code.
+        residual, status: dimensionless, an `LcpStatus` code.
         impulse: whether any contact was active, or the step failed.
     """
 
@@ -72,8 +70,7 @@ def solve_contacts(
     """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
 
     Args:
-        q: (nq,) configuration at the start of the step.
-        M_inv: (nv, nv).
+        q, M_inv: (nq,) configuration at the start of the step, (nv, nv).
         v, v_free: (nv,) velocity before the step and after it without contact.
         h: s; mu, epsilon: (p,); v_rebound, v_recover: m/s.
     """
@@ -166,10 +163,8 @@ def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray)
     """Impulses of k >= 1 contacts of one mechanism.
 
     Args:
-        K: (2k, 2k) inverse contact-space inertia, tangential rows first, 1/kg; may be singular.
-        v_c: (2k,) contact velocities after the free step in the same order, m/s.
-        b: (k,) least normal velocities after the step, m/s.
-        mu: (k,).
+        K, b, mu: (2k, 2k) in 1/kg, which may be singular, (k,) in m/s and (k,).
+        v_c: (2k,) contact velocities after the free step, tangential first, m/s.
 
     Returns:
         c (2k,) = (c_t, c_n) in N s and the residual; NaN and infinity where no solver finds a solution.

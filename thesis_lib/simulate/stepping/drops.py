@@ -85,11 +85,9 @@ def simulate_drops(
     Args:
         body: shape, mass, radius of gyration.
         release: distribution of the release states.
-        mu, epsilon: friction and restitution coefficients, scalars or (n,), 1.
-        gravity: m/s².
+        mu, epsilon, gravity: friction and restitution coefficients, scalars or (n,), 1; m/s².
         dt: largest time step in s; the step used divides the sampling period.
-        duration: s; samples at 0, 1/rate, ... up to it.
-        rate: sampling rate, Hz.
+        duration, rate: s, Hz; samples at 0, 1/rate, ... up to the duration.
         noise: one-sigma noise of position (x, y each) and angle; none where it is None or absent.
 
     Returns:

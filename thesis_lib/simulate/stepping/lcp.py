@@ -69,14 +69,11 @@ class ContactImpulse:
 
 
 def solve_lcp_enumeration(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Solve n LCPs w = M z + q ⟂ z by trying every complementary basis.
+    """Solve n LCPs w = M z + q ⟂ z, M (n, k, k), q (n, k), k <= `MAX_UNKNOWNS`, by trying every complementary basis.
 
     Of several solutions the first in a fixed order is returned.  Bases without z_0 come before those with it: with c_n
     as z_0, a contact gets no impulse where none is needed.  The feasibility tolerance is absolute: scale the data to
     about 1 first.
-
-    Args:
-        M, q: (n, k, k) and (n, k), k <= `MAX_UNKNOWNS`.
 
     Returns:
         z (n, k), NaN where there is no solution, and status (n,) of `LcpStatus` codes.
@@ -126,11 +123,8 @@ def impact(
 ) -> tuple[ContactImpulse, np.ndarray]:
     """Impulse of one contact on each of n mechanisms, and their velocity v⁺ (n, nv), NaN where the solve failed.
 
-    Args:
-        mass: (n, nv, nv) mass matrices.
-        J: (n, 2, nv) contact rows (J_t, J_n).
-        v: (n, nv) velocity before the impulse.
-        mu, epsilon: scalars or (n,), 1.
+    `mass` is (n, nv, nv), `J` (n, 2, nv) the contact rows (J_t, J_n), `v` (n, nv) the velocity before it;
+    `mu`, `epsilon` are scalars or (n,).
     """
     M_inv_Jt = np.linalg.solve(mass, np.swapaxes(J, 1, 2))
     # K = J M⁻¹ J',  v_C = J v,  v⁺ = v + M⁻¹ J' c
@@ -147,11 +141,8 @@ def contact_lcp(
 ) -> ContactImpulse:
     """Impulse of n independent planar contacts from the Anitescu-Potra LCP with Newton restitution.
 
-    Args:
-        K: (n, 2, 2) inverse contact-space inertia in order (t, n), 1/kg, positive definite.
-        v_c: (n, 2) contact velocity (v_t, v_n) before the impulse, m/s.
-        mu, epsilon: friction and restitution coefficients, scalars or (n,), 1.
-        v_n_pre: (n,) normal velocity that restitution refers to, m/s; default: v_n itself (an isolated impact).
+    Units and shapes are in the module's table.  `K` is positive definite; `mu`, `epsilon` are scalars or (n,);
+    `v_n_pre` is v_n by default (an isolated impact).
     """
     K, v_c = np.asarray(K, dtype=float), np.asarray(v_c, dtype=float)
     n = len(v_c)

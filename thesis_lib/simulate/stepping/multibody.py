@@ -99,8 +99,7 @@ class PlanarFreeBody(Mechanism):
 
     Args:
         shape: polygon (a pair per vertex), rod (a pair per end), ellipse or disk (one pair).
-        mass, inertia: kg, and kg m² about the centre of mass.
-        gravity: m/s².
+        mass, inertia, gravity: kg, kg m² about the centre of mass, m/s².
         tilt: rad, slope of the surface; positive goes downhill along +x.
 
     Attributes:

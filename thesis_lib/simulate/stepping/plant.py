@@ -67,11 +67,7 @@ class PlanarPlant:
         return tau
 
     def contact_jacobian(self, q: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows J_t, J_n (n, nv) of the body-fixed point at r from the body origin.
-
-        Args:
-            q: (n, nq) configurations.
-            r: (n, 2) in world axes, m.
+        """Rows J_t, J_n (n, nv) of the body-fixed point at r (n, 2) in m, world axes, at configurations q (n, nq).
 
         Raises:
             ValueError: q or r has the wrong shape or is not finite.
@@ -106,9 +102,7 @@ def planar_body(
 ) -> PlanarPlant:
     """One free body in the plane; its origin is its centre of mass.
 
-    Args:
-        mass, radius_of_gyration: kg, and m about the centre of mass.
-        gravity: acceleration (g_x, g_y) in m/s², y up.
+    Mass in kg, radius of gyration in m, gravity (g_x, g_y) in m/s², y up.
     """
     plant = MultibodyPlant(time_step=0.0)
     # Only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality.

@@ -33,8 +33,7 @@ class RimlessWheel(PlanarFreeBody):
     """Rimless wheel with a contact pair per spoke.
 
     Args:
-        spokes: 3 to 100.
-        length: m, hub to tip.
+        spokes, length: 3 to 100; m, hub to tip.
         mass, inertia: kg, and kg m² about the hub, which is the centre of mass.
         slope, gravity: rad, at least 0 and below π/2; m/s².
 
@@ -69,8 +68,7 @@ class RimlessWheel(PlanarFreeBody):
 
         Args:
             lean: rad, angle of the hub downhill of the tip's normal; within half the angle between spokes.
-            omega: rad/s, negative downhill.
-            spoke: number of the spoke.
+            omega, spoke: rad/s, negative downhill; number of the spoke.
 
         Raises:
             UserError: another spoke would be below the slope.

@@ -150,8 +150,7 @@ def simulate(
         q0, v0: (nv,) initial state.
         torque: known external force in N, N m: None, (nv,) constant, (steps, nv), or a function of (t, q, v) at the
             start of a step.
-        h: s, time step.
-        mu, epsilon: friction and restitution coefficients, scalars or (p,).
+        h, mu, epsilon: time step in s, friction and restitution coefficients, scalars or (p,).
         hidden: force as a function of (t, q, v) that acts but does not appear in the record's f_ext.
 
     Raises:
