@@ -33,8 +33,8 @@ Row = tuple[str, str, float, float, str]
 def individual_rows(impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame) -> list[Row]:
     """Rows (statement, law, value, std, unit).
 
-    Columns of one weighting: `individual` has trial, impact, law, mu, epsilon, misfit (impacts are among `impacts`);
-    `ensemble` has mu, mu_std, epsilon, epsilon_std, indexed by law.
+    `individual` (trial, impact, law, mu, epsilon, misfit; impacts among `impacts`) and `ensemble` (mu, mu_std, epsilon,
+    epsilon_std, indexed by law) are of one weighting.
     """
     keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
     offset = pd.Series(np.abs(impacts.r[:, 0]), keys)

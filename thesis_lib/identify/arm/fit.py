@@ -92,8 +92,7 @@ def fit(
 
     Args:
         arm: only its lengths, base, radius and gravity are used.
-        data: see `shooting.measured`.
-        rng: draws starts and kicks.
+        data, rng: from `shooting.measured`; draws starts and kicks.
         extra: force with parameters ψ that start at 0; `extra.scale` sets the size of their first steps.
         start: (r, 6) base parameters to start from instead of prior draws, for example from a fit without `extra`.
 

@@ -92,14 +92,12 @@ def identify(
     """Parameters and contact forces of a window from the best of several starts, with a status judged on residuals.
 
     Args:
-        program: "2.12", "2.13", "2.14" or "2.14 soft".
         solver: "auto" uses SNOPT, and IPOPT where SNOPT fails or is not available.
         starts: number of starts; the first is the convex program's answer if `warm_start`, the others are random.
         rng: of the random starts; needed unless the only start is the warm one.
         theta_guess: (n_Θ,) sizes around which random starts scatter; default: those whose effect is the largest force.
         products: how 2.12 and 2.13 hold the products at zero.
-        reach, w_n, w_t: as in `mode_qp.edges_of`.
-        tolerance, dynamics_tolerance: as in `result.judged`.
+        reach, w_n, w_t, tolerance, dynamics_tolerance: as in `mode_qp.edges_of` and `result.judged`.
 
     Raises:
         UserError: the window cannot identify its parameters, the program or solver does not exist or is not available.

@@ -83,8 +83,6 @@ def simulate_drops(
     """Release n bodies over the surface y = 0 and record their poses.
 
     Args:
-        body: shape, mass, radius of gyration.
-        release: distribution of the release states.
         mu, epsilon, gravity: friction and restitution coefficients, scalars or (n,), 1; m/s².
         dt: largest time step in s; the step used divides the sampling period.
         duration, rate: s, Hz; samples at 0, 1/rate, ... up to the duration.
