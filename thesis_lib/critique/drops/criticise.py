@@ -132,7 +132,6 @@ def criticise(
     base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")
     structure = remaining(final, training, rng)
-    # as measured, and with geometry, inertia and camera as the final model has them
     before, after = states_at_impact(base.model, base.values, held_out)
     no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
     return Critique(
@@ -156,12 +155,12 @@ def criticise(
 def _irb(fitted: Fit, observations: Observations) -> float:
     """Mean IRB bound, m/s, of the impacts in the geometry of the fitted contact."""
     before, after = states_at_impact(fitted.model, fitted.values, observations)
-    seen = [
+    contacts = [
         fitted.model.contact(state, fitted.values, observations.rig, observations.offset)
         for state in (before, after)
     ]
-    _, r_x, r_y, k_g = seen[0]
-    v_pre, v_post = (state.v for state, *_ in seen)
+    _, r_x, r_y, k_g = contacts[0]
+    v_pre, v_post = (state.v for state, *_ in contacts)
     return float(irb_bound(v_pre, v_post, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g).error.mean())
 
 

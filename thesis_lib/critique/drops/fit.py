@@ -31,7 +31,7 @@ NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 STEPS = 12  # Levenberg-Marquardt steps per round
 ENOUGH = 1e-3  # nats; a round ends below this gain per step, a twentieth of a standard error
-# of the likelihood, over that of a normal one: a floor for tails heavier than Student's t
+# of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 

@@ -62,8 +62,8 @@ class Drops(World[Effect, Fit, Judgement]):
         return {name: value for name, value in fitted.values.items() if name not in of_law}
 
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
-        made = synthesise(fitted.model, fitted.values, self.observations, rng, fitted.sigma_m)
-        return type(self)(made, self.rivals)
+        synthetic = synthesise(fitted.model, fitted.values, self.observations, rng, fitted.sigma_m)
+        return type(self)(synthetic, self.rivals)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
         S = residual_covariance(fitted.model, fitted.values, self.observations)

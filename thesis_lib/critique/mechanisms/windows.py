@@ -191,10 +191,10 @@ class WeakForm:
     def _constraints(self, q: np.ndarray) -> None:
         """Set (J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which maps the residual force to contact forces."""
         contacts = self.model.contacts(q)
-        on = np.zeros(contacts.phi.shape, dtype=bool)
+        is_active = np.zeros(contacts.phi.shape, dtype=bool)
         for (active, _), at in self._groups.items():
-            on[np.ix_(at, list(active))] = True
-        J = np.concatenate([contacts.J_n * on[..., None], contacts.J_t * on[..., None]], axis=1)
+            is_active[np.ix_(at, list(active))] = True
+        J = np.concatenate([contacts.J_n * is_active[..., None], contacts.J_t * is_active[..., None]], axis=1)
         JM = J @ np.linalg.inv(self.model.mass_matrix(q))
         self._to_contact = np.linalg.pinv(JM @ np.swapaxes(J, 1, 2), hermitian=True) @ JM
 

@@ -50,10 +50,10 @@ def check(
     passed = True
     for case in cases:
         stored, again = read_rows(case.source, store)[case], compute(case)
-        status, what = compare(stored, again)
+        status, differences = compare(stored, again)
         held = stored.code and case.source in HELD
         passed &= status == AGREES or (status == MOVES and not held)
-        tell(f"{case}: {status}{f' ({what})' if what else ''}")
+        tell(f"{case}: {status}{f' ({differences})' if differences else ''}")
         if stamp and status != DIFFERS:
             put_row(again, store, replace=True)
     return passed

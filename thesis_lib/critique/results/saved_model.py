@@ -1,6 +1,6 @@
 """A fitted model as a file: law, parameters, effects and rig; and its predictions.
 
-`SavedModel` validates model.json, so that a file with edits, or with an unknown effect, is refused with the reason.
+`SavedModel` validates model.json, so that a file with an invalid value or an unknown effect is refused with the reason.
 """
 
 import csv

@@ -24,13 +24,13 @@ MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
 
 def summary(content: Mapping) -> list[str]:
     """Sentences for a reader; `content` is diagnosis.json without its summary."""
-    found = [e for e in content["effects"] if e["clears"]]
+    clearing = [e for e in content["effects"] if e["clears"]]
     by_hand = [e for e in content["effects"] if not e["clears"]]
-    faults = [e for e in found if e["family"] == "measurement"]
-    sentences = [*_faults(found, faults), *_left_out(content)]
+    faults = [e for e in clearing if e["family"] == "measurement"]
+    sentences = [*_faults(clearing, faults), *_left_out(content)]
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
-    first, *rest = verdict(content, found, faults, by_hand)
-    return [*sentences, first, *_by_hand(content, found, by_hand), *_worst(content["error"]), *rest]
+    first, *rest = verdict(content, clearing, faults, by_hand)
+    return [*sentences, first, *_by_hand(content, clearing, by_hand), *_worst(content["error"]), *rest]
 
 
 def possible_faults(effect: Mapping) -> list[str]:

@@ -11,8 +11,8 @@ Comparison, ladder and budget use held-out impacts; `errors` and `flights` hold 
 | choice_of_law       | base law less Best Post Hoc of the six, less the same difference on drawn data                |
 | rest                | remainder of the total: a missing effect, or scatter                                          |
 
-Parts are subtracted in this order, each between zero and the remainder, so that they sum to the total.  The largest 2 %
-of the errors are excluded: a single missed hit would dominate a mean square.
+Parts, in (m/s)², are subtracted in this order, each between zero and the remainder, so that they sum to the total.  The
+largest 2 % of the errors are excluded: a single missed hit would dominate a mean square.
 """
 
 import numpy as np
@@ -51,7 +51,7 @@ def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFra
     Raises:
         KeyError: a column is not explained.
     """
-    made = {
+    content = {
         "comparison": comparison(critique),
         "errors": errors(critique),
         "ladder": ladder(critique, rng),
@@ -59,10 +59,10 @@ def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFra
         "budget": budget(critique, rng),
     }
     if len(critique.observations.flights):
-        made["flights"] = flight_table(critique)
-    for name, table in made.items():
+        content["flights"] = flight_table(critique)
+    for name, table in content.items():
         explain(name, table.columns)
-    return made
+    return content
 
 
 def comparison(critique: Critique) -> pd.DataFrame:

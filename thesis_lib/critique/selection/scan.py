@@ -8,8 +8,8 @@ is the first-order rise of the log score when c is switched on and *all* paramet
 keeps compensating parameters from hiding an effect.
 
 Under the null z is noise.  Drawing the largest gain of any candidate with the same projectors makes the p-value count
-how many were tried.  Let s = P z be the shift of a true candidate.  Fitting c instead loses |s|² (1 − cos²)/2 nats, cos
-= |P_c s| / |s|.
+how many were tried.  Let s = P z be the shift of a true candidate.  Fitting c instead loses |s|² (1 − cos²)/2 nats,
+cos = |P_c s| / |s|.
 
 Source: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948), doi 10.1017/S0305004100023987 (score test).
 """

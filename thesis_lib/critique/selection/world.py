@@ -85,7 +85,7 @@ class World(ABC, Generic[E, F, J]):
     Attributes:
         candidates: effects that these data can test, by name; not_testable: name -> why not.
         bases: names of the models without effects, of which the best is chosen.
-        rivals: number of bases tried with the first effect, which may have favoured the wrong base.
+        rivals: number of bases tried with the first effect; without it the wrong base may fit best.
         trials: numbers of the trials, ascending.
         unit: "impact" or "window".
         resamples: draws of null distributions and of the bootstrap.

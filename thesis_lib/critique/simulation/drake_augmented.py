@@ -1,8 +1,8 @@
 """An augmented model in a Drake simulation: Drake integrates the flight, the model resolves each touch.
 
-Drake's MultibodyPlant holds the free body (`drake_plant`).  A system evaluates the model at every stage of the
-integrator and applies its flight effects as a force f = M (a(q, v) − g).  Drake stops where the model's gap vanishes,
-and goes on with the velocity that the model predicts:
+Drake's MultibodyPlant holds the free body (`simulate/drake/plant.py`).  A system evaluates the model at every stage of
+the integrator and applies its flight effects as a force f = M (a(q, v) − g).  Drake stops where the model's gap
+vanishes, and goes on with the velocity that the model predicts:
 
     M v̇ = M g + f     between touches,        v⁺ = predict(q, v⁻)     where φ_n(q) − gap(q, v⁻) = 0
 
@@ -34,7 +34,7 @@ from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
 SAY_EVERY = 10  # drops
-MAX_TOUCHES = 50  # of one drop; it is slower than REST, and ends, before that
+MAX_TOUCHES = 50  # of one drop; its impacts are slower than REST, and its record ends, before that
 
 
 def simulate_augmented_in_drake(
@@ -121,8 +121,8 @@ class _Drops:
         self.saved, self.rig = saved, saved.believed
         self._trial = [0]
         air = _Air(self.inner, saved, self._trial) if self.inner.effects else None
-        made = drop_plant(body, CompliantContact(), HiddenCauses(), self.rig.gravity, air=air)
-        self.clock = Clock(made, FLIGHT_STEP, ACCURACY)
+        plant = drop_plant(body, CompliantContact(), HiddenCauses(), self.rig.gravity, air=air)
+        self.clock = Clock(plant, FLIGHT_STEP, ACCURACY)
 
     def run(self, trial: int, q: np.ndarray, v: np.ndarray, samples: np.ndarray) -> pd.DataFrame:
         """Record of one drop without noise: trial, t (s), x, y (m), theta (rad)."""

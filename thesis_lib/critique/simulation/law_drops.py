@@ -54,8 +54,8 @@ def simulate_law_drops(
     alive = np.ones(n, bool)
     pose = np.full((n, samples, 3), np.nan)
     for k in range(samples):
-        seen = camera.to_measured(state, camera.active(values), rig)
-        pose[alive, k] = seen.q[alive]
+        measured = camera.to_measured(state, camera.active(values), rig)
+        pose[alive, k] = measured.q[alive]
         for _ in range(SUBSTEPS):
             state = _step(inner, values, rig, state, h, alive)
     sigma = np.array([noise.position or 0.0, noise.position or 0.0, noise.angle or 0.0])

@@ -86,12 +86,12 @@ def simulate_model(
         n = n or len(releases.q)
     say(f"simulating {n} drops of {duration:.2f} s, engine {engine}")
     if engine == "drake":
-        made = _in_drake(model, releases, n, duration, rate, noise, rng, say)
+        dataset = _in_drake(model, releases, n, duration, rate, noise, rng, say)
     else:
-        made = _in_ours(model, releases, n, duration, rate, noise, rng)
+        dataset = _in_ours(model, releases, n, duration, rate, noise, rng)
     effects = ", ".join(model.effects) or "no effects"
     text = f"simulated, not measured: {n} drops by {model.law} with {effects}, engine {engine}"
-    return replace(made, name="simulated", header=made.header.model_copy(update={"description": text}))
+    return replace(dataset, name="simulated", header=dataset.header.model_copy(update={"description": text}))
 
 
 def proof_releases(model: SavedModel) -> Release:
@@ -155,7 +155,7 @@ def _in_ours(
     rng: np.random.Generator,
 ) -> Dataset:
     rig = model.rig
-    made = simulate_law_drops(
+    dataset = simulate_law_drops(
         Body(shape=rig.shape, radius_of_gyration=rig.radius_of_gyration),
         releases,
         n,
@@ -168,9 +168,9 @@ def _in_ours(
         rng=rng,
     )
     # simulated over y = 0; the surface is at `rig.height`
-    table = made.trajectories.assign(y=made.trajectories["y"] + rig.height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
-    header = made.header.model_copy(update={"surface": Surface(height=rig.height)})
-    return replace(made, header=header, trajectories=table)
+    table = dataset.trajectories.assign(y=dataset.trajectories["y"] + rig.height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
+    header = dataset.header.model_copy(update={"surface": Surface(height=rig.height)})
+    return replace(dataset, header=header, trajectories=table)
 
 
 def _in_drake(
