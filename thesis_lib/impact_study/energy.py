@@ -6,9 +6,9 @@
 | E        | `total_energy` | J/kg | (n,)   | g (y − y_rest) + (v_x² + v_y² + k² ω²)/2, per unit mass        |
 | y_rest   | `rest_height`  | m    |        | height of the body frame in its lowest touching pose           |
 
-The total energy falls at an impact, and is conserved from just after it to just before the trial's next one.  Each arc
-conserves its energy by construction.  The test compares two arcs, fitted to separate samples at either end of a flight;
-shorter flights are left out.  Both statements use all impacts, so that the test does not select its data.  The ellipse
+The total energy should fall at an impact and be conserved until the trial's next one.  Each arc conserves its energy by
+construction, so the test compares two arcs, fitted to separate samples at either end of a flight; flights too short for
+that are left out.  Both statements use all impacts, so that the test does not select its data.  The ellipse
 impacts are no evidence for the fall: the authors kept only drops whose contact-space energy falls.
 """
 

@@ -88,7 +88,7 @@ class FittedHypotheses:
 class DropHypotheses:
     """Possible courses of one drop, with time step `h` in s and noise `sigma` (2, 3).
 
-    `use_gap`: whether the gaps at the impacts are part of the likelihood.
+    `use_gap` says whether the gaps at the impacts are part of the likelihood.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ drops with fewer than `min_after` samples after the last one.  Each ratio adds f
 
 The bound of a row is the root mean square of the Cramér-Rao bounds of its drops, without a contact law: arcs_gap and
 arcs_law fall below it where geometry and the law add information.  `law_bound` is the bound with the law.  The worst
-drops dominate a root mean square (an ellipse that hardly turns carries little information), so `error_over_bound`
+drops dominate a root mean square (an ellipse with little rotation carries little information), so `error_over_bound`
 divides each error by the bound of its drop; it is 1 for an efficient estimator.
 
 The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.

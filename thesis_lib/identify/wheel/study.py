@@ -32,7 +32,7 @@ from thesis_lib.simulate.stepping.stepping import Record, simulate
 
 METHODS = ("noise_free", "plain", "fit")
 BELIEVED = ("ok", "solved")  # statuses of a fit and of a program
-SPOKES = 3  # the first that touch, as in figure 2-11
+SPOKES = 3  # the first to touch, as in figure 2-11
 # steps k - BEFORE .. k + AFTER - 1 of a touchdown in step k: its two and one on either side
 BEFORE, AFTER = 1, 3
 ERRORS = ("error_n", "error_t", "impulse_error_n", "impulse_error_t")
