@@ -11,9 +11,8 @@ them.  They count as two if they reduce the scatter by `SHRINK` and nearly every
 quantity that drifts, wears, or varies with place or angle is spread evenly instead: two sets then halve its scatter and
 leave trials in between.
 
-g and τ are fitted in units of their noise.  The limits were tried on every cause of
-`thesis_lib.simulate.rig.hidden_causes`.  De Veaux (1989) describes a mixture of
-regressions with one group per trial.
+g and τ are fitted in units of their noise.  The limits were tried on every cause of `simulate/rig/hidden_causes.py`.
+De Veaux (1989) describes a mixture of regressions with one group per trial.
 """
 
 from dataclasses import dataclass
