@@ -7,6 +7,11 @@
 "Beyond" is relative to the impulse without friction, c_t = 0 at the same c_n: friction has then reversed the slip
 v_t + K_tn c_n that it opposed.  A change of sign of v_t is not enough: in a skewed contact the normal impulse alone can
 cause it, and every law predicts that.  Ties go to the first impact, so that equal data give equal figures.
+
+| on paper | in code                  | unit | shape |                                                           |
+|----------|--------------------------|------|-------|-----------------------------------------------------------|
+| c_irb    | `Target.c_t`, `.c_n`     | N s  | (n,)  | measured impulse, eq. 3.7                                 |
+| r_x      | `Impacts.r[:, 0]`        | m    | (n,)  | how far the contact lies from under the centre of mass    |
 """
 
 import numpy as np

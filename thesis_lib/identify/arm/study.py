@@ -14,6 +14,11 @@ The error of a pair's force c = (c_t, c_n) is relative, over contact steps witho
 A step has contact if the true or the estimated c_n is positive.  An impact is a step with |c| above ten times its
 median over contact, with its two neighbours: a dead impact takes two steps, and an impact estimated a step late must
 not spoil the other sum.
+
+| on paper | in code            | unit | shape     |                                                          |
+|----------|--------------------|------|-----------|----------------------------------------------------------|
+| c        | `c_n`, `c_t`       | N    | (m, 2)    | contact forces, pairs ("arm", "ground")                  |
+| e        | `force_error`      | 1    |           | without impacts; also `impact_error`                     |
 """
 
 from collections.abc import Callable

@@ -11,6 +11,11 @@ translation: 1 for metres, a squared length for radians.  Contacts that cannot a
 least-squares sense.
 
 The thesis leaves open which contacts touch.  Here tolerances decide; a wrong choice is not corrected later.
+
+| on paper | in code         | unit    | shape       |                                                           |
+|----------|-----------------|---------|-------------|-----------------------------------------------------------|
+| W        | `metric`        |         | (nv,)       | diagonal; 1 for metres, a squared length for radians      |
+| φ        | `phi`           | m       | (n, p)      | gaps, zero at closed contacts after projection            |
 """
 
 from dataclasses import dataclass, replace

@@ -13,6 +13,11 @@ uncertain, and the true limit lies above the bound.
 
 Sources: C. R. Rao, Bulletin of the Calcutta Mathematical Society 37 (1945) 81; P. Stoica, B. C. Ng,
 IEEE Signal Processing Letters 5 (1998) 177, doi 10.1109/97.700921 (the bound under constraints).
+
+| on paper | in code  | unit               | shape    |                                            |
+|----------|----------|--------------------|----------|--------------------------------------------|
+| σ        | `sigma`  | m, rad; m/s, rad/s | (2, 3)   | noise of q and v                           |
+| k_j      | `steps`  | 1                  | (J,)     | true impact steps                          |
 """
 
 from dataclasses import dataclass

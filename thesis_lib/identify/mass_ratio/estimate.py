@@ -17,6 +17,12 @@ and is removed by refitting around the estimate (`hypotheses`).
 
 Sources: thesis section 2.4, table 2.1; A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 7.4 (averaging over
 discrete hypotheses).
+
+| on paper | in code | unit   |                                             |
+|----------|---------|--------|---------------------------------------------|
+| m/I      | `value` | 1/m²   | for a planar body 1 / k², k radius of gyration |
+| ε, μ     | `epsilon`, `mu` | 1 |                                          |
+| σ        | `sigma` | m, rad, m/s, rad/s | (2, 3): of q and of v, estimated |
 """
 
 from dataclasses import dataclass, replace

@@ -27,6 +27,13 @@ The standard errors of the forces are those of η, carried through the time step
 
 Sources: thesis section 2.4; G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297, doi 10.1093/biomet/65.2.297;
 S. J. Julier, J. K. Uhlmann, Proceedings of the IEEE 92 (2004) 401, doi 10.1109/JPROC.2003.823141 (sigma points).
+
+| on paper | in code      | unit               | shape    | meaning                                     |
+|----------|--------------|--------------------|----------|---------------------------------------------|
+| q, v     | `q`, `v`     | m, rad; per s      | (m+1, 3) | noisy states of the hub                     |
+| σ        | `sigma`      | as q, v            | (2, 3)   | standard deviations of q (row 0), v (row 1) |
+| c_n, c_t | `c_n`, `c_t` | N                  | (m, p)   | forces of the p spokes over each step       |
+| P        | `covariance` |                    | (4, 4)   | of η                                        |
 """
 
 from dataclasses import dataclass
