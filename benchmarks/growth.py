@@ -76,7 +76,7 @@ def comparison(n: int) -> Callable[[], object]:
 
 def critique(n: int) -> Callable[[], object]:
     """The critique of n drops with a displaced centre of mass."""
-    from thesis_lib.critique.drops import criticise
+    from thesis_lib.critique import criticise
     from thesis_lib.critique.proof.cases import Case, make
 
     dataset, _ = make(Case("law", "com_offset", 0, n))

@@ -29,7 +29,7 @@ import numpy as np
 from benchmarks.baselines import Trained, gaussian_process, sindy
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops import criticise
+from thesis_lib.critique import criticise
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
