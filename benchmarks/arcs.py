@@ -58,9 +58,7 @@ def regression(body: PlanarFreeBody, h: float, noisy: NoisyStates, impacts: True
     return float(line.coef_[0])
 
 
-def least_squares(
-    body: PlanarFreeBody, h: float, noisy: NoisyStates, impacts: TrueImpacts, start: float
-) -> float:
+def least_squares(body: PlanarFreeBody, h: float, noisy: NoisyStates, impacts: TrueImpacts, start: float) -> float:
     """m/I in 1/m² by scipy: all samples against one trajectory with free impulses; NaN if it does not converge."""
     from scipy.optimize import least_squares as solve
 
@@ -141,9 +139,7 @@ def measure(shape: str, n: int, snr: float, results: Results) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    parser = benchmark_parser(
-        "arcs", "m/I of single drops against the Cramér-Rao bound, scipy and scikit-learn."
-    )
+    parser = benchmark_parser("arcs", "m/I of single drops against the Cramér-Rao bound, scipy and scikit-learn.")
     parser.add_argument("--drops", type=int, default=160, help="of each shape (160)")
     parser.add_argument("--snr", type=float, default=30.0, help="dB (30)")
     options = parser.parse_args(arguments)

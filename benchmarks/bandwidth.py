@@ -34,17 +34,13 @@ def measure(n: int, triad: int, rounds: int, results: Results) -> None:
     for where, size in sizes.items():
         _, v_pre, r = falling_ellipses(np.random.default_rng(0), size)
         for name in SIX_LAWS:
-            calls[f"{name} {where}"] = lambda law=LAWS[name], v_pre=v_pre, r=r: law(
-                v_pre, r, **BODY, **PARAMETERS
-            )
+            calls[f"{name} {where}"] = lambda law=LAWS[name], v_pre=v_pre, r=r: law(v_pre, r, **BODY, **PARAMETERS)
     times = alternately(calls, rounds, 0.05)
     rate = 5 * 8 * triad / times["triad"]
     floor = BYTES / rate
     results.add("memory bandwidth (numpy triad)", float(np.median(rate)) / 1e9, "GB/s", f"{triad} numbers")
     results.add("floor of a law", float(np.median(floor)) * 1e9, "ns an impact", f"{BYTES} bytes moved")
-    print(
-        f"{np.median(rate) / 1e9:.1f} GB/s; floor {np.median(floor) * 1e9:.1f} ns an impact; times the floor"
-    )
+    print(f"{np.median(rate) / 1e9:.1f} GB/s; floor {np.median(floor) * 1e9:.1f} ns an impact; times the floor")
     print(f"{'law':26s}" + "".join(f"{f'{size:,}':>12s}" for size in sizes.values()))
     for name in SIX_LAWS:
         shown = ""

@@ -39,15 +39,12 @@ class Trained:
     terms: tuple[dict[str, float], ...] = ()
 
 
-def sindy(
-    X: np.ndarray, Y: np.ndarray, weight: np.ndarray, trial: np.ndarray, names: Sequence[str]
-) -> Trained:
+def sindy(X: np.ndarray, Y: np.ndarray, weight: np.ndarray, trial: np.ndarray, names: Sequence[str]) -> Trained:
     """PySINDy's STLSQ on its polynomial library; weight (n,) multiplies the rows, trial (n,) is the unit of folds."""
     X, x_scale = _standardised(X, weight)
     folds = np.unique(trial, return_inverse=True)[1] % FOLDS
     best = min(
-        ((_validated(X, Y, weight, folds, d, t), d, t) for d in DEGREES for t in THRESHOLDS),
-        key=lambda found: found[0],
+        ((_validated(X, Y, weight, folds, d, t), d, t) for d in DEGREES for t in THRESHOLDS), key=lambda found: found[0]
     )
     _, degree, threshold = best
     fit = _stlsq(X, Y, weight, degree, threshold)

@@ -100,11 +100,7 @@ def measure(folder: Path, count: int, drops: int, jobs: int, time_limit: float) 
     add = results.add
     add("datasets with a verdict", count - len(failed & set(cases)), note=f"of {count}, {drops} drops each")
     add("bad datasets listed with a reason", len(failed - set(cases)), note=f"of {len(BAD)} inserted")
-    add(
-        "right answers",
-        sum(_is_right(row, cases) for row in batch.rows),
-        note=f"of {count}: cause named, or adequate",
-    )
+    add("right answers", sum(_is_right(row, cases) for row in batch.rows), note=f"of {count}: cause named, or adequate")
     if good:
         seconds = sum(one.cpu_s for one in good)
         add("datasets per CPU minute", 60.0 * len(good) / (seconds + cpu), "1/min", f"{jobs} at a time")
@@ -142,13 +138,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser("batch", "Throughput and memory of the critique of many datasets.")
     parser.add_argument("--datasets", type=int, default=100, help="good ones; default: %(default)s")
     parser.add_argument("--drops", type=int, default=300, help="of each; default: %(default)s")
-    parser.add_argument(
-        "--jobs", type=int, default=len(os.sched_getaffinity(0)), help="default: number of cores"
-    )
+    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="default: number of cores")
     parser.add_argument("--time-limit", type=float, default=900.0, help="s a dataset; default: %(default)g")
-    parser.add_argument(
-        "--keep", type=Path, metavar="DIR", help="folder for data and results, to look at and to go on"
-    )
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="folder for data and results, to look at and to go on")
     options = parser.parse_args(arguments)
     if options.quick:
         options.datasets, options.drops, options.time_limit = 2, 40, min(options.time_limit, 120.0)

@@ -86,10 +86,7 @@ def measure(particles: int, trained_on: int = TRAINED, singly: int = ALONE) -> d
         for i in range(singly):
             simulate_throws(body, q[i : i + 1], v[i : i + 1], model, 0.15, settings, rng)
         alone = time.process_time()
-        rates[name] = {
-            "batched": round(particles / (batched - begin)),
-            "alone": round(singly / (alone - batched), 1),
-        }
+        rates[name] = {"batched": round(particles / (batched - begin)), "alone": round(singly / (alone - batched), 1)}
     return rates
 
 
@@ -104,12 +101,8 @@ def main(arguments: list[str] | None = None) -> None:
     print(f"{'':16s}{'at once':>9s}{'asked':>8s}{'ratio':>7s}{'one at a time':>15s}{'ratio':>7s}")
     for name, rate in rates.items():
         asked, alone = rate["batched"] / ASKED[name], rate["batched"] / rate["alone"]
-        print(
-            f"{name:16s}{rate['batched']:9,d}{ASKED[name]:8,d}{asked:7.1f}{rate['alone']:15,.0f}{alone:7.0f}"
-        )
-        results.add(
-            f"{name}: at once", rate["batched"], "particle-throws a CPU second", f"{particles:,} particles"
-        )
+        print(f"{name:16s}{rate['batched']:9,d}{ASKED[name]:8,d}{asked:7.1f}{rate['alone']:15,.0f}{alone:7.0f}")
+        results.add(f"{name}: at once", rate["batched"], "particle-throws a CPU second", f"{particles:,} particles")
         results.add(f"{name}: at once over one at a time", alone)
     results.write(options.out)
 

@@ -47,9 +47,7 @@ def nelder_mead(law: Law, target: Target) -> np.ndarray:
     from scipy.optimize import minimize
 
     options = {"xatol": 1e-6, "fatol": 1e-12}
-    found = minimize(
-        lambda p: mean_misfit(law, target, p), START, method="Nelder-Mead", bounds=BOX, options=options
-    )
+    found = minimize(lambda p: mean_misfit(law, target, p), START, method="Nelder-Mead", bounds=BOX, options=options)
     return found.x
 
 

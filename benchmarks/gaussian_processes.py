@@ -122,9 +122,7 @@ def main(arguments: list[str] | None = None) -> None:
     for name, row in reached.items():
         ratio = row["cpu_s"] / max(reached["ours"]["cpu_s"], 0.01)
         results.add(f"{name}: CPU time", row["cpu_s"], "s", f"{len(impacts)} impacts")
-        results.add(
-            f"{name}: log likelihood behind the best", row["behind"], "nats", "the worst of three outputs"
-        )
+        results.add(f"{name}: log likelihood behind the best", row["behind"], "nats", "the worst of three outputs")
         print(f"{name:18s}{row['cpu_s']:8.2f}{ratio:12.1f}{row['log_likelihood']:16.2f}{row['behind']:9.2f}")
     results.write(options.out)
 

@@ -140,10 +140,7 @@ def compare(case: Case) -> dict[str, Found]:
     steps = [[s.effect.name, *s.alternatives] for s in critique.discovery.steps]
     found = {
         "critique": Found(
-            critique.verdict != "adequate",
-            is_right(case, critique.verdict, steps),
-            (base - end) / (base - floor),
-            cpu,
+            critique.verdict != "adequate", is_right(case, critique.verdict, steps), (base - end) / (base - floor), cpu
         )
     }
     methods: dict[str, Train] = {"GP": gaussian_process}
@@ -180,9 +177,7 @@ def summarise(found: dict[str, dict[str, list[Found]]], results: Results) -> Non
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    parser = benchmark_parser(
-        "hidden_effects", "Critique, PySINDy and Gaussian processes on the same hidden effects."
-    )
+    parser = benchmark_parser("hidden_effects", "Critique, PySINDy and Gaussian processes on the same hidden effects.")
     parser.add_argument("--causes", nargs="+", default=list(CAUSES), metavar="NAME")
     parser.add_argument("--seeds", type=int, default=2, help="datasets of each cause, and of nothing (2)")
     parser.add_argument("--drops", type=int, default=100)

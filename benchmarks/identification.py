@@ -67,8 +67,7 @@ def measure(name: str, target: Target, rows: np.ndarray) -> dict[str, float]:
 
 def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser(
-        "identification",
-        "CPU seconds of the individual identification of each law, and the ratio to scipy.optimize.",
+        "identification", "CPU seconds of the individual identification of each law, and the ratio to scipy.optimize."
     )
     add_impact_options(parser, 1718)
     parser.add_argument("--sample", type=int, default=60, metavar="S", help="impacts for scipy.optimize (60)")
@@ -84,9 +83,7 @@ def main(arguments: list[str] | None = None) -> None:
     target = target_of(impacts.select(np.arange(len(impacts))[: options.n]))
     rows = rng.choice(len(target), size=min(options.sample, len(target)), replace=False)
 
-    print(
-        f"{len(target)} {source} impacts, one core, CPU seconds; scipy.optimize from a sample of {len(rows)}"
-    )
+    print(f"{len(target)} {source} impacts, one core, CPU seconds; scipy.optimize from a sample of {len(rows)}")
     print(f"{'law':38s}{'ours':>8s}{'scipy':>9s}{'ratio':>7s}{'ours worse':>12s}{'scipy worse':>13s}")
     results, found_by = Results("identification"), {}
     for name in LAWS if options.all else SIX_LAWS:
@@ -100,12 +97,8 @@ def main(arguments: list[str] | None = None) -> None:
     print(f"{'the six laws':38s}{six:8.2f}{six_scipy:9.1f}{six_scipy / six:7.0f}")
     results.add("six laws: CPU time", six, "s", f"{len(target)} {source} impacts")
     results.add("six laws: scipy (Nelder-Mead, one by one) over ours", six_scipy / six)
-    results.add(
-        "six laws: scipy ends worse", worse["scipy_worse"], f"of {6 * len(rows)}", "by more than 1e-6 N s"
-    )
-    results.add(
-        "six laws: ours ends worse", worse["ours_worse"], f"of {6 * len(rows)}", "by more than 1e-6 N s"
-    )
+    results.add("six laws: scipy ends worse", worse["scipy_worse"], f"of {6 * len(rows)}", "by more than 1e-6 N s")
+    results.add("six laws: ours ends worse", worse["ours_worse"], f"of {6 * len(rows)}", "by more than 1e-6 N s")
     results.write(options.out)
 
 

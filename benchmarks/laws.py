@@ -22,9 +22,7 @@ SECONDS = 0.2  # at least, of each way over all rounds
 WAYS = ("batched", "formulas", "plain loop", "array loop")
 
 
-def measure(
-    name: str, v_pre: np.ndarray, r: np.ndarray, rounds: int, seconds: float, results: Results
-) -> None:
+def measure(name: str, v_pre: np.ndarray, r: np.ndarray, rounds: int, seconds: float, results: Results) -> None:
     """Print and add impacts per second of one law by each way, and the ratios (a plain loop only for the six laws)."""
     law, n = LAWS[name], len(v_pre)
     space = contact_space(v_pre, r, **BODY)
@@ -46,9 +44,7 @@ def measure(
         calls["plain loop"] = lambda: resolve_all(plain, *rows, **BODY, **PARAMETERS)
     calls["array loop"] = array_loop
     counts = {"array loop": few}
-    times = {
-        way: one / counts.get(way, n) for way, one in alternately(calls, rounds, seconds / rounds).items()
-    }
+    times = {way: one / counts.get(way, n) for way, one in alternately(calls, rounds, seconds / rounds).items()}
     shown = f"{name:38s}"
     for way in WAYS:
         if way not in times:
@@ -65,9 +61,7 @@ def measure(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = benchmark_parser(
-        "laws", "Impacts per second of each impact law on one core, and the ratio to loops."
-    )
+    parser = benchmark_parser("laws", "Impacts per second of each impact law on one core, and the ratio to loops.")
     parser.add_argument("-n", type=int, default=10_000, metavar="BATCH", help="impacts per batch (10000)")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--all", action="store_true", help="the variants as published, too")

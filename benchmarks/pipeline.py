@@ -121,9 +121,7 @@ def measure(target: str, scale: str, results: Results) -> None:
         files = [overlay] if scale == "default" else [Path(folder) / f"config/{scale}.yaml", overlay]
         arguments = [target, "--cores", str(CORES), "--configfile", *map(str, files)]
         before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, "-c", MEASURED, *arguments], cwd=folder, capture_output=True, text=True
-        )
+        done = subprocess.run([sys.executable, "-c", MEASURED, *arguments], cwd=folder, capture_output=True, text=True)
         after, wall = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - start
         if done.returncode:
             raise RuntimeError(f"snakemake {target} at scale {scale} failed:\n{done.stderr[-3000:]}")
@@ -136,9 +134,7 @@ def measure(target: str, scale: str, results: Results) -> None:
     results.add(f"{name}: CPU overhead", own / in_jobs, "1", note)
     results.add(f"{name}: time to finish", wall, "s", f"{CORES} cores")
     results.add(f"{name}: critical path", critical_path(jobs), "s")
-    results.add(
-        f"{name}: time to finish over the least", wall / least, "1", f"least on {CORES} cores {least:.1f} s"
-    )
+    results.add(f"{name}: time to finish over the least", wall / least, "1", f"least on {CORES} cores {least:.1f} s")
     print(f"{name}: {len(jobs)} jobs, {cpu:.1f} CPU s; Snakemake {own:.1f}, {own / in_jobs:.1%} of the jobs'")
     print(f"  {wall:.1f} s to finish, {wall / least:.2f} of the least {least:.1f} s")
 
@@ -161,9 +157,7 @@ def main(arguments: list[str] | None = None) -> None:
         "pipeline", "CPU time of a target in a fresh copy, on two cores, against that of its jobs."
     )
     parser.add_argument("target", nargs="?", help="rule (chapter3 at scale default, then all at scale quick)")
-    parser.add_argument(
-        "--scale", default="default", choices=["quick", "default", "full"], help="of the target"
-    )
+    parser.add_argument("--scale", default="default", choices=["quick", "default", "full"], help="of the target")
     options = parser.parse_args(arguments)
     runs = ((options.target, options.scale),) if options.target else RUNS
     results = Results("pipeline")

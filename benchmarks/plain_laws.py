@@ -104,14 +104,7 @@ def whittaker(v_t, v_n, K_tt, K_nn, K_tn, mu, epsilon):
 
 PLAIN_LAWS: dict[str, PlainLaw] = {
     law.__name__: law
-    for law in (
-        drumwright_shell,
-        anitescu_potra_poisson,
-        anitescu_potra_newton,
-        mirtich,
-        wang_mason,
-        whittaker,
-    )
+    for law in (drumwright_shell, anitescu_potra_poisson, anitescu_potra_newton, mirtich, wang_mason, whittaker)
 }
 
 

@@ -35,9 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
 
     results, rows = Results("programs"), []
     # Drake takes a tenth of a second to load its solvers, which is not the first program's time
-    study(
-        STUDIES["2.14"], "block", cases("block", 10, 1, np.random.default_rng(0)), 1, np.random.default_rng(0)
-    )
+    study(STUDIES["2.14"], "block", cases("block", 10, 1, np.random.default_rng(0)), 1, np.random.default_rng(0))
     print(HEADER)
     for kind in options.mechanisms:
         for length in options.lengths:
@@ -63,9 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
                 success, starts = (sum(row[key] for row in mine) for key in ("n_success", "n_starts"))
                 longest = mine[-1]
                 note = f"windows of {longest['n_steps']} steps"
-                results.add(
-                    f"{kind}, {name}: success", success, f"of {starts}", "start ends within 1e-6 of the truth"
-                )
+                results.add(f"{kind}, {name}: success", success, f"of {starts}", "start ends within 1e-6 of the truth")
                 results.add(f"{kind}, {name}: CPU time of a start", longest["cpu_s_median"], "s", note)
                 results.add(f"{kind}, {name}: exponent over the window length", slope)
     results.write(options.out)

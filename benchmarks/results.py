@@ -46,9 +46,7 @@ def benchmark_parser(name: str, description: str) -> argparse.ArgumentParser:
     return parser
 
 
-def alternately(
-    calls: Mapping[str, Callable[[], object]], rounds: int, seconds: float = 0.0
-) -> dict[str, np.ndarray]:
+def alternately(calls: Mapping[str, Callable[[], object]], rounds: int, seconds: float = 0.0) -> dict[str, np.ndarray]:
     """CPU seconds (rounds,) of one call of each, measured round by round in turn.
 
     Each is called once before, and in each round as often as fills `seconds`: what else the machine does then slows

@@ -185,14 +185,10 @@ def _scene(mechanism: Mechanism, h: float, mu: float, stiffness: float, relaxati
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=h)
     plant.set_contact_model(ContactModel.kPoint)
     plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
-    plant.set_adjacent_bodies_collision_filters(
-        False
-    )  # else the body would not meet the ground it moves over
+    plant.set_adjacent_bodies_collision_filters(False)  # else the body would not meet the ground it moves over
     properties = ProximityProperties()
     # given to both geometries of a pair: Drake puts their springs in series and adds their relaxation times
-    AddContactMaterial(
-        point_stiffness=2.0 * stiffness, friction=CoulombFriction(mu, mu), properties=properties
-    )
+    AddContactMaterial(point_stiffness=2.0 * stiffness, friction=CoulombFriction(mu, mu), properties=properties)
     properties.AddProperty("material", "relaxation_time", 0.5 * relaxation_time)
     if isinstance(mechanism, ArmDisk):
         mechanism.add_bodies(plant)

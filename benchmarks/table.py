@@ -88,18 +88,14 @@ def replaced(text: str, table: str, name: str) -> str:
         UserError: not exactly one pair of markers stands there.
     """
     if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
-        raise UserError(
-            f"{name} must hold {BEGIN} and, below it, {END}, once each; the table goes between them."
-        )
+        raise UserError(f"{name} must hold {BEGIN} and, below it, {END}, once each; the table goes between them.")
     before, after = text.split(BEGIN)[0], text.split(END)[1]
     return f"{before}{BEGIN}\n{table}\n{END}{after}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; 1 if there is nothing to show or nowhere to write it."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.table", description="Markdown table of all benchmarks."
-    )
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.table", description="Markdown table of all benchmarks.")
     parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
     parser.add_argument("--short", action="store_true", help="only the rows that the README shows")
     parser.add_argument("--write", type=Path, metavar="FILE.md", help="replace the table in this file")
@@ -115,9 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         if not options.write.is_file():
             raise UserError(f"There is no file {options.write} to write the table into.")
-        write_text(
-            replaced(options.write.read_text(encoding="utf-8"), table, str(options.write)), options.write
-        )
+        write_text(replaced(options.write.read_text(encoding="utf-8"), table, str(options.write)), options.write)
     except UserError as error:
         print(error, file=sys.stderr)
         return 1

@@ -25,17 +25,13 @@ def named_paths(text: str) -> set[str]:
     return set(re.findall(rf"`((?:{FOLDERS})/[^`\s]*)`", text))
 
 
-@pytest.mark.parametrize(
-    ("page", "path"), [(p, path) for p in PAGES for path in sorted(named_paths(TEXT[p]))]
-)
+@pytest.mark.parametrize(("page", "path"), [(p, path) for p in PAGES for path in sorted(named_paths(TEXT[p]))])
 def test_paths_exist(page, path):
     assert "<" in path or list(ROOT.glob(path.rstrip("/"))), f"{page} names {path}"
 
 
 def test_enough_paths_are_named():
-    assert (
-        len(named_paths(TEXT["CONTRIBUTING.md"])) > 50 and len(named_paths(TEXT["docs/architecture.md"])) > 20
-    )
+    assert len(named_paths(TEXT["CONTRIBUTING.md"])) > 50 and len(named_paths(TEXT["docs/architecture.md"])) > 20
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -107,17 +103,13 @@ def test_the_table_of_rooms_is_complete_and_in_order():
     assert set(said) == {room(module) for module in MODULES} - {""}
     order = list(said)
     for name, uses in said.items():
-        assert all(order.index(used) < order.index(name) for used in uses), (
-            f"{name} imports from a room below it"
-        )
+        assert all(order.index(used) < order.index(name) for used in uses), f"{name} imports from a room below it"
 
 
 @pytest.mark.parametrize("name", said_rooms())
 def test_imports_are_those_of_the_table(name):
     found, said = imported_rooms(name), set(said_rooms()[name])
-    assert found == said, (
-        f"{name}: new {found - said}, gone {said - found}; is it meant? docs/architecture.md"
-    )
+    assert found == said, f"{name}: new {found - said}, gone {said - found}; is it meant? docs/architecture.md"
 
 
 def test_no_files_import_each_other():

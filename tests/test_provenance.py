@@ -69,12 +69,7 @@ def test_hash_is_stable_and_short(root):
 
 @pytest.mark.parametrize(
     "content",
-    [
-        "# a comment\nX = 1\n",
-        '"""Another text, over\ntwo lines."""\n\n\nX = 1  # unit\n',
-        "X = (\n    1\n)\n",
-        "X = 1",
-    ],
+    ["# a comment\nX = 1\n", '"""Another text, over\ntwo lines."""\n\n\nX = 1  # unit\n', "X = (\n    1\n)\n", "X = 1"],
 )
 def test_comments_docstrings_and_layout_do_not_count(root, content):
     assert changed_by(root, "thesis_lib/plain.py", content) == set()
@@ -113,9 +108,7 @@ def test_new_import_of_a_used_module_is_followed(root):
 
 
 def test_a_module_that_moves_changes_nothing(root):
-    (root / "thesis_lib/plain.py").write_text(
-        "from thesis_lib.deep import below\nfrom thesis_lib.late import W\n"
-    )
+    (root / "thesis_lib/plain.py").write_text("from thesis_lib.deep import below\nfrom thesis_lib.late import W\n")
     before = hashes(root)
     (root / "thesis_lib/archive").mkdir()
     (root / "thesis_lib/archive/__init__.py").write_text("")
@@ -134,9 +127,7 @@ def test_an_import_of_the_same_name_from_another_module_counts(root):
     (root / "thesis_lib/unused.py").write_text("W = 5\n")
     (root / "late.py").write_text(FILES["late.py"] + "import thesis_lib.unused\n")
     before = hashes(root)
-    (root / "late.py").write_text(
-        (root / "late.py").read_text().replace("thesis_lib.late", "thesis_lib.unused")
-    )
+    (root / "late.py").write_text((root / "late.py").read_text().replace("thesis_lib.late", "thesis_lib.unused"))
     assert {name for name in SCRIPTS if hashes(root)[name] != before[name]} == {"late"}
 
 

@@ -21,8 +21,7 @@ from thesis_lib.ledger.format import read_ledger
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FINDINGS, BENCHMARKS, HARNESSES = (
-    (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
-    for name in ("findings", "benchmarks", "harnesses")
+    (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("findings", "benchmarks", "harnesses")
 )
 LINES = 150  # of a front page
 
@@ -62,9 +61,7 @@ def test_what_deviates_is_counted_as_said(statuses):
     defined = sum(name.endswith("as_defined") for name in deviating)
     beyond = sum("no_back_spin" in name or "up_to_sticking" in name for name in deviating)
     noise = sum(name.startswith("table_2_1") for name in deviating)
-    counts = (
-        rf"Of the {len(deviating)}, {defined} are the laws .* {noise} belong to Table 2.1 .*and {beyond} are"
-    )
+    counts = rf"Of the {len(deviating)}, {defined} are the laws .* {noise} belong to Table 2.1 .*and {beyond} are"
     assert re.search(counts, README, re.S)
 
 
@@ -73,13 +70,10 @@ def test_shares_of_the_proof_are_those_of_the_stored_results():
 
     table = summary().query("n > 0")
     said = re.findall(
-        r"^\| .+? \| (law|mechanism|drake) \| ([\d.]+) % \| ([\d.]+) to ([\d.]+) % \| (\d+) \|",
-        FINDINGS,
-        re.M,
+        r"^\| .+? \| (law|mechanism|drake) \| ([\d.]+) % \| ([\d.]+) to ([\d.]+) % \| (\d+) \|", FINDINGS, re.M
     )
     found = {
-        (r.source, int(r.n), *(round(100 * x, 1) for x in (r.measured, r.low, r.high)))
-        for r in table.itertuples()
+        (r.source, int(r.n), *(round(100 * x, 1) for x in (r.measured, r.low, r.high))) for r in table.itertuples()
     }
     assert len(said) >= 6
     for source, share, low, high, n in said:
@@ -122,9 +116,7 @@ DICE_NAMES = {
 
 
 def test_dice_table_is_that_of_the_stored_run():
-    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice.csv").set_index(["model", "quantity"])[
-        "value"
-    ]
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice.csv").set_index(["model", "quantity"])["value"]
     said = re.findall(r"^\| ([^|]+?) \| (\S+) ± (\S+) \| (\d+) % \| (\S+) \|$", FINDINGS, re.M)
     assert [row[0] for row in said] == list(DICE_NAMES)
     for name, mean, std, face, score in said:
@@ -181,8 +173,7 @@ def test_make_targets_exist(target):
 
 
 @pytest.mark.parametrize(
-    "path",
-    sorted(set(re.findall(r"`((?:thesis_lib|config|tests|\.ci)/[\w./*-]+)`", README + FINDINGS + HARNESSES))),
+    "path", sorted(set(re.findall(r"`((?:thesis_lib|config|tests|\.ci)/[\w./*-]+)`", README + FINDINGS + HARNESSES)))
 )
 def test_paths_exist(path):
     assert list(ROOT.glob(path.rstrip("/"))) or "<" in path, path

@@ -5,16 +5,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
-from thesis_lib.resources import (
-    MEASURED,
-    Use,
-    main,
-    read_measured,
-    read_uses,
-    recorded,
-    request,
-    write_measured,
-)
+from thesis_lib.resources import MEASURED, Use, main, read_measured, read_uses, recorded, request, write_measured
 
 HEADER = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n"
 SMALL = {"quick": {"peak_mb": 150.0, "cpu_s": 2.0}}
@@ -76,9 +67,7 @@ class TestReading:
         with pytest.raises(CorruptFileError, match=r"small\.tsv"):
             read_uses(results)
 
-    @pytest.mark.parametrize(
-        "text", ["- a\n", "large: 3\n", "large: {quick: {cpu: 2}}\n", "large: [\n", "\0"]
-    )
+    @pytest.mark.parametrize("text", ["- a\n", "large: 3\n", "large: {quick: {cpu: 2}}\n", "large: [\n", "\0"])
     def test_a_broken_plan_is_named(self, tmp_path, text):
         path = tmp_path / "resources.yaml"
         path.write_text(text)

@@ -36,14 +36,9 @@ def written(results: Path) -> str:
 
 def test_figures_are_grouped_by_dataset_and_what_was_not_made_is_left_out(results):
     html = written(results)
-    assert re.findall(r'<figure id="([\w-]+)"', html) == [
-        "figure-3-1",
-        "figure-3-8-planar_dice",
-        "figure-3-8-drops",
-    ]
+    assert re.findall(r'<figure id="([\w-]+)"', html) == ["figure-3-1", "figure-3-8-planar_dice", "figure-3-8-drops"]
     order = [
-        html.index(text)
-        for text in ("<h3>planar_dice: measured", 'figure-3-8-planar_dice"><img', "<h3>drops: sim")
+        html.index(text) for text in ("<h3>planar_dice: measured", 'figure-3-8-planar_dice"><img', "<h3>drops: sim")
     ]
     assert order == sorted(order) and "Chapter 2" not in html
 
@@ -53,9 +48,7 @@ def test_what_was_found_stands_in_caption_and_alternative_text(results):
     drops = html[html.index('<figure id="figure-3-8-drops"') :]
     alt = re.search(r'alt="([^"]+)"', drops)[1]
     assert "0.1 m/s &amp; more" in alt and "<strong>Found in this run:</strong> The error" in drops
-    dice = html[
-        html.index('<figure id="figure-3-8-planar_dice"') : html.index('<figure id="figure-3-8-drops"')
-    ]
+    dice = html[html.index('<figure id="figure-3-8-planar_dice"') : html.index('<figure id="figure-3-8-drops"')]
     assert "Found in this run" not in dice
     assert 'href="chapter3/drops/table_3_1.csv"' in html and 'href="critique/drops/report.html"' in html
     assert 'width="38" height="19"' in drops  # 72 x 36 pixels at 180 an inch, on a page of 96

@@ -72,8 +72,7 @@ class Config(Section):
         20190906, description="the one seed; every rule derives its own stream from it"
     )
     measured: tuple[str, ...] = Field(
-        ("data/measured", "../shared/data"),
-        description="folders searched for the measured datasets, in order",
+        ("data/measured", "../shared/data"), description="folders searched for the measured datasets, in order"
     )
     drops: SimulatedDrops = SimulatedDrops()
     arcs: ArcSettings = Field(ArcSettings(), description="detection of impacts and arc fits")

@@ -53,10 +53,7 @@ CAUSES = {
 
 
 def run(
-    targets: Sequence[str] = (),
-    scale: str = "default",
-    configfiles: Sequence[str] = (),
-    cores: int | None = None,
+    targets: Sequence[str] = (), scale: str = "default", configfiles: Sequence[str] = (), cores: int | None = None
 ) -> int:
     """Run `targets` (by default all) of the pipeline in the current folder and return the exit code.
 
@@ -229,10 +226,7 @@ def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int
 
 def _cpu_of_jobs(scale: str) -> dict[str, float]:
     """Measured CPU time of the largest job of each rule, s; at the default scale if that is the only one."""
-    from thesis_lib.resources import (
-        MEASURED,
-        read_measured,
-    )  # late: outside the environment there is no PyYAML
+    from thesis_lib.resources import MEASURED, read_measured  # late: outside the environment there is no PyYAML
 
     measured = read_measured() if MEASURED.is_file() else {}
     uses = {rule: scales.get(scale) or scales.get("default", {}) for rule, scales in measured.items()}
@@ -295,14 +289,11 @@ def _say(text: str) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m thesis_lib.pipeline",
-        description="Run the pipeline; an interrupted run goes on where it was.",
+        prog="python -m thesis_lib.pipeline", description="Run the pipeline; an interrupted run goes on where it was."
     )
     parser.add_argument("targets", nargs="*", metavar="TARGET", help="rules or files (everything)")
     parser.add_argument("--scale", choices=SCALES, default="default", help="size of the studies (default)")
-    parser.add_argument(
-        "--configfile", action="append", default=[], metavar="FILE", help="overlay with your choices"
-    )
+    parser.add_argument("--configfile", action="append", default=[], metavar="FILE", help="overlay with your choices")
     parser.add_argument("--cores", type=int, metavar="N", help="jobs at once (profiles/default: 2)")
     options = parser.parse_args(arguments)
     for package in ("snakemake", "psutil"):

@@ -64,9 +64,7 @@ def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: i
     peak, cpu_s = (_largest(measured, rule, key) for key in KEYS)
     peak = max(peak, SMALLEST_MB)
     steps = math.ceil((MEMORY_MARGIN * peak + NESTED_MB) / MEMORY_STEP_MB)
-    return Request(
-        attempt * steps * MEMORY_STEP_MB, attempt * math.ceil(START_MINUTES + TIME_MARGIN * cpu_s / 60.0)
-    )
+    return Request(attempt * steps * MEMORY_STEP_MB, attempt * math.ceil(START_MINUTES + TIME_MARGIN * cpu_s / 60.0))
 
 
 def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str) -> float:
@@ -133,9 +131,7 @@ def _read_benchmark(path: Path) -> tuple[float, float]:
 
 def table(uses: Mapping[str, Use], measured: Mapping) -> str:
     """For a terminal: rule, jobs, CPU seconds, peak memory and request; largest peaks first."""
-    lines = [
-        f"{'rule':22s}{'jobs':>6s}{'CPU s':>10s}{'largest':>10s}{'peak MB':>10s}{'asks MB':>10s}{'asks min':>10s}"
-    ]
+    lines = [f"{'rule':22s}{'jobs':>6s}{'CPU s':>10s}{'largest':>10s}{'peak MB':>10s}{'asks MB':>10s}{'asks min':>10s}"]
     for rule, use in sorted(uses.items(), key=lambda item: (-item[1].peak_mb, item[0])):
         asked = request(measured, rule)
         peak = f"{use.peak_mb:.0f}" if use.peak_mb else "-"  # too short to be sampled

@@ -27,11 +27,7 @@ def test_table_replaces_what_stands_between_its_markers(tmp_path, capsys):
     readme.write_text(f"above\n{BEGIN}\nold\n{END}\nbelow\n")
     assert main([str(written(tmp_path)), "--write", str(readme)]) == 0
     text = readme.read_text()
-    assert (
-        text.startswith(f"above\n{BEGIN}\nMeasured on ")
-        and text.endswith(f"{END}\nbelow\n")
-        and "old" not in text
-    )
+    assert text.startswith(f"above\n{BEGIN}\nMeasured on ") and text.endswith(f"{END}\nbelow\n") and "old" not in text
     assert "| laws | mirtich, batched | 12.3 | million a second | a \\| b |" in text
     assert "| laws | what could not be measured |  |  |  |" in text
     assert text.index("| laws |") < text.index("| zeta | ratio | 1,235 |")

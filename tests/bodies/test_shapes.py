@@ -80,9 +80,7 @@ def test_mirror_symmetry_of_symmetric_shapes(name):
 def test_mirrored_polygon_gives_mirrored_contact_points():
     mirrored = Polygon(vertices=tuple((-x, y) for x, y in SKEWED.vertices))
     theta = np.linspace(-3.0, 3.0, 41)
-    np.testing.assert_allclose(
-        mirrored.contact_point(-theta), SKEWED.contact_point(theta) * [-1.0, 1.0], atol=EXACT
-    )
+    np.testing.assert_allclose(mirrored.contact_point(-theta), SKEWED.contact_point(theta) * [-1.0, 1.0], atol=EXACT)
 
 
 def test_ellipse_is_the_limit_of_polygons():
@@ -143,18 +141,13 @@ def test_known_radii_of_gyration():
 
 def test_extent(shape):
     farthest = {"ellipse": 0.035, "upright_ellipse": 0.04, "disk": 0.03, "square": 0.03 * np.sqrt(2)}
-    expected = {id(SHAPES[name]): value for name, value in farthest.items()}.get(
-        id(shape), np.hypot(0.05, 0.01)
-    )
+    expected = {id(SHAPES[name]): value for name, value in farthest.items()}.get(id(shape), np.hypot(0.05, 0.01))
     # an outline of 180 points misses the far end of an ellipse by up to (π/180)²/2 of it
     assert shape.extent == pytest.approx(expected, rel=2e-4)
 
 
 @settings(max_examples=50, deadline=None)
-@given(
-    st.lists(st.tuples(*[st.floats(-1.0, 1.0, width=32)] * 2), min_size=3, max_size=8),
-    st.floats(-10.0, 10.0),
-)
+@given(st.lists(st.tuples(*[st.floats(-1.0, 1.0, width=32)] * 2), min_size=3, max_size=8), st.floats(-10.0, 10.0))
 def test_no_vertex_is_below_the_contact_point(vertices, theta):
     try:
         polygon = Polygon(vertices=tuple(vertices))

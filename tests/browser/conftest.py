@@ -62,10 +62,7 @@ def visit(browser) -> Iterator[Callable[..., Opened]]:
         opened = Opened(context.new_page())
         opened.page.on("request", lambda request: opened.requests.append(request.url))
         opened.page.on("pageerror", lambda error: opened.complaints.append(str(error)))
-        opened.page.on(
-            "console",
-            lambda said: opened.complaints.append(said.text) if said.type == "error" else None,
-        )
+        opened.page.on("console", lambda said: opened.complaints.append(said.text) if said.type == "error" else None)
         opened.page.goto(path.resolve().as_uri(), wait_until="load")
         return opened
 

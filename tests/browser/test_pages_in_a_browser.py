@@ -177,9 +177,7 @@ def test_it_prints_with_nothing_cut(visit, pages, name):
     page = visit(pages[name], width).page
     page.emulate_media(media="print")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    boxes = page.evaluate(
-        "[...document.querySelectorAll('figure')].map((f) => f.getBoundingClientRect().toJSON())"
-    )
+    boxes = page.evaluate("[...document.querySelectorAll('figure')].map((f) => f.getBoundingClientRect().toJSON())")
     assert all(box["height"] <= height and box["right"] <= width for box in boxes)
     assert not page.locator("nav:visible, button:visible, .skip:visible, .keys:visible").count()
     pdf = page.pdf(prefer_css_page_size=True)

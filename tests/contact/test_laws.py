@@ -110,9 +110,7 @@ def test_momentum(law, rng):
     J[:, 0, 0] = J[:, 1, 1] = 1.0
     J[:, 0, 2], J[:, 1, 2] = -r[:, 1], r[:, 0]
     momentum = np.einsum("nji,nj->ni", J, out.impulse)
-    np.testing.assert_allclose(
-        (out.v_post - v_pre) @ M, momentum, atol=1e-14 * np.abs(v_pre).max(), rtol=1e-9
-    )
+    np.testing.assert_allclose((out.v_post - v_pre) @ M, momentum, atol=1e-14 * np.abs(v_pre).max(), rtol=1e-9)
 
 
 @ALL
@@ -136,12 +134,7 @@ def test_units_do_not_matter(law, draw):
     out = draw.resolve(law)
     mass, length = 0.05, 0.02
     other = law(
-        draw.v_pre / [1.0, 1.0, length],
-        draw.r * length,
-        mass=mass,
-        k_g=length,
-        mu=draw.mu,
-        epsilon=draw.epsilon,
+        draw.v_pre / [1.0, 1.0, length], draw.r * length, mass=mass, k_g=length, mu=draw.mu, epsilon=draw.epsilon
     )
     scale = draw.speed[:, None]
     np.testing.assert_allclose(other.impulse / mass / scale, out.impulse / scale, rtol=0, atol=1e-10)
@@ -258,9 +251,7 @@ def test_invalid_state_is_marked_and_spares_the_others(law, bad, column):
 
 def test_a_law_without_a_solution_says_so(rng):
     # a law whose formula fails for an impact: NaN never carries the status OK
-    law = replace(
-        LAWS["wang_mason"], impulse=lambda s, mu, e: (0.0 * s.v_t, np.where(s.v_t > 0, np.nan, 1.0))
-    )
+    law = replace(LAWS["wang_mason"], impulse=lambda s, mu, e: (0.0 * s.v_t, np.where(s.v_t > 0, np.nan, 1.0)))
     few = reference_draw(rng, 50)
     out = few.resolve(law)
     failed = few.space.v_t > 0
@@ -269,14 +260,7 @@ def test_a_law_without_a_solution_says_so(rng):
     np.testing.assert_array_equal(np.isnan(out.v_post).all(axis=1), failed)
 
 
-GOOD = {
-    "v_pre": np.zeros((4, 3)),
-    "r": np.zeros((4, 2)),
-    "mass": 1.0,
-    "k_g": 1.0,
-    "mu": 0.3,
-    "epsilon": 0.5,
-}
+GOOD = {"v_pre": np.zeros((4, 3)), "r": np.zeros((4, 2)), "mass": 1.0, "k_g": 1.0, "mu": 0.3, "epsilon": 0.5}
 
 
 @pytest.mark.parametrize(
@@ -329,9 +313,7 @@ def test_promises_hold_on_special_values(v_t, v_n, x, y, mu, epsilon):
         out = law(v, r, mass=1.0, k_g=1.0, mu=mu, epsilon=epsilon)
         assert out.status[0] == Status.OK and np.all(np.isfinite(out.v_post)), law.name
         c_t, c_n = out.impulse.T
-        np.testing.assert_allclose(
-            out.v_post - v, velocity_change(c_t, c_n, r, mass=1.0, k_g=1.0), atol=1e-12
-        )
+        np.testing.assert_allclose(out.v_post - v, velocity_change(c_t, c_n, r, mass=1.0, k_g=1.0), atol=1e-12)
         if Promise.NON_PENETRATION in law.promises:
             assert space.velocity_after(c_t, c_n)[1] >= -KEPT * scale, law.name
         if Promise.FRICTION_CONE in law.promises:

@@ -85,8 +85,7 @@ def test_anitescu_potra_newton(stored):
 
 
 @pytest.mark.parametrize(
-    "name, column, mu, epsilon",
-    [("mirtich_as_published", 3, 0.06, 0.558), ("wang_mason", 4, 0.12, 0.537)],
+    "name, column, mu, epsilon", [("mirtich_as_published", 3, 0.06, 0.558), ("wang_mason", 4, 0.12, 0.537)]
 )
 def test_marching_laws(name, column, mu, epsilon, stored):
     steps = stored.of(column)[1] / STEP

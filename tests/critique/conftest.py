@@ -25,17 +25,13 @@ def nothing_hidden() -> Critique:
 @pytest.fixture(scope="session")
 def hidden_drops() -> Critique:
     """Friction that depends on the direction, hidden in trajectories."""
-    return criticise(
-        simulated("hidden_drops", 1, friction_anisotropy=ANISOTROPY), rng=np.random.default_rng(0)
-    )
+    return criticise(simulated("hidden_drops", 1, friction_anisotropy=ANISOTROPY), rng=np.random.default_rng(0))
 
 
 @pytest.fixture(scope="session")
 def impacts_dataset() -> Dataset:
     """Tangential restitution, injected into impacts without trajectories."""
-    return injected_impacts(
-        "hidden_impacts", 80, 3, "tangential_restitution", {"tangential_restitution.e_t": E_T}
-    )
+    return injected_impacts("hidden_impacts", 80, 3, "tangential_restitution", {"tangential_restitution.e_t": E_T})
 
 
 @pytest.fixture(scope="session")

@@ -107,9 +107,7 @@ class Page(HTMLParser):
 
 def page_of(made, diagnosis, **changes):
     critique, regions, found, drawn = made
-    return report_html(
-        critique, diagnosis, changes.get("where", regions), found, changes.get("pictures", drawn)
-    )
+    return report_html(critique, diagnosis, changes.get("where", regions), found, changes.get("pictures", drawn))
 
 
 def scripts(html):

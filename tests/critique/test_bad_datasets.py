@@ -106,10 +106,7 @@ def second_body(**changes: float) -> Dataset:
     made = simulate_drops(other, PROOF_RELEASE, 20, **TRUTH, noise=RIG_NOISE, rng=rng)
     first = drops().trajectories.query("trial < 20")
     both = pd.concat(
-        [
-            first.assign(trial=2 * first["trial"]),
-            made.trajectories.assign(trial=2 * made.trajectories["trial"] + 1),
-        ]
+        [first.assign(trial=2 * first["trial"]), made.trajectories.assign(trial=2 * made.trajectories["trial"] + 1)]
     )
     return from_trajectories(both.sort_values(["trial", "t"]))
 

@@ -226,10 +226,7 @@ def test_datasets_are_found_in_folders(folders, tmp_path):
     assert [path.name for path in found] == ["a", "b", "no_header"]
     assert [path.name for path in others] == ["notes"]
     missing = tmp_path / "missing"
-    assert find_datasets([missing, tmp_path / "data" / "notes"]) == (
-        [missing, tmp_path / "data" / "notes"],
-        [],
-    )
+    assert find_datasets([missing, tmp_path / "data" / "notes"]) == ([missing, tmp_path / "data" / "notes"], [])
 
 
 def test_the_command_lists_failures_and_has_the_exit_codes_that_it_says(folders, tmp_path, capsys):
@@ -258,8 +255,7 @@ def test_a_dataset_of_a_batch_has_the_bytes_of_its_own_critique(impacts_dataset,
     assert pd.read_csv(out / "batch.csv")["verdict"].fillna("").tolist() == ["", "effects"]
     critique_folder(read_dataset(tmp_path / "data" / "drops"), tmp_path / "alone", 3)
     one, two = (
-        {path.name: path.read_bytes() for path in (folder).iterdir()}
-        for folder in (out / "drops", tmp_path / "alone")
+        {path.name: path.read_bytes() for path in (folder).iterdir()} for folder in (out / "drops", tmp_path / "alone")
     )
     assert set(one) == set(two) and {"report.html", "ladder.png", "where.png"} <= set(one)
     assert [name for name in one if one[name] != two[name]] == []

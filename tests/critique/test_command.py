@@ -79,9 +79,7 @@ def test_the_library_writes_the_same_bytes_as_the_command(no_pictures, dataset_f
         assert (tmp_path / "again" / name).read_bytes() == (run_folder / name).read_bytes(), name
 
 
-def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(
-    no_pictures, dataset_folder, tmp_path, capsys
-):
+def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(no_pictures, dataset_folder, tmp_path, capsys):
     out = tmp_path / "run"
     command = ["critique", str(dataset_folder), "-o", str(out), "--effect", "wrong_inertia", "--seed", "3"]
     assert main(command) == 0
@@ -123,9 +121,7 @@ def test_predictions_as_json(run_folder, tmp_path, capsys):
     assert len(pd.read_csv(tmp_path / "out.csv")) == 2
 
 
-def test_a_verdict_as_json_is_that_of_the_file_and_alone_on_stdout(
-    no_pictures, dataset_folder, tmp_path, capsys
-):
+def test_a_verdict_as_json_is_that_of_the_file_and_alone_on_stdout(no_pictures, dataset_folder, tmp_path, capsys):
     command = ["critique", str(dataset_folder), "-o", str(tmp_path), "--effect", "wrong_inertia", "--json"]
     assert main(command) == 0
     assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "diagnosis.json").read_text())
@@ -166,10 +162,7 @@ def test_two_runs_are_compared_in_standard_errors(run_folder, tmp_path, capsys):
         ([], "a command is missing"),
         (["critique", "a", "b", "c"], "one dataset, or two"),
         (["critique", "DATA", "--effect", "gravity_waves"], "no effect 'gravity_waves'"),
-        (
-            ["critique", "DATA", "--effect", "linear_drag"],
-            "cannot test the effect linear_drag: no trajectories",
-        ),
+        (["critique", "DATA", "--effect", "linear_drag"], "cannot test the effect linear_drag: no trajectories"),
         (["critique", "DATA", "--seed", "-1"], "--seed"),
         (["critique", "DATA", "-o", "DATA"], "is the dataset itself"),
         (["critique", "RUN"], "written by a critique"),
@@ -241,9 +234,7 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
     assert main(["predict", str(folder / "model.json"), "states.csv"]) == 2
 
 
-def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(
-    hidden_impacts, no_pictures, tmp_path
-):
+def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hidden_impacts, no_pictures, tmp_path):
     for name in ("residuals.png", "flights.csv", "notes.txt", "my_plot.png"):
         (tmp_path / name).write_text("old")
     write_critique(hidden_impacts, tmp_path, np.random.default_rng(0))
@@ -259,7 +250,5 @@ def test_the_public_face_is_the_function_whatever_was_imported_before():
         "assert callable(criticise) and criticise.__name__ == 'criticise'\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-    light = (
-        "import sys, thesis_lib.critique\nassert 'scipy' not in sys.modules and 'pandas' not in sys.modules\n"
-    )
+    light = "import sys, thesis_lib.critique\nassert 'scipy' not in sys.modules and 'pandas' not in sys.modules\n"
     subprocess.run([sys.executable, "-c", light], check=True)

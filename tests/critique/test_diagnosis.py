@@ -187,18 +187,12 @@ def test_a_fault_of_the_measurement_is_said_first(told):
 
 def test_structure_that_nothing_explains_is_told_with_what_it_depends_on(hidden_impacts):
     left = replace(
-        hidden_impacts.remaining,
-        p_value=0.005,
-        error_before=0.2,
-        error_after=0.05,
-        depends_on=("theta", "v_n"),
+        hidden_impacts.remaining, p_value=0.005, error_before=0.2, error_after=0.05, depends_on=("theta", "v_n")
     )
     content = diagnosis(replace(hidden_impacts, remaining=left), np.random.default_rng(0))
     assert content["verdict"] == "unexplained" and content["remaining"]["structured"]
     assert content["remaining"]["depends_on"] == ["theta", "v_n"]
-    assert (
-        "(theta) and the normal velocity of the contact point before impact (v_n):" in content["summary"][-1]
-    )
+    assert "(theta) and the normal velocity of the contact point before impact (v_n):" in content["summary"][-1]
 
 
 def test_half_of_what_evidence_alone_sets_needs_four_times_the_drops(hidden_impacts, monkeypatch):
@@ -207,9 +201,7 @@ def test_half_of_what_evidence_alone_sets_needs_four_times_the_drops(hidden_impa
     sizes = {name: {p.name: 0.1 for p in effect.parameters} for name, effect in EFFECTS.items()}
     for factor, drops in ((0.4, 4 * n_trials), (0.6, None), (2.0, None)):
         material = {name: {p: factor * size for p, size in one.items()} for name, one in sizes.items()}
-        monkeypatch.setattr(
-            "thesis_lib.critique.drops.questions.detectable.significant_sizes", lambda critique: sizes
-        )
+        monkeypatch.setattr("thesis_lib.critique.drops.questions.detectable.significant_sizes", lambda critique: sizes)
         monkeypatch.setattr(
             "thesis_lib.critique.drops.questions.detectable.material_sizes", lambda critique, m=material: m
         )
@@ -281,9 +273,7 @@ def test_single_impacts_that_spoil_the_mean_are_listed(nothing_hidden):
     assert worst[0]["t"] == pytest.approx(o.t[3], rel=1e-5)
     text = " ".join(content["summary"])
     assert "is adequate for most impacts" in text and f"trial {o.trial[3]} at" in text
-    assert (
-        f"{content['error']['augmented'] / content['error']['noise_floor']:.2g} times the noise floor" in text
-    )
+    assert f"{content['error']['augmented'] / content['error']['noise_floor']:.2g} times the noise floor" in text
     assert diagnosis(nothing_hidden, np.random.default_rng(0))["error"]["worst"] == []
 
 
@@ -296,9 +286,7 @@ def test_errors_have_the_intervals_of_the_ladder(hidden_impacts):
     for which, row in (("base", rungs.iloc[0]), ("augmented", rungs.iloc[-1])):
         low, high = error[f"{which}_interval"]
         assert low < error[which] < high
-        assert low == pytest.approx(row["error_low"], rel=1e-5) and high == pytest.approx(
-            row["error_high"], rel=1e-5
-        )
+        assert low == pytest.approx(row["error_low"], rel=1e-5) and high == pytest.approx(row["error_high"], rel=1e-5)
 
 
 def test_the_channel_in_which_an_effect_matters_is_told(told):
@@ -306,10 +294,7 @@ def test_the_channel_in_which_an_effect_matters_is_told(told):
     gap = {"unit": "sigma", "base": 9.0, "augmented": 1.1, "noise_floor": 1.0}
     error = {**told["error"], "augmented": told["error"]["base"], "touch": gap}
     first = summary({**told, "effects": [effect], "error": error})[0]
-    assert (
-        "with it the misfit of the gap at impact falls from 9 to 1.1 standard deviations of noise, while"
-        in first
-    )
+    assert "with it the misfit of the gap at impact falls from 9 to 1.1 standard deviations of noise, while" in first
     assert told["effects"][0]["material_in"] == ["impact"]
 
 
@@ -356,8 +341,7 @@ def test_effects_that_are_on_or_off_are_no_rivals(nothing_hidden):
     scan_ = nothing_hidden.discovery.last_scan
     loud = replace(scan_, gain={**scan_.gain, "mirrored_rotation": 1e9})
     found = next_experiment(
-        replace(nothing_hidden, discovery=replace(nothing_hidden.discovery, last_scan=loud)),
-        np.random.default_rng(0),
+        replace(nothing_hidden, discovery=replace(nothing_hidden.discovery, last_scan=loud)), np.random.default_rng(0)
     )
     assert "mirrored" not in found["why"] and found["shows"] == "difference"
 
@@ -365,14 +349,9 @@ def test_effects_that_are_on_or_off_are_no_rivals(nothing_hidden):
 def test_what_is_unexplained_is_followed_to_where_it_is_largest(hidden_impacts):
     """Without the effect the misfit grows with the tangential velocity, and the states proposed are fast ones."""
     base = hidden_impacts.ladder[0]
-    left = replace(
-        hidden_impacts.remaining, p_value=0.005, error_before=0.4, error_after=0.05, depends_on=("trial",)
-    )
+    left = replace(hidden_impacts.remaining, p_value=0.005, error_before=0.4, error_after=0.05, depends_on=("trial",))
     bare = replace(
-        hidden_impacts,
-        remaining=left,
-        ladder=(base,),
-        discovery=replace(hidden_impacts.discovery, steps=()),
+        hidden_impacts, remaining=left, ladder=(base,), discovery=replace(hidden_impacts.discovery, steps=())
     )
     assert bare.verdict == "unexplained"
     found = next_experiment(bare, np.random.default_rng(0))
@@ -380,9 +359,7 @@ def test_what_is_unexplained_is_followed_to_where_it_is_largest(hidden_impacts):
     assert found["sigmas"][0] > 3.0 and "from the first trial to the last" in found["why"]
     assert not any(effect.title in found["why"] for effect in EFFECTS.values())
     shape = hidden_impacts.observations.rig.shape
-    slip = [
-        abs(s["vx"] - shape.contact_point(np.array([s["theta"]]))[0, 1] * s["omega"]) for s in found["states"]
-    ]
+    slip = [abs(s["vx"] - shape.contact_point(np.array([s["theta"]]))[0, 1] * s["omega"]) for s in found["states"]]
     o = hidden_impacts.observations
     measured = np.abs(o.slope[:, 0, 0] - shape.contact_point(o.value[:, 0, 2])[:, 1] * o.slope[:, 0, 2])
     assert np.median(slip) > np.median(measured)

@@ -64,9 +64,7 @@ print(*(abs(step.fitted.values["handed_restitution.a"] - 0.25) < 0.02 for step i
 
 
 def table_only(n: int = 40) -> Observations:
-    return observe(
-        injected_impacts("table", n, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4})
-    )
+    return observe(injected_impacts("table", n, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4}))
 
 
 def discover(
@@ -183,8 +181,6 @@ def test_a_new_effect_is_one_new_file_and_nothing_else(tmp_path):
     assert done.stdout.split() == [str(copy / "__init__.py"), "known", "handed_restitution", "True"]
     # all other files are as they were
     names = {path.relative_to(copy) for path in copy.rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    original = {
-        path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"
-    }
+    original = {path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
     assert names - original == {Path("effects/handed_restitution.py")}
     assert "handed_restitution" not in EFFECTS

@@ -76,9 +76,7 @@ def test_refuses_what_cannot_be():
 
 def test_the_surface_is_where_the_model_has_it():
     one, two = (
-        simulate_augmented_in_drake(
-            saved(height=height), PROOF_RELEASE, 2, duration=0.4, rng=np.random.default_rng(3)
-        )
+        simulate_augmented_in_drake(saved(height=height), PROOF_RELEASE, 2, duration=0.4, rng=np.random.default_rng(3))
         for height in (0.0, 0.5)
     )
     assert two.height == 0.5

@@ -26,13 +26,7 @@ def test_numbers_show_their_uncertainty():
     assert interval(0.10859, 0.15625, "m/s") == "[0.109, 0.156] m/s"
     assert interval(float("nan"), 1.0) == ""
     assert amount(None, "m/s") == "unknown"
-    assert [percent(x) for x in (0.0, 1e-5, 0.0123, 0.5, 1.0)] == [
-        "0 %",
-        "less than 0.1 %",
-        "1.2 %",
-        "50 %",
-        "100 %",
-    ]
+    assert [percent(x) for x in (0.0, 1e-5, 0.0123, 0.5, 1.0)] == ["0 %", "less than 0.1 %", "1.2 %", "50 %", "100 %"]
 
 
 def test_interval_digits_follow_the_width_not_the_value():
@@ -43,16 +37,12 @@ def test_interval_digits_follow_the_width_not_the_value():
 def test_rules_and_reasons_are_written_as_people_write_them():
     assert plain_rule({"rule": "theta < -0.5 rad and |omega| > 3 rad/s"}) == "θ < −0.5 rad and |ω| > 3 rad/s"
     counts = {"second_hit": 50, "not_ballistic": 49, "lost_frames": 1}
-    said = (
-        "50 × second hit too near to tell apart; 49 × no free flight on a side (held, rolling, bad track); "
-    )
+    said = "50 × second hit too near to tell apart; 49 × no free flight on a side (held, rolling, bad track); "
     assert reasons_listed(counts) == said + "1 for other reasons"
     assert reasons_listed({}) == ""
     assert feature_text("theta") == "body angle (theta)" and feature_text("mood") == "mood"
 
 
 def test_a_number_and_its_unit_stay_on_one_line():
-    assert (
-        paragraph("an error of 0.03 m/s, 3.2 % more") == "<p>an error of 0.03\u00a0m/s, 3.2\u00a0% more</p>"
-    )
+    assert paragraph("an error of 0.03 m/s, 3.2 % more") == "<p>an error of 0.03\u00a0m/s, 3.2\u00a0% more</p>"
     assert paragraph("in 5 minutes") == "<p>in 5 minutes</p>"

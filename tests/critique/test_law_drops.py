@@ -35,9 +35,7 @@ def simulated(
     for effect in chosen:
         values |= sizes(effect, factor)
     rng = np.random.default_rng(seed)
-    return simulate_law_drops(
-        ELLIPSE_BODY, PROOF_RELEASE, n, Model(LAWS[law], chosen), values, noise=noise, rng=rng
-    )
+    return simulate_law_drops(ELLIPSE_BODY, PROOF_RELEASE, n, Model(LAWS[law], chosen), values, noise=noise, rng=rng)
 
 
 def energies(dataset: Dataset, trial: int) -> np.ndarray:

@@ -115,9 +115,7 @@ def test_mirrored_rotation_is_recovered_and_told_by_the_misfit(rng):
 
 
 def dataset(body, mechanisms, rng, n):
-    drops = simulate_compliant_drops(
-        body, PROOF_RELEASE, n, hidden=mechanisms, duration=0.5, noise=RIG_NOISE, rng=rng
-    )
+    drops = simulate_compliant_drops(body, PROOF_RELEASE, n, hidden=mechanisms, duration=0.5, noise=RIG_NOISE, rng=rng)
     return Dataset("simulated", drops.header.model_copy(update={"noise": None}), drops.trajectories)
 
 

@@ -92,9 +92,7 @@ def test_payload_of_the_model_is_the_loaded_arm_and_the_loaded_wheel():
     wheel = LoadedWheel(chapter2.wheel(), 0.3, np.array([0.5, 0.0]))
     model = BelievedWheel(chapter2.wheel(), 0.5)
     q, v, a = states(4, 3, 2)
-    forces = [
-        wheel.mass_matrix(q[k]) @ a[k] + wheel.bias(q[k], v[k]) - wheel.gravity(q[k]) for k in range(len(q))
-    ]
+    forces = [wheel.mass_matrix(q[k]) @ a[k] + wheel.bias(q[k], v[k]) - wheel.gravity(q[k]) for k in range(len(q))]
     heavier = model.regressor(q, v, a) @ (model.parameters + 0.3 * model.payload)
     assert np.abs(heavier - forces).max() < ROUNDING
 
@@ -113,9 +111,7 @@ def test_turned_gravity_of_simulation_and_critique_agree(kind, models):
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_exact_motion_leaves_no_residual_and_a_hidden_force_does(kind, models, plans):
     weak = WeakForm(
-        measured(plans[kind], np.inf, np.random.default_rng(0), SETTINGS.windows),
-        models[kind],
-        SETTINGS.windows,
+        measured(plans[kind], np.inf, np.random.default_rng(0), SETTINGS.windows), models[kind], SETTINGS.windows
     )
     z = weak.residual(np.zeros_like(weak.f))
     assert np.abs(z).max() < 1e-6  # of the accuracy asked, 80 dB
@@ -151,9 +147,7 @@ def test_null_counts_the_candidates(models, plans):
     p = np.array([tests.p_value(gain) for gain in best])
     alone = 0.5 * ((tests.basis["gravity_direction"].T @ draws) ** 2).sum(axis=0)
     assert abs((p < 0.2).mean() - 0.2) < 0.08  # four standard errors of 400 draws
-    assert (
-        np.mean([tests.p_value(gain) for gain in alone]) > 0.6
-    )  # one candidate alone must do better than chance
+    assert np.mean([tests.p_value(gain) for gain in alone]) > 0.6  # one candidate alone must do better than chance
 
 
 @pytest.mark.parametrize(("kind", "truth"), FOUND)
@@ -236,9 +230,7 @@ def test_candidates_with_one_signature_are_named_together(models, plans):
 @pytest.mark.parametrize(("times", "verdict"), [(0.4, "adequate"), (2.5, "effects")])
 def test_an_effect_shows_from_the_smallest_size_on(times, verdict, critiques, models, plans):
     smallest = smallest_sizes(critiques("wheel", "nothing")[0])["payload"]["m_p"]
-    records = run_with(
-        "wheel", "payload", plans["wheel"], BODIES, HiddenSizes(wheel_payload=times * smallest)
-    )
+    records = run_with("wheel", "payload", plans["wheel"], BODIES, HiddenSizes(wheel_payload=times * smallest))
     rng = np.random.default_rng(4)
     trials = measured(records, SNR, rng, SETTINGS.windows)
     found = criticise_mechanism(trials, models["wheel"], WHEEL_EFFECTS, rng, SETTINGS)

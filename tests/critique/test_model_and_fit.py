@@ -116,8 +116,7 @@ def test_fit_stays_within_bounds():
 
     class Narrow(type(drag)):
         parameters = tuple(
-            Parameter(p.name, p.unit, p.null, -0.5 * p.scale, 0.5 * p.scale, 0.5 * p.scale)
-            for p in drag.parameters
+            Parameter(p.name, p.unit, p.null, -0.5 * p.scale, 0.5 * p.scale, 0.5 * p.scale) for p in drag.parameters
         )
 
     fitted = fit(Model(LAW, (Narrow(),)), o)
@@ -187,9 +186,7 @@ def test_errors_are_no_smaller_than_the_cramer_rao_bound_and_hardly_larger():
     for name in values:
         assert 1.0 < fitted.std[name] / bound[name] < WIDEST, name
     # half the noise, half the bound
-    assert cramer_rao(model, values, replace(o, cov=0.25 * o.cov))["mu"] / bound["mu"] == pytest.approx(
-        0.5, rel=0.1
-    )
+    assert cramer_rao(model, values, replace(o, cov=0.25 * o.cov))["mu"] / bound["mu"] == pytest.approx(0.5, rel=0.1)
     # noise that is larger than stated shows in the errors
     loud = synthesise(model, values, replace(o, cov=9.0 * o.cov), np.random.default_rng(9))
     assert fit(model, replace(loud, cov=o.cov), values).std["mu"] > 1.5 * fitted.std["mu"]

@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 from stored_proof import OUTSIDE
 
-from thesis_lib.critique.proof.cases import (
-    DEVELOPMENT,
-    NOTHING,
-    RATIO,
-    SEEDS,
-    SOURCES,
-    Case,
-    make,
-    pairs,
-    truths,
-)
+from thesis_lib.critique.proof.cases import DEVELOPMENT, NOTHING, RATIO, SEEDS, SOURCES, Case, make, pairs, truths
 from thesis_lib.critique.proof.compute import compute
 from thesis_lib.critique.proof.results import is_right
 from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor

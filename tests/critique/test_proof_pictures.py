@@ -21,12 +21,7 @@ def drawn(tmp_path_factory):
     store = tmp_path_factory.mktemp("drawn")
     for i in range(4):
         values = {"w": parameter(1.0 if i else 3.0)}
-        put(
-            store,
-            Case("law", "wear", 1000 + i),
-            [["wear", "wrong_size"]] if i else [["magnus"]],
-            parameters=values,
-        )
+        put(store, Case("law", "wear", 1000 + i), [["wear", "wrong_size"]] if i else [["magnus"]], parameters=values)
         put(store, Case("law", "wear", 1000 + i, ratio=1.5), [["wear"]] if i > 2 else [["magnus"]])
         put(store, Case("law", "wear", 1000 + i, drops=50, noise=5.0), None if i > 1 else [["magnus"]])
         put(store, Case("mechanism", "com_offset_x", 1000 + i), [["com_offset"]])

@@ -33,11 +33,7 @@ class TestStore:
         for seed in range(3):
             case = replace(WEAR, seed=SEEDS + seed, noise=0.1 + 0.2)
             row = put(
-                tmp_path,
-                case,
-                [["wear", "magnus"], ["tilt"]],
-                errors=errors,
-                parameters={"w": parameter(rng.normal())},
+                tmp_path, case, [["wear", "magnus"], ["tilt"]], errors=errors, parameters={"w": parameter(rng.normal())}
             )
             assert read_rows("law", tmp_path)[case] == row
 
@@ -119,19 +115,14 @@ class TestCheck:
     def test_says_how_many_rows_are_older(self, store):
         text = proof_check.ages(store)
         assert code_hash() in text
-        assert (
-            "3 today's,     1 older (1 not known)" in text
-            and "drake         0 today's,     0 older\n" in text
-        )
+        assert "3 today's,     1 older (1 not known)" in text and "drake         0 today's,     0 older\n" in text
 
     def test_a_stamp_is_today_s_hash_on_rows_that_agree(self, store):
         cases = rows_to_check(None, store=store)
         assert check(cases, store, tell=list) and rows_to_check(None, store=store) == cases
         assert check(cases, store, stamp=True, tell=list) and rows_to_check(None, store=store) == []
 
-    @pytest.mark.parametrize(
-        "change", [{"verdict": "unexplained"}, {"groups": (("magnus",),)}, {"groups": ()}]
-    )
+    @pytest.mark.parametrize("change", [{"verdict": "unexplained"}, {"groups": (("magnus",),)}, {"groups": ()}])
     def test_another_answer_fails_and_is_never_stored(self, store, change):
         self.changes = change
         said = []
@@ -193,9 +184,7 @@ class TestCommand:
         assert command.main(["run", "--source", "law", "--truths", "wear", NOTHING, "--seeds", "2"]) == 0
         assert capsys.readouterr().out.count("\n") == 3
         rows = read_rows("law", store)
-        assert (
-            len(rows) == 4 and rows[WEAR].named == "" and rows[replace(WEAR, seed=SEEDS + 1)].named == "wear"
-        )
+        assert len(rows) == 4 and rows[WEAR].named == "" and rows[replace(WEAR, seed=SEEDS + 1)].named == "wear"
 
     def test_tuning_seeds_are_not_stored(self, store, capsys):
         assert command.main(["run", "--truths", "pairs", "--source", "law", "--development"]) == 0

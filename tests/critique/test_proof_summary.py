@@ -50,9 +50,7 @@ class TestSummary:
     def test_mechanisms_are_pooled_and_each(self, tmp_path):
         many(tmp_path, "mechanism", "tilt", 9, 1)
         many(tmp_path, "drake", "tilt", 2, 8)
-        measured = {
-            s: figure_of(tmp_path, MECHANISMS_RIGHT, s) for s in ("mechanism + drake", "mechanism", "drake")
-        }
+        measured = {s: figure_of(tmp_path, MECHANISMS_RIGHT, s) for s in ("mechanism + drake", "mechanism", "drake")}
         assert [row["measured"] for row in measured.values()] == pytest.approx([0.55, 0.9, 0.2])
         assert [row["met"] for row in measured.values()] == ["missed", "at least", "missed"]
         assert figure_of(tmp_path, LAWS_RIGHT, "law")["met"] == "not run"
@@ -91,13 +89,7 @@ class TestSummary:
 
     @pytest.mark.parametrize(
         ("covered", "width", "met"),
-        [
-            (95, 1.1, "aim"),
-            (95, 1.31, "missed"),
-            (100, 1.1, "at least"),
-            (91, 1.1, "at least"),
-            (89, 1.1, "missed"),
-        ],
+        [(95, 1.1, "aim"), (95, 1.31, "missed"), (100, 1.1, "at least"), (91, 1.1, "at least"), (89, 1.1, "missed")],
     )
     def test_coverage_counts_only_with_narrow_intervals(self, tmp_path, covered, width, met):
         for i in range(100):
@@ -188,8 +180,6 @@ class TestReport:
         ]
         for name, table in tables(mixed).items():
             pd.testing.assert_frame_equal(
-                pd.read_csv(tmp_path / "csv" / f"{name}.csv", keep_default_na=False, na_values=[""])[
-                    ["source"]
-                ],
+                pd.read_csv(tmp_path / "csv" / f"{name}.csv", keep_default_na=False, na_values=[""])[["source"]],
                 table[["source"]],
             )

@@ -92,11 +92,7 @@ class TestMisfits:
         assert cell(tmp_path, "law", truth)["after_over_floor"] == pytest.approx(after)
 
     def test_of_a_cause_are_those_of_the_effect_that_describes_it(self, tmp_path):
-        put(
-            tmp_path,
-            Case("mechanism", "gravity_error", 1000),
-            errors=error(flight_base=4.0, flight_augmented=1.5),
-        )
+        put(tmp_path, Case("mechanism", "gravity_error", 1000), errors=error(flight_base=4.0, flight_augmented=1.5))
         row = cell(tmp_path, "mechanism", "gravity_error")
         assert (row["before_over_floor"], row["after_over_floor"]) == (4.0, 1.5)
 
@@ -104,9 +100,7 @@ class TestMisfits:
         for i, after in enumerate((1.0, 1.1, 5.0)):
             put(tmp_path, Case("law", "wear", 1000 + i), errors=error(after=after))
         row = cell(tmp_path, "law", "wear")
-        assert row["after_over_floor"] == pytest.approx(1.1) and row["before_over_floor"] == pytest.approx(
-            3.0
-        )
+        assert row["after_over_floor"] == pytest.approx(1.1) and row["before_over_floor"] == pytest.approx(3.0)
         assert row["error_after"] == pytest.approx(1.1 * FLOOR) and row["floor"] == FLOOR
 
 

@@ -117,10 +117,7 @@ def test_an_adequate_model_with_unknown_noise_is_told(made, diagnosis):
 
 
 def test_structure_that_remains_is_told_with_its_features(made, diagnosis):
-    diagnosis["remaining"] = {
-        **{"structured": True, "channels": [], "p_value": 0.005},
-        "depends_on": ["r_x", "trial"],
-    }
+    diagnosis["remaining"] = {**{"structured": True, "channels": [], "p_value": 0.005}, "depends_on": ["r_x", "trial"]}
     text = Page(page_of(made, diagnosis)).text
     assert "contact point ahead of the centre of mass (r_x); number of the release (trial)." in text
     assert "may stand in for its cause" in text
@@ -164,13 +161,9 @@ def test_a_page_without_tables_is_shorter_and_whole(made, diagnosis):
     assert not page.all("img") and "failed solves" not in page.text
 
 
-def test_real_critiques_of_impacts_alone_and_of_nothing_hidden_are_told(
-    hidden_impacts, nothing_hidden, diagnosis
-):
+def test_real_critiques_of_impacts_alone_and_of_nothing_hidden_are_told(hidden_impacts, nothing_hidden, diagnosis):
     for critique in (hidden_impacts, nothing_hidden):
-        text = Page(
-            report_html(critique, diagnosis, all_regions(critique), {}, pictures(critique, {}, None))
-        ).text
+        text = Page(report_html(critique, diagnosis, all_regions(critique), {}, pictures(critique, {}, None))).text
         assert "which no choice has seen" in text
 
 
@@ -196,9 +189,9 @@ def test_what_may_be_a_fault_is_said_before_the_data(made, diagnosis):
     diagnosis["effects"][0]["indistinguishable_from"] = ["sensor_drift"]
     html = page_of(made, diagnosis)
     text = Page(html).text
-    assert text.index(
-        "may be a fault of the measurement: these data cannot tell it from “drifting camera”"
-    ) < (text.index("412 impacts of 300 trials are used"))
+    assert text.index("may be a fault of the measurement: these data cannot tell it from “drifting camera”") < (
+        text.index("412 impacts of 300 trials are used")
+    )
     assert 'class="verdict fault"' in html
 
 
@@ -208,9 +201,7 @@ def test_large_groups_say_how_many_more(made, diagnosis):
     text = Page(page_of(made, diagnosis)).text
     named = " or ".join([", ".join(EFFECTS[n].title for n in others[:2]), "3 more"])
     assert f"These data cannot tell which it is: {named} would explain as much." in text
-    assert (
-        EFFECTS["contact_torque"].title not in text.split("What could not be told")[0].split("3. Which")[-1]
-    )
+    assert EFFECTS["contact_torque"].title not in text.split("What could not be told")[0].split("3. Which")[-1]
 
 
 def test_the_channel_that_shows_an_effect_is_named(made, diagnosis):
@@ -222,10 +213,7 @@ def test_the_channel_that_shows_an_effect_is_named(made, diagnosis):
 
 
 def test_single_bad_impacts_stand_in_a_table(made, diagnosis):
-    diagnosis["error"] |= {
-        "augmented": 0.096,
-        "worst": [{"trial": 17, "t": 0.3125, "error": 1.5, "unit": "m/s"}],
-    }
+    diagnosis["error"] |= {"augmented": 0.096, "worst": [{"trial": 17, "t": 0.3125, "error": 1.5, "unit": "m/s"}]}
     text = Page(page_of(made, diagnosis)).text
     assert "the mean held-out error is 2.0 times the noise floor" in text
     assert "170.31251.50" in text
@@ -269,8 +257,7 @@ def test_parameters_that_move_little_but_surely_do_not_hardly_move(hidden_drops)
     std = {**last.std, "mu": 1e-4 * first.values["mu"], "epsilon": 1e-4 * first.values["epsilon"]}
     sure = replace(first, std={**first.std, **std})
     critique = replace(
-        hidden_drops,
-        ladder=((hidden_drops.ladder[0][0], sure, hidden_drops.ladder[0][2]), hidden_drops.ladder[-1]),
+        hidden_drops, ladder=((hidden_drops.ladder[0][0], sure, hidden_drops.ladder[0][2]), hidden_drops.ladder[-1])
     )
 
     def said(mu: float, epsilon: float) -> str:
@@ -295,6 +282,4 @@ def test_a_change_of_law_is_told_on_the_ladder_and_with_the_parameters(hidden_dr
     text = Page(report_effects.moved(changed)).text
     assert f"With the effects {LAWS[other].title} fits better than" in text and "not compared" in text
     rungs = ladder_table(changed)
-    assert (
-        f"(law now {LAWS[other].title})" in Page(report_effects.ladder_text(changed, diagnosis, rungs)).text
-    )
+    assert f"(law now {LAWS[other].title})" in Page(report_effects.ladder_text(changed, diagnosis, rungs)).text

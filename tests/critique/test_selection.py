@@ -74,9 +74,7 @@ class Line(World[Curve, Fitted, Scores]):
         X = self.columns(effects)
         p = np.linalg.lstsq(X, self.y, rcond=None)[0]
         z = self.y - X @ p
-        return Fitted(
-            base, effects, dict(zip(("a", "b", *(e.name for e in effects)), p)), float(-0.5 * z @ z)
-        )
+        return Fitted(base, effects, dict(zip(("a", "b", *(e.name for e in effects)), p)), float(-0.5 * z @ z))
 
     def judge(self, fitted: Fitted) -> Scores:
         return Scores(self.trial, self.residual(fitted))
@@ -102,9 +100,7 @@ def line(seed: int, **hidden: float) -> Line:
     trial = np.repeat(np.arange(TRIALS), POINTS)
     x = rng.uniform(-1.0, 1.0, len(trial))
     y = 0.3 + 2.0 * x + rng.standard_normal(len(trial))
-    return Line(
-        trial, x, y + sum((size * SHAPES[name](x) for name, size in hidden.items()), np.zeros_like(x))
-    )
+    return Line(trial, x, y + sum((size * SHAPES[name](x) for name, size in hidden.items()), np.zeros_like(x)))
 
 
 def found(world: Line, settings: SearchSettings | None = None, **options):
@@ -136,12 +132,7 @@ def test_collinear_candidates_are_not_told_apart():
     (step,) = found(line(2, wave=SIZE)).steps
     assert {step.effect.name, *step.alternatives} == {"wave", "twin_of_wave"}
     assert step.scan.cosine("wave", "twin_of_wave") == pytest.approx(1.0)
-    assert (
-        step.scan.expected_loss("wave", "twin_of_wave")
-        < 1e-6
-        < 3.0
-        < step.scan.expected_loss("wave", "square")
-    )
+    assert step.scan.expected_loss("wave", "twin_of_wave") < 1e-6 < 3.0 < step.scan.expected_loss("wave", "square")
 
 
 def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials():
@@ -163,10 +154,7 @@ def test_an_effect_that_is_significant_but_does_not_matter_is_told():
 
 def test_effects_switched_on_by_hand_say_whether_the_data_ask_for_them():
     discovery = found(line(0, square=3.0 * SIZE), fixed=["step", "square"])
-    assert [(step.effect.name, step.clears) for step in discovery.steps] == [
-        ("step", False),
-        ("square", True),
-    ]
+    assert [(step.effect.name, step.clears) for step in discovery.steps] == [("step", False), ("square", True)]
 
 
 def test_a_further_candidate_shifts_no_draw_of_another(monkeypatch):

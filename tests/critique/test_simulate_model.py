@@ -116,11 +116,7 @@ def test_large_bodies_are_released_clear_of_the_surface():
 
 @pytest.mark.parametrize(
     ("options", "says"),
-    [
-        (["--drops", "0"], "must be 1 or more"),
-        (["--seed", "-1"], "--seed"),
-        (["--like", "nowhere"], "nowhere"),
-    ],
+    [(["--drops", "0"], "must be 1 or more"), (["--seed", "-1"], "--seed"), (["--like", "nowhere"], "nowhere")],
 )
 def test_bad_options_are_refused(model_file, tmp_path, capsys, options, says):
     assert main(["simulate", str(model_file), "-o", str(tmp_path / "out"), *options]) == 2

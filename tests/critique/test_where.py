@@ -13,14 +13,7 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import flight_features
-from thesis_lib.critique.drops.questions.where import (
-    FEWEST_HELD_OUT,
-    LEVEL,
-    Condition,
-    flight_regions,
-    regions,
-    where,
-)
+from thesis_lib.critique.drops.questions.where import FEWEST_HELD_OUT, LEVEL, Condition, flight_regions, regions, where
 
 N = 300
 SEEDS = 20

@@ -66,19 +66,11 @@ def fly(
 
     A record ends before the first flight `shortest` (s) or less: no rest, no Zeno sequence.
     """
-    shape, k2, g, height = (
-        header.body.shape,
-        header.body.radius_of_gyration**2,
-        header.gravity,
-        header.surface.height,
-    )
+    shape, k2, g, height = (header.body.shape, header.body.radius_of_gyration**2, header.gravity, header.surface.height)
     q = np.stack(
-        [rng.uniform(-0.5, 0.5, trials), height + rng.uniform(0.15, 0.4, trials), rng.uniform(-3, 3, trials)],
-        1,
+        [rng.uniform(-0.5, 0.5, trials), height + rng.uniform(0.15, 0.4, trials), rng.uniform(-3, 3, trials)], 1
     )
-    v = np.stack(
-        [rng.uniform(-0.8, 0.8, trials), rng.uniform(-1.5, 0, trials), rng.uniform(-15, 15, trials)], 1
-    )
+    v = np.stack([rng.uniform(-0.8, 0.8, trials), rng.uniform(-1.5, 0, trials), rng.uniform(-15, 15, trials)], 1)
     epsilon, rho = rng.uniform(0.5, 0.9, trials), rng.uniform(-0.2, 1.0, trials)
     start, end = rng.uniform(0, 4e-3, trials), samples / header.rate  # the clock is not tied to the fall
     time = np.zeros(trials)

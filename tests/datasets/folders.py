@@ -18,11 +18,7 @@ def header(**changes) -> dict:
     content = {
         "schema": 1,
         "description": "test",
-        "body": {
-            "shape": {"kind": "polygon", "vertices": SQUARE},
-            "mass": 0.05,
-            "radius_of_gyration": 0.0245,
-        },
+        "body": {"shape": {"kind": "polygon", "vertices": SQUARE}, "mass": 0.05, "radius_of_gyration": 0.0245},
         "surface": {"height": 0.0},
         "gravity": 9.81,
         "rate": RATE,

@@ -36,9 +36,7 @@ def errors(f: Flights, found: FoundImpacts) -> tuple[np.ndarray, np.ndarray, np.
     impacts = found.impacts
     true_key, key = f.hit_trial * 1e3 + f.hit_t, impacts.trial * 1e3 + impacts.t
     near = np.abs(true_key[None] - key[:, None]).argmin(1)
-    error = np.c_[
-        impacts.q - f.hit_q[near], impacts.v_pre - f.hit_pre[near], impacts.v_post - f.hit_post[near]
-    ]
+    error = np.c_[impacts.q - f.hit_q[near], impacts.v_pre - f.hit_pre[near], impacts.v_post - f.hit_post[near]]
     return error, impacts.t - f.hit_t[near], near
 
 
@@ -134,9 +132,7 @@ def test_correlated_noise_widens_the_covariance():
     f.q[:] = f.exact + noise
     found = find(f)
     assert (found.noise.colour > 2.0).all() and any("correlated" in text for text in found.warnings)
-    assert (
-        LOOSE_CHI2[0] < chi2_per_dof(errors(f, found)[0][:, 3:], found.impacts.cov[:, 3:, 3:]) < LOOSE_CHI2[1]
-    )
+    assert LOOSE_CHI2[0] < chi2_per_dof(errors(f, found)[0][:, 3:], found.impacts.cov[:, 3:, 3:]) < LOOSE_CHI2[1]
 
 
 def test_stray_acceleration_is_estimated_and_widens_the_covariance():

@@ -79,11 +79,7 @@ def test_check_says_what_detection_finds(tmp_path, capsys):
     assert detection["noise"]["angle"] == pytest.approx(2e-3, rel=NOISE_FROM_FEW_ARCS)
     assert main(["check", str(folder)]) == 0
     text = capsys.readouterr().out
-    for part in (
-        f"detection   {detection['used']} impacts of the trajectories can be used\n",
-        "left out",
-        "flags",
-    ):
+    for part in (f"detection   {detection['used']} impacts of the trajectories can be used\n", "left out", "flags"):
         assert part in text
 
 
@@ -105,9 +101,9 @@ def test_check_refuses_a_surface_that_no_impact_touches(tmp_path, capsys):
 
 
 def test_check_warns_where_no_impact_is_found_or_none_can_be_used(tmp_path, capsys):
-    (text,) = check_json(write(tmp_path / "a", header(noise=None), trajectories=trajectories()), capsys)[
-        "detection"
-    ]["warnings"]
+    (text,) = check_json(write(tmp_path / "a", header(noise=None), trajectories=trajectories()), capsys)["detection"][
+        "warnings"
+    ]
     assert "No impact was found in 3 trials" in text
     frame = bouncing_disk(1)
     first = int((frame["y"].diff() > 0).idxmax())  # the record ends two samples after the first impact
@@ -142,9 +138,7 @@ def test_check_as_json(tmp_path, capsys):
 def test_command_line_from_a_shell(tmp_path):
     folder = write(tmp_path / "drops", impacts=impacts())
     command = [sys.executable, "-m", "thesis_lib", "datasets"]
-    done = subprocess.run(
-        [*command, "check", str(folder)], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([*command, "check", str(folder)], cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "impacts     24" in done.stdout
     done = subprocess.run([*command, "--help"], cwd=ROOT, capture_output=True, text=True, check=False)
@@ -238,18 +232,7 @@ def test_init_with_a_shape_in_millimetres_names_the_option(tmp_path, capsys):
 def test_init_flips_axes_and_reads_other_delimiters(tmp_path):
     rig(trajectories(), down=True).to_csv(tmp_path / "log.csv", index=False, sep=";")
     columns = COLUMNS.replace("y=Z", "y=-Z")
-    args = [
-        "--units",
-        "mm,deg,ms",
-        "--columns",
-        columns,
-        "--delimiter",
-        ";",
-        "--mass",
-        "0.05",
-        "--k-g",
-        "0.02",
-    ]
+    args = ["--units", "mm,deg,ms", "--columns", columns, "--delimiter", ";", "--mass", "0.05", "--k-g", "0.02"]
     assert init(tmp_path, str(tmp_path / "log.csv"), *args) == 0
     same_poses(tmp_path, trajectories())
     assert read_dataset(tmp_path / "out").k_g == 0.02
@@ -301,10 +284,7 @@ def test_init_refuses_what_is_still_wrong_and_says_so(tmp_path, capsys):
     [
         (["--columns", "x=XX"], "has no column XX, y, theta (did you mean 'X'?)"),
         (["--columns", "q=X"], "'q=X' is not OURS=YOURS"),
-        (
-            ["--columns", "t=time,y=Z,theta=angle,x=word"],
-            "column word, row 2: 'abc' is not a number (120 such cells)",
-        ),
+        (["--columns", "t=time,y=Z,theta=angle,x=word"], "column word, row 2: 'abc' is not a number (120 such cells)"),
         (["--units", "inch"], "'inch' is unknown; known are m, cm, mm"),
         (["--units", "mm,cm"], "gives two units of length"),
         (["--columns", "x=X,y=Z,theta=angle"], "has no time column: give --columns t=NAME, or --rate HZ"),

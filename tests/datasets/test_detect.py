@@ -46,9 +46,7 @@ def test_finds_measurable_impacts_and_no_others(flights: Flights, found: FoundIm
     assert set(found.left_out["reason"]) <= set(REASONS)
     assert len(found.arcs) == len(found.impacts) + len(found.left_out)
     # nothing invented among the left out, either
-    assert (
-        matched(flights, found.left_out["trial"].to_numpy(), found.left_out["t"].to_numpy())[1].mean() > 0.9
-    )
+    assert matched(flights, found.left_out["trial"].to_numpy(), found.left_out["t"].to_numpy())[1].mean() > 0.9
 
 
 def test_ordinals_count_all_hits_in_time(found: FoundImpacts):
@@ -66,12 +64,7 @@ def test_noise_is_estimated_from_the_arcs(found: FoundImpacts):
 
 
 def test_header_noise_is_compared_with_the_arcs(flights: Flights):
-    for position, warns, used in (
-        (3e-4, False, 3e-4),
-        (5e-4, True, 5e-4),
-        (1e-2, True, 3e-4),
-        (3e-6, True, 3e-4),
-    ):
+    for position, warns, used in ((3e-4, False, 3e-4), (5e-4, True, 5e-4), (1e-2, True, 3e-4), (3e-6, True, 3e-4)):
         header = ellipse_header(noise={"position": position, "angle": 3e-3})
         found = find_in_arrays(flights.trial, flights.t, flights.q, header)
         assert any("dataset.yaml states" in text for text in found.warnings) is warns
@@ -86,9 +79,7 @@ def test_order_of_trials_and_of_rows_is_indifferent(flights: Flights, found: Fou
     rng = np.random.default_rng(0)
     label = rng.permutation(300)
     rows = rng.permutation(len(flights.t))
-    other = find_in_arrays(
-        label[flights.trial][rows], flights.t[rows], flights.q[rows], flights.header
-    ).impacts
+    other = find_in_arrays(label[flights.trial][rows], flights.t[rows], flights.q[rows], flights.header).impacts
     order = np.lexsort((other.impact, np.argsort(label)[other.trial]))
     np.testing.assert_allclose(other.v_post[order], found.impacts.v_post, atol=SAME)
     np.testing.assert_allclose(other.q[order], found.impacts.q, atol=SAME)
@@ -106,9 +97,7 @@ def test_single_sample_glitch_is_masked_and_reported(flights: Flights, found: Fo
     q = flights.q.copy()
     trials = np.arange(0, 300, 5)
     rows = trials * 150 + rng.integers(5, 25, len(trials))
-    index = np.searchsorted(
-        flights.trial * 1e3 + flights.t, (rows // 150) * 1e3 + (rows % 150) * 0.004 - 1e-6
-    )
+    index = np.searchsorted(flights.trial * 1e3 + flights.t, (rows // 150) * 1e3 + (rows % 150) * 0.004 - 1e-6)
     q[index] += rng.normal(size=(len(rows), 3)) * [0.02, 0.02, 0.3] + [0.01, 0, 0]
     other = find_in_arrays(flights.trial, flights.t, q, flights.header)
     assert matched(flights, other.impacts.trial, other.impacts.t)[1].all()
@@ -142,9 +131,7 @@ def test_rows_that_are_no_measurement_are_left_out_of_given_impacts():
     values = [[i, 0, 0.0, 0.037, 0.1, 0.5, -2.0, 3.0, 0.4, 1.0, -5.0] for i in range(20)]
     values[7][9] = 1e6
     table = pd.DataFrame(values, columns=list(IMPACT_COLUMNS))
-    found = find_impacts(
-        SimpleNamespace(name="given", header=ellipse_header(), trajectories=None, impacts=table)
-    )
+    found = find_impacts(SimpleNamespace(name="given", header=ellipse_header(), trajectories=None, impacts=table))
     assert list(found.left_out["trial"]) == [7] and list(found.left_out["reason"]) == ["energy_gain"]
     assert len(found.impacts) == 19 and 7 not in found.impacts.trial
 
@@ -159,8 +146,7 @@ def test_rest_after_the_bounces_gives_no_impacts(flights: Flights):
         parts.append((np.full(100, flights.trial[i]), flights.t[i] + 0.004 * np.arange(5, 105), rest))
     keep = flights.trial < 100
     trial, t, q = (
-        np.concatenate([a[keep], *(p[j] for p in parts)])
-        for j, a in enumerate((flights.trial, flights.t, flights.q))
+        np.concatenate([a[keep], *(p[j] for p in parts)]) for j, a in enumerate((flights.trial, flights.t, flights.q))
     )
     found = find_in_arrays(trial, t, q, flights.header)
     end = flights.t[last[:100]]
@@ -236,9 +222,7 @@ def test_speed():
     f = fly(ellipse_header(), np.random.default_rng(6), 2000)
     start = time.process_time()
     find_in_arrays(f.trial, f.t, f.q, f.header)
-    assert (
-        time.process_time() - start < 4 * SECONDS
-    )  # on a busy machine, processor time itself grows threefold
+    assert time.process_time() - start < 4 * SECONDS  # on a busy machine, processor time itself grows threefold
 
 
 @pytest.mark.slow

@@ -5,13 +5,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
-from thesis_lib.datasets.format.impacts import (
-    COVARIANCE_COLUMNS,
-    IMPACT_COLUMNS,
-    STATE,
-    Impacts,
-    covariance_column,
-)
+from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS, STATE, Impacts, covariance_column
 from thesis_lib.foundation.files import read_table, write_table
 
 N = 6
@@ -76,9 +70,7 @@ def test_covariance_has_one_column_for_each_pair(impacts):
 
 
 def test_what_is_not_known_leaves_no_columns(impacts):
-    bare = Impacts(
-        impacts.trial, impacts.impact, impacts.q, impacts.v_pre, impacts.v_post, impacts.r, k_g=impacts.k_g
-    )
+    bare = Impacts(impacts.trial, impacts.impact, impacts.q, impacts.v_pre, impacts.v_post, impacts.r, k_g=impacts.k_g)
     assert np.isnan(bare.t).all() and bare.flags.tolist() == [""] * N and bare.mass == 1.0
     assert set(bare.to_table().columns) == {*IMPACT_COLUMNS, "r_x", "r_y", "flags"}
     assert Impacts.from_table(bare.to_table(), SHAPE, bare.k_g).cov is None

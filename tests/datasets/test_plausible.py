@@ -153,9 +153,7 @@ def test_wild_samples_are_no_degrees(tmp_path):
 def test_columns_of_a_motion_in_space_are_refused_as_such(tmp_path):
     frame = trajectories().assign(z=0.0, roll=0.1, note=1.0)
     text = errors(write(tmp_path, trajectories=frame))
-    assert (
-        "columns z, roll" in text and "only planar motions" in text and "remove it" in text
-    )  # the last of `note`
+    assert "columns z, roll" in text and "only planar motions" in text and "remove it" in text  # the last of `note`
 
 
 def test_copies_of_trials_are_named(tmp_path):
@@ -182,9 +180,7 @@ def test_unusual_but_right_data_pass(tmp_path, kind):
     rng = np.random.default_rng(0)
     n = len(frame)
     if kind == "rest":  # a body at rest, angle noise far above position noise
-        frame = frame.assign(
-            x=rng.normal(0, 1e-5, n), y=0.03 + rng.normal(0, 1e-5, n), theta=rng.normal(0, 0.01, n)
-        )
+        frame = frame.assign(x=rng.normal(0, 1e-5, n), y=0.03 + rng.normal(0, 1e-5, n), theta=rng.normal(0, 0.01, n))
     elif kind == "spin":  # 30 turns a second in free flight
         frame["theta"] = 190.0 * frame["t"]
     elif kind == "high":  # dropped from 3 m
@@ -253,9 +249,7 @@ def test_degrees_of_a_disk_are_doubted_by_its_spin_or_its_noise(tmp_path):
     text = doubts("degrees")
     assert "column theta: may be in degrees" in text
     assert "times faster than the centre" in text and "nothing, if it is in radians" in text
-    still = bouncing_disk(angle=2e-3).assign(
-        theta=lambda f: np.random.default_rng(2).normal(0.0, 2e-3, len(f))
-    )
+    still = bouncing_disk(angle=2e-3).assign(theta=lambda f: np.random.default_rng(2).normal(0.0, 2e-3, len(f)))
     assert read_dataset(disk(tmp_path / "still", still)).warnings == ()
     (warning,) = read_dataset(disk(tmp_path / "still deg", still.assign(theta=still["theta"] * DEG))).warnings
     assert "times as much as the position" in warning.what

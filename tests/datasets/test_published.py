@@ -177,9 +177,7 @@ def test_a_changed_file_is_refused_and_nothing_is_written(two_throws, tmp_path):
 
 
 def test_archive_is_fetched_checked_and_converted(two_throws, serve, tmp_path):
-    url = serve_archive(
-        serve, two_throws | {"repo-abc/big/mesh.bin": bytes(20_000_000), "repo-abc/README": b"x"}
-    )
+    url = serve_archive(serve, two_throws | {"repo-abc/big/mesh.bin": bytes(20_000_000), "repo-abc/README": b"x"})
     said = []
     folder = fetch.fetch("planar-dice", tmp_path / "m", say=said.append, archive_host=url)
     assert folder == tmp_path / "m" / "planar_dice"

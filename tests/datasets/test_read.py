@@ -86,9 +86,7 @@ def test_optional_columns_blank_times_and_other_files_are_accepted(tmp_path):
     frame["t"] = np.where(np.arange(len(frame)) % 2, np.nan, 0.1)
     frame["r_x"], frame["r_y"], frame["flags"] = 0.0, -0.04, ""
     frame.loc[3, "flags"] = "energy;cone"
-    frame = pd.concat(
-        [frame, pd.DataFrame(1e-6, index=frame.index, columns=list(COVARIANCE_COLUMNS))], axis=1
-    )
+    frame = pd.concat([frame, pd.DataFrame(1e-6, index=frame.index, columns=list(COVARIANCE_COLUMNS))], axis=1)
     folder = write(tmp_path / "d", impacts=frame, notes="anything,at,all\n1\n")
     dataset = read_dataset(folder)
     assert dataset.impacts["flags"].tolist()[2:5] == ["", "energy;cone", ""]
@@ -159,9 +157,7 @@ def test_yaml_that_is_not_text(tmp_path):
 
 def test_yaml_key_twice(tmp_path):
     text = yaml.safe_dump(header()) + "gravity: 9.8\n"
-    assert "gravity: the key occurs twice (first in line" in only(
-        write(tmp_path, text, trajectories=trajectories())
-    )
+    assert "gravity: the key occurs twice (first in line" in only(write(tmp_path, text, trajectories=trajectories()))
 
 
 def changed(path: str, value) -> dict:
@@ -254,18 +250,7 @@ LINES = CSV.splitlines(keepends=True)
         ("".join([*LINES[:6], "\n", *LINES[6:]]), "row 7: the row is empty"),
         ('"' + CSV, "is not CSV text"),
     ],
-    ids=[
-        "empty",
-        "no rows",
-        "semicolons",
-        "no header",
-        "twice",
-        "missing",
-        "truncated",
-        "ragged",
-        "blank",
-        "quote",
-    ],
+    ids=["empty", "no rows", "semicolons", "no header", "twice", "missing", "truncated", "ragged", "blank", "quote"],
 )
 def test_files_that_are_no_table(tmp_path, text, message):
     found = problems(write(tmp_path, trajectories=text))
@@ -314,10 +299,7 @@ def test_unknown_columns(tmp_path):
         ({"t": {5: 4 / 250.0}}, "column t, row 7: the time is the same as in the row before"),
         ({"t": {5: 0.0125}}, "column t, row 7: the time goes backwards"),
         ({"trial": {119: 0}}, "column trial, row 121: a trial begins again"),
-        (
-            {"trial": {i: 3 for i in range(115, 120)}},
-            "column trial, trial 3: fewer than 10 samples in a trial",
-        ),
+        ({"trial": {i: 3 for i in range(115, 120)}}, "column trial, trial 3: fewer than 10 samples in a trial"),
     ],
 )
 def test_faulty_cells(tmp_path, changes, message):
@@ -345,9 +327,7 @@ def test_faulty_impacts(tmp_path, changes, message):
 
 
 def test_rate_that_contradicts_the_times(tmp_path):
-    assert "but dataset.yaml says rate: 240 Hz" in only(
-        write(tmp_path, header(rate=240.0), trajectories=table())
-    )
+    assert "but dataset.yaml says rate: 240 Hz" in only(write(tmp_path, header(rate=240.0), trajectories=table()))
     text = only(write(tmp_path, trajectories=table(t=trajectories()["t"] * 1000.0)))
     assert "t looks like milliseconds" in text
     content = {key: value for key, value in header().items() if key != "rate"}

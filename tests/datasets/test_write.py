@@ -52,10 +52,7 @@ def datasets(draw) -> Dataset:
     hits["theta"] += rng.normal(0.0, 1.0, len(hits))
     which = draw(st.sampled_from(["both", "poses", "impacts"]))
     return Dataset(
-        "any",
-        Header.model_validate(content),
-        None if which == "impacts" else poses,
-        None if which == "poses" else hits,
+        "any", Header.model_validate(content), None if which == "impacts" else poses, None if which == "poses" else hits
     )
 
 
@@ -71,9 +68,7 @@ def test_round_trip(dataset, tmp_path_factory):
             if ours is not None:
                 assert list(ours.columns) == list(theirs.columns)
                 np.testing.assert_array_equal(ours["trial"], theirs["trial"])
-                np.testing.assert_allclose(
-                    theirs.to_numpy(float), ours.to_numpy(float), rtol=tolerance, atol=0.0
-                )
+                np.testing.assert_allclose(theirs.to_numpy(float), ours.to_numpy(float), rtol=tolerance, atol=0.0)
         if float_format is None:
             assert back.digest() == dataset.digest()
             # and once more: written again, the same bytes
@@ -105,31 +100,8 @@ def _mutate(rng: np.random.Generator, content: bytes) -> bytes:
         elif kind == 3:  # a piece twice
             data[at:at] = data[max(0, at - 30) : at]
         elif kind == 4:  # a nasty word
-            words = [
-                b"nan",
-                b"inf",
-                b"1e999",
-                b"-",
-                b'"',
-                b"\n\n",
-                b",,",
-                b"*x",
-                b"&x",
-                b"{",
-                b"9" * 400,
-                b"True",
-            ]
-            words += [
-                b"!!python/name:os",
-                b"\x00",
-                b"\r",
-                b"1j",
-                b"0x1F",
-                b"\xef\xbb\xbf",
-                b": ",
-                b"- ",
-                b"1_0",
-            ]
+            words = [b"nan", b"inf", b"1e999", b"-", b'"', b"\n\n", b",,", b"*x", b"&x", b"{", b"9" * 400, b"True"]
+            words += [b"!!python/name:os", b"\x00", b"\r", b"1j", b"0x1F", b"\xef\xbb\xbf", b": ", b"- ", b"1_0"]
             data[at:at] = words[int(rng.integers(0, len(words)))]
         elif at < len(data):  # a character of a number changed
             data[at] = int(rng.choice(np.frombuffer(b"0123456789.-,e", dtype=np.uint8)))

@@ -8,10 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[1]
-sys.path[:0] = [
-    str(TESTS.parent),
-    *(str(TESTS / name) for name in ("critique", "jenga", "residual", "figures")),
-]
+sys.path[:0] = [str(TESTS.parent), *(str(TESTS / name) for name in ("critique", "jenga", "residual", "figures"))]
 SEED = 20190906
 
 
@@ -75,9 +72,7 @@ def dice(out: Path) -> None:
     from thesis_lib.residual.throwing.throw import simulate_throws
 
     rng = generator(SEED, "dice")
-    fitted, misfit = fit_dice(
-        BELIEVED, made_contacts(TRUTH, 60), rng, DiceFitSettings(evaluations=150, contacts=50)
-    )
+    fitted, misfit = fit_dice(BELIEVED, made_contacts(TRUTH, 60), rng, DiceFitSettings(evaluations=150, contacts=50))
     X = rng.normal(size=(60, 3))
     Y = np.stack([np.sin(X[:, 0]), X[:, 1] * X[:, 2]], axis=1) + 0.05 * rng.normal(size=(60, 2))
     process = fit_gaussian_process(X, Y, rng, GaussianProcessSettings())
@@ -99,9 +94,7 @@ def jenga(out: Path) -> None:
     from thesis_lib.jenga.learners.settings import LearnerSettings, NetworkSettings
 
     samples, _ = make_samples(150, generator(SEED, "samples"))
-    learner = Hma(LearnerSettings(network=NetworkSettings(iterations=40))).fit(
-        samples, generator(SEED, "fit")
-    )
+    learner = Hma(LearnerSettings(network=NetworkSettings(iterations=40))).fit(samples, generator(SEED, "fit"))
     test, _ = make_samples(40, np.random.default_rng(1))
     belief = learner.initial_belief(test.context)
     mean, variance = learner.predict(test.state, test.action, test.context, belief).moments()

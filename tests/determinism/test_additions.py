@@ -37,10 +37,7 @@ COUNTS_EFFECTS = (
     ("detectable", "drops_for_half"),
 )
 # comparison.csv: the best of all laws for each impact; budget.csv: what another law would gain, and what is left then
-COUNTS_LAWS = {
-    "comparison.csv": ("model", ["best_post_hoc"]),
-    "budget.csv": ("part", ["choice_of_law", "rest"]),
-}
+COUNTS_LAWS = {"comparison.csv": ("model", ["best_post_hoc"]), "budget.csv": ("part", ["choice_of_law", "rest"])}
 
 
 class ThirdHarmonic(Effect):
@@ -65,9 +62,7 @@ def half_of_whittaker(space, mu, epsilon):
 def run(tmp_path_factory):
     def critique(name: str) -> Path:
         out = tmp_path_factory.mktemp("critiques") / name
-        dataset = injected_impacts(
-            "made", 60, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4}
-        )
+        dataset = injected_impacts("made", 60, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4})
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(thesis_lib.figures.critique.pictures, "pictures", lambda *args: {})
             patch.setattr(thesis_lib.report.critique.page, "report_html", lambda *args: "")
@@ -141,9 +136,7 @@ def test_a_law_changes_only_what_counts_laws(run, before, another_law, monkeypat
             key, counting = COUNTS_LAWS[path.name]
             ours, theirs = (pd.read_csv(folder / path.name) for folder in (before, after))
             assert another_law in set(theirs[key]) or path.name == "budget.csv"
-            ours, theirs = (
-                t[~t[key].isin([*counting, another_law])].reset_index(drop=True) for t in (ours, theirs)
-            )
+            ours, theirs = (t[~t[key].isin([*counting, another_law])].reset_index(drop=True) for t in (ours, theirs))
             pd.testing.assert_frame_equal(ours, theirs, check_exact=True)
         elif path.name != "diagnosis.json":
             assert (after / path.name).read_bytes() == path.read_bytes(), path.name

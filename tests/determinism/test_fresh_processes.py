@@ -18,10 +18,7 @@ OTHER_KERNELS = {"OPENBLAS_CORETYPE": "Nehalem", "ATEN_CPU_CAPABILITY": "default
 DIGITS = 1e-6  # of six digits that are written, and of sums that are: relative to the largest of a column
 # where rounding decides more than last digits, and why; share of the largest
 LOOSE = {
-    "simulated/drops/trajectories.csv": (
-        1e-4,
-        "rounding decides in which of two steps a contact at its limit slips",
-    ),
+    "simulated/drops/trajectories.csv": (1e-4, "rounding decides in which of two steps a contact at its limit slips"),
     "simulated/impacts.csv": (1e-3, "fitted to those poses"),
     "jenga/jenga.json": (1e-4, "single precision, forty steps of a descent; 1e-5 seen"),
 }
@@ -42,9 +39,7 @@ def one(tmp_path_factory) -> Path:
 
 
 def written(folder: Path) -> dict[str, bytes]:
-    return {
-        p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
-    }
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 @pytest.mark.slow

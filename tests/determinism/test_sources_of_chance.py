@@ -15,25 +15,13 @@ FILES = sorted(path for name in ("thesis_lib", "workflow") for path in (ROOT / n
 TIMES = re.compile(r"(^|_)(cpu|wall|elapsed|runtime|walltime|seconds|timestamp|date|datetime|clock)(_|$)")
 
 CLOCKS = {
-    *(
-        f"time.{name}{ns}"
-        for name in ("time", "perf_counter", "process_time", "monotonic")
-        for ns in ("", "_ns")
-    ),
+    *(f"time.{name}{ns}" for name in ("time", "perf_counter", "process_time", "monotonic") for ns in ("", "_ns")),
     *("time.thread_time", "time.localtime", "time.gmtime", "time.strftime", "time.ctime", "os.times"),
     *("datetime.datetime.now", "datetime.datetime.utcnow", "datetime.datetime.today", "datetime.date.today"),
     *("pandas.Timestamp.now", "pandas.Timestamp.today", "resource.getrusage"),
 }
 CHANCE = {
-    *(
-        "os.urandom",
-        "uuid.uuid1",
-        "uuid.uuid4",
-        "os.getpid",
-        "socket.gethostname",
-        "platform.node",
-        "getpass.getuser",
-    ),
+    *("os.urandom", "uuid.uuid1", "uuid.uuid4", "os.getpid", "socket.gethostname", "platform.node", "getpass.getuser"),
     *("hash", "id"),
 }
 MODULES = {"random", "secrets"}
@@ -70,9 +58,7 @@ def chances(source: str) -> Iterator[tuple[int, str]]:
             yield node.lineno, name
         elif name.startswith("numpy.random."):
             last = name.rpartition(".")[2]
-            if last not in SEEDED or (
-                last in ("default_rng", "SeedSequence") and not (node.args or node.keywords)
-            ):
+            if last not in SEEDED or (last in ("default_rng", "SeedSequence") and not (node.args or node.keywords)):
                 yield node.lineno, name
 
 

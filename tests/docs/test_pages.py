@@ -146,25 +146,19 @@ def test_columns_of_the_dataset_page_are_those_of_the_reader():
     from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 
     page = (DOCS / "reference_dataset.md").read_text(encoding="utf-8")
-    poses, impacts = (
-        page.split(f"\n## {name}.csv")[1].split("\n## ")[0] for name in ("trajectories", "impacts")
-    )
+    poses, impacts = (page.split(f"\n## {name}.csv")[1].split("\n## ")[0] for name in ("trajectories", "impacts"))
     assert _first_cells(poses) == {"trial", "t", *POSE}
     assert _first_cells(impacts) == {"trial", "impact", *POSE, *V_PRE, *V_POST, "t", "r_x", "r_y"}
 
 
 def _first_cells(text: str) -> set[str]:
-    return {
-        name for row in re.findall(r"^\| (`[^|]*) \|", text, re.M) for name in re.findall(r"`(\w+)`", row)
-    }
+    return {name for row in re.findall(r"^\| (`[^|]*) \|", text, re.M) for name in re.findall(r"`(\w+)`", row)}
 
 
 def test_symbols_of_the_glossary_are_in_the_code_with_their_units():
     code = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "thesis_lib").rglob("*.py"))
     everywhere, _ = meanings()
-    rows = re.findall(
-        r"^\| [^|]+ \| ([^|]*`[^|]*) \| ([^|]*) \|", (DOCS / "glossary.md").read_text("utf-8"), re.M
-    )
+    rows = re.findall(r"^\| [^|]+ \| ([^|]*`[^|]*) \| ([^|]*) \|", (DOCS / "glossary.md").read_text("utf-8"), re.M)
     assert len(rows) >= 15
     checked = 0
     for names, units in rows:

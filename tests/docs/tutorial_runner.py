@@ -22,12 +22,9 @@ ROOT = Path(__file__).resolve().parents[2]
 FILES = ("Snakefile", "environment.txt", "pyproject.toml")
 FOLDERS = ("config", "docs", "profiles", "tests", "thesis_lib", "workflow")
 NUMBER = r"[-−]?\d+\.?\d*(?:e-?\d+)?"
-ROUNDING = (
-    0.1  # relative: other versions of the libraries move floors, and whatever is drawn, by a few per cent
-)
+ROUNDING = 0.1  # relative: other versions of the libraries move floors, and whatever is drawn, by a few per cent
 _BLOCK = re.compile(
-    r"(?:Save this as `(?P<path>[^`]+)`:\n\n)?^```(?P<kind>\w*)(?P<long> long)?\n(?P<text>.*?)^```$",
-    re.M | re.S,
+    r"(?:Save this as `(?P<path>[^`]+)`:\n\n)?^```(?P<kind>\w*)(?P<long> long)?\n(?P<text>.*?)^```$", re.M | re.S
 )
 
 
@@ -91,9 +88,7 @@ def run(step: Step, folder: Path) -> str:
         text=True,
         check=False,
     )
-    assert done.returncode == 0, (
-        f"{commands}\nends with {done.returncode}:\n{(done.stdout + done.stderr)[-2000:]}"
-    )
+    assert done.returncode == 0, f"{commands}\nends with {done.returncode}:\n{(done.stdout + done.stderr)[-2000:]}"
     for text in step.prints:
         compare(text, done.stdout)
     return done.stdout

@@ -12,9 +12,7 @@ EXACT = 1e-12  # rounding of quantities of order 1 to 10
 RADIUS = 0.03
 DISK = Rig(Disk(radius=RADIUS), RADIUS / np.sqrt(2.0), 9.81, 0.0)
 HALF = 0.03  # half the side of the square
-SQUARE = Rig(
-    Polygon(vertices=((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HALF, -HALF))), 0.0245, 9.81, 0.0
-)
+SQUARE = Rig(Polygon(vertices=((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HALF, -HALF))), 0.0245, 9.81, 0.0)
 
 
 def one_state(**given: float) -> State:

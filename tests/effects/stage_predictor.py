@@ -109,9 +109,7 @@ def predict(
     pushes = space.v_n < 0.0
     c_t, c_n, tau = (np.where(pushes, a, 0.0) for a in (impulse.c_t, impulse.c_n, impulse.tau))
     after = contact.moved(
-        vx=contact.vx + c_t,
-        vy=contact.vy + c_n,
-        omega=contact.omega + (r_x * c_n - r_y * c_t + tau) / k_g**2,
+        vx=contact.vx + c_t, vy=contact.vy + c_n, omega=contact.omega + (r_x * c_n - r_y * c_t + tau) / k_g**2
     )
     for effect, p in reversed(active):
         after = effect.from_contact(after, p, rig)
@@ -123,9 +121,7 @@ def predict(
         jump = effect.meet(jump, measured, seen_after, p)
         gap = effect.gap(gap, true, p, rig)
         a = effect.acceleration(a, true, p, rig)
-    later = true.moved(
-        vx=true.vx + STEP * a[:, 0], vy=true.vy + STEP * a[:, 1], omega=true.omega + STEP * a[:, 2]
-    )
+    later = true.moved(vx=true.vx + STEP * a[:, 0], vy=true.vy + STEP * a[:, 1], omega=true.omega + STEP * a[:, 2])
     one, two = seen_by_camera(true), seen_by_camera(later)
     return Prediction(
         impact=np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1),

@@ -64,9 +64,7 @@ def states(rig: Rig) -> State:
     return random_states(rig, N, np.random.default_rng(5))
 
 
-def hook_calls(
-    effect: Effect, p: dict[str, float], rig: Rig, states: State
-) -> dict[str, tuple[tuple, object]]:
+def hook_calls(effect: Effect, p: dict[str, float], rig: Rig, states: State) -> dict[str, tuple[tuple, object]]:
     """Each hook of an effect: its leading arguments and what it makes of them."""
     before = predict([], states, rig)
     r = tuple(rig.shape.contact_point(states.theta).T)
@@ -84,10 +82,7 @@ def hook_calls(
         "gap": ((gap,), effect.gap(gap, states, p, rig)),
         "radius_of_gyration": ((rig.k_g,), effect.radius_of_gyration(rig.k_g, p)),
         "coefficients": ((mu, epsilon), effect.coefficients(mu, epsilon, space, states, p, rig)),
-        "impulse": (
-            (before.impulse,),
-            effect.impulse(before.impulse, space, mu, epsilon, r, states, p, rig),
-        ),
+        "impulse": ((before.impulse,), effect.impulse(before.impulse, space, mu, epsilon, r, states, p, rig)),
         "acceleration": ((a,), effect.acceleration(a, states, p, rig)),
     }
 
@@ -146,9 +141,7 @@ def test_all_nulls_together_change_no_law(law: str, rig: Rig, states: State) -> 
     everything = [(effect, null(effect)) for effect in EFFECTS.values()]
     with_nulls, without = (predict(active, states, rig, law, mu) for active in (everything, []))
     for channel in CHANNELS:
-        np.testing.assert_allclose(
-            getattr(with_nulls, channel), getattr(without, channel), rtol=0, atol=ROUNDING
-        )
+        np.testing.assert_allclose(getattr(with_nulls, channel), getattr(without, channel), rtol=0, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("there, back", [("to_true", "to_measured"), ("to_contact", "from_contact")])
@@ -157,9 +150,7 @@ def test_maps_have_inverses(effect: Effect, rig: Rig, states: State, there: str,
     for one, other in ((there, back), (back, there)):
         returned = getattr(effect, other)(getattr(effect, one)(states, p, rig), p, rig)
         for name, values in arrays(returned).items():
-            np.testing.assert_allclose(
-                values, arrays(states)[name], rtol=ROUNDING, atol=ROUNDING, err_msg=name
-            )
+            np.testing.assert_allclose(values, arrays(states)[name], rtol=ROUNDING, atol=ROUNDING, err_msg=name)
 
 
 def test_arguments_stay_as_they_are(effect: Effect, rig: Rig, states: State) -> None:
@@ -178,9 +169,7 @@ def test_arguments_stay_as_they_are(effect: Effect, rig: Rig, states: State) -> 
 
 def test_finite_everywhere_in_bounds(effect: Effect, rig: Rig, states: State) -> None:
     rng = np.random.default_rng(11)
-    corners = [
-        {p.name: bound for p, bound in zip(effect.parameters, (side,) * 9)} for side in ("low", "high")
-    ]
+    corners = [{p.name: bound for p, bound in zip(effect.parameters, (side,) * 9)} for side in ("low", "high")]
     draws = [{p.name: getattr(p, side[p.name]) for p in effect.parameters} for side in corners]
     draws += [{p.name: rng.uniform(p.low, p.high) for p in effect.parameters} for _ in range(8)]
     for p in draws:
@@ -218,9 +207,7 @@ def test_does_nothing_where_it_does_not_apply() -> None:
             left_out.add((effect.name, rig.shape.kind))
             made, base = predict([(effect, at_scale(effect))], states, rig), predict([], states, rig)
             for channel in CHANNELS:
-                np.testing.assert_array_equal(
-                    getattr(made, channel), getattr(base, channel), err_msg=effect.name
-                )
+                np.testing.assert_array_equal(getattr(made, channel), getattr(base, channel), err_msg=effect.name)
     assert left_out >= {("rounded_corners", "ellipse"), ("rounded_corners", "disk"), ("angle_offset", "disk")}
 
 
@@ -248,8 +235,7 @@ def test_mirror_symmetry(effect: Effect) -> None:
     one, other = predict(active, states, rig), predict(active, mirrored, mirror_rig)
     odd = {"impact": [-1, 1, -1], "meet": [-1, 1, -1], "touch": 1, "flight": [-1, 1, -1]}
     differs = max(
-        np.max(np.abs(getattr(other, channel) * odd[channel] - getattr(one, channel)))
-        for channel in effect.channels
+        np.max(np.abs(getattr(other, channel) * odd[channel] - getattr(one, channel))) for channel in effect.channels
     )
     if effect.name in BREAKS_MIRROR:
         assert differs > 1e-3

@@ -104,9 +104,7 @@ def test_com_offset_against_the_mass_matrix_of_the_origin(quadrilateral) -> None
     K = J @ inverse @ np.swapaxes(J, 1, 2)
     v_c = np.einsum("nij,nj->ni", J, v)
     space = ContactSpace(v_c[:, 0], v_c[:, 1], K[:, 0, 0], K[:, 1, 1], K[:, 0, 1])
-    impulse = np.stack(
-        LAWS["anitescu_potra_newton"].impulse(space, np.full(N, MU), np.full(N, EPSILON)), axis=-1
-    )
+    impulse = np.stack(LAWS["anitescu_potra_newton"].impulse(space, np.full(N, MU), np.full(N, EPSILON)), axis=-1)
     expected = v + np.einsum("nij,nkj,nk->ni", inverse, J, impulse)
     made = predict(on("com_offset", c_x=3e-3, c_y=-2e-3), states, rig)
     np.testing.assert_allclose(made.impact, expected, rtol=EXACT, atol=EXACT)
@@ -139,6 +137,4 @@ def test_wrong_size_and_inertia_equal_the_true_rig(quadrilateral) -> None:
     np.testing.assert_allclose(made.impact, true.impact, atol=1e-11)
     np.testing.assert_allclose(made.touch, true.touch, atol=EXACT)
     true = predict([], states, Rig(rig.shape, rig.k_g * np.sqrt(1.2), rig.gravity, rig.height))
-    np.testing.assert_allclose(
-        predict(on("wrong_inertia", d_I=0.2), states, rig).impact, true.impact, atol=1e-11
-    )
+    np.testing.assert_allclose(predict(on("wrong_inertia", d_I=0.2), states, rig).impact, true.impact, atol=1e-11)

@@ -14,9 +14,7 @@ from thesis_lib.effects.impulse_path import STEPS, walk
 SPRING_ERROR = 0.02  # of 20 steps a phase, relative to the stick impulse
 
 
-def with_path(
-    name: str, space: ContactSpace, mu: float, epsilon: float, state: State | None = None, r=None, **p
-):
+def with_path(name: str, space: ContactSpace, mu: float, epsilon: float, state: State | None = None, r=None, **p):
     """Impulse of the exact path law with an effect, and without."""
     n = len(space.v_t)
     mus, epsilons, zero = np.full(n, mu), np.full(n, epsilon), np.zeros(n)
@@ -108,9 +106,7 @@ def test_compliance_reverses_slip_and_gains_no_energy() -> None:
     psi = np.abs(space.v_t) / 0.3
     turned = after * space.v_t < 0
     # Maw, Barber and Fawcett: back-spin at intermediate angles, none at small ones and in gross slip
-    assert (
-        turned[(psi > 2.5) & (psi < 5)].all() and not turned[psi > 6.5].any() and not turned[psi < 0.8].any()
-    )
+    assert turned[(psi > 2.5) & (psi < 5)].all() and not turned[psi > 6.5].any() and not turned[psi < 0.8].any()
 
 
 def test_path_in_steps_converges_to_the_exact_one() -> None:
@@ -173,9 +169,7 @@ def test_contact_torque_moves_the_end_of_restitution() -> None:
     k2 = DISK.k_g**2
     state = one_state(vy=-2.0 - r_x * omega, omega=omega)
     r = np.array([r_x]), np.array([r_y])
-    space = contact_space(
-        np.array([[0.0, state.vy[0], omega]]), np.array([[r_x, r_y]]), mass=1.0, k_g=DISK.k_g
-    )
+    space = contact_space(np.array([[0.0, state.vy[0], omega]]), np.array([[r_x, r_y]]), mass=1.0, k_g=DISK.k_g)
     made, _ = with_path("contact_torque", space, 0.0, 0.5, state, r, m_r=m_r)
     c_n = 1.5 * 2.0 / (1.0 + (r_x * r_x - m_r * r_x) / k2)
     np.testing.assert_allclose([made.c_n[0], made.tau[0]], [c_n, -m_r * c_n], rtol=1e-9)

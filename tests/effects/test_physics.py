@@ -13,9 +13,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import State
 
 
-@pytest.mark.parametrize(
-    "law", ["anitescu_potra_newton", "anitescu_potra_poisson", "mirtich", "drumwright_shell"]
-)
+@pytest.mark.parametrize("law", ["anitescu_potra_newton", "anitescu_potra_poisson", "mirtich", "drumwright_shell"])
 def test_tangential_restitution_turns_the_slip(law: str) -> None:
     state = one_state(vx=0.2, vy=-2.0, omega=3.0)
     v_t = 0.2 + RADIUS * 3.0
@@ -51,9 +49,7 @@ def test_restitution_falls_with_speed() -> None:
     assert coefficients("velocity_dependent_restitution", v_n=-2.0, p=0.25) == (0.2, 0.5 * 2**-0.25)
     assert coefficients("velocity_dependent_restitution", v_n=-1.0, p=0.25) == (0.2, 0.5)
     assert coefficients("velocity_dependent_restitution", v_n=-1e-9, p=0.9)[1] == 1.0
-    assert coefficients("velocity_dependent_restitution", v_n=-2.0, c=0.1)[1] == pytest.approx(
-        0.5 * np.exp(-0.2)
-    )
+    assert coefficients("velocity_dependent_restitution", v_n=-2.0, c=0.1)[1] == pytest.approx(0.5 * np.exp(-0.2))
 
 
 def test_exponential_restitution_follows_a_viscous_spring() -> None:
@@ -123,9 +119,7 @@ def test_moving_surface_carries_what_sticks(quadrilateral) -> None:
 def test_drifting_camera_looks_like_a_moving_surface(quadrilateral) -> None:
     rig, states = quadrilateral
     drift = predict(on("sensor_drift", d_x=0.3), states, rig)
-    np.testing.assert_allclose(
-        drift.impact, predict(on("moving_surface", V=0.3), states, rig).impact, atol=1e-12
-    )
+    np.testing.assert_allclose(drift.impact, predict(on("moving_surface", V=0.3), states, rig).impact, atol=1e-12)
 
 
 def test_coefficients_depend_on_place() -> None:

@@ -11,9 +11,7 @@ from thesis_lib.simulate.rig.release import Release, Spread
 from thesis_lib.simulate.stepping.drops import simulate_drops
 
 DROPS = 24
-RELEASE = Release(
-    height=Spread(low=0.06, high=0.6), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15)
-)
+RELEASE = Release(height=Spread(low=0.06, high=0.6), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15))
 
 
 def drops(trajectories: bool = True) -> Dataset:

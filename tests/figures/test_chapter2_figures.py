@@ -132,9 +132,7 @@ def test_figure_2_2_shows_both_events(fall):
 def test_disk_flies_then_rolls_in_the_window(rolling):
     record, R = rolling.record, rolling.body.shape.radius
     modes = contact_modes(record)[rolling.start : rolling.stop, 0]
-    assert (
-        modes[0] == Mode.OPEN and modes[-1] == Mode.STICKS and rolling.stop - rolling.start == SCENES.window
-    )
+    assert modes[0] == Mode.OPEN and modes[-1] == Mode.STICKS and rolling.stop - rolling.start == SCENES.window
     v = record.v[rolling.stop]
     assert v[0] == pytest.approx(-R * v[2], abs=STUCK) and v[0] > 0.0
     # landing without rebound: friction takes a third of the speed to turn the disk
@@ -256,12 +254,8 @@ def bouncing_ellipse() -> Dataset:
         if height < shape.semi_axes[1]:
             height, speed = shape.semi_axes[1], -rest * speed
     bounce = pd.DataFrame({"trial": 3, "t": t, "x": 0.2 * t, "y": y, "theta": 0.0})
-    flight = pd.DataFrame(
-        {"trial": 5, "t": t[:50], "x": 0.0, "y": 5.0 - 0.5 * g * t[:50] ** 2, "theta": t[:50]}
-    )
-    header = Header(
-        schema=1, body=Body(shape=shape, mass=0.0364, radius_of_gyration=0.0215), gravity=g, rate=250.0
-    )
+    flight = pd.DataFrame({"trial": 5, "t": t[:50], "x": 0.0, "y": 5.0 - 0.5 * g * t[:50] ** 2, "theta": t[:50]})
+    header = Header(schema=1, body=Body(shape=shape, mass=0.0364, radius_of_gyration=0.0215), gravity=g, rate=250.0)
     return Dataset("bounces", header, pd.concat([bounce, flight], ignore_index=True))
 
 

@@ -35,12 +35,8 @@ def ratio_table():
         ("planar_impact", "mirrored_rotation+angle_offset", 2680.0, 2650.0, 2710.0, np.nan, 0.05),
         ("planar_dice", "rounded_corners", 2300.0, 2250.0, 2340.0, 1.3, np.nan),
     ]
-    table = pd.DataFrame(
-        rows, columns=["dataset", "variant", "ratio", "low", "high", "scale", "velocity_noise"]
-    )
-    return table.assign(
-        std=10.0, published=2700.0, lower=table["ratio"] - 50, upper=table["ratio"] + 50, status="ok"
-    )
+    table = pd.DataFrame(rows, columns=["dataset", "variant", "ratio", "low", "high", "scale", "velocity_noise"])
+    return table.assign(std=10.0, published=2700.0, lower=table["ratio"] - 50, upper=table["ratio"] + 50, status="ok")
 
 
 def test_a_panel_for_each_set_that_is_there():

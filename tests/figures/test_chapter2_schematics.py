@@ -19,9 +19,7 @@ from thesis_lib.simulate.chapter2.motions import block, disk, ellipse, rod, whee
 from thesis_lib.simulate.chapter2.scenes import falling_polygon, reaching_arm
 
 EXACT = 1e-12  # m, rad: closed forms up to double precision
-OUTLINE = (
-    2e-3  # m: the lowest of the ellipse's outline of 180 points is that far from its lowest point at most
-)
+OUTLINE = 2e-3  # m: the lowest of the ellipse's outline of 180 points is that far from its lowest point at most
 SMALLEST_TEXT = 7.0  # pt
 BLOCK_POSE, ELLIPSE_POSE = np.array([0.2, 1.05, 0.35]), np.array([-0.1, 2.1, 0.5])
 

@@ -15,9 +15,7 @@ SQUARE = Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -
 def poses() -> pd.DataFrame:
     t = np.arange(0.0, 0.4, 0.004)
     parts = [
-        pd.DataFrame(
-            {"trial": k, "t": t, "x": -0.5 * t, "y": 0.05 + 0.1 * np.abs(np.cos(9 * t)), "theta": 3 * t}
-        )
+        pd.DataFrame({"trial": k, "t": t, "x": -0.5 * t, "y": 0.05 + 0.1 * np.abs(np.cos(9 * t)), "theta": 3 * t})
         for k in (1, 2)
     ]
     return pd.concat(parts, ignore_index=True)

@@ -8,13 +8,7 @@ from small_study import BODY
 from thesis_lib.contact.space import velocity_change, velocity_error
 from thesis_lib.figures.chapter3.contact_space import EXAMPLE
 from thesis_lib.figures.chapter4.ellipsoid import figure_4_1, figure_4_2
-from thesis_lib.figures.chapter4.errors import (
-    CLASSES,
-    NAMED_STYLE,
-    figure_4_5,
-    figure_4_6,
-    figure_named_physics,
-)
+from thesis_lib.figures.chapter4.errors import CLASSES, NAMED_STYLE, figure_4_5, figure_4_6, figure_named_physics
 from thesis_lib.foundation.errors import UserError
 
 LAW = "anitescu_potra_newton"
@@ -60,8 +54,7 @@ def test_the_cut_without_couple_is_the_energy_ellipse():
 def test_densities_integrate_to_the_share_below():
     rng = np.random.default_rng(0)
     parts = [
-        pd.DataFrame({"model": m, "error": rng.gamma(2.0, 0.1 * (i + 1), 400), "n": 450})
-        for i, m in enumerate(MODELS)
+        pd.DataFrame({"model": m, "error": rng.gamma(2.0, 0.1 * (i + 1), 400), "n": 450}) for i, m in enumerate(MODELS)
     ]
     _, table = figure_4_5(pd.concat(parts), LAW)
     for _, curve in table[table["panel"] == "density"].groupby(["variant", "model"]):

@@ -96,9 +96,7 @@ def test_unknown_abstractions_get_a_colour_each():
 def test_the_cone_is_that_of_the_friction_coefficients():
     figure, drawn = figure_5_7(cone(), height())
     left = figure.axes[0]
-    slopes = sorted(
-        line.get_ydata()[1] / line.get_xdata()[1] for line in left.lines if len(line.get_xdata()) == 2
-    )
+    slopes = sorted(line.get_ydata()[1] / line.get_xdata()[1] for line in left.lines if len(line.get_xdata()) == 2)
     expected = sorted([s * mu for mu in (MU, *MU_RANGE) for s in (-1, 1)])
     assert slopes == pytest.approx(expected)
     inside = 100 * cone().groupby("abstraction")["inside"].mean()
@@ -133,9 +131,7 @@ def test_failing_blocks_are_where_the_effect_is():
     right = figure.axes[1]
     cells = [patch for patch in right.patches if isinstance(patch, Rectangle)]
     assert len(cells) == 45
-    coloured = {
-        int(3 * cell.get_y() + cell.get_x()) for cell in cells if np.ptp(cell.get_facecolor()[:3]) > 0.05
-    }
+    coloured = {int(3 * cell.get_y() + cell.get_x()) for cell in cells if np.ptp(cell.get_facecolor()[:3]) > 0.05}
     own = pushes[(pushes["effect"] == "glued_blocks") & (pushes["fails"] == 1)]
     assert coloured == set(own["block"]) and {18, 19, 20} <= coloured
     blocks = drawn[(drawn["panel"] == "blocks") & (drawn["effect"] == "glued_blocks")]

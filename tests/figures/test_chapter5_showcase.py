@@ -4,15 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter5.showcase import (
-    ARROW,
-    LENGTH,
-    SHOWN,
-    WIDE,
-    figure_5_8,
-    figure_5_9,
-    outline_from_above,
-)
+from thesis_lib.figures.chapter5.showcase import ARROW, LENGTH, SHOWN, WIDE, figure_5_8, figure_5_9, outline_from_above
 
 NAMES = ("no block", "easy move", "hard move", "no move")
 
@@ -20,10 +12,7 @@ NAMES = ("no block", "easy move", "hard move", "no move")
 def showcase() -> pd.DataFrame:
     rng = np.random.default_rng(0)
     t = np.arange(20)
-    truth = {
-        "stuck": (np.minimum(0.45 * t, 2.6), 0.05 * t),
-        "easy": (0.08 + 0 * t, 0.9 * np.maximum(t - 1, 0)),
-    }
+    truth = {"stuck": (np.minimum(0.45 * t, 2.6), 0.05 * t), "easy": (0.08 + 0 * t, 0.9 * np.maximum(t - 1, 0))}
     rise = {"no block": 0.0, "easy move": 0.02, "hard move": 0.2, "no move": 0.42}
     move = {"no block": 0.0, "easy move": 0.9, "hard move": 0.7, "no move": 0.05}
     rows = []
@@ -31,10 +20,7 @@ def showcase() -> pd.DataFrame:
         seen = force + 0.03 * rng.normal(size=20), x + 0.3 * rng.normal(size=20) * np.exp(-t / 8)
         winner = "no move" if case == "stuck" else "easy move"
         score = np.array(
-            [
-                np.where(name == winner, 0.5 * t, np.where(name == "no block", 1 - 0.3 * t, 0))
-                for name in NAMES
-            ]
+            [np.where(name == winner, 0.5 * t, np.where(name == "no block", 1 - 0.3 * t, 0)) for name in NAMES]
         )
         belief = np.exp(score) / np.exp(score).sum(axis=0)
         for k, name in enumerate(NAMES):

@@ -25,9 +25,7 @@ from thesis_lib.foundation.columns import explain
 from thesis_lib.statistics.wording import number
 
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
-BUDGET = pd.DataFrame(
-    {"part": PARTS, "mean_square": [4.0, 1.0, 2.0, 3.0, 10.0], "share": [0.2, 0.05, 0.1, 0.15, 0.5]}
-)
+BUDGET = pd.DataFrame({"part": PARTS, "mean_square": [4.0, 1.0, 2.0, 3.0, 10.0], "share": [0.2, 0.05, 0.1, 0.15, 0.5]})
 FAST = {"feature": "v_n", "absolute": True, "low": 1.5, "high": None}
 AHEAD = {"feature": "r_x", "absolute": False, "low": 0.0, "high": None}
 REGION = {"rule": "|v_n| > 1.5 m/s", "conditions": [FAST], "support": 0.4, "ratio": 2.5, "p_value": 0.002}
@@ -132,14 +130,10 @@ def test_energy_disc_maps_what_impacts_do(critique):
     v_pre, v_post = (np.stack([s.vx, s.vy, s.omega], axis=1) for s in (before, after))
     space = contact_space(v_pre, r, mass=1.0, k_g=o.rig.k_g)
     alpha = space.alpha(*measured_impulse(v_post - v_pre, r, mass=1.0, k_g=o.rig.k_g))
-    np.testing.assert_allclose(
-        np.sum(disc**2, axis=1), alpha, rtol=1e-6
-    )  # squared radius: share of energy left
+    np.testing.assert_allclose(np.sum(disc**2, axis=1), alpha, rtol=1e-6)  # squared radius: share of energy left
 
 
-@pytest.mark.parametrize(
-    ("velocity_after", "place"), [(1.0, (0.0, -1.0)), (0.0, (0.0, 0.0)), (-1.0, (0.0, 1.0))]
-)
+@pytest.mark.parametrize(("velocity_after", "place"), [(1.0, (0.0, -1.0)), (0.0, (0.0, 0.0)), (-1.0, (0.0, 1.0))])
 def test_energy_disc_has_nothing_below_and_reversal_above(without_effects, velocity_after, place):
     o, fitted = without_effects.observations, without_effects.ladder[0][1]
     before, _ = states_at_impact(fitted.model, fitted.values, o)
@@ -207,9 +201,7 @@ def test_flights_are_drawn_one_by_one_with_their_misfit(critique, drawn):
     blown = critique.observations.flights
     a = blown.acceleration.copy()
     a[:, 0] -= 20.0 * blown.state.vx * np.sqrt(blown.variance[:, 0])
-    windy = replace(
-        critique, observations=replace(critique.observations, flights=replace(blown, acceleration=a))
-    )
+    windy = replace(critique, observations=replace(critique.observations, flights=replace(blown, acceleration=a)))
     title = draw_flights(windy)[0].get_suptitle().replace("\n", " ")
     assert "horizontal residual depends most on the velocity along the surface v_x" in title
 
@@ -257,10 +249,7 @@ def test_a_picture_saved_twice_is_the_same_picture(drawn):
 
 
 def test_small_lengths_and_angles_are_shown_in_thousandths():
-    assert handy_unit(0.0005, "m") == (1e3, "mm") and handy_unit(-0.0358, "rad") == (
-        1e3,
-        "mrad",
-    )
+    assert handy_unit(0.0005, "m") == (1e3, "mm") and handy_unit(-0.0358, "rad") == (1e3, "mrad")
     for size, unit in ((0.1, "m"), (0.5, "rad"), (0.0, "m"), (0.001, "1"), (0.001, "m/s")):
         assert handy_unit(size, unit) == (1.0, unit)
 

@@ -44,8 +44,7 @@ def test_all_can_be_saved_and_every_column_is_explained(study, tmp_path):
 def test_two_runs_give_equal_bytes(study, tmp_path):
     for folder in ("a", "b"):
         save_figure(
-            *figure_3_9(study.impacts, study.errors, "mirtich", mass_known=True),
-            tmp_path / folder / "figure_3_9",
+            *figure_3_9(study.impacts, study.errors, "mirtich", mass_known=True), tmp_path / folder / "figure_3_9"
         )
     for name in (f"figure_3_9{suffix}" for suffix in (".png", ".pdf", ".csv")):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
@@ -63,11 +62,7 @@ def test_shares_below_an_error_agree_with_the_errors(study):
     curve = table.query("model == 'mirtich' and panel == 'cumulative'")
     for row in curve.iloc[[10, 50, 90]].itertuples():
         assert np.mean(values <= row.error) == pytest.approx(row.share_below, abs=1.0 / len(values))
-    assert set(table.loc[table["variant"] == "as_defined", "model"]) == {
-        *SIX_LAWS,
-        "best_post_hoc",
-        "irb_bound",
-    }
+    assert set(table.loc[table["variant"] == "as_defined", "model"]) == {*SIX_LAWS, "best_post_hoc", "irb_bound"}
 
 
 def test_best_post_hoc_is_never_worse_than_a_law_and_the_bound_never_worse_than_it(study):
@@ -136,9 +131,7 @@ def test_laws_that_never_go_beyond_the_line_of_sticking(name):
     assert farthest_beyond(name) < ROUNDING
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in LAWS if n != "anitescu_potra_newton" and not n.startswith("whittaker")]
-)
+@pytest.mark.parametrize("name", [n for n in LAWS if n != "anitescu_potra_newton" and not n.startswith("whittaker")])
 def test_laws_that_do_against_the_thesis(name):
     """Thesis 3.3.2 says that no model predicts beyond that line; these do, by more than a thousandth of an N s."""
     assert farthest_beyond(name) > 1e-3

@@ -43,9 +43,7 @@ def dataset(bounce):
 
 @pytest.fixture()
 def arcs():
-    return pd.DataFrame(
-        {"trial": [7], "impact": [0], "t": [HIT], "used": [True], "n_pre": [20], "n_post": [20]}
-    )
+    return pd.DataFrame({"trial": [7], "impact": [0], "t": [HIT], "used": [True], "n_pre": [20], "n_post": [20]})
 
 
 def test_velocities_are_exact_and_do_not_cross_the_hit(bounce):

@@ -14,9 +14,7 @@ def _bomb_yaml(levels: int = 10, each: int = 10) -> bytes:
 
 
 def _bomb_merge() -> bytes:
-    rows = ["a0: &a0 {k: 1}"] + [
-        f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 10)}]}}" for i in range(1, 12)
-    ]
+    rows = ["a0: &a0 {k: 1}"] + [f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 10)}]}}" for i in range(1, 12)]
     return "\n".join(rows).encode()
 
 
@@ -109,10 +107,7 @@ BOMBS[".zip"] = (
     lambda data: data.replace(b"PK\x03\x04\x14\x00\x00\x00\x08\x00", b"PK\x03\x04\x14\x00\x00\x00\x63\x00"),
 )
 BOMBS[".pt"] = (_pickled, _pickled_in_torch, lambda data: BOMBS[".zip"][5](data))
-BOMBS[".mat"] = (
-    lambda data: data[:128] + (15).to_bytes(4, "little") + (2**32 - 1).to_bytes(4, "little"),
-    _pickled,
-)
+BOMBS[".mat"] = (lambda data: data[:128] + (15).to_bytes(4, "little") + (2**32 - 1).to_bytes(4, "little"), _pickled)
 
 
 def _parquet_of_many_rows(data: bytes) -> bytes:

@@ -26,9 +26,7 @@ def parquet_of(table: pd.DataFrame) -> bytes:
 
 
 def results_samples() -> list[Sample]:
-    table = pd.DataFrame(
-        {"law": ["mirtich", "newton"], "mu": [0.1, np.nan], "error": [1.0, 2.0], "n": [3, 4]}
-    )
+    table = pd.DataFrame({"law": ["mirtich", "newton"], "mu": [0.1, np.nan], "error": [1.0, 2.0], "n": [3, 4]})
     lines = (ROOT / "config/proof/law.csv").read_bytes().splitlines(keepends=True)
     error = {"base": 0.3, "augmented": 0.1, "noise_floor": 0.05, "irb_bound": None}
     law = {"name": "mirtich", "parameters": {"mu": {"value": 0.1, "std": 0.01, "unit": "1"}}}
@@ -73,9 +71,7 @@ def jenga_samples() -> list[Sample]:
     values = {"x": 0.1, "y": 0.0, "yaw": 0.0, "f_n": 0.2, "f_t": 0.0, "advance": 1.0 * n, "tower": 0.0}
     for letter, names in (("s", STATE), ("n", STATE)):
         table = table.assign(**{f"{letter}_{name}": values[name] for name in names})
-    table = table.assign(
-        **{f"a_{name}": 0.0 for name in ACTION}, **{f"c_{name}": 0.0 for name in CONTEXT}, truth=0
-    )
+    table = table.assign(**{f"a_{name}": 0.0 for name in ACTION}, **{f"c_{name}": 0.0 for name in CONTEXT}, truth=0)
     game = Game("rule", 1, 2, 54, [Attempt(3, 1, 0, pushed=1)], "done")
     with tempfile.TemporaryDirectory() as made:
         write_game(game, Path(made) / "game.json")

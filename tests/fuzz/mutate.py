@@ -122,9 +122,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
     parser.add_argument("--reader", choices=tuple(READERS), action="append", help="default: all")
     parser.add_argument("--jobs", type=int, default=1, help="processes; default: %(default)s")
-    parser.add_argument(
-        "--only", type=int, metavar="I", help="place and read input I in this process, unbounded"
-    )
+    parser.add_argument("--only", type=int, metavar="I", help="place and read input I in this process, unbounded")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="with --only: where the input stays")
     args = parser.parse_args()
     names = args.reader or list(READERS)

@@ -73,12 +73,8 @@ def _dataset_samples() -> list[Sample]:
         }
     )
     n = np.arange(12)
-    hits = pd.DataFrame(
-        {"trial": n, "impact": 0, "x": 0.01 * n, "y": 0.0424, "theta": np.pi / 4 + 0.01 * np.cos(n)}
-    )
-    hits = hits.assign(
-        vx_pre=0.5, vy_pre=-2.0, omega_pre=n - 6.0, vx_post=0.4, vy_post=1.0, omega_post=1.0 * n
-    )
+    hits = pd.DataFrame({"trial": n, "impact": 0, "x": 0.01 * n, "y": 0.0424, "theta": np.pi / 4 + 0.01 * np.cos(n)})
+    hits = hits.assign(vx_pre=0.5, vy_pre=-2.0, omega_pre=n - 6.0, vx_post=0.4, vy_post=1.0, omega_post=1.0 * n)
     return [
         {"dataset.yaml": headers[0], "trajectories.csv": csv_of(poses)},
         {"dataset.yaml": headers[1], "impacts.csv": csv_of(hits)},
@@ -143,11 +139,7 @@ def _read_archive(folder: Path, out: Path) -> None:
     from thesis_lib.datasets.sources.fetch import unpack
     from thesis_lib.datasets.sources.published import SOURCES
 
-    unpack(
-        folder / "archive.zip",
-        SOURCES["planar_dice"],
-        {f"traj_{i}.csv": out / f"traj_{i}.csv" for i in range(2)},
-    )
+    unpack(folder / "archive.zip", SOURCES["planar_dice"], {f"traj_{i}.csv": out / f"traj_{i}.csv" for i in range(2)})
 
 
 def _config_samples() -> list[Sample]:
@@ -169,9 +161,7 @@ def _read_config(folder: Path, out: Path) -> None:
     read_config(folder / "config.yaml", folder / "quick.yaml").model_dump_json(by_alias=True)
 
 
-TABLE = (
-    b"law,coded,mu,mu_std,converged\nmirtich,as_published,0.06,0.01,True\nnewton,as_published,0.1,0.01,True\n"
-)
+TABLE = b"law,coded,mu,mu_std,converged\nmirtich,as_published,0.06,0.01,True\nnewton,as_published,0.1,0.01,True\n"
 
 
 def _claims_samples() -> list[Sample]:
@@ -191,11 +181,7 @@ def _claims_samples() -> list[Sample]:
             "table.csv": TABLE,
             "present.json": b'{"drops": {"present": true}}',
         },
-        {
-            "expected.yaml": yaml.safe_dump(
-                {"schema": 1, "expected": {"quick": {first: "reproduced"}}}
-            ).encode(),
-        },
+        {"expected.yaml": yaml.safe_dump({"schema": 1, "expected": {"quick": {first: "reproduced"}}}).encode()},
     ]
 
 
@@ -221,9 +207,7 @@ def _model_samples() -> list[Sample]:
 
     effects = ["com_offset", "wear"]
     values = {"mu": 0.2, "epsilon": 0.6}
-    values |= {
-        f"{name}.{p.name}": p.null + 0.1 * p.scale for name in effects for p in EFFECTS[name].parameters
-    }
+    values |= {f"{name}.{p.name}": p.null + 0.1 * p.scale for name in effects for p in EFFECTS[name].parameters}
     model = {
         "schema": 1,
         "dataset": "drops",
@@ -239,9 +223,7 @@ def _model_samples() -> list[Sample]:
         },
     }
     n = np.arange(5.0)
-    states = pd.DataFrame(
-        {"x": 0.0, "y": 0.03, "theta": n, "vx": 0.5, "vy": -2.0, "omega": n, "trial": n, "t": n}
-    )
+    states = pd.DataFrame({"x": 0.0, "y": 0.03, "theta": n, "vx": 0.5, "vy": -2.0, "omega": n, "trial": n, "t": n})
     return [{"model.json": json.dumps(model, indent=1).encode(), "states.csv": csv_of(states)}]
 
 
@@ -250,9 +232,7 @@ def _read_model(folder: Path, out: Path) -> None:
     from thesis_lib.foundation.files import write_table
 
     model = load_model(folder / "model.json")
-    write_table(
-        predict(model, read_states(folder / "states.csv"), str(folder / "states.csv")), out / "predicted.csv"
-    )
+    write_table(predict(model, read_states(folder / "states.csv"), str(folder / "states.csv")), out / "predicted.csv")
 
 
 def _command_samples() -> list[Sample]:
@@ -276,9 +256,7 @@ def _run_commands(folder: Path, out: Path) -> None:
         for i, path in enumerate((*files, *map(str, strange))):
             ways = (
                 lambda path: datasets(["check", path]),
-                lambda path: datasets(
-                    ["init", path, "-o", str(out / "made"), "--shape", "disk:0.03", "--force"]
-                ),
+                lambda path: datasets(["init", path, "-o", str(out / "made"), "--shape", "disk:0.03", "--force"]),
                 lambda path: critique(["predict", path, path]),
                 lambda path: claims(["check", "--scale", "quick", "--ledger", path, "--results", path]),
             )

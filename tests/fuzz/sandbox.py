@@ -36,17 +36,7 @@ FORBIDDEN = {
     *("socket.connect", "socket.bind", "urllib.Request", "pickle.find_class", "ctypes.dlopen"),
 }
 WRITES = {
-    *(
-        "os.mkdir",
-        "os.rename",
-        "os.remove",
-        "os.rmdir",
-        "os.link",
-        "os.symlink",
-        "os.truncate",
-        "os.chmod",
-        "os.chown",
-    ),
+    *("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod", "os.chown"),
     *("os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile", "shutil.copytree", "tempfile.mkstemp"),
 }
 
@@ -114,9 +104,7 @@ def _listing(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*")}
 
 
-def examine(
-    task: Task, names: tuple[str, ...], root: Path, watch: _Watch, started: Callable[[], None]
-) -> Outcome:
+def examine(task: Task, names: tuple[str, ...], root: Path, watch: _Watch, started: Callable[[], None]) -> Outcome:
     """Read one input in this process; `names`: one of them must stand in a refusal."""
     shutil.rmtree(root, ignore_errors=True)
     folder, out = root / "input", root / "out"

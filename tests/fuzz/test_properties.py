@@ -39,9 +39,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 positive = st.floats(1e-300, 1e300)
 text = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
 plain = st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | text
-tree = st.recursive(
-    plain, lambda t: st.lists(t, max_size=4) | st.dictionaries(text, t, max_size=4), max_leaves=12
-)
+tree = st.recursive(plain, lambda t: st.lists(t, max_size=4) | st.dictionaries(text, t, max_size=4), max_leaves=12)
 
 
 @pytest.fixture(scope="module")
@@ -94,9 +92,7 @@ class TestText:
     @few
     @given(tree)
     def test_plain_values_come_back_from_yaml(self, folder, value):
-        (folder / "a.yaml").write_text(
-            yaml.safe_dump(value, allow_unicode=True), encoding="utf-8", newline="\n"
-        )
+        (folder / "a.yaml").write_text(yaml.safe_dump(value, allow_unicode=True), encoding="utf-8", newline="\n")
         assert same(read_yaml(folder / "a.yaml").content, value)
 
     @few
@@ -131,14 +127,10 @@ class TestTables:
             back = read_table(folder / name, ["law", "mu", "n"])
             assert back["law"].tolist() == table["law"].tolist() and back["n"].tolist() == table["n"].tolist()
             # CSV keeps nine digits
-            assert all(
-                math.isclose(a, b, rel_tol=1e-8, abs_tol=1e-300) for a, b in zip(back["mu"], table["mu"])
-            )
+            assert all(math.isclose(a, b, rel_tol=1e-8, abs_tol=1e-300) for a, b in zip(back["mu"], table["mu"]))
 
     @few
-    @given(
-        st.lists(st.lists(text.map(lambda word: word.replace("\r", "")), min_size=2, max_size=2), max_size=5)
-    )
+    @given(st.lists(st.lists(text.map(lambda word: word.replace("\r", "")), min_size=2, max_size=2), max_size=5))
     def test_cells_come_back(self, folder, rows):
         out = io.StringIO(newline="")
         csv.writer(out, lineterminator="\n").writerows([["law", "mu"], *rows])
@@ -249,8 +241,7 @@ class TestTypedFiles:
 @few
 @given(
     st.lists(
-        st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), min_size=1, max_size=30),
-        max_size=4,
+        st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), min_size=1, max_size=30), max_size=4
     )
 )
 def test_an_archive_writes_only_the_files_that_are_expected(names):

@@ -182,15 +182,7 @@ class TestIntermediates:
 
     @pytest.mark.parametrize(
         "content",
-        [
-            "[" * 100_000,
-            "[]",
-            "NaN",
-            '{"a": NaN}',
-            '{"a": 1, "a": 2}',
-            '{"a": ' + "9" * 5000 + "}",
-            '{"a": 1',
-        ],
+        ["[" * 100_000, "[]", "NaN", '{"a": NaN}', '{"a": 1, "a": 2}', '{"a": ' + "9" * 5000 + "}", '{"a": 1'],
     )
     def test_damaged_json_is_named(self, tmp_path, content):
         (tmp_path / "a.json").write_text(content)

@@ -137,9 +137,7 @@ def test_law_finds_restitution(rng):
     drops = make_drops("ellipse", 5, rng)
     for record in drops.records:
         noisy = add_noise(record, 40.0, rng)
-        assert estimate_ratio(H, noisy.q, noisy.v, drops.body.shape, law=True).epsilon == pytest.approx(
-            0.6, abs=0.02
-        )
+        assert estimate_ratio(H, noisy.q, noisy.v, drops.body.shape, law=True).epsilon == pytest.approx(0.6, abs=0.02)
 
 
 def test_estimate_does_not_depend_on_place_or_mirror(rng):

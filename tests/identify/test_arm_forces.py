@@ -27,13 +27,7 @@ from thesis_lib.identify.arm.shooting import (
     noise_of_residuals,
 )
 from thesis_lib.identify.arm.stepping import simulate_copies
-from thesis_lib.identify.arm.study import (
-    arm_force_study,
-    arm_force_summary,
-    arm_window,
-    force_errors,
-    window_rank,
-)
+from thesis_lib.identify.arm.study import arm_force_study, arm_force_summary, arm_window, force_errors, window_rank
 from thesis_lib.identify.base_parameters.regressor import PlantRegressor
 from thesis_lib.identify.programs.mode_qp import solve_mode_qp
 from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
@@ -95,9 +89,7 @@ def test_prior_is_physical_and_wide(rng):
 
 def test_copies_equal_the_simulator(records):
     for record in records:
-        out = simulate_copies(
-            ARM, base_of(ARM)[None], record.q[:1], record.v[:1], record.f_ext, record.h, MU, 0.0
-        )
+        out = simulate_copies(ARM, base_of(ARM)[None], record.q[:1], record.v[:1], record.f_ext, record.h, MU, 0.0)
         np.testing.assert_allclose(out.q[0], record.q, atol=ROUNDING)
         np.testing.assert_allclose(out.v[0], record.v, atol=ROUNDING * 100)
         np.testing.assert_allclose(out.c_n[0], record.c_n, atol=1e-6)
@@ -173,9 +165,7 @@ def test_noise_level_is_found_before_anything_is_known(records, rng):
     late = white.copy()
     late[500] += 100.0
     np.testing.assert_allclose(noise_of_residuals(late), 1.0, atol=0.08)
-    np.testing.assert_allclose(
-        noise_of_residuals(white + 5.0 * np.sin(np.arange(2000) / 50)[:, None]), 1.0, atol=0.1
-    )
+    np.testing.assert_allclose(noise_of_residuals(white + 5.0 * np.sin(np.arange(2000) / 50)[:, None]), 1.0, atol=0.1)
 
 
 def test_arrow_elimination_equals_the_full_normal_equations(records, rng):
@@ -245,14 +235,8 @@ def test_forces_and_parameters_at_40_db_from_blind_starts():
     ours = summary.xs("ours", level="method")
     assert (ours["error_median"] <= 0.05).all()  # the target
     plain = summary.xs("plain", level="method")
-    assert (
-        plain.loc[["arm_force", "ground_force"], "error_median"] > 0.1
-    ).all()  # which the thesis's way misses
-    z = [
-        (one.fit.theta - base_of(ARM)) / one.fit.std[: len(NAMES)]
-        for one in tables.trajectories
-        if one.fit.accepted
-    ]
+    assert (plain.loc[["arm_force", "ground_force"], "error_median"] > 0.1).all()  # which the thesis's way misses
+    z = [(one.fit.theta - base_of(ARM)) / one.fit.std[: len(NAMES)] for one in tables.trajectories if one.fit.accepted]
     assert 0.3 < np.sqrt(np.mean(np.square(z))) < 3.0  # standard errors of the right size
 
 

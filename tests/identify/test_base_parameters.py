@@ -66,9 +66,7 @@ def test_combinations_read_as_sums() -> None:
 def test_section_2_3_3_in_singular_values() -> None:
     table = excitation_table().set_index("case")
     # with external force mass and inertia are both identified, sliding, in flight, and from an impact
-    assert (
-        table.loc[["disk slides, force", "flight, force", "square lands tilted, force"], "rank"] == 2
-    ).all()
+    assert (table.loc[["disk slides, force", "flight, force", "square lands tilted, force"], "rank"] == 2).all()
     # without it only their ratio, and eq. 2.18 has its first column left
     assert (table.loc[["disk slides, no force", "square lands tilted, no force"], "rank"] == 1).all()
     assert table.loc["disk slides, no force", "eq_2_18_rank"] == 1
@@ -85,13 +83,7 @@ def test_equation_2_18_holds_on_a_sliding_motion() -> None:
     record, window = excitation_cases()["disk slides, force"]
     body = disk()
     Y, left = sliding_regressor(
-        record.v[:-1],
-        record.v[1:],
-        record.f_ext,
-        record.J_n[:, 0],
-        record.J_t[:, 0],
-        h=record.h,
-        mu=window.mu,
+        record.v[:-1], record.v[1:], record.f_ext, record.J_n[:, 0], record.J_t[:, 0], h=record.h, mu=window.mu
     )
     ratio = body.mass / body.inertia
     error = Y @ [ratio, 1.0 / body.mass, 1.0 / body.inertia, ratio / body.inertia] - left

@@ -11,12 +11,7 @@ from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_
 from thesis_lib.identify.programs import nonlinear as programs
 from thesis_lib.identify.programs.mode_qp import PROGRAMS, edges_of, solve_mode_qp
 from thesis_lib.identify.programs.nonlinear import ContactProgram, identify
-from thesis_lib.identify.programs.result import (
-    SolveStatus,
-    complementarity_residual,
-    dynamics_residual,
-    judged,
-)
+from thesis_lib.identify.programs.result import SolveStatus, complementarity_residual, dynamics_residual, judged
 from thesis_lib.identify.programs.study import SUCCESS, ProgramRun, TrueWindow, cases, study
 from thesis_lib.simulate.chapter2.motions import block
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
@@ -43,9 +38,7 @@ def noisy() -> ContactWindow:
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_every_program_recovers_inertia_and_forces_from_random_starts(
-    drops: list[TrueWindow], program: str
-) -> None:
+def test_every_program_recovers_inertia_and_forces_from_random_starts(drops: list[TrueWindow], program: str) -> None:
     row = study(ProgramRun(program, "snopt"), "block", drops, STARTS, np.random.default_rng(1))
     assert row["n_success"] == row["n_starts"] == 3 * STARTS
     assert row["n_false_claims"] == 0
@@ -69,10 +62,7 @@ def test_ipopt_cross_checks_snopt(drops: list[TrueWindow]) -> None:
 def test_arm_and_disk_give_six_base_parameters_and_both_forces() -> None:
     case = cases("arm_disk", 100, 1, np.random.default_rng(5))[0]
     assert len(case.theta) == 6
-    for found in (
-        solve_mode_qp(case.window),
-        identify(case.window, warm_start=False, rng=np.random.default_rng(0)),
-    ):
+    for found in (solve_mode_qp(case.window), identify(case.window, warm_start=False, rng=np.random.default_rng(0))):
         assert found.solved and max(case.errors(found)) < SUCCESS
 
 
@@ -126,9 +116,7 @@ def test_residuals_see_each_violation(drops: list[TrueWindow]) -> None:
     case = drops[0]
     assert dynamics_residual(case.window, case.theta, case.c_n, case.c_t) < 1e-12
     assert complementarity_residual(case.window, case.c_n, case.c_t) < 1e-9
-    assert (
-        complementarity_residual(case.window, case.c_n, 2.0 * case.window.mu * case.c_n) > 0.1
-    )  # outside the cone
+    assert complementarity_residual(case.window, case.c_n, 2.0 * case.window.mu * case.c_n) > 0.1  # outside the cone
     assert complementarity_residual(case.window, -case.c_n, case.c_t) > 0.1  # pulling
 
 
@@ -185,9 +173,7 @@ def test_ipopt_is_not_asked_for_more_equations_than_unknowns() -> None:
     assert np.isfinite(nlp.answer(point, "snopt").theta).all()
 
 
-def test_missing_solvers_are_said_and_ipopt_stands_in(
-    drops: list[TrueWindow], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_solvers_are_said_and_ipopt_stands_in(drops: list[TrueWindow], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(programs, "available", lambda solver: solver == "ipopt")
     with pytest.raises(UserError, match="no SNOPT"):
         identify(drops[0].window, solver="snopt")

@@ -60,9 +60,7 @@ def test_regressor_explains_a_simulated_drop_with_its_contact_forces() -> None:
     record = simulate(body, [0.0, 1.2, 0.4], [1.0, 0.0, 2.0], None, 5e-3, 200, 0.7, 0.6)
     assert (record.c_n > 0.0).any()
     Y = free_body_regressor(record.q[:-1], record.v[:-1], np.diff(record.v, axis=0) / record.h)
-    contact = np.einsum("kpv,kp->kv", record.J_n, record.c_n) + np.einsum(
-        "kpv,kp->kv", record.J_t, record.c_t
-    )
+    contact = np.einsum("kpv,kp->kv", record.J_n, record.c_n) + np.einsum("kpv,kp->kv", record.J_t, record.c_t)
     assert np.abs(Y @ [body.mass, 0.0, 0.0, body.inertia] - contact).max() < ROUNDING
 
 

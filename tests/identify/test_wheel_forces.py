@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.wheel.forces import (
-    WheelStatus,
-    fit_wheel,
-    noise_of_third_differences,
-    plain_forces,
-    white,
-)
+from thesis_lib.identify.wheel.forces import WheelStatus, fit_wheel, noise_of_third_differences, plain_forces, white
 from thesis_lib.identify.wheel.study import (
     WheelStudy,
     motion_by_mass,
@@ -95,8 +89,7 @@ def test_forces_scale_with_the_mass_that_is_given(noisy):
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    ["rebounds", *(pytest.param(w, marks=pytest.mark.slow) for w in ("slips", "steeper"))],
+    "wrong", ["rebounds", *(pytest.param(w, marks=pytest.mark.slow) for w in ("slips", "steeper"))]
 )
 def test_a_wheel_that_does_not_roll_as_assumed_is_refused(wrong):
     truth = {

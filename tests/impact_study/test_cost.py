@@ -13,9 +13,7 @@ from thesis_lib.impact_study import cost
 from thesis_lib.impact_study.cost import misfit, misfit_of_impulse, misfit_table, target_of
 
 ROUNDING = 1e-9  # relative; the systems below have conditions of some hundreds
-STORED_IMPULSE = (
-    2.5e-5  # N s: a 4000th of an impulse; how the authors came to differ by up to 2.1e-5 is not known
-)
+STORED_IMPULSE = 2.5e-5  # N s: a 4000th of an impulse; how the authors came to differ by up to 2.1e-5 is not known
 
 
 @pytest.fixture
@@ -69,9 +67,7 @@ def test_impulse_misfit_is_the_distance_of_the_impulses(measured):
     for weighting in ("kinetic", "unweighted"):
         target = target_of(measured, weighting)
         direct = np.hypot(out.impulse[:, 0] - target.c_t, out.impulse[:, 1] - target.c_n)
-        np.testing.assert_allclose(
-            misfit(LAWS["wang_mason"], target, 0.1, 0.6, "impulse"), direct, rtol=ROUNDING
-        )
+        np.testing.assert_allclose(misfit(LAWS["wang_mason"], target, 0.1, 0.6, "impulse"), direct, rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("metric", ["impulse", "velocity"])
@@ -103,9 +99,7 @@ def test_units(measured):
     for name in SIX_LAWS:
         args = (LAWS[name], target_of(measured), 0.1, 0.5)
         heavy_args = (LAWS[name], target_of(heavy), 0.1, 0.5)
-        np.testing.assert_allclose(
-            misfit(*heavy_args, "impulse"), 2 * misfit(*args, "impulse"), rtol=ROUNDING
-        )
+        np.testing.assert_allclose(misfit(*heavy_args, "impulse"), 2 * misfit(*args, "impulse"), rtol=ROUNDING)
         np.testing.assert_allclose(misfit(*heavy_args, "velocity"), misfit(*args, "velocity"), rtol=ROUNDING)
 
 

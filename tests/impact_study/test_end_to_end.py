@@ -33,9 +33,7 @@ def target():
 
 
 def fit(target, law):
-    return fit_ensemble(
-        LAWS[law], target[0], "impulse", trials=target[1], bootstrap=50, rng=np.random.default_rng(0)
-    )
+    return fit_ensemble(LAWS[law], target[0], "impulse", trials=target[1], bootstrap=50, rng=np.random.default_rng(0))
 
 
 def test_the_law_that_made_the_drops_gets_its_parameters_back(target):

@@ -37,9 +37,7 @@ def bounces(rng, n_trials: int = 12, hits: int = 3) -> Impacts:
             q, v, t = q + after * tau - [0, 0.5 * G * tau**2, 0], after - [0, G * tau, 0], t + tau
     order = rng.permutation(len(rows))
     trial, impact, t, q, pre, post = (np.array([rows[i][k] for i in order]) for k in range(6))
-    return Impacts(
-        trial, impact, q, pre, post, SHAPE.contact_point(q[:, 2]), BODY.radius_of_gyration, 0.04, t=t
-    )
+    return Impacts(trial, impact, q, pre, post, SHAPE.contact_point(q[:, 2]), BODY.radius_of_gyration, 0.04, t=t)
 
 
 def values(impacts, dataset=DATASET):

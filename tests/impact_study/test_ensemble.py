@@ -16,10 +16,7 @@ EXACT = 1e-5  # ten boxes of the last grid
 NOISE = 0.05  # m/s, kinetic
 STANDARD_ERRORS = 3.0  # one case in 370
 COVERED = (0.87, 1.0)  # of 80 intervals of ±2 standard errors: expected 0.95, less three binomial errors
-SPREAD = (
-    0.7,
-    1.35,
-)  # of 80 errors over their standard errors: 1, give or take three times 8 % and the bootstrap's 7 %
+SPREAD = (0.7, 1.35)  # of 80 errors over their standard errors: 1, give or take three times 8 % and the bootstrap's 7 %
 REPLICATES = 100
 
 
@@ -36,9 +33,7 @@ def test_exact_recovery_without_noise(name, metric, rng):
 @pytest.mark.parametrize("name", SIX_LAWS)
 def test_recovery_within_standard_errors(name, rng):
     impacts = falling_ellipses(rng, 200, law=name, mu=MU, epsilon=EPSILON, noise=NOISE)
-    fit = fit_ensemble(
-        LAWS[name], target_of(impacts), "impulse", trials=impacts.trial, bootstrap=REPLICATES, rng=rng
-    )
+    fit = fit_ensemble(LAWS[name], target_of(impacts), "impulse", trials=impacts.trial, bootstrap=REPLICATES, rng=rng)
     assert abs(fit.mu - MU) < STANDARD_ERRORS * fit.mu_std
     assert abs(fit.epsilon - EPSILON) < STANDARD_ERRORS * fit.epsilon_std
     assert 1e-4 < fit.mu_std < 0.03 and 1e-4 < fit.epsilon_std < 0.03
@@ -50,9 +45,7 @@ def test_bootstrap_standard_errors_are_those_of_repeated_experiments():
     for seed in range(40):
         rng = np.random.default_rng(seed)
         impacts = falling_ellipses(rng, 80, law="anitescu_potra_newton", mu=MU, epsilon=EPSILON, noise=NOISE)
-        fit = fit_ensemble(
-            LAWS["anitescu_potra_newton"], target_of(impacts), "impulse", bootstrap=REPLICATES, rng=rng
-        )
+        fit = fit_ensemble(LAWS["anitescu_potra_newton"], target_of(impacts), "impulse", bootstrap=REPLICATES, rng=rng)
         z += [(fit.mu - MU) / fit.mu_std, (fit.epsilon - EPSILON) / fit.epsilon_std]
     assert COVERED[0] <= np.mean(np.abs(z) < 2.0) <= COVERED[1]
     assert SPREAD[0] <= np.std(z) <= SPREAD[1]
@@ -94,9 +87,7 @@ class TestBootstrap:
 
         def spread(impacts, trials):
             stream = np.random.default_rng(1)
-            fit = fit_ensemble(
-                law, target_of(impacts), "impulse", trials=trials, bootstrap=REPLICATES, rng=stream
-            )
+            fit = fit_ensemble(law, target_of(impacts), "impulse", trials=trials, bootstrap=REPLICATES, rng=stream)
             return np.array([fit.mu_std, fit.epsilon_std])
 
         alone = spread(single, single.trial)
@@ -108,9 +99,7 @@ class TestBootstrap:
     def test_same_stream_same_result(self, rng):
         impacts = falling_ellipses(rng, 40, law="mirtich", mu=0.1, epsilon=0.5, noise=NOISE)
         fits = [
-            fit_ensemble(
-                LAWS["mirtich"], target_of(impacts), "impulse", bootstrap=20, rng=np.random.default_rng(seed)
-            )
+            fit_ensemble(LAWS["mirtich"], target_of(impacts), "impulse", bootstrap=20, rng=np.random.default_rng(seed))
             for seed in (3, 3, 4)
         ]
         np.testing.assert_array_equal(fits[0].replicates, fits[1].replicates)
@@ -162,8 +151,7 @@ class TestFailedSolves:
 
 class TestBounds:
     @pytest.mark.parametrize(
-        ("mu", "epsilon", "named"),
-        [(0.0, 0.5, ("mu",)), (0.1, 1.0, ("epsilon",)), (0.0, 0.0, ("mu", "epsilon"))],
+        ("mu", "epsilon", "named"), [(0.0, 0.5, ("mu",)), (0.1, 1.0, ("epsilon",)), (0.0, 0.0, ("mu", "epsilon"))]
     )
     def test_parameters_at_the_edge_are_named(self, rng, mu, epsilon, named):
         target = target_of(falling_ellipses(rng, 30, law="wang_mason", mu=mu, epsilon=epsilon))
@@ -201,10 +189,7 @@ def test_cost_grid_holds_the_mean_misfit_of_each_point(rng):
 def test_mirror_images_have_the_same_parameters(rng):
     impacts = falling_ellipses(rng, 60, law="mirtich", mu=0.2, epsilon=0.6, noise=0.1)
     mirrored = replace(
-        impacts,
-        v_pre=impacts.v_pre * [-1, 1, -1],
-        v_post=impacts.v_post * [-1, 1, -1],
-        r=impacts.r * [-1, 1],
+        impacts, v_pre=impacts.v_pre * [-1, 1, -1], v_post=impacts.v_post * [-1, 1, -1], r=impacts.r * [-1, 1]
     )
     for name in SIX_LAWS:
         a, b = (fit_ensemble(LAWS[name], target_of(i), "impulse") for i in (impacts, mirrored))
@@ -215,7 +200,5 @@ def test_other_data_give_other_parameters(rng):
     """The same states with another truth: the fit follows the outcomes, not the states."""
     states = falling_ellipses(rng, 60)
     for mu in (0.05, 0.2):
-        fit = fit_ensemble(
-            LAWS["whittaker"], target_of(with_outcome(states, "whittaker", mu, 0.7)), "velocity"
-        )
+        fit = fit_ensemble(LAWS["whittaker"], target_of(with_outcome(states, "whittaker", mu, 0.7)), "velocity")
         assert fit.mu == pytest.approx(mu, abs=EXACT)

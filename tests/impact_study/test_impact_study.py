@@ -74,9 +74,7 @@ class TestSelect:
         assert len(study.select_impacts(impacts, "keep", 100, rng)) == 60
 
     def test_filter_of_the_thesis_is_an_option(self, impacts, rng):
-        gaining = replace(
-            impacts, v_post=np.where(np.arange(60)[:, None] < 7, -2 * impacts.v_pre, impacts.v_post)
-        )
+        gaining = replace(impacts, v_post=np.where(np.arange(60)[:, None] < 7, -2 * impacts.v_pre, impacts.v_post))
         flagged = flag_physics(gaining)
         clean = np.array([flag == "" for flag in flagged.flags])
         assert 0 < clean.sum() <= 53
@@ -101,9 +99,7 @@ class TestEnsembleTable:
             [law, weighting] for weighting in BOTH for law in ("mirtich", "whittaker")
         ]
         own = table.iloc[0]
-        assert (
-            abs(own["mu"] - MU) < 4 * own["mu_std"] and abs(own["epsilon"] - EPSILON) < 4 * own["epsilon_std"]
-        )
+        assert abs(own["mu"] - MU) < 4 * own["mu_std"] and abs(own["epsilon"] - EPSILON) < 4 * own["epsilon_std"]
         assert (table["n"] == 60).all() and (table["n_failed"] == 0).all() and (table["at_bound"] == "").all()
 
     def test_a_further_law_changes_no_other(self, impacts):
@@ -128,13 +124,7 @@ class TestConvergence:
 
         monkeypatch.setattr(study, "fit_ensemble", watched)
         table = study.convergence_table(
-            impacts,
-            ("whittaker", "mirtich"),
-            "kinetic",
-            "impulse",
-            (40, 5, 20, 60, 500),
-            2,
-            np.random.default_rng(3),
+            impacts, ("whittaker", "mirtich"), "kinetic", "impulse", (40, 5, 20, 60, 500), 2, np.random.default_rng(3)
         )
         assert table["k"].tolist() == [5, 20, 40, 60] * 4
         assert table["subset"].tolist() == [0] * 4 + [1] * 4 + [0] * 4 + [1] * 4

@@ -75,9 +75,7 @@ class TestTable31:
         # the first law is best in three of four impacts, the second in one; the last is always worst
         defined = {law: [2.0 + i] * 4 for i, law in enumerate(SIX_LAWS)}
         defined[SIX_LAWS[0]] = [1.0, 1.0, 1.0, 3.5]
-        published = {
-            law: [2.0 - 0.1 * i] * 4 for i, law in enumerate(SIX_AS_PUBLISHED) if law not in SIX_LAWS
-        }
+        published = {law: [2.0 - 0.1 * i] * 4 for i, law in enumerate(SIX_AS_PUBLISHED) if law not in SIX_LAWS}
         bound = {"irb_bound": [0.0] * 4}
         errors = errors_of({**defined, **published, **bound}, "impulse_error")
         return table_3_1(ensemble, {"kinetic": errors, "unweighted": errors})
@@ -95,9 +93,7 @@ class TestTable31:
                 assert part["best"].tolist() == [75, 25, 0, 0, 0, 0]
                 assert part["worst"].tolist() == [0, 0, 0, 0, 0, 100]
                 # Wilson: √(p (1 − p)/n + 1/(4 n²))/(1 + 1/n)
-                assert part["best_std"].tolist()[:3] == pytest.approx(
-                    [100 * np.sqrt(1 / 16) / 1.25] * 2 + [10]
-                )
+                assert part["best_std"].tolist()[:3] == pytest.approx([100 * np.sqrt(1 / 16) / 1.25] * 2 + [10])
 
     def test_parameters_at_the_edge_of_their_range_are_named(self, table):
         published_shell = SIX_AS_PUBLISHED[0]
@@ -122,19 +118,13 @@ class TestTable32:
         values |= {law: [9.0] * 4 for law in SIX_AS_PUBLISHED if law not in SIX_LAWS}
         individual = pd.DataFrame(
             [
-                {
-                    "law": law,
-                    "weighting": weighting,
-                    "misfit": 0.5 * error * (1 if weighting == "kinetic" else 100),
-                }
+                {"law": law, "weighting": weighting, "misfit": 0.5 * error * (1 if weighting == "kinetic" else 100)}
                 for weighting in ("kinetic", "unweighted")
                 for law, list_ in values.items()
                 for error in list_
             ]
         )
-        table = table_3_2(individual, (1.5, 2.0), mass=0.5).set_index(
-            ["variant", "weighting", "law", "tolerance"]
-        )
+        table = table_3_2(individual, (1.5, 2.0), mass=0.5).set_index(["variant", "weighting", "law", "tolerance"])
         assert len(table) == 2 * 2 * 6 * 2
         assert table.loc[("as_defined", "kinetic", "mirtich", 1.5), "fraction"] == 0.5
         # the tolerance itself is within

@@ -10,12 +10,7 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace, admissible, contact_space
 from thesis_lib.impact_study import predictive_range
-from thesis_lib.impact_study.predictive_range import (
-    admissible_area,
-    admissible_outline,
-    covered_share,
-    region,
-)
+from thesis_lib.impact_study.predictive_range import admissible_area, admissible_outline, covered_share, region
 
 N = 25
 DRAWS = 40_000  # Monte Carlo points; the area is good to 1 / sqrt(DRAWS) of that of the box, so
@@ -109,9 +104,7 @@ class TestCoveredShare:
     @pytest.mark.parametrize("name", SIX_LAWS)
     def test_mirror_images_are_covered_equally(self, name, rng):
         impacts = falling_ellipses(rng, N)
-        spaces = [
-            contact_space(impacts.v_pre * [s, 1, s], impacts.r * [s, 1], mass=MASS, k_g=K_G) for s in (1, -1)
-        ]
+        spaces = [contact_space(impacts.v_pre * [s, 1, s], impacts.r * [s, 1], mass=MASS, k_g=K_G) for s in (1, -1)]
         a, b = (covered_share(LAWS[name], one) for one in spaces)
         np.testing.assert_allclose(a, b, atol=MIRRORED)
 

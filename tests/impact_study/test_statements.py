@@ -124,9 +124,7 @@ def study_tables():
         "individual": study.individual_table(impacts, laws, both, "impulse"),
         "errors": study.held_out_errors(impacts, split, ensemble, "kinetic"),
         "topography": study.topography_table(training, "whittaker", 50, *axes, "kinetic", "impulse", rng),
-        "convergence": study.convergence_table(
-            training, ("whittaker",), "kinetic", "impulse", (5, 20, 80), 2, rng
-        ),
+        "convergence": study.convergence_table(training, ("whittaker",), "kinetic", "impulse", (5, 20, 80), 2, rng),
     }
 
 
@@ -188,9 +186,7 @@ class TestAll:
             assert row.std == pytest.approx(np.sqrt(of_mean**2 + fit[f"{name}_std"] ** 2))
 
     def test_best_post_hoc_is_better_than_the_law_that_made_the_data(self, table, study_tables):
-        wide = study_tables["errors"].pivot(
-            index=["trial", "impact"], columns="model", values="velocity_error"
-        )
+        wide = study_tables["errors"].pivot(index=["trial", "impact"], columns="model", values="velocity_error")
         for law, laws in (("anitescu_potra_newton", SIX_AS_PUBLISHED), ("whittaker", SIX_LAWS)):
             row = self.value(table, "over_best_post_hoc", law)
             gain = wide[law] - wide[list(laws)].min(axis=1)
@@ -236,9 +232,7 @@ class TestAll:
             read[name] = read_table(tmp_path / f"{name}.csv")
         again = statements(**read)
         assert again[["statement", "law"]].equals(table[["statement", "law"]])
-        np.testing.assert_allclose(
-            again["value"].to_numpy(float), table["value"].to_numpy(float), rtol=1e-4, atol=1e-6
-        )
+        np.testing.assert_allclose(again["value"].to_numpy(float), table["value"].to_numpy(float), rtol=1e-4, atol=1e-6)
 
 
 class TestSlowest:

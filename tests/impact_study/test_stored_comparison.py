@@ -116,9 +116,7 @@ class TestParametersWithGravityStep:
         made = replace(fall, v_post=self.predicted(fall, name, law))
         (row,) = parameters(made, seed=0).itertuples()
         assert row.law == law and row.n == 60 and row.at_bound == ""
-        assert row.mu == pytest.approx(MU, abs=RECOVERED) and row.epsilon == pytest.approx(
-            EPSILON, abs=RECOVERED
-        )
+        assert row.mu == pytest.approx(MU, abs=RECOVERED) and row.epsilon == pytest.approx(EPSILON, abs=RECOVERED)
 
     def test_without_the_step_something_else_is_found(self, fall, monkeypatch):
         """The test above can fail: outcomes without the step give another ε."""

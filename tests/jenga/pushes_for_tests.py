@@ -12,17 +12,10 @@ from thesis_lib.jenga.robot.samples import Samples
 KINDS = ("none", "easy", "hard", "stuck", "drag")
 SHARES = (0.04, 0.32, 0.19, 0.25, 0.20)
 STIFFNESS, LIMIT = 0.65, 4.0  # N/mm, N
-POSE, START_POSE, FORCE, TOWER = (
-    0.15,
-    0.4,
-    0.05,
-    0.2,
-)  # sigma of the sensors: mm, extra mm at the start, N, mm
+POSE, START_POSE, FORCE, TOWER = (0.15, 0.4, 0.05, 0.2)  # sigma of the sensors: mm, extra mm at the start, N, mm
 
 
-def make_push(
-    kind: str, rng: np.random.Generator, steps: int = 45, retract: float = 0.05, noise: float = 1.0
-):
+def make_push(kind: str, rng: np.random.Generator, steps: int = 45, retract: float = 0.05, noise: float = 1.0):
     """States (m, 7), next states (m, 7) as seen, actions (m, 2), context (2,) of one push."""
     layer, side = rng.integers(3, 18), rng.integers(0, 2)
     heavy = layer / 10.0
@@ -51,9 +44,7 @@ def make_push(
         if kind != "none":
             load = STIFFNESS * (s[5] - s[0])
             slip = 0.0
-            if (
-                load > gives and gives < LIMIT
-            ):  # beyond the limit the pusher stands still, and so does the block
+            if load > gives and gives < LIMIT:  # beyond the limit the pusher stands still, and so does the block
                 slip = (load - gives) / STIFFNESS * rng.gamma(6.0, 1 / 6.0)
             s[0] += slip
             s[2] += 0.05 * slip * offset * rng.gamma(4.0, 0.25) * 0.3
@@ -69,9 +60,7 @@ def make_push(
     return np.array(states), np.array(nexts), np.array(actions), np.array([layer, side], float)
 
 
-def make_samples(
-    n: int, rng: np.random.Generator, kinds=KINDS, shares=SHARES, **options
-) -> tuple[Samples, np.ndarray]:
+def make_samples(n: int, rng: np.random.Generator, kinds=KINDS, shares=SHARES, **options) -> tuple[Samples, np.ndarray]:
     """The first `n` samples of random pushes, and the kind (n,) of each."""
     parts, labels, count = [], [], 0
     while count < n:

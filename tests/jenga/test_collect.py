@@ -6,14 +6,7 @@ import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
 from thesis_lib.figures.chapter5.render import colours_of, strip_figure, tower_figure
-from thesis_lib.jenga.robot.movable import (
-    fractions,
-    hidden_label,
-    is_movable,
-    scan,
-    trial_push,
-    try_to_extract,
-)
+from thesis_lib.jenga.robot.movable import fractions, hidden_label, is_movable, scan, trial_push, try_to_extract
 from thesis_lib.jenga.robot.reduced import compare, faithfulness, reduce
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, Samples, as_table
 from thesis_lib.jenga.study import collect as collecting
@@ -91,11 +84,7 @@ def test_a_trial_push_leaves_nothing_behind_and_gives_the_label():
 
 def test_movable_needs_both_to_follow_and_to_leave_the_tower_alone():
     settings = MovableSettings(steps=6, threshold=1e-3, follows=0.5)
-    assert is_movable(np.array([6.0, 6.0, 0.1]), np.array([0.1, 1.1, 0.0]), settings).tolist() == [
-        True,
-        False,
-        False,
-    ]
+    assert is_movable(np.array([6.0, 6.0, 0.1]), np.array([0.1, 1.1, 0.0]), settings).tolist() == [True, False, False]
 
 
 def test_shares_of_movable_blocks_grow_with_the_threshold():

@@ -23,11 +23,7 @@ class MadeLearner:
     def __init__(self, first=(0.5, 0.5), drag: float = 0.8, stuck_named: bool = True):
         self.first, self.drag = np.array(first), drag
         if stuck_named:
-            self.look = {
-                "move": np.array([1.0, 0.1]),
-                "force": np.array([0.1, 2.0]),
-                "drag": np.array([0.0, drag]),
-            }
+            self.look = {"move": np.array([1.0, 0.1]), "force": np.array([0.1, 2.0]), "drag": np.array([0.0, drag])}
 
     @property
     def n_abstractions(self) -> int:

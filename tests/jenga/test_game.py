@@ -136,9 +136,7 @@ def test_always_push_does_damage_and_a_damaged_push_is_no_success(made):
     assert attempt.damage > 10 and attempt.reason == "longest push"
 
 
-@pytest.mark.parametrize(
-    "kind, end", [(FATAL, "block dropped"), (LOST, "block dropped"), (COLLAPSES, "tower toppled")]
-)
+@pytest.mark.parametrize("kind, end", [(FATAL, "block dropped"), (LOST, "block dropped"), (COLLAPSES, "tower toppled")])
 def test_a_fall_ends_the_run_and_what_was_extracted_counts(made, kind, end):
     made([4, 7, 10], {4: FREE_KIND, 7: kind, 10: FREE_KIND})
     game = play(0, Rule())

@@ -173,11 +173,6 @@ def test_made_pushes_are_what_they_are_called() -> None:
     samples, label = make_samples(2000, np.random.default_rng(15), noise=0.0)
     late = samples.state[:, 5] > 5
     move = samples.next_state[:, 0] / samples.next_state[:, 5]
-    for kind, low, high in (
-        ("easy", 0.8, 1.1),
-        ("hard", 0.5, 1.1),
-        ("stuck", -0.01, 0.5),
-        ("none", 0.0, 0.0),
-    ):
+    for kind, low, high in (("easy", 0.8, 1.1), ("hard", 0.5, 1.1), ("stuck", -0.01, 0.5), ("none", 0.0, 0.0)):
         part = move[late & (label == KINDS.index(kind))]
         assert low <= np.median(part) <= high, kind

@@ -104,9 +104,7 @@ def test_states_are_nearer_the_truth_than_readings() -> None:
     bank.start(truth + np.sqrt(NOISE) * rng.normal(size=7))
     error, raw = [], []
     for action in actions:
-        truth = (
-            model.a[0] @ truth + model.b[0] @ action + model.e[0] + np.sqrt(model.q[0]) * rng.normal(size=7)
-        )
+        truth = model.a[0] @ truth + model.b[0] @ action + model.e[0] + np.sqrt(model.q[0]) * rng.normal(size=7)
         reading = truth + np.sqrt(NOISE) * rng.normal(size=7)
         bank.step(action, reading)
         error.append((bank.moments()[0] - truth) ** 2 / NOISE)

@@ -6,15 +6,7 @@ from pushes_for_tests import make_samples
 
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import push_groups
-from thesis_lib.jenga.study.model_study import (
-    agreements,
-    cone_table,
-    filtered,
-    height_table,
-    looks,
-    of_one,
-    summary,
-)
+from thesis_lib.jenga.study.model_study import agreements, cone_table, filtered, height_table, looks, of_one, summary
 from thesis_lib.jenga.tower.settings import Setup
 
 SETUP = Setup()

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from thesis_lib.jenga.learners.bayesian_network import (
-    BayesianNetworks,
-    divergence,
-    forward,
-    layer_shapes,
-    train,
-)
+from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, divergence, forward, layer_shapes, train
 from thesis_lib.jenga.learners.network import train_plain
 from thesis_lib.jenga.learners.settings import NetworkSettings
 

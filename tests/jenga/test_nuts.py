@@ -31,9 +31,7 @@ def linear_learner() -> Hma:
         mean[-1][k, -1, :7] = torch.as_tensor((change - learner.scaling.drift) / learner.scaling.change)
         mean[-1][k, 0, 3] = 0.05 * (k + 1)  # force rises with the lag: a state-dependent, still linear law
         mean[-1][k, -1, 7:] = -0.5
-    nets = BayesianNetworks(
-        settings.network, mean, [torch.full_like(m, -20.0) for m in mean], [m[0] for m in mean]
-    )
+    nets = BayesianNetworks(settings.network, mean, [torch.full_like(m, -20.0) for m in mean], [m[0] for m in mean])
     nets.redraw(torch.Generator().manual_seed(0))
     learner.networks = nets
     learner.shares = learner.first = np.array([0.4, 0.3, 0.3])

@@ -35,9 +35,7 @@ CONTEXT = np.array([8.0, 1.0])
 # -- reward and scaling ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("millimetres", "degrees", "p"), [(20, 0, 0.4), (0, 30, 0.4), (5, 3, 0.1), (1, 15, 0.2)]
-)
+@pytest.mark.parametrize(("millimetres", "degrees", "p"), [(20, 0, 0.4), (0, 30, 0.4), (5, 3, 0.1), (1, 15, 0.2)])
 def test_perturbation_takes_the_worse_of_displacement_and_turn(millimetres, degrees, p):
     assert perturbation(1e-3 * millimetres, np.radians(degrees), RewardSettings()) == pytest.approx(p)
 
@@ -309,9 +307,7 @@ def test_a_training_of_another_kind_is_not_continued(tmp_path):
         lines = []
         different = trained(tmp_path, checkpoints=(50,), lines=lines, **other)[50]
         assert not any("found" in line for line in lines)
-        np.testing.assert_array_equal(
-            weights(different), weights(trained(None, checkpoints=(50,), **other)[50])
-        )
+        np.testing.assert_array_equal(weights(different), weights(trained(None, checkpoints=(50,), **other)[50]))
 
 
 def test_a_file_holds_the_policy_and_nothing_that_runs(tmp_path):
@@ -337,12 +333,7 @@ def test_it_plays_what_the_library_would_play(tmp_path):
     policy = trained(tmp_path)[150]
     saved = torch.load(tmp_path / "ppo_150.pt", weights_only=True)
     model = PPO(
-        "MlpPolicy",
-        Toy(),
-        policy_kwargs={"net_arch": list(SHORT.hidden)},
-        device="cpu",
-        n_steps=2,
-        batch_size=2,
+        "MlpPolicy", Toy(), policy_kwargs={"net_arch": list(SHORT.hidden)}, device="cpu", n_steps=2, batch_size=2
     )
     model.policy.load_state_dict(saved["policy"])
     rng = np.random.default_rng(0)

@@ -34,9 +34,7 @@ def test_the_force_on_a_stuck_block_climbs_with_the_spring():
     states = _pushed(exact_robot(tower), STUCK_BLOCK, 3)
     assert states[-1, X] < 0.3
     deflection = 1e-3 * (states[:, ADVANCE] - states[:, X])
-    assert np.allclose(
-        np.diff(states[:, F_N]), tower.robot_settings.stiffness * np.diff(deflection), rtol=0.05
-    )
+    assert np.allclose(np.diff(states[:, F_N]), tower.robot_settings.stiffness * np.diff(deflection), rtol=0.05)
 
 
 def test_the_arm_never_exceeds_its_limit():

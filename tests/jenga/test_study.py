@@ -10,13 +10,7 @@ from thesis_lib.jenga.play.controller import Learned
 from thesis_lib.jenga.play.game import Attempt, Game
 from thesis_lib.jenga.play.players import learner_of, policy_of
 from thesis_lib.jenga.play.settings import Chapter5
-from thesis_lib.jenga.study.study import (
-    games_table,
-    needed_samples,
-    paired,
-    study_tables,
-    success_table,
-)
+from thesis_lib.jenga.study.study import games_table, needed_samples, paired, study_tables, success_table
 from thesis_lib.statistics.intervals import student_mean
 
 SETTINGS = Chapter5()
@@ -114,8 +108,7 @@ def test_learners_learn_from_the_first_samples_only():
     changed = samples.select(np.arange(len(samples)))
     changed.next_state[100:] += 1.0
     one, two = (
-        learner_of("mor", SETTINGS).fit(part.first(100), np.random.default_rng(2))
-        for part in (samples, changed)
+        learner_of("mor", SETTINGS).fit(part.first(100), np.random.default_rng(2)) for part in (samples, changed)
     )
     state = (samples.state[:5], samples.action[:5], samples.context[:5])
     belief = one.initial_belief(samples.context[:5])

@@ -20,10 +20,7 @@ def made_scan(tower: int, others: np.ndarray) -> pd.DataFrame:
 def test_shares_grow_with_the_threshold_and_are_counted_per_tower():
     scans = {
         "development": [made_scan(0, np.array([0.1, 0.9, 1.8, 3.0]))],
-        "test": [
-            made_scan(100, np.array([0.1, 0.2, 0.3, 9.0])),
-            made_scan(101, np.array([9.0, 9.0, 9.0, 0.1])),
-        ],
+        "test": [made_scan(100, np.array([0.1, 0.2, 0.3, 9.0])), made_scan(101, np.array([9.0, 9.0, 9.0, 0.1]))],
     }
     table = movable_shares(scans, MovableSettings())
     dev = table[table["set"] == "development"].set_index("threshold_mm")["share"]

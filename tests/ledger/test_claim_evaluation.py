@@ -24,9 +24,7 @@ def one(claim, results, present=PRESENT):
 
 def test_all_kinds_are_reproduced(entries, results):
     found = run(entries, results)
-    assert [(r.claim.check.kind, r.status) for r in found] == [
-        (r.claim.check.kind, Status.REPRODUCED) for r in found
-    ]
+    assert [(r.claim.check.kind, r.status) for r in found] == [(r.claim.check.kind, Status.REPRODUCED) for r in found]
     refuse_errors(found)
 
 
@@ -59,9 +57,7 @@ def test_by_how_much(make_claim, results):
     assert result.difference == pytest.approx(0.015, rel=1e-12)
     assert result.relative_difference == pytest.approx(0.3, rel=1e-12)
     assert result.std == 0.002
-    assert (
-        result.reason == "differs from the published value by +0.015 (+30 %); The authors' code is viscous."
-    )
+    assert result.reason == "differs from the published value by +0.015 (+30 %); The authors' code is viscous."
 
 
 def test_the_note_is_silent_when_reproduced(make_claim, results):
@@ -135,8 +131,7 @@ def test_an_extreme_of_one_row_is_an_error(make_claim, results):
 
 
 @pytest.mark.parametrize(
-    ("where", "rows"),
-    [({"n": 1718}, 1), ({"n": 1e-3}, 1), ({"n": 100, "coded": "as_defined"}, 1), ({"n": 100}, 2)],
+    ("where", "rows"), [({"n": 1718}, 1), ({"n": 1e-3}, 1), ({"n": 100, "coded": "as_defined"}, 1), ({"n": 100}, 2)]
 )
 def test_rows_are_selected_by_numbers_too(make_claim, results, where, rows):
     wide = {"kind": "less", "threshold": 1, "reason": "all are"}
@@ -149,9 +144,7 @@ def test_rows_are_selected_by_flags(make_claim, results):
 
 
 @pytest.mark.parametrize("cell", ["nan", "NaN", "", "inf", "-inf", "none", "0.065 kg"])
-@pytest.mark.parametrize(
-    "kind", ["abs", "rel", "interval", "greater", "less", "ordering", "argmax", "argmin"]
-)
+@pytest.mark.parametrize("kind", ["abs", "rel", "interval", "greater", "less", "ordering", "argmax", "argmin"])
 def test_nan_and_text_never_pass(entries, results, edit_table, kind, cell):
     edit_table("0.065,", f"{cell},")
     result = {r.claim.check.kind: r for r in run(entries, results)}[kind]

@@ -73,9 +73,7 @@ def test_check_fails_when_a_status_changes_and_again_when_it_returns(command, ed
 
 def test_check_fails_when_a_figure_changes(command, results, capsys):
     command("update")
-    write_table(
-        pd.DataFrame({"error": [0.1, 0.22, 0.3]}), results / "chapter3" / "planar_impact" / "figure_3_8.csv"
-    )
+    write_table(pd.DataFrame({"error": [0.1, 0.22, 0.3]}), results / "chapter3" / "planar_impact" / "figure_3_8.csv")
     capsys.readouterr()
     assert command("check") == 1
     assert "figure_3_8 (planar_impact): column error: 1 of 3 rows differ" in capsys.readouterr().out

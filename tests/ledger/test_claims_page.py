@@ -41,9 +41,7 @@ def found(entries, make_claim, results):
     odd = '<script>alert("x")</script> & <b>bold</b>'
     claims = [
         *entries,
-        make_claim(
-            "wrong", CHECK, 1.0, chapter=2, statement=f"Statement {odd}", note=f"Note {odd}", unit="m/s"
-        ),
+        make_claim("wrong", CHECK, 1.0, chapter=2, statement=f"Statement {odd}", note=f"Note {odd}", unit="m/s"),
         make_claim("absent", CHECK, 1.0, needs=["dice"]),
         make_claim("broken", CHECK, 1.0, column="missing", location=f"Table {odd} | 3"),
     ]
@@ -55,15 +53,7 @@ def test_it_is_well_formed_and_complete(found):
     page = Outline(render_page(found, "quick"))
     text = " ".join(page.text)
     assert "12 claims: 9 reproduced, 1 deviates, 1 without data, 1 could not be compared." in text
-    for words in (
-        "Chapter 2",
-        "Chapter 3",
-        "✓ reproduced",
-        "≠ deviates",
-        "○ data not present",
-        "! error",
-        "quick",
-    ):
+    for words in ("Chapter 2", "Chapter 3", "✓ reproduced", "≠ deviates", "○ data not present", "! error", "quick"):
         assert words in text
     assert len(page.ids) == len(set(page.ids)) == 12 + 1  # a row each, and the content
     assert text.index("Chapter 2") < text.index("Chapter 3")

@@ -6,13 +6,7 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
-from thesis_lib.ledger.figure_check import (
-    check_figure,
-    check_figures,
-    kept_rows,
-    store_figure,
-    update_figures,
-)
+from thesis_lib.ledger.figure_check import check_figure, check_figures, kept_rows, store_figure, update_figures
 from thesis_lib.records.record import Figure, Job, Tolerance
 
 ABS, REL = 1e-3, 0.02
@@ -29,9 +23,7 @@ N = 101
 def data(n=N):
     i = np.arange(n)
     law = np.where(i % 2 == 0, "newton", "mirtich")
-    return pd.DataFrame(
-        {"law": law, "i": i, "error": 0.3 + 0.01 * i, "density": 2.0 + np.sin(i), "count": 3 * i}
-    )
+    return pd.DataFrame({"law": law, "i": i, "error": 0.3 + 0.01 * i, "density": 2.0 + np.sin(i), "count": 3 * i})
 
 
 def write(table, path):
@@ -53,9 +45,7 @@ def compare(tmp_path, figure):
     """Store the data, check another table against it; returns the problems as text."""
 
     def compare(other, stored=None, spec=figure):
-        store_figure(
-            write(data() if stored is None else stored, tmp_path / "a.csv"), tmp_path / "copy.csv", spec
-        )
+        store_figure(write(data() if stored is None else stored, tmp_path / "a.csv"), tmp_path / "copy.csv", spec)
         problems = check_figure(write(other, tmp_path / "b.csv"), tmp_path / "copy.csv", spec)
         return [(problem.column, problem.text) for problem in problems]
 
@@ -78,9 +68,7 @@ def test_the_copy_is_small_and_keeps_both_ends(tmp_path, figure):
     assert (tmp_path / "copy.csv").read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("total", "most"), [(1, 40), (39, 40), (40, 40), (41, 40), (80, 40), (5000, 40), (3, 2)]
-)
+@pytest.mark.parametrize(("total", "most"), [(1, 40), (39, 40), (40, 40), (41, 40), (80, 40), (5000, 40), (3, 2)])
 def test_kept_rows_are_distinct_and_even(total, most):
     rows = kept_rows(total, most)
     assert len(rows) == min(total, most)
@@ -93,11 +81,7 @@ def test_kept_rows_are_distinct_and_even(total, most):
 @pytest.mark.parametrize(
     ("column", "beyond"),
     # just beyond each column's tolerance
-    [
-        ("error", lambda x: x + 1.01 * ABS),
-        ("density", lambda x: x * (1 + 1.01 * REL)),
-        ("count", lambda x: x + 1),
-    ],
+    [("error", lambda x: x + 1.01 * ABS), ("density", lambda x: x * (1 + 1.01 * REL)), ("count", lambda x: x + 1)],
 )
 def test_a_perturbed_column_fails(compare, column, beyond):
     other = data()

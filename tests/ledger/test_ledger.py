@@ -62,11 +62,7 @@ def test_the_example_in_the_docstring_is_read(tmp_path):
         ({**ORDER, "rows": ["mirtich", []]}, None, "an empty group"),
         ({**ORDER, "rows": ["mirtich", ["mirtich", "newton"]]}, None, "rows names a row twice"),
         ({**ORDER, "rows": ["mirtich", None]}, None, "a text, a number, true or false"),
-        (
-            {"kind": "argmax", "key": "law", "row": "a", "among": ["b", "c"]},
-            None,
-            "does not hold the row 'a'",
-        ),
+        ({"kind": "argmax", "key": "law", "row": "a", "among": ["b", "c"]}, None, "does not hold the row 'a'"),
         ({"kind": "argmin", "key": "law", "row": "a"}, "b", "published contradicts check.row"),
         ({"kind": "true"}, False, "published can only be true"),
     ],
@@ -108,9 +104,7 @@ def test_a_bad_claim_is_refused(write_ledger, make_claim, change, words):
     assert words in refusal(write_ledger([{**make_claim("x", ABS, 0.062), **change}]))
 
 
-@pytest.mark.parametrize(
-    "check", [{"kind": "interval", "k": 2, "reason": "x"}, {**ORDER, "k": 2, "reason": "x"}]
-)
+@pytest.mark.parametrize("check", [{"kind": "interval", "k": 2, "reason": "x"}, {**ORDER, "k": 2, "reason": "x"}])
 def test_standard_errors_need_their_column(write_ledger, make_claim, check):
     entry = make_claim("x", check, 0.062 if check["kind"] == "interval" else None)
     del entry["source"]["std_column"]
@@ -207,9 +201,7 @@ class TestSharedChecks:
         path = write_ledger([make_claim("x", {**ABS, "tolerance": 0}, 0.062), make_claim("y", ABS)])
         lines = path.read_text().split("\n")
         tolerance = lines.index("    tolerance: 0") + 1
-        assert f"- line {tolerance}: claim table_3_1.x: check.tolerance: Input should be greater" in refusal(
-            path
-        )
+        assert f"- line {tolerance}: claim table_3_1.x: check.tolerance: Input should be greater" in refusal(path)
         second = [i for i, line in enumerate(lines, 1) if line.startswith("- ")][1]
         assert f"- line {second}: claim table_3_1.y: published must be a number" in refusal(path)
 

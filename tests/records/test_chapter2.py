@@ -31,20 +31,12 @@ def modes(left: list[str], right: list[str]) -> pd.DataFrame:
 
 
 def test_an_end_of_the_rod_lands_once_and_its_first_mode_is_timed():
-    said = chapter2_mechanisms.figure_2_2(
-        modes(["open", "sticks", "sticks", "slides", "sticks"], ["open"] * 5)
-    )
+    said = chapter2_mechanisms.figure_2_2(modes(["open", "sticks", "sticks", "slides", "sticks"], ["open"] * 5))
     assert plain(said) == "The left end lands at 0.100 s and sticks for 0.200 s. The right end does not land."
 
 
 def landing(rank: int, rank_mass_known: int, panel: str) -> dict:
-    return {
-        "panel": panel,
-        "series": "square",
-        "rank": rank,
-        "rank_mass_known": rank_mass_known,
-        "sigma_1": 0.8 * rank,
-    }
+    return {"panel": panel, "series": "square", "rank": rank, "rank_mass_known": rank_mass_known, "sigma_1": 0.8 * rank}
 
 
 def test_what_a_landing_determines_is_read_from_the_ranks():
@@ -58,11 +50,7 @@ def test_what_a_landing_determines_is_read_from_the_ranks():
 
 @pytest.mark.parametrize(
     ("angles", "trend"),
-    [
-        ((1.0, 2.0, 3.0), "more with more mass"),
-        ((3.0, 2.0, 1.0), "less with"),
-        ((1.0, 3.0, 2.0), "in no order"),
-    ],
+    [((1.0, 2.0, 3.0), "more with more mass"), ((3.0, 2.0, 1.0), "less with"), ((1.0, 3.0, 2.0), "in no order")],
 )
 def test_the_trend_with_mass_is_that_of_the_angles(angles, trend):
     motions = pd.DataFrame({"mass": [0.1, 0.5, 2.0], "t": 4.0, "theta": [-a for a in angles]})
@@ -91,14 +79,7 @@ def test_steps_without_force_do_not_count_as_covered():
 def test_forces_are_judged_by_the_thesis(arm, ground, word):
     errors = {"arm": arm, "ground": ground}
     rows = [
-        {
-            "pair": pair,
-            "component": "normal",
-            "t": t,
-            "true": 10.0,
-            "estimate": 10.0 * (1 + error),
-            "plain": 0.0,
-        }
+        {"pair": pair, "component": "normal", "t": t, "true": 10.0, "estimate": 10.0 * (1 + error), "plain": 0.0}
         for pair, error in errors.items()
         for t in (0.0, 1.0)
     ]
@@ -118,27 +99,17 @@ def noise_rows(**methods: list[float]) -> pd.DataFrame:
 
 
 def test_errors_are_told_apart_from_the_bound_by_their_drops():
-    said = chapter2_inertia.figure_table_2_1(
-        noise_rows(arcs=[1.0, 1.09, 1.15, 0.85], plain=[5.0, 50.0, 7.0, 8.0])
-    )
+    said = chapter2_inertia.figure_table_2_1(noise_rows(arcs=[1.0, 1.09, 1.15, 0.85], plain=[5.0, 50.0, 7.0, 8.0]))
     assert "of 4 errors 1 lie above it, 1 below, and 2 are not told apart" in said
     assert "by 5.0 to 50 times" in said
 
 
 @pytest.mark.parametrize(
-    ("std", "word", "cases"),
-    [(0.3, "not told apart from zero", "0 of 2"), (0.2, "above zero", "1 of 2")],
+    ("std", "word", "cases"), [(0.3, "not told apart from zero", "0 of 2"), (0.2, "above zero", "1 of 2")]
 )
 def test_a_bias_is_told_apart_by_its_standard_error(std, word, cases):
     rows = [
-        {
-            "shape": "block",
-            "method": method,
-            "snr": snr,
-            "mean_error": error,
-            "mean_error_std": std,
-            "thesis": -0.35,
-        }
+        {"shape": "block", "method": method, "snr": snr, "mean_error": error, "mean_error_std": std, "thesis": -0.35}
         for method, own in (("arcs", {10: 0.0, 40: 0.5}), ("plain", {10: -9.0, 40: 9.0}))
         for snr, error in own.items()
     ]
@@ -166,19 +137,12 @@ def test_failures_are_those_of_one_mechanism_or_none():
         start_rows(3, 1)
     )
     assert "Wrong claims of success: 1 of 110" in chapter2_inertia.programs(start_rows(3, 1))
-    assert "Most failures: none. Wrong claims of success: 0 of 110" in chapter2_inertia.programs(
-        start_rows(0, 0)
-    )
+    assert "Most failures: none. Wrong claims of success: 0 of 110" in chapter2_inertia.programs(start_rows(0, 0))
 
 
 def impulse_rows(coverage: float, mean_error: float) -> pd.DataFrame:
     row = {"method": "arcs", "unit": "N s", "n": 100, "mean": 1.0, "mean_error_std": 0.01, "std": 0.1}
-    row |= {
-        "thesis_mean_error": -12.12,
-        "thesis_std": 31.59,
-        "coverage_95": coverage,
-        "mean_error": mean_error,
-    }
+    row |= {"thesis_mean_error": -12.12, "thesis_std": 31.59, "coverage_95": coverage, "mean_error": mean_error}
     return pd.DataFrame([row | {"reference": name} for name in ("true_c_n", "peak_true", "peak_sensor")])
 
 
@@ -199,22 +163,13 @@ def test_coverage_is_judged_by_the_number_of_impacts(coverage, held, mean_error,
 
 
 def ratio_row(variant: str, ratio: float, misfit: float, status: str = "ok") -> dict:
-    row = {
-        "dataset": "planar_dice",
-        "variant": variant,
-        "ratio": ratio,
-        "low": ratio - 50.0,
-        "high": ratio + 50.0,
-    }
+    row = {"dataset": "planar_dice", "variant": variant, "ratio": ratio, "low": ratio - 50.0, "high": ratio + 50.0}
     return row | {"published": 1000.0, "scale": misfit, "velocity_noise": float("nan"), "status": status}
 
 
 def test_a_hypothesis_that_holds_the_header_does_not_hide_its_misfit():
     rows = [ratio_row("as_published", 900.0, 4.0), ratio_row("mirrored_rotation", 1010.0, 20.0)]
-    rows += [
-        ratio_row("angle_offset", 1200.0, 2.0),
-        ratio_row("rounded_corners", 1000.0, 1.0, "not converged"),
-    ]
+    rows += [ratio_row("angle_offset", 1200.0, 2.0), ratio_row("rounded_corners", 1000.0, 1.0, "not converged")]
     said = plain(chapter2_inertia.measured_ratio(pd.DataFrame(rows)))
     assert "900 (850 to 950) 1/m² under the data as they are, below the header. The" in said
     assert "under angle offset, which leaves the least misfit, above the header; " in said

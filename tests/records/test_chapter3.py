@@ -20,12 +20,7 @@ def said_in(rows: dict[str, tuple[float, float]]) -> pd.DataFrame:
     """statements.csv: value and standard error by "statement" or "statement:law"."""
     return pd.DataFrame(
         [
-            {
-                "statement": name.split(":")[0],
-                "law": name.partition(":")[2] or None,
-                "value": value,
-                "std": std,
-            }
+            {"statement": name.split(":")[0], "law": name.partition(":")[2] or None, "value": value, "std": std}
             for name, (value, std) in rows.items()
         ]
     )
@@ -35,9 +30,7 @@ def test_the_thesis_is_quoted_as_in_the_ledger():
     published = {claim.id: claim.published for claim in read_ledger("config/claims").claims}
     assert published["figure_3_7.convergence.all_followed"] == chapter3_parameters.CONVERGED
     assert chapter3_parameters.INCLINED_PLANE == statements.MU_INCLINED_PLANE
-    fractions = [
-        value for name, value in published.items() if re.fullmatch(r"table_3_2\.\w+\.as_published", name)
-    ]
+    fractions = [value for name, value in published.items() if re.fullmatch(r"table_3_2\.\w+\.as_published", name)]
     assert (min(fractions), max(fractions)) == chapter3_contact_space.THESIS_RANGE
 
 
@@ -63,9 +56,7 @@ ENERGY = {"energy_loss": (0.99, 0.01), "energy_taken": (0.4, 0.01)}
     ("between", "word"), [((-0.08, 0.01), "below zero"), ((-0.01, 0.01), "not told apart from zero")]
 )
 def test_energy_between_impacts_is_told_apart_from_zero_by_its_interval(between, word):
-    assert chapter3_contact_space.figure_3_6(said_in({**ENERGY, "energy_between": between})).endswith(
-        f"%, {word}."
-    )
+    assert chapter3_contact_space.figure_3_6(said_in({**ENERGY, "energy_between": between})).endswith(f"%, {word}.")
 
 
 def test_without_flights_nothing_is_said_of_them():
@@ -91,11 +82,7 @@ def followed(k: int, mu: float = 0.1) -> pd.DataFrame:
 def test_convergence_is_judged_by_the_thesis(first, last, word):
     nan = float("nan")
     rows = {"local_minima": (1, nan), "convexity_violations": (0.1, nan)}
-    rows |= {
-        "converged_at:mirtich": (first, nan),
-        f"converged_at:{NEWTON}": (last, nan),
-        "converged_at": (last, nan),
-    }
+    rows |= {"converged_at:mirtich": (first, nan), f"converged_at:{NEWTON}": (last, nan), "converged_at": (last, nan)}
     said = plain(chapter3_parameters.figure_3_7(followed(500), said_in(rows)))
     assert f"from {first} (Mirtich) to {last} (AP Newton) impacts on, of 500 followed{word}" in said
     assert said.endswith("At 50 impacts the subsets' μ of AP Newton are 0.100 to 0.150, in the end 0.100.")
@@ -110,11 +97,7 @@ def test_a_short_run_does_not_judge_convergence():
 
 @pytest.mark.parametrize(
     ("mirrored", "word"),
-    [
-        ((0.1, 0.05), "falls to 0.10"),
-        ((0.6, 0.05), "is not told apart, with 0.60"),
-        ((0.9, 0.05), "rises to 0.90"),
-    ],
+    [((0.1, 0.05), "falls to 0.10"), ((0.6, 0.05), "is not told apart, with 0.60"), ((0.9, 0.05), "rises to 0.90")],
 )
 def test_bounds_are_no_laws_and_the_mirrored_one_is_judged(mirrored, word):
     means = {
@@ -126,9 +109,7 @@ def test_bounds_are_no_laws_and_the_mirrored_one_is_judged(mirrored, word):
     }
     summary = pd.DataFrame({"model": means.keys(), "mean": means.values()})
     said = plain(
-        chapter3_errors.figure_3_8(
-            summary, said_in({"irb_bound": (0.5, 0.05), "irb_bound_mirrored": mirrored})
-        )
+        chapter3_errors.figure_3_8(summary, said_in({"irb_bound": (0.5, 0.05), "irb_bound_mirrored": mirrored}))
     )
     assert "0.50 times the least mean error of a law (1.00 m/s, Mirtich)" in said
     assert "the largest is 2.00 m/s (published Mirtich), and Best Post Hoc has 0.600 m/s" in said
@@ -145,9 +126,7 @@ def test_sides_of_the_map_are_compared_by_their_impacts():
     said = chapter3_errors.figure_3_9(mapped([2.0, 2.1, 1.9], [1.0, 1.1, 0.9]), near)
     assert "times that of the others, not told apart; the thesis" in said
     assert said.endswith("it is 2.00 (1.75 to 2.25) times that on the right.")
-    assert chapter3_errors.figure_3_9(mapped([1.0, 2.0], [1.1, 1.9]), near).endswith(
-        "on the right, not told apart."
-    )
+    assert chapter3_errors.figure_3_9(mapped([1.0, 2.0], [1.1, 1.9]), near).endswith("on the right, not told apart.")
 
 
 def test_a_map_with_one_side_is_not_compared():
@@ -158,9 +137,7 @@ def test_a_map_with_one_side_is_not_compared():
 
 def single(mu: list[float], misfit: list[float]) -> pd.DataFrame:
     each = pd.DataFrame({"panel": "a", "series": "individual", "mu": mu, "misfit": misfit})
-    return pd.concat(
-        [each, pd.DataFrame([{"panel": "a", "series": "ensemble", "mu": 0.1}])], ignore_index=True
-    )
+    return pd.concat([each, pd.DataFrame([{"panel": "a", "series": "ensemble", "mu": 0.1}])], ignore_index=True)
 
 
 @pytest.mark.parametrize(("mean", "word"), [(-0.05, "below"), (0.01, "not told apart from"), (0.05, "above")])
@@ -180,24 +157,14 @@ def test_the_mean_of_single_parameters_is_told_apart_from_the_ensembles(mean, wo
 
 @pytest.mark.parametrize(("share", "word"), [(0.1, "fewer"), (0.35, "not told apart"), (0.7, "more")])
 def test_reversals_are_compared_with_those_predicted(share, word):
-    rows = {
-        "beyond_sticking": (0.2, 0.02),
-        "back_spin": (0.4, 0.02),
-        f"predicted_back_spin:{NEWTON}": (share, 0.03),
-    }
+    rows = {"beyond_sticking": (0.2, 0.02), "back_spin": (0.4, 0.02), f"predicted_back_spin:{NEWTON}": (share, 0.03)}
     none = said_in({**rows, f"predicted_beyond_sticking:{NEWTON}": (0.0, 0.01)})
     assert "no law predicts that" in chapter3_parameters.figure_3_11(none)
     assert chapter3_parameters.figure_3_11(none).endswith(f"%, {word}.")
     some = said_in(
-        {
-            **rows,
-            "predicted_beyond_sticking:mirtich": (0.1, 0),
-            f"predicted_beyond_sticking:{NEWTON}": (0.0, 0),
-        }
+        {**rows, "predicted_beyond_sticking:mirtich": (0.1, 0), f"predicted_beyond_sticking:{NEWTON}": (0.0, 0)}
     )
-    assert "1 of 2 laws never predict that, Mirtich does most often (10" in plain(
-        chapter3_parameters.figure_3_11(some)
-    )
+    assert "1 of 2 laws never predict that, Mirtich does most often (10" in plain(chapter3_parameters.figure_3_11(some))
 
 
 def parameters(mu: dict[str, float], std: float) -> pd.DataFrame:

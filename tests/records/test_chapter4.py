@@ -46,8 +46,7 @@ def throws(**quantities: dict[str, tuple[float, float]]) -> pd.DataFrame:
 
 def coverage(low: float, high: float, passes: tuple[int, int, int]) -> pd.DataFrame:
     rows = [
-        ("law", "roll", level, 0.5 * (low + high), low, high, held)
-        for level, held in zip((0.5, 0.8, 0.95), passes)
+        ("law", "roll", level, 0.5 * (low + high), low, high, held) for level, held in zip((0.5, 0.8, 0.95), passes)
     ]
     return pd.DataFrame(rows, columns=["model", "kind", "level", "coverage", "low", "high", "passes"])
 
@@ -61,9 +60,7 @@ def test_names_are_those_of_the_legends() -> None:
 
 
 def test_models_below_the_bound_are_named() -> None:
-    said = chapter4_learning.figure_4_5(
-        ratios(wrench_x1=0.3, residual_wrench=0.4), errors([0.5, 0.5, 0.5, 2.0])
-    )
+    said = chapter4_learning.figure_4_5(ratios(wrench_x1=0.3, residual_wrench=0.4), errors([0.5, 0.5, 0.5, 2.0]))
     assert "below the bound are wrench, X1 and law + wrench residual." in said
     assert "wrench, X1: 0.30 ± 0.01" in said
     assert "On 75" in said
@@ -76,8 +73,7 @@ def test_a_ratio_within_two_standard_errors_of_the_bound_is_not_below_it() -> No
 
 
 @pytest.mark.parametrize(
-    ("hoc", "word"),
-    [(1.2, "errs less than"), (1.01, "is not told apart from"), (0.8, "errs more than")],
+    ("hoc", "word"), [(1.2, "errs less than"), (1.01, "is not told apart from"), (0.8, "errs more than")]
 )
 def test_rigid_models_against_best_post_hoc(hoc: float, word: str) -> None:
     assert f"Rigid, X1 {word} Best Post Hoc" in chapter4_learning.figure_4_5(ratios(hoc=hoc), errors([2.0]))
@@ -90,11 +86,7 @@ def test_an_impact_without_a_solution_is_none_below_the_bound() -> None:
 @pytest.mark.parametrize(
     ("last", "reached", "word"),
     [
-        (
-            0.2,
-            100,
-            "falls from 1.00 to 0.20 (0.10 to 0.30)\N{NO-BREAK SPACE}m/s and is level from 100 impacts on",
-        ),
+        (0.2, 100, "falls from 1.00 to 0.20 (0.10 to 0.30)\N{NO-BREAK SPACE}m/s and is level from 100 impacts on"),
         (0.9, 450, "goes, within its intervals, from 1.00 to 0.90 (0.80 to 1.00)"),
         (2.0, 100, "rises from 1.00"),
         (0.2, 450, "and is not level before"),
@@ -201,9 +193,7 @@ def test_slopes_of_restitution(measured: float, model: float, words: tuple[str, 
 
 
 def test_two_contacts_give_no_slope() -> None:
-    assert "too little for a slope: 2 first contacts" in chapter4_dice.figure_restitution(
-        contacts(0.2, 0.0).head(2)
-    )
+    assert "too little for a slope: 2 first contacts" in chapter4_dice.figure_restitution(contacts(0.2, 0.0).head(2))
 
 
 @pytest.mark.parametrize(

@@ -81,10 +81,7 @@ def test_rivals_are_grouped_by_what_their_intervals_say() -> None:
         NEEDED,
     )
     assert "On the same 5 to 19 towers" in said
-    assert (
-        "more blocks than network by 2.0 (1.0 to 3.0) and PPO with 1,000 to 20,000 samples by at least 6.0"
-        in said
-    )
+    assert "more blocks than network by 2.0 (1.0 to 3.0) and PPO with 1,000 to 20,000 samples by at least 6.0" in said
     assert "a number not told apart from that of MOR" in said
     assert "fewer blocks than oracle by 2.0 (1.0 to 3.0)" in said
 
@@ -96,8 +93,7 @@ def test_one_tower_tells_no_policies_apart() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "word"),
-    [(0.5, 0.9, "more often"), (0.86, 0.9, "not told apart"), (0.9, 0.5, "less often")],
+    ("before", "after", "word"), [(0.5, 0.9, "more often"), (0.86, 0.9, "not told apart"), (0.9, 0.5, "less often")]
 )
 def test_extraction_before_and_after_learning(before: float, after: float, word: str) -> None:
     assert f": {word}." in chapter5_play.figure_5_6(success((100, before), (100, after)))
@@ -117,18 +113,11 @@ def test_no_extraction_was_tried() -> None:
 
 @pytest.mark.parametrize(
     ("low", "high", "word"),
-    [
-        (-0.7, -0.3, "force falls,"),
-        (-0.2, 0.2, "neither falls nor rises for sure"),
-        (0.1, 0.5, "force rises,"),
-    ],
+    [(-0.7, -0.3, "force falls,"), (-0.2, 0.2, "neither falls nor rises for sure"), (0.1, 0.5, "force rises,")],
 )
 def test_resistance_with_height(low: float, high: float, word: str) -> None:
     rows = [("inside_cone", 0.99, 0.98, 1.0)]
-    rows += [
-        (name, 0.5 * (low + high), low, high)
-        for name in ("height_correlation", "height_correlation_predicted")
-    ]
+    rows += [(name, 0.5 * (low + high), low, high) for name in ("height_correlation", "height_correlation_predicted")]
     table = pd.DataFrame(rows, columns=["quantity", "value", "low", "high"]).assign(n=65)
     assert word in chapter5_model.figure_5_7(table)
 
@@ -150,12 +139,7 @@ def test_a_belief_that_changes_its_mind() -> None:
 
 
 def test_a_pair_that_did_not_come_out_is_not_the_one_shown() -> None:
-    rows = [
-        (1, 8, 0, 40.0, 0),
-        (1, 8, 1, 1.0, 1),
-        (2, 8, 0, 9.0, 1),
-        (2, 8, 1, 12.0, 1),
-    ]
+    rows = [(1, 8, 0, 40.0, 0), (1, 8, 1, 1.0, 1), (2, 8, 0, 9.0, 1), (2, 8, 1, 12.0, 1)]
     said = chapter5_play.figure_5_9(pd.DataFrame(rows, columns=["block", "edge", "steered", "stray", "out"]))
     assert "ends 12" in said
     assert "nearer in 1;" in said
@@ -182,13 +166,7 @@ def test_share_of_movable_blocks(mean: float, half: float, word: str) -> None:
 
 def test_abstractions_that_do_no_better_than_a_guess() -> None:
     looks = pd.DataFrame(
-        {
-            "size": 100,
-            "set": 0,
-            "abstraction": ["no move", "no block"],
-            "stuck": [1, 0],
-            "stuck_share": [0.9, NAN],
-        }
+        {"size": 100, "set": 0, "abstraction": ["no move", "no block"], "stuck": [1, 0], "stuck_share": [0.9, NAN]}
     )
     agreement = pd.DataFrame(
         [(100, 0, 0.55, 0.45, 0.65, 30, 10), (100, -1, 0.9, 0.8, 1.0, 30, 10)],
@@ -215,8 +193,7 @@ def unseen_errors(after: float) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize(
-    ("after", "word"),
-    [(0.5, "less than the 1.00"), (0.9, "not told apart from the 1.00"), (1.5, "more than the 1.00")],
+    ("after", "word"), [(0.5, "less than the 1.00"), (0.9, "not told apart from the 1.00"), (1.5, "more than the 1.00")]
 )
 def test_error_after_relearning(after: float, word: str) -> None:
     said = chapter5_model.figure_unseen(unseen((0, 1)), unseen_errors(after))

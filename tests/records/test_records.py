@@ -25,9 +25,7 @@ class TestRecords:
         for dataset in record.job.datasets or ("",):
             text = record.text(dataset)
             assert not re.search(r"\{%|\{\{|\*\*|``", text)
-            assert (
-                text.startswith((record.title, record.label)) and len(text) > 20
-            )  # also the alternative text
+            assert text.startswith((record.title, record.label)) and len(text) > 20  # also the alternative text
 
     def test_its_rule_gives_it_out(self, record):
         assert f"rule {record.job.rule}:" in RULES
@@ -36,9 +34,7 @@ class TestRecords:
 
     def test_its_caption_includes_what_was_found(self, record):
         included = re.findall(
-            r"^\.\. include:: results/(\S+)",
-            record.report_caption().replace("{{ ", "{").replace(" }}", "}"),
-            re.M,
+            r"^\.\. include:: results/(\S+)", record.report_caption().replace("{{ ", "{").replace(" }}", "}"), re.M
         )
         path = f"{record.job.folder}/{record.name}.txt".lstrip("/")
         assert [each.lstrip("/") for each in included] == ([path] if record.finding else [])
@@ -74,9 +70,7 @@ class TestFigures:
 @pytest.mark.parametrize("figure", COMPARED, ids=lambda figure: figure.name)
 def test_a_copy_of_each_is_stored(figure, scale):
     for dataset in figure.files:
-        copy = pd.read_csv(
-            ROOT / "config/figures" / scale / (dataset or COMMON) / f"{figure.name}.csv", nrows=1
-        )
+        copy = pd.read_csv(ROOT / "config/figures" / scale / (dataset or COMMON) / f"{figure.name}.csv", nrows=1)
         assert list(copy.columns) == [ROW, *figure.text_columns, *figure.number_columns]
 
 
@@ -87,11 +81,5 @@ def test_no_two_records_share_a_file():
 
 def test_figures_are_in_the_order_of_the_thesis():
     names = [figure.short for figure in figures()]
-    assert (
-        names.index("3-8")
-        < names.index("3-10")
-        < names.index("4-1")
-        < names.index("5-5c")
-        < names.index("5-6")
-    )
+    assert names.index("3-8") < names.index("3-10") < names.index("4-1") < names.index("5-5c") < names.index("5-6")
     assert names.index("2-15") < names.index("hidden") < names.index("3-1")

@@ -107,10 +107,7 @@ def test_the_proof_writes_the_rows_that_are_read() -> None:
 
 def test_claims_are_counted_and_compared_by_chapter() -> None:
     table = pd.DataFrame(
-        {
-            "chapter": [2, 2, 3, 3],
-            "status": ["reproduced", "deviates", "reproduced", "data not present"],
-        }
+        {"chapter": [2, 2, 3, 3], "status": ["reproduced", "deviates", "reproduced", "data not present"]}
     )
     assert claims(table) == (
         "Of 4 claims: 2 reproduced, 1 deviating, 1 without the data. Of those compared, reproduced are 1 of 2 in "

@@ -24,9 +24,7 @@ def made_impacts(
     """n approaching impacts under `law`; `couple` adds τ = couple · m k v_t, `noise` is in m/s."""
     rng = np.random.default_rng(seed)
     theta = rng.uniform(-np.pi, np.pi, 3 * n)
-    v_pre = np.stack(
-        [rng.normal(0.0, 0.6, 3 * n), rng.uniform(-2.5, -1.0, 3 * n), rng.normal(0.0, 8.0, 3 * n)], 1
-    )
+    v_pre = np.stack([rng.normal(0.0, 0.6, 3 * n), rng.uniform(-2.5, -1.0, 3 * n), rng.normal(0.0, 8.0, 3 * n)], 1)
     v_pre *= speed
     r = SHAPE.contact_point(theta)
     keep = np.flatnonzero(v_pre[:, 1] + r[:, 0] * v_pre[:, 2] < -0.1)[:n]

@@ -60,9 +60,7 @@ def rest(n=400):
 def test_the_belief_at_rest_is_a_distribution_over_sides_and_positions():
     belief = rest()
     x = np.linspace(-10, 12, 20_001)
-    total = sum(
-        p * np.trapezoid(belief.density(x, face), x) for face, p in enumerate(belief.face_probability)
-    )
+    total = sum(p * np.trapezoid(belief.density(x, face), x) for face, p in enumerate(belief.face_probability))
     assert belief.face_probability.sum() == pytest.approx(1.0)
     assert total == pytest.approx(1.0, abs=1e-3)
     assert belief.most_likely_face == 0

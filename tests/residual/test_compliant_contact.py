@@ -146,9 +146,7 @@ def test_a_surface_that_gives_back_most_at_one_place_does():
 def test_landing_flat_gives_back_more_where_the_contact_says_so():
     q = np.array([[0.0, 0.03, 0.0]])
     v = np.array([[0.0, -2.0, 0.0]])
-    more, less = (
-        press(BODY, replace(CONTACT, flat=b, flat_dashpot=b), q, v, LONG)[1][0, 1] for b in (0.8, 0.0)
-    )
+    more, less = (press(BODY, replace(CONTACT, flat=b, flat_dashpot=b), q, v, LONG)[1][0, 1] for b in (0.8, 0.0))
     assert more > less
     corner, _ = (press(BODY, replace(CONTACT, flat=b), *on_a_corner(2.0), LONG)[1][0, 1] for b in (0.8, 0.0))
     assert corner == pytest.approx(press(BODY, CONTACT, *on_a_corner(2.0), LONG)[1][0, 1], rel=1e-9)

@@ -41,7 +41,5 @@ def test_features_are_the_same_on_all_four_sides_and_scale_with_the_speed():
     one = contact_features(q, v, 0.02)
     assert contact_features(q + [0.0, 0.0, np.pi / 2], v, 0.02) == pytest.approx(one)
     double = contact_features(q, 2.0 * v, 0.02)
-    assert double[0, :5] == pytest.approx(one[0, :5]) and double[0, 5] == pytest.approx(
-        one[0, 5] + np.log(2.0)
-    )
+    assert double[0, :5] == pytest.approx(one[0, :5]) and double[0, 5] == pytest.approx(one[0, 5] + np.log(2.0))
     assert residual_unit(2.0 * v, 0.02, 0.01) == pytest.approx(2.0 * residual_unit(v, 0.02, 0.01))

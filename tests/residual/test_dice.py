@@ -82,13 +82,7 @@ def test_starts_are_found_within_their_covariance(recorded):
     for i, trial in enumerate(releases.trial):
         at = np.floor((first[trial] - 0.002) / 0.004) * 0.004
         true_q, true_v, _ = state_at(
-            MODEL.body,
-            q[[trial]],
-            v[[trial]],
-            np.array([at]),
-            MODEL.impact,
-            ThrowSettings(),
-            np.random.default_rng(0),
+            MODEL.body, q[[trial]], v[[trial]], np.array([at]), MODEL.impact, ThrowSettings(), np.random.default_rng(0)
         )
         away = np.r_[releases.q[i] - true_q[0], releases.v[i] - true_v[0]]
         z.append(away / np.sqrt(np.diag(releases.cov[i])))
@@ -136,9 +130,7 @@ def test_the_limit_is_zero_without_noise_and_grows_with_it(recorded):
         noisy = type(releases)(
             releases.trial, releases.q, releases.v, factor * releases.cov, releases.end, {}, releases.sigma
         )
-        return noise_limit(
-            noisy, MODEL, MODEL.impact, 2 * HALF, 10, ThrowSettings(), np.random.default_rng(0)
-        )
+        return noise_limit(noisy, MODEL, MODEL.impact, 2 * HALF, 10, ThrowSettings(), np.random.default_rng(0))
 
     assert limit(0.0)["spread"].max() < 1e-9 and (limit(0.0)["face_kept"] == 1.0).all()
     assert 0.0 < limit(1.0)["spread"].median() < limit(400.0)["spread"].median()
@@ -207,9 +199,7 @@ def test_leave_one_out_is_what_leaving_one_out_gives():
     rng = np.random.default_rng(0)
     X = rng.normal(size=(30, 2))
     Y = np.sin(X[:, :1]) + 0.1 * rng.normal(size=(30, 1))
-    process = fit_gaussian_process(
-        X, Y, rng, GaussianProcessSettings(restarts=1, device="cpu"), centred=False
-    )
+    process = fit_gaussian_process(X, Y, rng, GaussianProcessSettings(restarts=1, device="cpu"), centred=False)
     z = leave_one_out(process)
     x = process.x / process.lengthscale[0]
     K = process.signal[0] * np.exp(-0.5 * ((x[:, None] - x) ** 2).sum(-1))
@@ -271,13 +261,7 @@ def test_the_study_of_simulated_throws(recorded):
     r = MODEL.body.contact_point(contacts.q[:, 2], corner)
     number = np.arange(len(contacts))
     impacts = Impacts(
-        trial=contacts.trial,
-        impact=number,
-        q=contacts.q,
-        v_pre=contacts.v,
-        v_post=contacts.v_after,
-        r=r,
-        k_g=RIG.k_g,
+        trial=contacts.trial, impact=number, q=contacts.q, v_pre=contacts.v, v_post=contacts.v_after, r=r, k_g=RIG.k_g
     )
     settings = DiceStudySettings(
         splits=2,

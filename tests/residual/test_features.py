@@ -48,9 +48,7 @@ def test_features_are_the_thesiss(impacts):
     J[:, 0, 0] = J[:, 1, 1] = 1.0
     J[:, 0, 2], J[:, 1, 2] = -impacts.r[:, 1], impacts.r[:, 0]
     inverse = np.diag([1.0 / MASS, 1.0 / MASS, 1.0 / (MASS * K_G**2)])
-    np.testing.assert_allclose(
-        np.moveaxis(M_c, -1, 0), np.linalg.inv(J @ inverse @ np.swapaxes(J, 1, 2)), rtol=1e-9
-    )
+    np.testing.assert_allclose(np.moveaxis(M_c, -1, 0), np.linalg.inv(J @ inverse @ np.swapaxes(J, 1, 2)), rtol=1e-9)
     v_c = np.einsum("nij,nj->ni", J, impacts.v_pre)
     np.testing.assert_allclose(x1[:, 3:], v_c, atol=ROUNDING)
     np.testing.assert_allclose(x2, np.einsum("ijn,nj->ni", M_c, v_c), atol=ROUNDING)

@@ -47,9 +47,7 @@ def test_predictions_are_those_of_scikit_learn(process):
         scale = process.y_scale[i]
         np.testing.assert_allclose(mean[:, i], process.y_mean[i] + scale * other, atol=EXACT * scale)
         np.testing.assert_allclose(variance[:, i], (scale * std) ** 2, atol=EXACT * scale**2)
-    np.testing.assert_allclose(
-        noisy - variance, np.broadcast_to(process.noise * process.y_scale**2, noisy.shape)
-    )
+    np.testing.assert_allclose(noisy - variance, np.broadcast_to(process.noise * process.y_scale**2, noisy.shape))
 
 
 def test_likelihood_is_that_of_scikit_learn_and_of_gpytorch(process):
@@ -57,9 +55,7 @@ def test_likelihood_is_that_of_scikit_learn_and_of_gpytorch(process):
     import torch
 
     for i in range(2):
-        assert process.log_likelihood[i] == pytest.approx(
-            _sklearn(process, i).log_marginal_likelihood_value_, rel=1e-7
-        )
+        assert process.log_likelihood[i] == pytest.approx(_sklearn(process, i).log_marginal_likelihood_value_, rel=1e-7)
     x = torch.as_tensor(process.x).expand(2, -1, -1).contiguous()
     y = torch.as_tensor(np.ascontiguousarray(process.y.T))
     model = _gpytorch_model(x, y, torch.as_tensor(np.ascontiguousarray((process.noise / process.weight).T)))
@@ -78,9 +74,7 @@ def test_gradient_is_that_of_differences():
     x, y = torch.as_tensor(rng.normal(size=(30, 4))), torch.as_tensor(rng.normal(size=30))
     y, theta = (y, torch.as_tensor(rng.uniform(0.2, 1.0, 30)), True), rng.normal(scale=0.5, size=6)
     _, gradient = objective(theta, x, *y)
-    np.testing.assert_allclose(
-        gradient, approx_fprime(theta, lambda t: objective(t, x, *y)[0], 1e-6), atol=1e-3
-    )
+    np.testing.assert_allclose(gradient, approx_fprime(theta, lambda t: objective(t, x, *y)[0], 1e-6), atol=1e-3)
 
 
 def test_the_search_ends_at_least_as_high_as_scikit_learns():
@@ -90,9 +84,7 @@ def test_the_search_ends_at_least_as_high_as_scikit_learns():
     settings = GaussianProcessSettings(device="cpu", prior=False, restarts=3, robust_rounds=0)
     process = fit_gaussian_process(*_data(), np.random.default_rng(1), settings)
     for i in range(2):
-        kernel = ConstantKernel(1.0, (1e-3, 1e3)) * RBF([1.0] * 3, (0.05, 100.0)) + WhiteKernel(
-            0.1, (1e-6, 4.0)
-        )
+        kernel = ConstantKernel(1.0, (1e-3, 1e3)) * RBF([1.0] * 3, (0.05, 100.0)) + WhiteKernel(0.1, (1e-6, 4.0))
         theirs = GaussianProcessRegressor(kernel, alpha=0.0, n_restarts_optimizer=2, random_state=0)
         theirs.fit(process.x, process.y[:, i])
         assert process.log_likelihood[i] > theirs.log_marginal_likelihood_value_ - 0.05
@@ -232,10 +224,7 @@ def test_a_gpu_gives_the_same(process):
     for noise in (False, True):
         expected = process.predict(new, noise=noise)
         for one, two, three, four in zip(
-            expected,
-            known.predict(new, noise=noise),
-            found.predict(new, noise=noise),
-            again.predict(new, noise=noise),
+            expected, known.predict(new, noise=noise), found.predict(new, noise=noise), again.predict(new, noise=noise)
         ):
             np.testing.assert_allclose(two, one, atol=SAME * Y.std())
             np.testing.assert_allclose(three, one, atol=SAME_TRAINED * Y.std())

@@ -73,9 +73,7 @@ def test_a_residual_on_the_right_law_is_nothing():
         # with 80 impacts and 0.02 m/s of noise; the data-driven model of the same impacts is far behind
         assert _error(model.predict(test), test) < 0.01
         assert _error(law.predict(test), test) < 0.01
-        alone = ALL[
-            name.replace("residual", "rigid" if "rigid" in name else "wrench")[:6].rstrip("_") + "_x1"
-        ]
+        alone = ALL[name.replace("residual", "rigid" if "rigid" in name else "wrench")[:6].rstrip("_") + "_x1"]
         assert _error(alone.fit(train, np.random.default_rng(0)).predict(test), test) > 0.02
 
 
@@ -133,12 +131,7 @@ def _saved(effects: dict[str, float], law: str = LAW) -> SavedModel:
             "law": law,
             "effects": list(dict.fromkeys(name.split(".")[0] for name in effects)),
             "parameters": {name: {"value": value, "unit": "1"} for name, value in parameters.items()},
-            "rig": {
-                "shape": SHAPE.model_dump(),
-                "radius_of_gyration": K_G,
-                "gravity": 9.81,
-                "height": 0.0,
-            },
+            "rig": {"shape": SHAPE.model_dump(), "radius_of_gyration": K_G, "gravity": 9.81, "height": 0.0},
         }
     )
 

@@ -120,13 +120,9 @@ def test_named_physics_leaves_nothing_to_learn_where_it_is_the_whole_truth():
     one = replace(one, v_post=AugmentedBase(model).predict(one) + noise)
     held_out = one.trial % 4 == 0
     few = SETTINGS.model_copy(update={"sizes": (80,)})
-    curves, rungs = study.named_physics(
-        one, held_out, "anitescu_potra_newton", model, few, np.random.default_rng(0)
-    )
+    curves, rungs = study.named_physics(one, held_out, "anitescu_potra_newton", model, few, np.random.default_rng(0))
     mean = rungs.set_index("model")["mean"]
-    assert mean["effects"] == pytest.approx(
-        0.02 * np.sqrt(8.0 / np.pi), rel=0.15
-    )  # of three normal components
+    assert mean["effects"] == pytest.approx(0.02 * np.sqrt(8.0 / np.pi), rel=0.15)  # of three normal components
     assert mean["law"] > 5.0 * mean["effects"]
     assert mean["irb_bound"] > 5.0 * mean["irb_bound_effects"]
     # a residual has nothing to add, and must not spoil it
@@ -137,9 +133,7 @@ def test_named_physics_leaves_nothing_to_learn_where_it_is_the_whole_truth():
 
 def test_named_physics_needs_both_sides(impacts):
     with pytest.raises(ValueError, match="both sides"):
-        study.named_physics(
-            impacts, np.ones(len(impacts), bool), "mirtich", None, SETTINGS, np.random.default_rng(0)
-        )
+        study.named_physics(impacts, np.ones(len(impacts), bool), "mirtich", None, SETTINGS, np.random.default_rng(0))
 
 
 def test_sizes_beyond_the_data_are_left_out():

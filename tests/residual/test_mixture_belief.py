@@ -9,12 +9,7 @@ from throws_for_tests import HALF, RIG, throws
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.residual.dice.data import MeasuredContacts, Releases
 from thesis_lib.residual.dice.fit import DiceModel
-from thesis_lib.residual.dice.mixture_belief import (
-    first_contact_scores,
-    first_contact_summary,
-    fly_gaussian,
-    propagate,
-)
+from thesis_lib.residual.dice.mixture_belief import first_contact_scores, first_contact_summary, fly_gaussian, propagate
 from thesis_lib.residual.dice.models import Thrower
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.learners.bases import LawBase
@@ -35,10 +30,7 @@ START = np.diag([1e-4, 1e-4, 1e-3, 3e-3, 3e-3, 3e-2]) ** 2
 
 def samples(q, v, count, rng):
     """Starts (n, count, 3) each about q and v (n, 3)."""
-    s = (
-        np.hstack([q, v])[:, None]
-        + rng.standard_normal((len(q), count, 6)) @ covariance_root(START[None])[0].T
-    )
+    s = np.hstack([q, v])[:, None] + rng.standard_normal((len(q), count, 6)) @ covariance_root(START[None])[0].T
     return s[..., :3], s[..., 3:]
 
 
@@ -119,14 +111,11 @@ def measured(n, scatter):
     q_end, v_end, _ = state_at(BODY, q, v, span, contact, ThrowSettings(max_contacts=60), rng)
     turn = [0.0, 0.0, MODEL.d_theta]
     state, end = (
-        np.hstack(x) + rng.multivariate_normal(np.zeros(6), START, n)
-        for x in ((q + turn, v), (q_end + turn, v_end))
+        np.hstack(x) + rng.multivariate_normal(np.zeros(6), START, n) for x in ((q + turn, v), (q_end + turn, v_end))
     )
     index = np.arange(n)
     contacts = MeasuredContacts(index, index >= 0, state[:, :3], state[:, 3:], end[:, :3], end[:, 3:], span)
-    releases = Releases(
-        index, state[:, :3], state[:, 3:], np.tile(START, (n, 1, 1)), end[:, :3], {}, np.ones(3)
-    )
+    releases = Releases(index, state[:, :3], state[:, 3:], np.tile(START, (n, 1, 1)), end[:, :3], {}, np.ones(3))
     good = np.isfinite(end).all(1)
     return releases.select(rng.permutation(n)), contacts.select(good)
 
@@ -134,9 +123,7 @@ def measured(n, scatter):
 def test_a_right_belief_is_calibrated_and_scores_best():
     releases, contacts = measured(250, SCATTER)
     throwers = [
-        Thrower(
-            name, MODEL, ScatteredLaw(BODY, LAW, relative=factor**2 * SCATTER), Sampled(BODY, LAW, draws=1)
-        )
+        Thrower(name, MODEL, ScatteredLaw(BODY, LAW, relative=factor**2 * SCATTER), Sampled(BODY, LAW, draws=1))
         for name, factor in (("right", 1.0), ("narrow", 0.3), ("wide", 3.0))
     ]
     rng = np.random.default_rng(0)
@@ -156,9 +143,7 @@ def test_a_right_belief_is_calibrated_and_scores_best():
     assert value.loc[("wide", "mixture"), "coverage_80"] > 0.9
     # what the Gaussians of the components are for: the particles must guess their kernels
     assert right["log_score"] > value.loc[("right", "particles"), "log_score"]
-    assert right["crps_velocity"] == pytest.approx(
-        value.loc[("right", "particles"), "crps_velocity"], rel=0.1
-    )
+    assert right["crps_velocity"] == pytest.approx(value.loc[("right", "particles"), "crps_velocity"], rel=0.1)
     assert len(scores) == 3 * 2 * len(contacts)
 
 
@@ -169,9 +154,7 @@ def test_throws_outside_the_range_of_training_are_flagged():
     index = np.arange(len(q))
     known = Impacts(trial=index, impact=index, q=at, v_pre=u, v_post=u, r=r, k_g=RIG.k_g)
     known = replace(known, v_post=LAW(at, u, r, np.zeros(len(q), bool), np.random.default_rng(0))[1])
-    learner = ImpulseLearner(
-        "X1", True, LawBase("mirtich"), True, GaussianProcessSettings(restarts=1, device="cpu")
-    )
+    learner = ImpulseLearner("X1", True, LawBase("mirtich"), True, GaussianProcessSettings(restarts=1, device="cpu"))
     trained = learner.fit(known, np.random.default_rng(0))
     rng = np.random.default_rng(0)
     flagged = {}

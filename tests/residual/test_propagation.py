@@ -45,9 +45,7 @@ def made_contacts(model: DiceModel, n: int, twist: float = 0.0) -> MeasuredConta
     extra = twist * speed * np.sin(4 * before_q[:, 2])
     after_v = after_v + extra[:, None] * [1.0, 0.0, 1.0 / model.k_g]
     turn = np.array([0.0, 0.0, model.d_theta])
-    return MeasuredContacts(
-        np.arange(n), np.ones(n, bool), before_q + turn, before_v, after_q + turn, after_v, span
-    )
+    return MeasuredContacts(np.arange(n), np.ones(n, bool), before_q + turn, before_v, after_q + turn, after_v, span)
 
 
 def test_samples_neither_penetrate_nor_gain_energy_and_rejections_are_counted():
@@ -94,11 +92,7 @@ def test_every_state_counts_once_in_the_rate_of_first_samples():
     share = np.mean(
         [
             ~contact.feasible(
-                q,
-                v,
-                r,
-                mean + np.einsum("nij,nj->ni", covariance_root(cov), rng.standard_normal(mean.shape)),
-                took,
+                q, v, r, mean + np.einsum("nij,nj->ni", covariance_root(cov), rng.standard_normal(mean.shape)), took
             )
             for _ in range(10)
         ]
@@ -141,9 +135,7 @@ def test_samples_with_tails_have_the_covariance_that_is_said():
 
 
 def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
-    settings = DiceStudySettings(
-        training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu")
-    )
+    settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu"))
     contacts = made_contacts(TRUTH, 500, twist=0.1)
     known, new = contacts.select(np.arange(250)), contacts.select(np.arange(250, 500))
     missed = train_missed(TRUTH, known, settings, np.random.default_rng(0))

@@ -105,9 +105,7 @@ def verdict(out: Outcome, present: dict[str, str], record: dict, strict: bool) -
     missing = sorted(set(present) - set(out.seen))
     if not missing:
         return 0, [f"audited: {len(out.seen)} packages, no advisory"]
-    lines.append(
-        f"NOT AUDITED: {len(missing)} of {len(present)} packages, no advisories can be had for them here"
-    )
+    lines.append(f"NOT AUDITED: {len(missing)} of {len(present)} packages, no advisories can be had for them here")
     if record:
         changed = [name for name in missing if record["packages"].get(name) != present[name]]
         lines.append(

@@ -22,9 +22,7 @@ ESCAPES = "\x1b[31mred\x1b]0;title\x07\x9b2J\u202e"
 # nothing of this may reach a terminal as it stands
 ORDERS = ("\x1b", "\x07", "\x9b", "\u202e", "\x00", "\r", "\x08")
 
-RELEASE = Release(
-    height=Spread(low=0.06, high=0.6), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15)
-)
+RELEASE = Release(height=Spread(low=0.06, high=0.6), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15))
 
 
 def valid_folder(parent: Path, name: str = NAME, description: str = DESCRIPTION) -> Path:
@@ -38,9 +36,7 @@ def valid_folder(parent: Path, name: str = NAME, description: str = DESCRIPTION)
         noise=Noise(position=3e-4, angle=3e-3),
         rng=np.random.default_rng(1),
     )
-    folder = write_dataset(
-        Dataset("plain", made.header, made.trajectories), parent / "plain", float_format=None
-    )
+    folder = write_dataset(Dataset("plain", made.header, made.trajectories), parent / "plain", float_format=None)
     head = yaml.safe_load((folder / "dataset.yaml").read_text(encoding="utf-8"))
     write_header(folder, head | {"description": description})
     # files beside the dataset's are not looked at
@@ -54,11 +50,7 @@ def write_header(folder: Path, content: object) -> None:
 
 
 def _header(change) -> bytes:
-    head = {
-        "schema": 1,
-        "body": {"shape": {"kind": "disk", "radius": 0.03}, "radius_of_gyration": 0.02},
-        "rate": 250.0,
-    }
+    head = {"schema": 1, "body": {"shape": {"kind": "disk", "radius": 0.03}, "radius_of_gyration": 0.02}, "rate": 250.0}
     change(head)
     return yaml.safe_dump(head).encode()
 

@@ -26,17 +26,7 @@ from pathlib import Path
 
 from tests.imported_names import ImportedNames
 
-RUN_CODE = {
-    "pickle",
-    "_pickle",
-    "cPickle",
-    "dill",
-    "cloudpickle",
-    "joblib",
-    "shelve",
-    "marshal",
-    "jsonpickle",
-}
+RUN_CODE = {"pickle", "_pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal", "jsonpickle"}
 NETWORK = {
     *("urllib.request", "urllib3", "requests", "httpx", "aiohttp", "http.client", "http.server", "socket"),
     *("socketserver", "ftplib", "smtplib", "telnetlib", "paramiko", "xmlrpc", "websockets"),
@@ -48,15 +38,10 @@ SHELLS = {
     *("asyncio.create_subprocess_shell", "commands.getoutput", "snakemake.shell.shell"),
 }
 SUBPROCESS = {f"subprocess.{name}" for name in ("run", "call", "check_call", "check_output", "Popen")}
-YAML_TAKES_LOADER = {
-    f"yaml.{name}" for name in ("load", "load_all", "parse", "compose", "compose_all", "scan")
-}
+YAML_TAKES_LOADER = {f"yaml.{name}" for name in ("load", "load_all", "parse", "compose", "compose_all", "scan")}
 YAML_UNSAFE = {
     *(f"yaml.{name}" for name in ("unsafe_load", "unsafe_load_all", "full_load", "full_load_all")),
-    *(
-        f"yaml.{name}"
-        for name in ("Loader", "UnsafeLoader", "FullLoader", "CLoader", "CFullLoader", "CUnsafeLoader")
-    ),
+    *(f"yaml.{name}" for name in ("Loader", "UnsafeLoader", "FullLoader", "CLoader", "CFullLoader", "CUnsafeLoader")),
 }
 SAFE_LOADERS = {"SafeLoader", "CSafeLoader"}
 UNPACK = {"extractall", "unpack_archive"}
@@ -186,9 +171,7 @@ class _Scan:
         if loader is None:
             return False
         named = {node.attr for node in ast.walk(loader) if isinstance(node, ast.Attribute)}
-        named |= {
-            self.full_name(node).rpartition(".")[2] for node in ast.walk(loader) if isinstance(node, ast.Name)
-        }
+        named |= {self.full_name(node).rpartition(".")[2] for node in ast.walk(loader) if isinstance(node, ast.Name)}
         named |= {str(node.value) for node in ast.walk(loader) if isinstance(node, ast.Constant)}
         return bool(named & SAFE_LOADERS) and named <= {*SAFE_LOADERS, "getattr", "yaml"}
 

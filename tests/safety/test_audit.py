@@ -9,16 +9,11 @@ PRESENT = {"numpy": "2.4.6", "torch": "2.13.0"}
 
 
 def report(**packages: dict) -> audit.Outcome:
-    return audit.read_report(
-        json.dumps({"dependencies": [{"name": k, **v} for k, v in packages.items()], "fixes": []})
-    )
+    return audit.read_report(json.dumps({"dependencies": [{"name": k, **v} for k, v in packages.items()], "fixes": []}))
 
 
 FINE = {"version": "2.4.6", "vulns": []}
-BAD = {
-    "version": "2.13.0",
-    "vulns": [{"id": "PYSEC-1", "fix_versions": [], "aliases": [], "description": ""}],
-}
+BAD = {"version": "2.13.0", "vulns": [{"id": "PYSEC-1", "fix_versions": [], "aliases": [], "description": ""}]}
 SKIPPED = {"skip_reason": "Dependency not found on PyPI and could not be audited: torch (2.13.0)"}
 
 
@@ -48,11 +43,7 @@ def test_what_changed_since_the_last_audit_is_named():
 
 @pytest.mark.parametrize(
     ("line", "says"),
-    [
-        ("numpy>=2", "not an exact pin"),
-        ("numpy==2.4.5", "2.4.6 is installed"),
-        ("nothing_at_all==1", "nothing is"),
-    ],
+    [("numpy>=2", "not an exact pin"), ("numpy==2.4.5", "2.4.6 is installed"), ("nothing_at_all==1", "nothing is")],
 )
 def test_pins_that_do_not_hold_are_named(line, says):
     good = "# text\nNumPy==2.4.6\ntorch==2.13.0  # why\n\n"

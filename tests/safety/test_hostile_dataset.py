@@ -22,22 +22,7 @@ from thesis_lib.foundation.terminal import VisibleStream, visible
 ROOT = Path(__file__).resolve().parents[2]
 # all that the page is made of; none of them can run or load anything but `img`, whose source is looked at
 TAGS = {
-    *(
-        "html",
-        "head",
-        "meta",
-        "title",
-        "style",
-        "body",
-        "main",
-        "nav",
-        "section",
-        "div",
-        "span",
-        "a",
-        "p",
-        "br",
-    ),
+    *("html", "head", "meta", "title", "style", "body", "main", "nav", "section", "div", "span", "a", "p", "br"),
     *("h1", "h2", "h3", "ul", "li", "dl", "dt", "dd", "figure", "figcaption", "img", "strong", "em", "small"),
     *("table", "caption", "thead", "tbody", "tr", "th", "td", "details", "summary"),
     *("header", "noscript", "svg", "g", "circle", "path", "text"),
@@ -81,14 +66,7 @@ def harmless(page: Page) -> None:
 
 
 @pytest.mark.parametrize(
-    "bad",
-    [
-        "<script>1</script>",
-        "<img src=x>",
-        "<p onclick='x'>",
-        "<a href='javascript:1'>a</a>",
-        "<iframe></iframe>",
-    ],
+    "bad", ["<script>1</script>", "<img src=x>", "<p onclick='x'>", "<a href='javascript:1'>a</a>", "<iframe></iframe>"]
 )
 def test_the_check_of_the_page_can_fail(bad):
     harmless(Page("<p>a &lt;script&gt;</p><img src='data:image/png;base64,aa'>"))
@@ -115,10 +93,7 @@ def test_a_hostile_dataset_is_criticised_and_nothing_of_it_gets_out(tmp_path):
     command = ("critique", str(folder), "-o", "out/run", "--effect", "wrong_inertia")
     own = {"PYTHONPATH": str(ROOT), "MPLCONFIGDIR": str(tmp_path / "config"), "TERM": "xterm-256color"}
     done = subprocess.run(
-        [sys.executable, "-m", "thesis_lib", *command],
-        cwd=work,
-        env=os.environ | own,
-        capture_output=True,
+        [sys.executable, "-m", "thesis_lib", *command], cwd=work, env=os.environ | own, capture_output=True
     )
     terminal = (done.stdout + done.stderr).decode("utf-8")
     assert done.returncode == 0, terminal
@@ -143,9 +118,7 @@ def test_a_hostile_dataset_is_criticised_and_nothing_of_it_gets_out(tmp_path):
         content = report.encode() if path.name == "report.html" else path.read_bytes()
         assert b"<script" not in content, path.name
         if path.suffix == ".pdf":
-            assert not re.search(rb"/(JavaScript|JS|OpenAction|Launch|URI|EmbeddedFile)\b", content), (
-                path.name
-            )
+            assert not re.search(rb"/(JavaScript|JS|OpenAction|Launch|URI|EmbeddedFile)\b", content), path.name
     for name in ("diagnosis.json", "model.json", "where.json", "report.html"):
         text = (out / name).read_text(encoding="utf-8")
         assert not [order for order in ORDERS if order in text], name
@@ -153,9 +126,7 @@ def test_a_hostile_dataset_is_criticised_and_nothing_of_it_gets_out(tmp_path):
 
 @pytest.mark.parametrize("which", BROKEN)
 @pytest.mark.parametrize("run", [main, datasets_main], ids=["critique", "check"])
-def test_a_broken_dataset_is_refused_without_orders_to_the_terminal(
-    which, run, tmp_path, capsys, monkeypatch
-):
+def test_a_broken_dataset_is_refused_without_orders_to_the_terminal(which, run, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = broken_folder(tmp_path, which)
     assert run(["critique" if run is main else "check", str(folder)]) == 2
@@ -200,9 +171,7 @@ def test_a_folder_whose_name_does_not_print_is_refused(name, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    "name", ["../../etc", "a/b", "..", "/etc", "A b", "x;touch pwned", "a$(b)", "a\n", ""]
-)
+@pytest.mark.parametrize("name", ["../../etc", "a/b", "..", "/etc", "A b", "x;touch pwned", "a$(b)", "a\n", ""])
 @pytest.mark.parametrize("section", ["critique", "chapter3", "chapter4"])
 def test_names_in_the_configuration_are_no_paths_or_commands(name, section):
     from thesis_lib.config import parse_config

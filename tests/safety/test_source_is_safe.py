@@ -34,9 +34,7 @@ def relative(path: Path) -> str:
 
 def all_findings() -> list[Finding]:
     found = [one for path in PYTHON for one in scan(path.read_text(encoding="utf-8"), relative(path))]
-    return found + [
-        one for path in RULES for one in scan_rules(path.read_text(encoding="utf-8"), relative(path))
-    ]
+    return found + [one for path in RULES for one in scan_rules(path.read_text(encoding="utf-8"), relative(path))]
 
 
 def test_the_project_breaks_no_rule_but_where_it_is_allowed():

@@ -25,9 +25,7 @@ BODIES = {
 def balance(mechanism: Mechanism, record: Record) -> np.ndarray:
     """M (v⁺ - v) - h (g + f_ext - C v + J' c) of each step, (m, nv) in N s."""
     M = np.array([mechanism.mass_matrix(q) for q in record.q[:-1]])
-    force = np.array(
-        [mechanism.gravity(q) - mechanism.bias(q, v) for q, v in zip(record.q[:-1], record.v[:-1])]
-    )
+    force = np.array([mechanism.gravity(q) - mechanism.bias(q, v) for q, v in zip(record.q[:-1], record.v[:-1])])
     force += record.f_ext + contact_force(record)
     return np.einsum("kij,kj->ki", M, np.diff(record.v, axis=0)) - record.h * force
 
@@ -39,9 +37,7 @@ def contact_force(record: Record) -> np.ndarray:
 
 def checked(mechanism, q, v, steps, mu=MU, epsilon=EPSILON, h=H, torque=None, **options) -> Record:
     """Simulate, and hold every step to complementarity, the cone and the balance of momentum."""
-    record = simulate(
-        mechanism, np.array(q, float), np.array(v, float), torque, h, steps, mu, epsilon, **options
-    )
+    record = simulate(mechanism, np.array(q, float), np.array(v, float), torque, h, steps, mu, epsilon, **options)
     assert (record.status == LcpStatus.SOLVED).all()
     assert record.residual.max() <= RESIDUAL_TOL
     assert np.abs(balance(mechanism, record)).max() <= BALANCE_TOL

@@ -72,9 +72,7 @@ def test_each_step_of_pushing_the_disk_obeys_contact():
         _, v_t = contact_velocity(record)
         slip = (record.c_n > 0) & (np.abs(v_t) > 1e-9)
         assert np.abs(record.c_t + 0.4 * np.sign(v_t) * record.c_n)[slip].max(initial=0.0) < 1e-7
-        assert slip[
-            :, 1
-        ].any()  # on the ground, without which mass and inertia of the disk are not identifiable
+        assert slip[:, 1].any()  # on the ground, without which mass and inertia of the disk are not identifiable
 
 
 def test_contact_on_the_arm_conserves_what_it_should():

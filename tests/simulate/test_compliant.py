@@ -192,9 +192,7 @@ def test_rolling_couple_opposes_the_spin_by_its_lever():
 
 
 def test_displaced_mass_moves_the_lever_of_the_impulse():
-    one = first(
-        run(10, DISK, at(height=(0.2, 0.6), theta=0.0), hidden={"com_offset_x": 2e-3}, contact={"mu": 0.0})
-    )
+    one = first(run(10, DISK, at(height=(0.2, 0.6), theta=0.0), hidden={"com_offset_x": 2e-3}, contact={"mu": 0.0}))
     # the contact lies 2 mm left of the true centre of mass: the body turns clockwise
     v_n, k2 = one["vy_pre"], 0.02**2
     c_n = -1.55 * v_n / (1.0 + 2e-3**2 / k2)
@@ -234,10 +232,7 @@ def test_contact_gives_no_energy(hidden, epsilon):
 
 
 def test_a_plate_that_vibrates_does():
-    assert (
-        energy_gain(run(15, SQUARE, hidden={"plate_amplitude": 2e-3, "plate_frequency": 80.0}))
-        > 10 * SWITCHING
-    )
+    assert energy_gain(run(15, SQUARE, hidden={"plate_amplitude": 2e-3, "plate_frequency": 80.0})) > 10 * SWITCHING
 
 
 def test_a_finer_step_converges():
@@ -258,11 +253,7 @@ def test_a_stiffer_contact_converges():
 
     def after(contact_time):
         contact = {"contact_time": contact_time, "steps": 400}
-        return first(run(30, ELLIPSE, release, contact=contact, duration=0.3))[POST].to_numpy() * [
-            1,
-            1,
-            0.01924,
-        ]
+        return first(run(30, ELLIPSE, release, contact=contact, duration=0.3))[POST].to_numpy() * [1, 1, 0.01924]
 
     rigid = after(1e-6)
     error = [np.abs(after(time) - rigid).mean() for time in (1e-3, 1e-4, 2e-5)]
@@ -312,10 +303,7 @@ def test_tilt_turns_gravity_towards_plus_x():
 
 def test_linear_drag_is_its_closed_form():
     drops = run(
-        2,
-        release=at(height=0.6, vx=1.0, omega=8.0),
-        hidden={"linear_drag": 0.5, "spin_damping": 0.8},
-        duration=0.2,
+        2, release=at(height=0.6, vx=1.0, omega=8.0), hidden={"linear_drag": 0.5, "spin_damping": 0.8}, duration=0.2
     )
     t = drops.trajectories["t"].to_numpy()
     np.testing.assert_allclose(drops.trajectories["x"], -np.expm1(-0.5 * t) / 0.5, atol=EXACT)

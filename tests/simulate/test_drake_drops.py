@@ -27,21 +27,10 @@ CORNERS = ((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))
 SQUARE = Body(shape=Polygon(vertices=CORNERS), mass=0.05, radius_of_gyration=0.0245)
 PRE, POST = ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"]
 POSE = ["x", "y", "theta"]
-SHORT = Release(
-    height=Spread(low=0.06, high=0.2), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15)
-)
+SHORT = Release(height=Spread(low=0.06, high=0.2), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15))
 
 
-def run(
-    n=10,
-    body=ELLIPSE,
-    release=SHORT,
-    seed=0,
-    hidden=None,
-    contact=None,
-    simulate=simulate_drake_drops,
-    **options,
-):
+def run(n=10, body=ELLIPSE, release=SHORT, seed=0, hidden=None, contact=None, simulate=simulate_drake_drops, **options):
     return simulate(
         body,
         release,
@@ -147,9 +136,7 @@ def test_drakes_own_dissipation_makes_restitution_fall_with_speed():
     one = first(run(8, DISK, at(height=(0.05, 0.8)), hidden=hidden, duration=0.42))
     speed, ratio = -one["vy_pre"].to_numpy(), (-one["vy_post"] / one["vy_pre"]).to_numpy()
     slope = np.polyfit(speed, ratio, 1)[0]
-    own = first(
-        run(8, DISK, at(height=(0.05, 0.8)), hidden=hidden, duration=0.42, simulate=simulate_compliant_drops)
-    )
+    own = first(run(8, DISK, at(height=(0.05, 0.8)), hidden=hidden, duration=0.42, simulate=simulate_compliant_drops))
     own_slope = np.polyfit(-own["vy_pre"], -own["vy_post"] / own["vy_pre"], 1)[0]
     assert slope == pytest.approx(own_slope, rel=0.1) and slope < -0.01  # one d, two contacts
     # slower is never more: the order of the ratios is that of the speeds
@@ -166,9 +153,7 @@ def test_drakes_own_dissipation_makes_restitution_fall_with_speed():
     ids=lambda hidden: "+".join(hidden) or "nothing",
 )
 def test_first_impacts_agree_with_the_other_integrator(body, hidden):
-    runs = [
-        run(25, body, hidden=hidden, simulate=s) for s in (simulate_drake_drops, simulate_compliant_drops)
-    ]
+    runs = [run(25, body, hidden=hidden, simulate=s) for s in (simulate_drake_drops, simulate_compliant_drops)]
     drake, own = (first(one).set_index("trial") for one in runs)
     assert list(drake.index) == list(own.index) and len(drake) == 25
     np.testing.assert_allclose(drake[["t", *POSE]], own[["t", *POSE]], atol=2e-6)
@@ -179,12 +164,7 @@ def test_first_impacts_agree_with_the_other_integrator(body, hidden):
     assert apart.sum() >= 20
     error = ((drake[POST] - own[POST]) * scale).abs()[apart]
     assert error.to_numpy().max() < AGREE
-    if hidden and next(iter(hidden)) in (
-        "com_offset_x",
-        "inertia_error",
-        "plate_velocity",
-        "plate_amplitude",
-    ):
+    if hidden and next(iter(hidden)) in ("com_offset_x", "inertia_error", "plate_velocity", "plate_amplitude"):
         # the tolerance is far below what the mechanism does
         without = first(run(25, body, simulate=simulate_compliant_drops)).set_index("trial")
         assert ((drake[POST] - without[POST]) * scale).abs().to_numpy().max() > 1.5 * AGREE

@@ -19,16 +19,10 @@ from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.plant import planar_body
 
 EXACT = 1e-12  # closed forms in double precision, numbers of order 1
-CONTACT_TIME = (
-    1e-9  # truth that depends on the instant of contact: |φ_n| < 1e-13 m over 0.1 m/s and up, amplified
-)
+CONTACT_TIME = 1e-9  # truth that depends on the instant of contact: |φ_n| < 1e-13 m over 0.1 m/s and up, amplified
 SUNK = 1e-12  # m; no gap may be more negative: rounding of a pose of about 1 m
 RESIDUAL_TOL = 1e-9  # complementarity, dimensionless
-POSES, V_PRE, V_POST = (
-    ["x", "y", "theta"],
-    ["vx_pre", "vy_pre", "omega_pre"],
-    ["vx_post", "vy_post", "omega_post"],
-)
+POSES, V_PRE, V_POST = (["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"])
 DISK_BODY = Body(shape=Disk(radius=0.03), mass=0.05, radius_of_gyration=0.02)
 SQUARE = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
 SQUARE_BODY = Body(shape=Polygon(vertices=SQUARE), mass=0.05, radius_of_gyration=0.0286)
@@ -107,9 +101,7 @@ def test_plant_refuses_what_would_end_the_process():
 
 def test_arcs_are_ballistic_before_and_after_the_first_impact(many):
     p, first = poses(many), many.impacts[many.impacts["impact"] == 0]
-    second = (
-        many.impacts[many.impacts["impact"] == 1].set_index("trial")["t"].reindex(first["trial"]).to_numpy()
-    )
+    second = many.impacts[many.impacts["impact"] == 1].set_index("trial")["t"].reindex(first["trial"]).to_numpy()
     t, t_first = many.trajectories["t"].to_numpy().reshape(len(p), -1), first["t"].to_numpy()[:, None]
     release = many.trials[["vx", "vy", "omega"]].to_numpy()[:, None]
     g = np.array([0.0, -9.81, 0.0])
@@ -181,9 +173,7 @@ def test_a_disk_without_spin_bounces_straight_to_epsilon_squared():
     out = run(1, DISK_BODY, at(height=0.33), epsilon=0.6, duration=1.0, rate=1000.0)
     assert np.abs(poses(out)[..., [0, 2]]).max() == 0.0
     speed = np.sqrt(2 * 9.81 * 0.3)
-    np.testing.assert_allclose(
-        out.impacts["vy_pre"], -speed * 0.6 ** out.impacts["impact"], rtol=CONTACT_TIME
-    )
+    np.testing.assert_allclose(out.impacts["vy_pre"], -speed * 0.6 ** out.impacts["impact"], rtol=CONTACT_TIME)
     flights = 2 * speed * 0.6 ** out.impacts["impact"].to_numpy()[1:] / 9.81
     np.testing.assert_allclose(np.diff(out.impacts["t"]), flights, rtol=CONTACT_TIME)
     # bounces end where the next one would be slower than the plastic limit
@@ -196,9 +186,7 @@ def test_mirrored_releases_give_mirrored_drops():
     left = run(1, release=at(**state))
     right = run(1, release=at(**{**state, "theta": -0.4, "vx": -0.6, "omega": -7.0}))
     np.testing.assert_allclose(poses(right), poses(left) * [-1, 1, -1], atol=CONTACT_TIME)
-    np.testing.assert_allclose(
-        right.impacts[["c_t", "c_n"]], left.impacts[["c_t", "c_n"]] * [-1, 1], atol=EXACT
-    )
+    np.testing.assert_allclose(right.impacts[["c_t", "c_n"]], left.impacts[["c_t", "c_n"]] * [-1, 1], atol=EXACT)
 
 
 # --- support ---
@@ -261,10 +249,7 @@ def test_flight_and_impacts_do_not_depend_on_the_time_step():
 def test_support_converges_at_first_order():
     # plastic landing, then a quarter of a second of rocking and rolling on the ellipse
     steps, finest = np.array([4e-3, 2e-3, 1e-3]), 2e-4
-    ends = {
-        dt: poses(run(8, mu=0.3, epsilon=0.0, dt=dt, rate=50.0, duration=0.54))[:, -1]
-        for dt in (*steps, finest)
-    }
+    ends = {dt: poses(run(8, mu=0.3, epsilon=0.0, dt=dt, rate=50.0, duration=0.54))[:, -1] for dt in (*steps, finest)}
     errors = [np.median(np.abs(ends[dt] - ends[finest]).max(axis=1)) for dt in steps]
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     # the reference has an error too, which makes the slope a little steeper than 1

@@ -15,9 +15,7 @@ from thesis_lib.simulate.stepping.lcp import (
 )
 
 RESIDUAL_TOL = 1e-9  # promised complementarity on dimensionless data; rounding leaves about 1e-14
-AGREEMENT_TOL = (
-    1e-9  # relative; both solvers are direct, conditioning of K (about 1e2) times rounding is 1e-14
-)
+AGREEMENT_TOL = 1e-9  # relative; both solvers are direct, conditioning of K (about 1e2) times rounding is 1e-14
 PUBLISHED_TOL = 5e-7  # the reference values carry six digits on impulses below 1 N s
 
 

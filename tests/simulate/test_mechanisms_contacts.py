@@ -12,9 +12,7 @@ from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 STEP = 1e-6  # central differences: error of second order 1e-12, rounding 1e-10
 FD_TOL = 1e-8
 EXACT = 1e-13
-ARM = ArmDisk(
-    (0.8, 0.7), (1.0, 0.8), ((0.3, 0.05), (0.4, -0.02)), (0.06, 0.05), 0.25, 1.0, 0.04, base=(0.1, 0.5)
-)
+ARM = ArmDisk((0.8, 0.7), (1.0, 0.8), ((0.3, 0.05), (0.4, -0.02)), (0.06, 0.05), 0.25, 1.0, 0.04, base=(0.1, 0.5))
 MECHANISMS = BODIES | {"wheel": RimlessWheel(8, 1.0, 1.0, 0.5, 0.15), "arm": ARM}
 
 
@@ -96,11 +94,7 @@ def test_block_has_the_gap_and_jacobians_of_the_thesis():
     for theta in np.linspace(-3.0, 3.0, 25):
         phi = BODIES["block"].contacts(np.array([0.2, y, theta])).phi
         # (2.19)
-        terms = [
-            y + sign * a / np.sqrt(2) * np.cos(np.pi / 4 + turn * theta)
-            for sign in (-1, 1)
-            for turn in (-1, 1)
-        ]
+        terms = [y + sign * a / np.sqrt(2) * np.cos(np.pi / 4 + turn * theta) for sign in (-1, 1) for turn in (-1, 1)]
         assert phi.min() == pytest.approx(min(terms), abs=EXACT)
     # (2.20), its vertex being the lowest for 0 < θ < π/2
     theta = 0.3

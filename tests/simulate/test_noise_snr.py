@@ -14,9 +14,7 @@ FALL = checked(BODIES["ellipse"], *(x[0] for x in drops("ellipse", 1)), 300)
 @pytest.mark.parametrize("snr_db", [40.0, 10.0])
 def test_variance_over_that_of_the_noise_is_the_ratio_in_every_channel(snr_db):
     rng, many = np.random.default_rng(0), 200
-    noise = [
-        (noisy.q - FALL.q, noisy.v - FALL.v) for noisy in (add_noise(FALL, snr_db, rng) for _ in range(many))
-    ]
+    noise = [(noisy.q - FALL.q, noisy.v - FALL.v) for noisy in (add_noise(FALL, snr_db, rng) for _ in range(many))]
     for i, signal in enumerate((FALL.q, FALL.v)):
         found = np.concatenate([pair[i] for pair in noise]).var(axis=0)
         wanted = signal.var(axis=0) / 10 ** (snr_db / 10)
@@ -26,9 +24,7 @@ def test_variance_over_that_of_the_noise_is_the_ratio_in_every_channel(snr_db):
 
 def test_sigma_is_that_of_the_noise_and_channels_are_independent():
     noisy = add_noise(FALL, 20.0, np.random.default_rng(1))
-    standard = np.concatenate(
-        [(noisy.q - FALL.q) / noisy.sigma[0], (noisy.v - FALL.v) / noisy.sigma[1]], axis=1
-    )
+    standard = np.concatenate([(noisy.q - FALL.q) / noisy.sigma[0], (noisy.v - FALL.v) / noisy.sigma[1]], axis=1)
     assert np.abs(np.corrcoef(standard.T) - np.eye(6)).max() < 5 / np.sqrt(len(standard))
     assert standard.std() == pytest.approx(1.0, abs=0.1)
 

@@ -10,9 +10,7 @@ from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
-SOLVER_TOL = (
-    1e-5  # N s; the solver's own accuracy is 1e-5 relative, of impulses of some N s; about 1e-7 is seen
-)
+SOLVER_TOL = 1e-5  # N s; the solver's own accuracy is 1e-5 relative, of impulses of some N s; about 1e-7 is seen
 WHEEL = RimlessWheel(8, 1.0, 1.0, 0.5, 0.15)
 
 

@@ -2,29 +2,12 @@
 
 import numpy as np
 import pytest
-from motions import (
-    BALANCE_TOL,
-    BODIES,
-    EPSILON,
-    MU,
-    RESIDUAL_TOL,
-    G,
-    H,
-    balance,
-    checked,
-    contact_velocity,
-    drops,
-)
+from motions import BALANCE_TOL, BODIES, EPSILON, MU, RESIDUAL_TOL, G, H, balance, checked, contact_velocity, drops
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.contact_modes import several_lcp_matrices, solve_one, solve_several
-from thesis_lib.simulate.stepping.lcp import (
-    LcpStatus,
-    complementarity_residual,
-    contact_lcp,
-    solve_lcp_enumeration,
-)
+from thesis_lib.simulate.stepping.lcp import LcpStatus, complementarity_residual, contact_lcp, solve_lcp_enumeration
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import V_REBOUND, simulate, step_lcp
 
@@ -126,10 +109,7 @@ def test_slip_is_at_the_cones_edge_and_opposed():
     rng, slips = np.random.default_rng(8), 0
     body = BODIES["ellipse"]
     for _ in range(10):
-        q0, v0 = (
-            np.array([0.0, 3.0, rng.uniform(-3, 3)]),
-            np.array([rng.uniform(3, 6), -2.0, rng.uniform(-6, 6)]),
-        )
+        q0, v0 = (np.array([0.0, 3.0, rng.uniform(-3, 3)]), np.array([rng.uniform(3, 6), -2.0, rng.uniform(-6, 6)]))
         record = checked(body, q0, v0, 200, mu=0.2)
         _, v_t = contact_velocity(record)
         slip = (record.c_n > 0) & (np.abs(v_t) > 1e-9)
@@ -258,18 +238,14 @@ class Unphysical(Mechanism):
 
     def contacts_of(self, q):
         n = len(q)
-        return ContactGeometry(
-            q[:, 1:2], np.tile([[[0.0, 1.0]]], (n, 1, 1)), np.tile([[[1.0, 0.0]]], (n, 1, 1))
-        )
+        return ContactGeometry(q[:, 1:2], np.tile([[[0.0, 1.0]]], (n, 1, 1)), np.tile([[[1.0, 0.0]]], (n, 1, 1)))
 
 
 def test_a_step_without_solution_has_a_status_and_what_follows_is_nan():
     record = simulate(Unphysical(), [0.0, 0.02], [0.0, -1.0], None, 5e-3, 10, 0.5, 0.5)
     k = int(np.argmax(record.status != LcpStatus.SOLVED))
     assert not record.solved and k > 0
-    assert (record.status[k:] == LcpStatus.NO_SOLUTION).all() and (
-        record.status[:k] == LcpStatus.SOLVED
-    ).all()
+    assert (record.status[k:] == LcpStatus.NO_SOLUTION).all() and (record.status[:k] == LcpStatus.SOLVED).all()
     assert np.isfinite(record.q[: k + 1]).all() and np.isnan(record.q[k + 1 :]).all()
     assert np.isnan(record.c_n[k:]).all() and np.isnan(record.residual[k:]).all()
     invalid = simulate(Unphysical(), [0.0, 11.0], [0.0, 0.0], None, 5e-3, 3, 0.5, 0.5)
@@ -314,15 +290,7 @@ def test_windows_are_records_of_their_own():
     ],
 )
 def test_wrong_input_is_refused(change, message):
-    good = {
-        "q0": [0, 1, 0],
-        "v0": [0, 0, 0],
-        "torque": None,
-        "h": H,
-        "steps": 10,
-        "mu": MU,
-        "epsilon": EPSILON,
-    }
+    good = {"q0": [0, 1, 0], "v0": [0, 0, 0], "torque": None, "h": H, "steps": 10, "mu": MU, "epsilon": EPSILON}
     with pytest.raises(UserError, match=message):
         simulate(BODIES["disk"], **(good | change))
 

@@ -58,9 +58,7 @@ def test_it_slides_where_friction_is_below_the_slope():
 
 
 def test_inertia_changes_the_motion():
-    light, heavy = (
-        rolled(5e-3, wheel=RimlessWheel(8, 1.0, 1.0, inertia, 0.15), omega=-1.5) for inertia in (0.1, 0.9)
-    )
+    light, heavy = (rolled(5e-3, wheel=RimlessWheel(8, 1.0, 1.0, inertia, 0.15), omega=-1.5) for inertia in (0.1, 0.9))
     assert abs(light.q[-1, 0] - heavy.q[-1, 0]) > 0.5
 
 

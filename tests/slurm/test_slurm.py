@@ -32,9 +32,7 @@ def start(folder: Path, *arguments: str) -> subprocess.Popen:
     measured = [str((ROOT / path).resolve()) for path in read_config(ROOT / "config/config.yaml").measured]
     copy_pipeline(folder)
     (folder / "here.yaml").write_text(yaml.safe_dump({"measured": measured}))
-    environment = {
-        k: v for k, v in os.environ.items() if not k.startswith(("PYTHONPATH", "SNAKEMAKE", "SLURM"))
-    }
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHONPATH", "SNAKEMAKE", "SLURM"))}
     command = [sys.executable, "-m", "snakemake", *arguments, "--nocolor"]
     with (folder / "snakemake.log").open("w") as log:
         return subprocess.Popen(

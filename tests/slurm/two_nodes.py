@@ -131,9 +131,7 @@ def two_nodes(folder: Path) -> Iterator[TwoNodes]:
         _run("slurmctld")
         for node in NODES:
             _run("slurmd", "-N", node)
-        _wait(
-            lambda: _output("sinfo", "-h", "-t", "idle", "-o", "%D") == str(len(NODES)), "nodes became idle"
-        )
+        _wait(lambda: _output("sinfo", "-h", "-t", "idle", "-o", "%D") == str(len(NODES)), "nodes became idle")
         yield TwoNodes(folder, {node: _daemon(folder / f"slurmd.{node}.pid") for node in NODES})
     finally:
         if own_munge is not None:
@@ -150,9 +148,7 @@ def _clear() -> None:
         if path.exists() and path.read_text().startswith(MARK):
             path.unlink()
     for node in NODES:
-        for group in sorted(
-            Path("/sys/fs/cgroup").glob(f"*/slurm_{node}/**/"), reverse=True
-        ):  # the deepest first
+        for group in sorted(Path("/sys/fs/cgroup").glob(f"*/slurm_{node}/**/"), reverse=True):  # the deepest first
             with contextlib.suppress(OSError):
                 group.rmdir()
 

@@ -83,22 +83,15 @@ class TestMeans:
             return clustered_mean(values, trial)[1:]
 
         low, high = interval()
-        assert high - low > 1.3 * 2.0 * Z95 / np.sqrt(
-            120
-        )  # one that counts impacts would be √3 times too narrow
+        assert high - low > 1.3 * 2.0 * Z95 / np.sqrt(120)  # one that counts impacts would be √3 times too narrow
         assert covered((interval() for _ in iter(int, 1)), 0.0) == pytest.approx(0.94, abs=COVERAGE_ERROR)
 
     def test_a_single_trial_has_no_interval(self):
         assert clustered_mean([2.0, 4.0], [7, 7])[0] == 3.0
-        assert (
-            np.isnan(clustered_mean([2.0, 4.0], [7, 7])[1:]).all() and np.isnan(clustered_mean([], [])).all()
-        )
+        assert np.isnan(clustered_mean([2.0, 4.0], [7, 7])[1:]).all() and np.isnan(clustered_mean([], [])).all()
 
     def test_ratio_of_means(self, rng):
-        made = [
-            ratio_of_means(rng.normal(4.0, 1.0, 100), np.r_[np.nan, rng.normal(2.0, 1.0, 50)])
-            for _ in range(500)
-        ]
+        made = [ratio_of_means(rng.normal(4.0, 1.0, 100), np.r_[np.nan, rng.normal(2.0, 1.0, 50)]) for _ in range(500)]
         ratio, std = np.array(made).T
         assert ratio.mean() == pytest.approx(2.0, rel=0.02)
         assert std.mean() == pytest.approx(ratio.std(), rel=0.15)

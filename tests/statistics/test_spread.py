@@ -11,9 +11,7 @@ def test_it_is_scipys_of_values_about_zero(rng):
     values = rng.normal(size=(501, 3)) * [1.0, 5.0, 0.01]
     values -= np.median(values, axis=0)
     assert robust_std(values) == pytest.approx(median_abs_deviation(values, scale="normal"))
-    assert robust_std(values, axis=None) == pytest.approx(
-        median_abs_deviation(values, axis=None, scale="normal")
-    )
+    assert robust_std(values, axis=None) == pytest.approx(median_abs_deviation(values, axis=None, scale="normal"))
 
 
 def test_wild_values_hardly_count(rng):

@@ -4,17 +4,7 @@ import math
 
 import pytest
 
-from thesis_lib.statistics.wording import (
-    count,
-    ends,
-    estimate,
-    interval,
-    listed,
-    number,
-    percent,
-    side,
-    times,
-)
+from thesis_lib.statistics.wording import count, ends, estimate, interval, listed, number, percent, side, times
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 WORDS = ("below", "around", "above")

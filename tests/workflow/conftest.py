@@ -24,12 +24,7 @@ def snakemake() -> Callable[..., subprocess.CompletedProcess]:
         # the plain logger, whatever the profile says
         command = [sys.executable, "-m", "snakemake", "--workflow-profile", "none", "--nocolor", *arguments]
         return subprocess.run(
-            command,
-            cwd=folder,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
 
     return run

@@ -211,9 +211,7 @@ class Study:
     def untouched(self, before: dict[str, int]) -> list[str]:
         """Results of finished jobs that were made again or lost."""
         now = {name: path.stat().st_mtime_ns for name in before if (path := self.folder / name).exists()}
-        return [
-            f"{name} was finished and is lost" for name, changed in before.items() if now.get(name) != changed
-        ]
+        return [f"{name} was finished and is lost" for name, changed in before.items() if now.get(name) != changed]
 
     def complete(self, run: Run, before: dict[str, int]) -> None:
         """Let a run end, compare with the undisturbed one, and clear away what it made."""
@@ -270,9 +268,7 @@ def study(kills: int, seed: int, targets: Sequence[str], cores: int = 2, ways: S
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m tests.workflow.interruption", description=__doc__.split("\n")[0]
-    )
+    parser = argparse.ArgumentParser(prog="python -m tests.workflow.interruption", description=__doc__.split("\n")[0])
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cores", type=int, default=2)

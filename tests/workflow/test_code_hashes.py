@@ -9,34 +9,15 @@ from thesis_lib.foundation.provenance import lib_hash
 
 STUDY = {"ch3_identify", "ch3_evaluate", "ch3_figures"}
 DRAWN = {"ch2_table_2_1", "ch3_figures", "ch3_schematics", "ch3_trajectories"}
-UNDRAWN = {
-    "ch2_noise",
-    "ch3_identify",
-    "ch3_evaluate",
-    "find_impacts",
-    "simulate_drops",
-    "claims",
-    "provenance",
-}
+UNDRAWN = {"ch2_noise", "ch3_identify", "ch3_evaluate", "find_impacts", "simulate_drops", "claims", "provenance"}
 # the critique's package imports `criticise` on first use, so that whatever is in it depends on all of it
-CRITIQUE = {
-    "ch4_dice",
-    "ch4_learn",
-    "ch4_named_physics",
-    "critique",
-    "critique_proof",
-    "ch2_hidden",
-}
+CRITIQUE = {"ch4_dice", "ch4_learn", "ch4_named_physics", "critique", "critique_proof", "ch2_hidden"}
 # captions and findings are read by these alone: a new caption draws no figure anew
 RECORDED = {"findings", "run_report"}
 RATIOS = {"ch2_impact_forces", "ch2_measured_ratio", "ch2_measured_ratios"}
 # edited file, scripts that must run again, scripts that must not (None: all others)
 EDITS = [
-    (
-        "simulate/stepping/drops.py",
-        {"simulate_drops"},
-        {"find_impacts", "ch3_identify", "ch2_noise"},
-    ),
+    ("simulate/stepping/drops.py", {"simulate_drops"}, {"find_impacts", "ch3_identify", "ch2_noise"}),
     (
         "simulate/stepping/lcp.py",
         {"simulate_drops", "ch2_noise", "ch2_programs"},
@@ -74,11 +55,7 @@ EDITS = [
         {"simulate_drops", "find_impacts", "convert_measured", "ch3_published", "claims", "provenance"},
     ),
     ("datasets/format/impacts.py", STUDY | {"find_impacts"}, {"datasets_present", "claims", "provenance"}),
-    (
-        "bodies/shapes.py",
-        STUDY | {"simulate_drops", "find_impacts"},
-        {"datasets_present", "claims", "provenance"},
-    ),
+    ("bodies/shapes.py", STUDY | {"simulate_drops", "find_impacts"}, {"datasets_present", "claims", "provenance"}),
     ("config.py", set(), None),  # each script reads the settings of its own section
     ("commands/claims.py", set(), None),
     ("commands/datasets.py", set(), None),

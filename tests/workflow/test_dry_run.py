@@ -29,15 +29,7 @@ def test_without_measured_data_the_simulated_drops_remain(checkout, snakemake):
         assert f"The measured dataset {name} is not present" in done.stdout
         assert f"fetch {name.replace('_', '-')}" in done.stdout
     counts = jobs(done.stdout)
-    for rule in (
-        "all",
-        "simulate_drops",
-        "find_impacts",
-        "ch3_identify",
-        "ch3_evaluate",
-        "claims",
-        "provenance",
-    ):
+    for rule in ("all", "simulate_drops", "find_impacts", "ch3_identify", "ch3_evaluate", "claims", "provenance"):
         assert counts[rule] == 1, rule
     assert not {"convert_measured", "ch3_published"} & set(counts)
     assert not any(name in outputs(done.stdout) for name in MEASURED)
@@ -72,9 +64,7 @@ def test_overlays_of_the_command_line_reach_the_jobs(checkout, snakemake, scale)
     from thesis_lib.config import read_config
 
     drops = read_config(checkout / "config/config.yaml", checkout / f"config/{scale}.yaml").drops.n
-    done = snakemake(
-        checkout, "-n", "data/simulated/drops/dataset.yaml", "--configfile", f"config/{scale}.yaml"
-    )
+    done = snakemake(checkout, "-n", "data/simulated/drops/dataset.yaml", "--configfile", f"config/{scale}.yaml")
     assert done.returncode == 0, done.stdout
     assert f"Simulating {drops} drops" in done.stdout
 

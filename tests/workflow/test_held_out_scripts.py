@@ -63,9 +63,7 @@ def results(tmp_path_factory) -> dict[str, pd.DataFrame]:
         )
         kept = sys.stdout, sys.stderr  # scripts send both to their log
         try:
-            runpy.run_path(
-                str(ROOT / f"workflow/scripts/chapter3/{script}.py"), init_globals={"snakemake": job}
-            )
+            runpy.run_path(str(ROOT / f"workflow/scripts/chapter3/{script}.py"), init_globals={"snakemake": job})
         finally:
             sys.stdout.close()
             sys.stdout, sys.stderr = kept

@@ -73,9 +73,7 @@ class TestWhatAKilledRunLeft:
             stranger.wait(timeout=0.5)
 
     def test_living_snakemake_keeps_its_lock_and_its_jobs(self, folder, start):
-        (folder / "snakemake").write_text(
-            f"import subprocess, sys; subprocess.run([sys.executable, *{job(folder)}])"
-        )
+        (folder / "snakemake").write_text(f"import subprocess, sys; subprocess.run([sys.executable, *{job(folder)}])")
         living = start(["snakemake"], folder)  # its job has said that it is up
         with pytest.raises(UserError, match=rf"at work in {folder} \(process {living.pid}\)"):
             pipeline.recover(UNLOCK)
@@ -146,9 +144,7 @@ class TestChecksBeforeTheStart:
 
 def failure(rule: str, before: str = "") -> str:
     log = f"results/logs/{rule}.log (check log file(s) for error details)"
-    return (
-        f"{before}\nError in rule {rule}:\n    message: None\n    jobid: 3\n    log: {log}\nLogfile follows\n"
-    )
+    return f"{before}\nError in rule {rule}:\n    message: None\n    jobid: 3\n    log: {log}\nLogfile follows\n"
 
 
 @pytest.mark.parametrize(

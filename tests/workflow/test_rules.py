@@ -23,9 +23,7 @@ def rules() -> dict[str, str]:
     """Rule -> its text, for every rule that does something."""
     found = {}
     for path in RULE_FILES:
-        parts = re.split(
-            r"^(?:rule|checkpoint) (\w+):\n", path.read_text(encoding="utf-8"), flags=re.MULTILINE
-        )
+        parts = re.split(r"^(?:rule|checkpoint) (\w+):\n", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
         for name, text in zip(parts[1::2], parts[2::2]):
             # a rule ends where a line is not indented
             body = re.split(r"^\S", text, maxsplit=1, flags=re.MULTILINE)[0]
@@ -44,16 +42,12 @@ def directive(rule: str, name: str) -> str | None:
 
 
 def test_rules_were_found():
-    assert {"simulate_drops", "find_impacts", "ch3_identify", "ch3_evaluate", "claims", "provenance"} <= set(
-        RULES
-    )
+    assert {"simulate_drops", "find_impacts", "ch3_identify", "ch3_evaluate", "claims", "provenance"} <= set(RULES)
 
 
 @pytest.mark.parametrize("rule", RULES)
 class TestRules:
-    @pytest.mark.parametrize(
-        "name", ["log", "benchmark", "conda", "resources", "message", "script", "output"]
-    )
+    @pytest.mark.parametrize("name", ["log", "benchmark", "conda", "resources", "message", "script", "output"])
     def test_has_what_every_rule_needs(self, rule, name):
         assert directive(rule, name), f"rule {rule} has no `{name}:`"
 
@@ -104,9 +98,7 @@ class TestScripts:
         tree = ast.parse(script.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Import | ast.ImportFrom):
-                names = (
-                    [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
-                )
+                names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
                 for name in names:
                     assert name.split(".")[0] in {"sys", "pathlib", "thesis_lib"}, name
             if isinstance(node, ast.BinOp):
@@ -154,9 +146,7 @@ class TestImportsThatTheHashMustSee:
 
     def test_the_library_does_not_know_snakemake(self):
         for path in MODULES:
-            assert not re.search(
-                r"^\s*(import|from) snakemake", path.read_text(encoding="utf-8"), re.MULTILINE
-            )
+            assert not re.search(r"^\s*(import|from) snakemake", path.read_text(encoding="utf-8"), re.MULTILINE)
 
 
 @pytest.mark.slow

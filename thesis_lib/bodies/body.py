@@ -14,9 +14,7 @@ class Body(Section):
     """The object that is dropped; the origin of its frame is the believed centre of mass."""
 
     shape: Shape
-    mass: Positive | None = Field(
-        None, description="kg; optional, planar impacts need only the radius of gyration"
-    )
+    mass: Positive | None = Field(None, description="kg; optional, planar impacts need only the radius of gyration")
     radius_of_gyration: Positive = Field(description="m, about the centre of mass")
 
 

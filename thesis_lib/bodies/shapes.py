@@ -111,9 +111,7 @@ class Polygon(_Shape):
         height = np.sin(theta)[..., None] * vertices[:, 0] + np.cos(theta)[..., None] * vertices[:, 1]
         lowest = np.argmin(height, axis=-1)
         x, y = vertices[lowest, 0], vertices[lowest, 1]
-        return np.stack(
-            [np.cos(theta) * x - np.sin(theta) * y, np.sin(theta) * x + np.cos(theta) * y], axis=-1
-        )
+        return np.stack([np.cos(theta) * x - np.sin(theta) * y, np.sin(theta) * x + np.cos(theta) * y], axis=-1)
 
     def outline(self, points: int = 180) -> np.ndarray:
         return np.array([*self.vertices, self.vertices[0]])

@@ -198,9 +198,7 @@ def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
         if name in taken:
             raise UserError(f"A batch writes a file called {name}; rename the dataset folder {named[name]}.")
         if not name.isprintable():
-            raise UserError(
-                f"The name of the dataset folder {name!r} holds unprintable characters; rename it."
-            )
+            raise UserError(f"The name of the dataset folder {name!r} holds unprintable characters; rename it.")
     return named
 
 
@@ -212,9 +210,7 @@ def _only_one(out: Path) -> Iterator[None]:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise UserError(
-                f"Another batch is writing into {out}; wait for it, or choose another -o."
-            ) from None
+            raise UserError(f"Another batch is writing into {out}; wait for it, or choose another -o.") from None
         yield
 
 

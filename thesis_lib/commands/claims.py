@@ -139,9 +139,7 @@ def _print_text(options: argparse.Namespace, results: list, changes: list, figur
         for row in differing.itertuples():
             print(f"  {row.figure} ({row.dataset}): {row.finding}")
     if changes or len(differing):
-        print(
-            f"\nLook into it; if it is intended: python -m thesis_lib claims update --scale {options.scale}"
-        )
+        print(f"\nLook into it; if it is intended: python -m thesis_lib claims update --scale {options.scale}")
 
 
 def _print_json(options: argparse.Namespace, results: list, changes: list, figures) -> None:

@@ -19,9 +19,7 @@ from thesis_lib.statistics.intervals import Z95
 
 FAR = 3.0  # standard errors beyond which a difference is pointed out
 ALONE = " alone"  # marks rows of one law without effects, in both runs
-OLD_RUN = (
-    "one of the runs was written by an older version; run python -m thesis_lib critique on its dataset again."
-)
+OLD_RUN = "one of the runs was written by an older version; run python -m thesis_lib critique on its dataset again."
 COLUMNS = ("quantity", "a", "a_low", "a_high", "b", "b_low", "b_high", "difference", "sigmas", "unit")
 
 
@@ -112,9 +110,7 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
     said = table.set_index("quantity")
-    law, then, effects = (
-        tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "law with the effects", "effects")
-    )
+    law, then, effects = (tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "law with the effects", "effects"))
     lines.append("")
     if law[0] != law[1]:
         lines.append(
@@ -139,9 +135,7 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
     if far:
         lines.append(f"Different by more than {FAR:g} standard errors: {'; '.join(far)}.")
     elif sigmas.notna().any():
-        lines.append(
-            f"No error and no parameter that both have differs by more than {FAR:g} standard errors."
-        )
+        lines.append(f"No error and no parameter that both have differs by more than {FAR:g} standard errors.")
     else:
         lines.append("No error and no parameter can be compared.")
     return "\n".join(lines)
@@ -178,10 +172,7 @@ def _own(content: Mapping) -> dict[str, Mapping]:
 
 def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: bool = True) -> dict:
     values = [fit["value"] if fit else None for fit in (p, q)]
-    ends = [
-        [fit["value"] + s * Z95 * fit["std"] for s in (-1, 1)] if fit and fit["std"] else None
-        for fit in (p, q)
-    ]
+    ends = [[fit["value"] + s * Z95 * fit["std"] for s in (-1, 1)] if fit and fit["std"] else None for fit in (p, q)]
     row = _measured(quantity, values[0], values[1], (p or q or {})["unit"], *ends)
     return row if comparable else row | {"difference": None, "sigmas": None}
 

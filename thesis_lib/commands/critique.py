@@ -80,9 +80,7 @@ def build_parser() -> Parser:
         help="switch this effect on instead of the automatic choice; of a recording, try no other; may be given "
         "several times",
     )
-    parser.add_argument(
-        "--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s"
-    )
+    parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
     parser.add_argument(
         "--json", action="store_true", help="print diagnosis.json (of a batch batch.json) instead of text"
     )
@@ -93,19 +91,11 @@ def build_parser() -> Parser:
         "it stopped: what is done is skipped unless data, settings or code have changed.",
     )
     batch.add_argument("--batch", action="store_true", help="criticise each dataset on its own")
+    batch.add_argument("--jobs", type=int, metavar="N", help="datasets at a time; default: the number of cores")
     batch.add_argument(
-        "--jobs", type=int, metavar="N", help="datasets at a time; default: the number of cores"
+        "--time-limit", type=float, default=3600.0, metavar="S", help="seconds a dataset; default: %(default)g"
     )
-    batch.add_argument(
-        "--time-limit",
-        type=float,
-        default=3600.0,
-        metavar="S",
-        help="seconds a dataset; default: %(default)g",
-    )
-    batch.add_argument(
-        "--memory-limit", type=float, metavar="GB", help="of a dataset; default: none but the machine's"
-    )
+    batch.add_argument("--memory-limit", type=float, metavar="GB", help="of a dataset; default: none but the machine's")
     return parser
 
 

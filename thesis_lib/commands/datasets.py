@@ -78,12 +78,8 @@ def build_parser() -> Parser:
         epilog=FETCH_EXAMPLES,
     )
     fetch.add_argument("name", choices=["planar-impact", "planar-dice"])
-    fetch.add_argument(
-        "--from", dest="source", metavar="DIR", help="local copy to use instead of the network"
-    )
-    fetch.add_argument(
-        "--to", default="data/measured", metavar="DIR", help="where <name>/ goes (default: %(default)s)"
-    )
+    fetch.add_argument("--from", dest="source", metavar="DIR", help="local copy to use instead of the network")
+    fetch.add_argument("--to", default="data/measured", metavar="DIR", help="where <name>/ goes (default: %(default)s)")
 
     check = commands.add_parser(
         "check",
@@ -109,14 +105,10 @@ def build_parser() -> Parser:
         "--shape", required=True, help="ellipse:A,B | disk:R | square:SIDE | polygon:'x1,y1;x2,y2;…' in m"
     )
     init.add_argument("--mass", type=float, help="kg; optional")
-    init.add_argument(
-        "--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape"
-    )
+    init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")
     init.add_argument("--rate", type=float, help="Hz; needed if the log has no time column")
     init.add_argument("--gravity", type=float, default=9.81, help="m/s²; default: %(default)s")
-    init.add_argument(
-        "--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s"
-    )
+    init.add_argument("--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s")
     init.add_argument("--delimiter", default=",", help="between cells, such as ';' or '\\t'; default: comma")
     init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
     init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
@@ -128,19 +120,13 @@ def build_parser() -> Parser:
         add_help=False,
     )
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
+    example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
     example.add_argument(
-        "--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped"
-    )
-    example.add_argument(
-        "--hidden",
-        metavar="NAME",
-        help="see below; default: com_offset_x, in a mechanism rolling_resistance",
+        "--hidden", metavar="NAME", help="see below; default: com_offset_x, in a mechanism rolling_resistance"
     )
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
     example.add_argument("--drops", type=int, help="releases; default: 150, of a mechanism 16 trials")
-    example.add_argument(
-        "--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s"
-    )
+    example.add_argument("--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s")
     example.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
     example.add_argument("-h", "--help", action=_ExampleHelp, nargs=0, help="show this and exit")
     return parser
@@ -272,9 +258,7 @@ def _example_recording(args: argparse.Namespace, out: Path) -> int:
 
     hidden, trials = args.hidden or "rolling_resistance", TRIALS if args.drops is None else args.drops
     name = out.resolve().name
-    recording = simulate_recording(
-        name, args.mechanism, hidden, size=args.size, trials=trials, seed=args.seed
-    )
+    recording = simulate_recording(name, args.mechanism, hidden, size=args.size, trials=trials, seed=args.seed)
     write_recording(recording, out)
     print(recording_text(read_recording(out)))
     print(f"written to {out}. Next: python -m thesis_lib critique {out}")
@@ -283,6 +267,4 @@ def _example_recording(args: argparse.Namespace, out: Path) -> int:
 
 def _refuse_existing(out: Path, force: bool) -> None:
     if any((out / name).exists() for name in ("dataset.yaml", "recording.yaml")) and not force:
-        raise UserError(
-            f"{out} already holds a dataset; choose another folder, or give --force to replace it."
-        )
+        raise UserError(f"{out} already holds a dataset; choose another folder, or give --force to replace it.")

@@ -100,9 +100,7 @@ def simulate(argv: Sequence[str] | None = None) -> int:
     folder = Path(args.out)
     taken = [name for name in ("dataset.yaml", "trajectories.csv", "impacts.csv") if (folder / name).exists()]
     if taken:
-        raise UserError(
-            f"{folder} already holds {taken[0]}, which may be measured: choose another folder for -o."
-        )
+        raise UserError(f"{folder} already holds {taken[0]}, which may be measured: choose another folder for -o.")
     with Progress(args.model, quiet=args.quiet) as say:
         say("loading")
         from thesis_lib.critique.results.saved_model import load_model

@@ -61,8 +61,7 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
         _shown(
             "chapter2/impact_force_summary.csv",
             "Impulse and peak force at impact (section 2.5, figure 2-15)",
-            "method quantity reference unit n mean mean_error std std_stated coverage_95 thesis_mean_error "
-            "thesis_std",
+            "method quantity reference unit n mean mean_error std std_stated coverage_95 thesis_mean_error thesis_std",
         ),
         _shown(
             "chapter2/measured_ratio.csv",
@@ -80,8 +79,7 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
         _shown(
             "chapter3/planar_impact/table_3_1.csv",
             "Ensemble parameters, best and worst, measured ellipse (table 3.1)",
-            "variant weighting law mu mu_std epsilon epsilon_std best best_std worst worst_std n_train "
-            "n_held_out",
+            "variant weighting law mu mu_std epsilon epsilon_std best best_std worst worst_std n_train n_held_out",
         ),
         _shown(
             "chapter3/planar_impact/table_3_2.csv",
@@ -172,11 +170,7 @@ CHAPTERS: dict[str, tuple[Shown, ...]] = {
             "What each abstraction looks like",
             "size set abstraction share force move lag drag stuck stuck_share",
         ),
-        _shown(
-            "chapter5/model_summary.csv",
-            "Figure 5-7 in numbers",
-            "quantity value low high n",
-        ),
+        _shown("chapter5/model_summary.csv", "Figure 5-7 in numbers", "quantity value low high n"),
         _shown(
             "chapter5/showcase_runs.csv",
             "The No-U-Turn sampler against the filter (figure 5-8)",
@@ -221,9 +215,7 @@ def as_text(shown: Shown, results: Path) -> str:
 
 @command
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(
-        prog="python -m thesis_lib tables", description=(__doc__ or "").splitlines()[0], epilog=EXAMPLES
-    )
+    parser = Parser(prog="python -m thesis_lib tables", description=(__doc__ or "").splitlines()[0], epilog=EXAMPLES)
     parser.add_argument("chapter", choices=tuple(CHAPTERS), help="whose tables")
     parser.add_argument("--results", type=Path, default=Path("results"), help="default: %(default)s")
     args = parser.parse_args(argv)

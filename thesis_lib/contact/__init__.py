@@ -19,14 +19,7 @@ from thesis_lib.contact import (
 from thesis_lib.contact.law import Law, Outcome, Promise, Status
 
 # the order of the thesis's Table 3.1
-_MODULES = (
-    drumwright_shell,
-    anitescu_potra_poisson,
-    anitescu_potra_newton,
-    mirtich,
-    wang_mason,
-    whittaker,
-)
+_MODULES = (drumwright_shell, anitescu_potra_poisson, anitescu_potra_newton, mirtich, wang_mason, whittaker)
 
 SIX_LAWS: tuple[str, ...] = tuple(module.LAW.name for module in _MODULES)
 
@@ -37,9 +30,7 @@ def _further_laws() -> dict[str, Law]:
         law = getattr(import_module(f"{__name__}.{item.name}"), "LAW", None)
         if law is not None and item.name not in SIX_LAWS:
             if law.name != item.name:
-                raise ImportError(
-                    f"the law in {item.name}.py calls itself {law.name!r}; name it like its file"
-                )
+                raise ImportError(f"the law in {item.name}.py calls itself {law.name!r}; name it like its file")
             laws[law.name] = law
     return laws
 

@@ -26,9 +26,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
     return impulse_to_normal_velocity(space, mu, target)
 
 
-def impulse_to_normal_velocity(
-    space: ContactSpace, mu: np.ndarray, dv_n: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def impulse_to_normal_velocity(space: ContactSpace, mu: np.ndarray, dv_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (n,) in N s that changes v_n by `dv_n` ≥ 0 (n,) in m/s, with Coulomb's law on the final slip."""
     c_t = -(space.K_nn * space.v_t + space.K_tn * dv_n) / space.det
     c_n = (space.K_tt * dv_n + space.K_tn * space.v_t) / space.det

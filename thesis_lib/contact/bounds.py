@@ -60,9 +60,7 @@ def irb_bound(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, *, mass: flo
     return Bound(np.stack([c_t, c_n], axis=-1), v_pre + change, velocity_error(dv - change, k_g))
 
 
-def project_on_cut_disc(
-    target: np.ndarray, centre: np.ndarray, radius: np.ndarray, normal: np.ndarray
-) -> np.ndarray:
+def project_on_cut_disc(target: np.ndarray, centre: np.ndarray, radius: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Nearest point to `target` in {|z − centre| ≤ radius, normal·(z − centre) ≥ 0, z_2 ≥ 0}; all (n, 2) or (n,).
 
     The nearest point is the target itself, its projection on one of the three boundaries, or a corner; of these

@@ -46,9 +46,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
     return c_t, (1.0 + epsilon) * c_n
 
 
-def impulse_as_published(
-    space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: without the bound."""
     stick_t, stick_n = space.impulse_to(0.0, 0.0)
     energies, ts = [], []

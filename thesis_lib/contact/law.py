@@ -135,9 +135,7 @@ class Law:
         return Outcome(v_post, impulse, status)
 
 
-def _check(
-    v_pre: np.ndarray, r: np.ndarray, mass: float, k_g: float, mu: np.ndarray, epsilon: np.ndarray
-) -> None:
+def _check(v_pre: np.ndarray, r: np.ndarray, mass: float, k_g: float, mu: np.ndarray, epsilon: np.ndarray) -> None:
     if v_pre.ndim != 2 or v_pre.shape[1] != 3:
         raise ValueError(f"v_pre must have shape (n, 3), got {v_pre.shape}")
     n = len(v_pre)

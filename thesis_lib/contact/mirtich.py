@@ -50,9 +50,7 @@ def impulse(
     return tangential_impulse(path, c_n), c_n
 
 
-def impulse_as_published(
-    space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: viscous tangential rate; μ in s/m."""
     kappa = mu * space.K_tt
 
@@ -94,9 +92,7 @@ def impulse_as_published(
     return -mu * (slid + slip(v_c, d)[1]), p_c + d
 
 
-def _increasing_root(
-    value, slope, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0
-) -> np.ndarray:
+def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0) -> np.ndarray:
     """Roots (n,) above `low` of functions that are negative before and positive after: Newton's method, bracketed.
 
     A step below `floor` ends the search.
@@ -128,9 +124,7 @@ LAW_AS_PUBLISHED = Law(
     name="mirtich_as_published",
     title="Mirtich (as published)",
     impulse=impulse_as_published,
-    promises=frozenset(
-        {Promise.NON_PENETRATION, Promise.NO_ENERGY_GAIN, Promise.FRICTIONLESS, Promise.PLASTIC}
-    ),
+    promises=frozenset({Promise.NON_PENETRATION, Promise.NO_ENERGY_GAIN, Promise.FRICTIONLESS, Promise.PLASTIC}),
     breaks=MappingProxyType(
         {
             Promise.FRICTION_CONE: 0.192,

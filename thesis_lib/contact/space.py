@@ -44,18 +44,12 @@ class ContactSpace:
 
     def velocity_after(self, c_t: np.ndarray, c_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Velocity (v_t, v_n) of the contact point in m/s after the impulse: v_C⁺ = v_C + M_C⁻¹ c (eq. 3.4)."""
-        return (
-            self.v_t + self.K_tt * c_t + self.K_tn * c_n,
-            self.v_n + self.K_tn * c_t + self.K_nn * c_n,
-        )
+        return (self.v_t + self.K_tt * c_t + self.K_tn * c_n, self.v_n + self.K_tn * c_t + self.K_nn * c_n)
 
     def impulse_to(self, v_t: np.ndarray | float, v_n: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         """Impulse (c_t, c_n) in N s that brings the contact point to (v_t, v_n) in m/s: c = M_C (v_C⁺ − v_C)."""
         d_t, d_n = v_t - self.v_t, v_n - self.v_n
-        return (
-            (self.K_nn * d_t - self.K_tn * d_n) / self.det,
-            (self.K_tt * d_n - self.K_tn * d_t) / self.det,
-        )
+        return ((self.K_nn * d_t - self.K_tn * d_n) / self.det, (self.K_tt * d_n - self.K_tn * d_t) / self.det)
 
     def energy(self, v_t: np.ndarray, v_n: np.ndarray) -> np.ndarray:
         """Quadratic form v_Cᵀ M_C v_C (twice the contact-space kinetic energy) in J."""
@@ -80,17 +74,11 @@ def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) 
     w, w_I = 1.0 / mass, 1.0 / (mass * k_g * k_g)
     x_I, y_I = r_x * w_I, r_y * w_I
     return ContactSpace(
-        v_t=v_x - r_y * omega,
-        v_n=v_y + r_x * omega,
-        K_tt=w + r_y * y_I,
-        K_nn=w + r_x * x_I,
-        K_tn=-r_x * y_I,
+        v_t=v_x - r_y * omega, v_n=v_y + r_x * omega, K_tt=w + r_y * y_I, K_nn=w + r_x * x_I, K_tn=-r_x * y_I
     )
 
 
-def velocity_change(
-    c_t: np.ndarray, c_n: np.ndarray, r: np.ndarray, *, mass: float, k_g: float
-) -> np.ndarray:
+def velocity_change(c_t: np.ndarray, c_n: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> np.ndarray:
     """Velocity change Δv = M⁻¹ Jᵀ c (..., 3) of the centre of mass, in m/s and rad/s (eq. 3.2)."""
     dv = np.empty(np.broadcast_shapes(np.shape(c_t), r.shape[:-1]) + (3,))
     dv[..., 0] = c_t / mass
@@ -99,9 +87,7 @@ def velocity_change(
     return dv
 
 
-def measured_impulse(
-    dv: np.ndarray, r: np.ndarray, *, mass: float, k_g: float
-) -> tuple[np.ndarray, np.ndarray]:
+def measured_impulse(dv: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n) in N s that explains a measured velocity change (..., 3) best: c_irb = M_C J Δv (eq. 3.7).
 
     The least squares of eq. 3.7 is taken in the kinetic metric √(Δv_x² + Δv_y² + (k Δω)²), in which an error of

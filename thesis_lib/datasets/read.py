@@ -11,12 +11,7 @@ from thesis_lib.datasets.format.folder import checked_folder
 from thesis_lib.datasets.format.header_file import load_header, salvage_shape
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
 from thesis_lib.datasets.format.tables import load_table
-from thesis_lib.datasets.format.validate import (
-    DatasetError,
-    Report,
-    check_impacts,
-    check_trajectories,
-)
+from thesis_lib.datasets.format.validate import DatasetError, Report, check_impacts, check_trajectories
 
 OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 

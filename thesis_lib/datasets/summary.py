@@ -18,9 +18,7 @@ from thesis_lib.datasets.read import read_dataset
 UNIT = {"t": "s", "x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "omega": "rad/s"}
 
 
-def check_dataset(
-    path: str | Path, settings: ArcSettings | None = None
-) -> tuple[Dataset, FoundImpacts | None]:
+def check_dataset(path: str | Path, settings: ArcSettings | None = None) -> tuple[Dataset, FoundImpacts | None]:
     """The dataset in the folder `path`, and the impacts detected in its trajectories (None without).
 
     Trajectories are searched even beside impacts.csv, which the program then uses as it is.  DatasetError lists
@@ -104,26 +102,19 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str
         lines += _detection_lines(part, noise or {}, given=dataset.impacts is not None)
     warnings = [*dataset.warnings, *(detection.warnings if detection is not None else ())]
     lines += [f"warning {i}: {problem}" for i, problem in enumerate(warnings, 1)]
-    lines.append(
-        "The dataset is valid." if not warnings else "The dataset is valid, with the warnings above."
-    )
+    lines.append("The dataset is valid." if not warnings else "The dataset is valid, with the warnings above.")
     return "\n".join(lines)
 
 
 def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
     return [
-        f"  {name:<10}{low:12.4g} … {high:<12.4g}{UNIT[name.split('_')[0]]}"
-        for name, (low, high) in ranges.items()
+        f"  {name:<10}{low:12.4g} … {high:<12.4g}{UNIT[name.split('_')[0]]}" for name, (low, high) in ranges.items()
     ]
 
 
 def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
     def counts(of: dict[str, int]) -> str:
-        return (
-            f"{sum(of.values())} (" + ", ".join(f"{name} {count}" for name, count in of.items()) + ")"
-            if of
-            else "0"
-        )
+        return f"{sum(of.values())} (" + ", ".join(f"{name} {count}" for name, count in of.items()) + ")" if of else "0"
 
     lines = [
         f"detection   {part['used']} impacts of the trajectories can be used"

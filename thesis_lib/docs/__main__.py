@@ -20,13 +20,9 @@ def build_parser() -> Parser:
         description="Write the parts of the pages in docs/ that come from the code.",
         epilog=EPILOG,
     )
-    parser.add_argument(
-        "--check", action="store_true", help="write nothing; exit code 1 if a page is out of step"
-    )
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is out of step")
     parser.add_argument("--pictures", action="store_true", help="draw the pictures again, too")
-    parser.add_argument(
-        "--docs", type=Path, default=Path("docs"), help="folder of the pages; default: %(default)s"
-    )
+    parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the pages; default: %(default)s")
     return parser
 
 

@@ -50,9 +50,7 @@ def _sections(path: str, section: type[Section], values: Section | None) -> Iter
         inner = _section_of(field.annotation)
         if inner:
             value = getattr(values, name, None)
-            yield from _sections(
-                f"{path}.{name}".lstrip("."), inner, value if isinstance(value, Section) else None
-            )
+            yield from _sections(f"{path}.{name}".lstrip("."), inner, value if isinstance(value, Section) else None)
 
 
 def _section_of(annotation: Any) -> type[Section] | None:

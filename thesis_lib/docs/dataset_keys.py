@@ -43,12 +43,7 @@ def _rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, st
             yield from _rows(f"{key}.", nested[name])
         elif name == "shape":
             what = "see above: `ellipse`, `disk` or `polygon`"
-            yield (
-                code(key),
-                "yes",
-                what,
-                "m, in the frame of the body, whose origin is the believed centre of mass",
-            )
+            yield (code(key), "yes", what, "m, in the frame of the body, whose origin is the believed centre of mass")
         else:
             yield _row(path, name, field)
 

@@ -35,11 +35,7 @@ def _entry(law: Law) -> str:
     module = sys.modules[law.impulse.__module__]
     published = published_twin(law)
     names = f"`{law.name}`" + (f" and `{published.name}`" if published else "")
-    unit = (
-        f" μ of the latter has the unit {published.mu_unit}."
-        if published and published.mu_unit != "1"
-        else ""
-    )
+    unit = f" μ of the latter has the unit {published.mu_unit}." if published and published.mu_unit != "1" else ""
     return "\n\n".join(
         (
             f"## {law.title}",

@@ -32,9 +32,7 @@ def rendered(page: str, where: str) -> str:
     names = [match["name"] for match in _BLOCK.finditer(page)]
     for name in _BEGINS.findall(page):
         if name not in BLOCKS:
-            raise UserError(
-                f"{where}: nothing writes the block {name!r}; the blocks are {', '.join(BLOCKS)}."
-            )
+            raise UserError(f"{where}: nothing writes the block {name!r}; the blocks are {', '.join(BLOCKS)}.")
         if name not in names:
             raise UserError(f"{where}: the block {name!r} has no end; add the line <!-- end of {name} -->.")
     return _BLOCK.sub(lambda match: f"{match[1]}\n{BLOCKS[match['name']]()}\n\n{match[3]}", page)

@@ -20,11 +20,7 @@ from thesis_lib.figures.style import GREY, INK, ImpulseAxis, house_style, new_fi
 from thesis_lib.foundation.files import atomic, write_table
 
 DPI = 110  # 600 to 700 pixels wide, below 60 kB
-LOOKS = (
-    {"color": "#0072B2"},
-    {"color": "#D55E00", "linestyle": (0, (5, 1.5))},
-    {"color": "0.2", "linestyle": ":"},
-)
+LOOKS = ({"color": "#0072B2"}, {"color": "#D55E00", "linestyle": (0, (5, 1.5))}, {"color": "0.2", "linestyle": ":"})
 AXES = {
     "theta": "body angle θ (rad)",
     "omega": "ω before impact (rad/s)",
@@ -79,17 +75,13 @@ def draw_signature(effect: Effect, table: pd.DataFrame) -> Figure:
 
 
 def _draw_plane(figure: Figure, ax: Axes, rows: pd.DataFrame) -> None:
-    grids = {
-        name: part.pivot(index="at_n", columns="at", values="value") for name, part in rows.groupby("series")
-    }
+    grids = {name: part.pivot(index="at_n", columns="at", values="value") for name, part in rows.groupby("series")}
     size, v_x, v_y = grids["size"], grids["v_x"], grids["v_y"]
     ends = (size.columns[0], size.columns[-1], size.index[0], size.index[-1])
     image = ax.imshow(size, origin="lower", extent=ends, aspect="auto", cmap="Blues", vmin=0.0)
     figure.colorbar(image, ax=ax, label="|Δv| after impact (m/s)")
     each = (slice(2, None, 5), slice(2, None, 6))
-    ax.quiver(
-        v_x.columns[each[1]], v_x.index[each[0]], v_x.iloc[each], v_y.iloc[each], color=INK, width=0.006
-    )
+    ax.quiver(v_x.columns[each[1]], v_x.index[each[0]], v_x.iloc[each], v_y.iloc[each], color=INK, width=0.006)
     ax.set_xlabel("contact velocity $v_t$ (m/s)")
     ax.set_ylabel("$v_n$ (m/s)")
 
@@ -115,10 +107,7 @@ def draw_reach(law: Law) -> Figure:
     ax = figure.add_subplot()
     draw_ellipse(ax, space, unit, labels=True)
     published = published_twin(law)
-    for variant, look in (
-        (law, {"color": "#0072B2"}),
-        (published, {"color": "#D55E00", "linestyle": (0, (5, 1.5))}),
-    ):
+    for variant, look in ((law, {"color": "#0072B2"}), (published, {"color": "#D55E00", "linestyle": (0, (5, 1.5))})):
         if variant is not None:
             outline = unit.factor * region_outline(variant, space)
             ax.plot(*outline.T, **look, label="as published" if variant is published else law.title)

@@ -31,13 +31,7 @@ SQUARE = Rig(Polygon(vertices=_CORNERS), 0.0286, 9.81, 0.0)
 # an impact away from every symmetry, at an angle at which it can stick: x (m), θ (rad), v_t, v_n (m/s), ω (rad/s),
 # t (s), number of the release
 BASE = {"x": 0.15, "theta": 0.12, "v_t": 0.6, "v_n": -2.5, "omega": 6.0, "t": 0.3, "trial": 40.0}
-RANGES = {
-    "theta": (-np.pi, np.pi),
-    "omega": (-20.0, 20.0),
-    "x": (-0.4, 0.4),
-    "t": (0.0, 0.6),
-    "trial": (0.0, 150.0),
-}
+RANGES = {"theta": (-np.pi, np.pi), "omega": (-20.0, 20.0), "x": (-0.4, 0.4), "t": (0.0, 0.6), "trial": (0.0, 150.0)}
 IN_FLIGHT = {"v_t": (-2.0, 2.0), "v_n": (-3.0, 3.0), "omega": (-20.0, 20.0), "theta": (-np.pi, np.pi)}
 PLANE_T, PLANE_N = np.linspace(-2.0, 2.0, 41), np.linspace(-3.5, -0.25, 27)
 POINTS = 121
@@ -108,9 +102,7 @@ def _plane(effect: Effect) -> pd.DataFrame:
     v_t, v_n = (grid.ravel() for grid in np.meshgrid(PLANE_T, PLANE_N))
     change = impact_change(effect, states(rig_for(effect), v_t=v_t, v_n=v_n))
     columns = {"size": np.linalg.norm(change, axis=1), "v_x": change[:, 0], "v_y": change[:, 1]}
-    parts = [
-        pd.DataFrame({"at": v_t, "at_n": v_n, "series": name, "value": c}) for name, c in columns.items()
-    ]
+    parts = [pd.DataFrame({"at": v_t, "at_n": v_n, "series": name, "value": c}) for name, c in columns.items()]
     return pd.concat(parts).assign(panel="plane", over="v_t, v_n")
 
 
@@ -139,9 +131,7 @@ def _path(effect: Effect) -> pd.DataFrame:
     t = np.linspace(0.0, SPAN, POINTS)
     paths = [_flown(model, values, rig, t) for model in (with_it, Model(LAW))]
     change = (paths[0] - paths[1]) * [1.0, 1.0, rig.k_g]
-    parts = [
-        pd.DataFrame({"at": t, "series": name, "value": c}) for name, c in zip(("x", "y", "k θ"), change.T)
-    ]
+    parts = [pd.DataFrame({"at": t, "series": name, "value": c}) for name, c in zip(("x", "y", "k θ"), change.T)]
     return pd.concat(parts).assign(panel="path", over="t", at_n=np.nan)
 
 

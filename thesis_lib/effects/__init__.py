@@ -17,9 +17,7 @@ def _load() -> dict[str, Effect]:
         effect = getattr(import_module(f"{__name__}.{module.name}"), "EFFECT", None)
         if effect is not None:
             if effect.name != module.name:
-                raise ImportError(
-                    f"the effect in {module.name}.py calls itself {effect.name!r}; name it like its file"
-                )
+                raise ImportError(f"the effect in {module.name}.py calls itself {effect.name!r}; name it like its file")
             effects[effect.name] = effect
     return dict(sorted(effects.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0])))
 

@@ -25,15 +25,7 @@ class AngleOffset(Effect):
     equation = "θ_measured = θ + d_θ"
     # wide and with far starts: a frame on the wrong axis of the body is a quarter of a turn off
     parameters = (
-        Parameter(
-            "d_theta",
-            "rad",
-            null=0.0,
-            low=-math.pi / 2,
-            high=math.pi / 2,
-            scale=0.02,
-            starts=(-0.4, 0.4, 1.4),
-        ),
+        Parameter("d_theta", "rad", null=0.0, low=-math.pi / 2, high=math.pi / 2, scale=0.02, starts=(-0.4, 0.4, 1.4)),
     )
     channels = ("impact", "touch")
     reference = "camera calibration"

@@ -127,8 +127,7 @@ def added(
     c_n.  Where the law itself leaves the cone, the sum may leave it as far.
     """
     d_t, d_n, d_tau = (
-        np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0)
-        for pair in (paths.c_t, paths.c_n, paths.tau)
+        np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0) for pair in (paths.c_t, paths.c_n, paths.tau)
     )
     c_n = np.maximum(impulse.c_n + d_n, 0.0)
     limit = np.maximum(mu * highest * c_n, np.abs(impulse.c_t))

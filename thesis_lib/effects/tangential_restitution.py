@@ -15,9 +15,7 @@ import numpy as np
 
 from thesis_lib.effects.effect import Effect, Impulse, Parameter
 
-TOLERANCE = (
-    1e-9  # relative: above the rounding of laws that search for a root, far below any slip that matters
-)
+TOLERANCE = 1e-9  # relative: above the rounding of laws that search for a root, far below any slip that matters
 
 
 class TangentialRestitution(Effect):
@@ -34,9 +32,7 @@ class TangentialRestitution(Effect):
         # where the law itself leaves the cone, it is not cut back
         limit = np.maximum(mu * np.abs(impulse.c_n), np.abs(impulse.c_t))
         wanted = np.clip((1.0 + p["e_t"]) * impulse.c_t, -limit, limit)
-        return Impulse(
-            np.where(_sticks(impulse, space, epsilon), wanted, impulse.c_t), impulse.c_n, impulse.tau
-        )
+        return Impulse(np.where(_sticks(impulse, space, epsilon), wanted, impulse.c_t), impulse.c_n, impulse.tau)
 
 
 def _sticks(impulse, space, epsilon):

@@ -59,9 +59,7 @@ class Sketch:
         first = ["panel", "series", "x", "y"]
         return table[first + [name for name in table.columns if name not in first]]
 
-    def line(
-        self, series: str, points: np.ndarray, *, t: np.ndarray | float | None = None, **look: object
-    ) -> None:
+    def line(self, series: str, points: np.ndarray, *, t: np.ndarray | float | None = None, **look: object) -> None:
         """Polyline through points (n, 2); `t`, one time or n times in s, goes to the table."""
         points = self.keep(series, points, **({} if t is None else {"t": t}))
         self.ax.plot(*points.T, **({"color": INK, "linewidth": 1.1} | look))
@@ -85,9 +83,7 @@ class Sketch:
         a, b = self.keep(series, np.stack([a, b]))
         self._arrow(a, b, "<|-|>", color, 0.8)
 
-    def arc(
-        self, series: str, centre: np.ndarray, radius: float, start: float, end: float, color: str = INK
-    ) -> None:
+    def arc(self, series: str, centre: np.ndarray, radius: float, start: float, end: float, color: str = INK) -> None:
         """Arc with an arrow head at its end, from angle `start` to `end` in rad."""
         angle = np.linspace(start, end, 40)
         points = np.asarray(centre) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)

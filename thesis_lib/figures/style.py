@@ -47,9 +47,7 @@ class ImpulseAxis:
 def _settings() -> dict:
     # matplotlib's own template, then our sheet: a user's matplotlibrc must not change a figure
     rc = matplotlib.rc_params_from_file(SHEET, use_default_template=True)
-    return {
-        key: value for key, value in rc.items() if not key.startswith(("backend", "interactive", "toolbar"))
-    }
+    return {key: value for key, value in rc.items() if not key.startswith(("backend", "interactive", "toolbar"))}
 
 
 def house_style(function: Callable[P, T]) -> Callable[P, T]:

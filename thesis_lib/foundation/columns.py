@@ -23,9 +23,7 @@ def meanings() -> tuple[dict[str, list[str]], dict[str, dict[str, list[str]]]]:
     return content["columns"], content["tables"]
 
 
-def explain(
-    table: str, columns: Iterable[str], recorded: Mapping[str, tuple[str, str]] | None = None
-) -> pd.DataFrame:
+def explain(table: str, columns: Iterable[str], recorded: Mapping[str, tuple[str, str]] | None = None) -> pd.DataFrame:
     """Rows (table, column, unit, meaning) for the columns of the table with file stem `table`.
 
     `recorded` holds (unit, meaning) of columns that only this table has.  KeyError if a column is not explained.

@@ -131,9 +131,7 @@ def _named(path: Path) -> Iterator[None]:
     except Exception as error:
         reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
         kind = "valid JSON" if path.suffix == ".json" else f"a {path.suffix.lstrip('.').upper()} table"
-        raise CorruptFileError(
-            f"{path} is not {kind} ({reason[0][:200]}); delete it and run again."
-        ) from error
+        raise CorruptFileError(f"{path} is not {kind} ({reason[0][:200]}); delete it and run again.") from error
 
 
 def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.DataFrame:

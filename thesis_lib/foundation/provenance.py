@@ -103,11 +103,7 @@ def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> lis
         run.clear()
 
     for node in block:
-        if (
-            isinstance(node, ast.ImportFrom)
-            and node.level == 0
-            and (node.module or "").split(".")[0] == PACKAGE
-        ):
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").split(".")[0] == PACKAGE:
             run += [(alias.asname or alias.name, alias.name, node.module or "") for alias in node.names]
         else:
             close()

@@ -45,9 +45,7 @@ def regular_size(path: str | Path, limit: int, within: str | Path | None = None)
     if outside:
         raise FileProblem(path, "is a link that leads out of its folder", "put the file itself there")
     if status.st_size > limit:
-        raise FileProblem(
-            path, f"has {status.st_size:,} bytes; the limit is {limit:,}", "give a smaller file"
-        )
+        raise FileProblem(path, f"has {status.st_size:,} bytes; the limit is {limit:,}", "give a smaller file")
     return status.st_size
 
 

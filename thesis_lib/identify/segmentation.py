@@ -64,12 +64,7 @@ def check_states(h: float, q: np.ndarray, v: np.ndarray) -> None:
 def noise_from_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Standard deviations (2, 3) of q and v from states without gravity, (m+1, 3) each; robust against impacts."""
     second = q[2:] - 2.0 * q[1:-1] + q[:-2]
-    sigma = np.stack(
-        [
-            robust_std(second) / np.sqrt(6.0),
-            robust_std(np.diff(v, axis=0)) / np.sqrt(2.0),
-        ]
-    )
+    sigma = np.stack([robust_std(second) / np.sqrt(6.0), robust_std(np.diff(v, axis=0)) / np.sqrt(2.0)])
     return floored(sigma, q, v)
 
 
@@ -93,14 +88,7 @@ def flight_costs(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> n
     drift = np.broadcast_to(1.0 / sigma[1], (n, 3))  # and in the rows of v
     ones = np.broadcast_to(1.0 / sigma[0], (n, 3))
     products = np.stack(
-        [
-            ones * ones,
-            ones * slope,
-            slope * slope + drift * drift,
-            ones * q,
-            slope * q + drift * v,
-            q * q + v * v,
-        ]
+        [ones * ones, ones * slope, slope * slope + drift * drift, ones * q, slope * q + drift * v, q * q + v * v]
     )
     sums = np.concatenate([np.zeros((6, 1, 3)), np.cumsum(products, axis=1)], axis=1)
     a11, a12, a22, b1, b2, c = sums[:, None, :, :] - sums[:, :-1, None, :]  # each (n, n+1, 3): [a, b]
@@ -112,9 +100,7 @@ def flight_costs(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> n
     return cost
 
 
-def impact_steps(
-    h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray, penalty: float = _PENALTY
-) -> np.ndarray:
+def impact_steps(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray, penalty: float = _PENALTY) -> np.ndarray:
     """Steps k (n_impacts,), ascending, at which the velocity changes from v_k to v_{k+1}; arguments as `flight_costs`.
 
     A further flight has to save χ² of `penalty`.  Flights need not meet at the impacts; `mass_ratio.estimate` enforces

@@ -18,16 +18,12 @@ class Programs(Section):
 
     mechanisms: tuple[Mechanism, ...] = Field(("block", "ellipse", "wheel", "arm_disk"), min_length=1)
     lengths: tuple[Length, ...] = Field(
-        (10, 30, 100, 300),
-        min_length=1,
-        description="steps of the windows; eq. 2.14 and the mode-wise program",
+        (10, 30, 100, 300), min_length=1, description="steps of the windows; eq. 2.14 and the mode-wise program"
     )
     windows: int = Field(10, ge=1, description="windows per mechanism and length; eq. 2.14")
     starts: int = Field(5, ge=1, description="random starts per window; eq. 2.14")
     others_lengths: tuple[Length, ...] = Field(
-        (10, 30),
-        min_length=1,
-        description="steps; eq. 2.12, 2.13 and the softened 2.14, which take far longer",
+        (10, 30), min_length=1, description="steps; eq. 2.12, 2.13 and the softened 2.14, which take far longer"
     )
     others_windows: int = Field(3, ge=1, description="windows; eq. 2.12, 2.13 and the softened 2.14")
     others_starts: int = Field(2, ge=1, description="random starts per window of those")
@@ -50,10 +46,7 @@ class WheelStudy(Section):
     snr: float = Field(40.0, description="dB, the thesis's lowest noise")
     steps: int = Field(300, ge=20, description="1.5 s; own choice: the first three spokes have left")
     masses: tuple[float, ...] = Field(
-        (0.1, 0.5, 2.0, 10.0),
-        description="kg, of figure 2-10; own choice: below and above what the hub alone gives",
+        (0.1, 0.5, 2.0, 10.0), description="kg, of figure 2-10; own choice: below and above what the hub alone gives"
     )
-    mass_seconds: float = Field(
-        4.0, gt=0, description="s, of figure 2-10; own choice: rolling becomes steady"
-    )
+    mass_seconds: float = Field(4.0, gt=0, description="s, of figure 2-10; own choice: rolling becomes steady")
     mass_omega: float = Field(-1.2, lt=0, description="rad/s at the start of figure 2-10; own choice")

@@ -22,13 +22,7 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import (
-    ContactSpace,
-    contact_space,
-    measured_impulse,
-    velocity_change,
-    velocity_error,
-)
+from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse, velocity_change, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 
 Metric = Literal["impulse", "velocity"]
@@ -77,20 +71,14 @@ def _unweighted_impulse(impacts: Impacts) -> tuple[np.ndarray, np.ndarray]:
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     # columns of A = M⁻¹ Jᵀ, (n, 3, 2)
     A = np.stack(
-        [
-            velocity_change(unit, zero, impacts.r, **body),
-            velocity_change(zero, unit, impacts.r, **body),
-        ],
-        axis=-1,
+        [velocity_change(unit, zero, impacts.r, **body), velocity_change(zero, unit, impacts.r, **body)], axis=-1
     )
     A_T = np.swapaxes(A, 1, 2)
     c = np.linalg.solve(A_T @ A, A_T @ impacts.dv[:, :, None])[:, :, 0]
     return c[:, 0], c[:, 1]
 
 
-def misfit(
-    law: Law, target: Target, mu: np.ndarray | float, epsilon: np.ndarray | float, metric: Metric
-) -> np.ndarray:
+def misfit(law: Law, target: Target, mu: np.ndarray | float, epsilon: np.ndarray | float, metric: Metric) -> np.ndarray:
     """Misfit for parameters that broadcast against n impacts, e.g. (G, 1) gives (G, n); NaN: no solution."""
     with np.errstate(all="ignore"):
         c_t, c_n = law.impulse(target.space, np.asarray(mu, float), np.asarray(epsilon, float))

@@ -52,11 +52,7 @@ def energy_statements(dataset: Dataset, impacts: Impacts) -> pd.DataFrame:
     energy_loss: share of impacts after which the total energy is lower; energy_taken: mean relative loss at an impact;
     energy_between: mean relative change over a flight (omitted if fewer than `FEWEST` are long enough).
     """
-    terms = {
-        "k_g": dataset.k_g,
-        "gravity": dataset.gravity,
-        "rest": rest_height(dataset.shape, dataset.height),
-    }
+    terms = {"k_g": dataset.k_g, "gravity": dataset.gravity, "rest": rest_height(dataset.shape, dataset.height)}
     before = total_energy(impacts.q, impacts.v_pre, **terms)
     after = total_energy(impacts.q, impacts.v_post, **terms)
     rows = [

@@ -160,10 +160,7 @@ def _round(
     A_te, A_ne = ((c[i, j_1, columns] - c[i, j_0, columns]) / d_epsilon for c in (c_t, c_n))
     missing_t, missing_n = target.c_t - c_t[i, j, columns], target.c_n - c_n[i, j, columns]
     det = A_tm * A_ne - A_te * A_nm
-    step_mu, step_epsilon = (
-        (A_ne * missing_t - A_te * missing_n) / det,
-        (A_tm * missing_n - A_nm * missing_t) / det,
-    )
+    step_mu, step_epsilon = ((A_ne * missing_t - A_te * missing_n) / det, (A_tm * missing_n - A_nm * missing_t) / det)
     tried_mu = np.clip(mu + STEPS * step_mu, 0.0, MU_MAX)
     tried_epsilon = np.clip(epsilon + STEPS * step_epsilon, 0.0, 1.0)
     tried = misfit(law, target, tried_mu, tried_epsilon, metric)

@@ -64,13 +64,7 @@ def agreement(impacts: Impacts, stored: pd.DataFrame) -> pd.DataFrame:
             impulse = np.stack(measured_impulse(out.v_post - impacts.v_pre, impacts.r, **body), axis=1)
             distance = np.linalg.norm(impulse - stored_impulse, axis=1)
             variant = "as_published" if name == published else "as_defined"
-            row = {
-                "law": law,
-                "variant": variant,
-                "mu": mu,
-                "epsilon": epsilon,
-                "median": np.median(distance),
-            }
+            row = {"law": law, "variant": variant, "mu": mu, "epsilon": epsilon, "median": np.median(distance)}
             rows.append(row | {"quantile_95": np.quantile(distance, 0.95), "n": len(distance)})
     return pd.DataFrame(rows)
 

@@ -37,9 +37,7 @@ def split_trials(trials: np.ndarray, share: float, rng: np.random.Generator) -> 
     return np.isin(trials, rng.choice(units, size=count, replace=False))
 
 
-def select_impacts(
-    impacts: Impacts, filtering: str, max_impacts: int | None, rng: np.random.Generator
-) -> Impacts:
+def select_impacts(impacts: Impacts, filtering: str, max_impacts: int | None, rng: np.random.Generator) -> Impacts:
     """Approaching impacts in their order, filtered as in the thesis or not, at most `max_impacts` of them.
 
     Raises:
@@ -84,9 +82,7 @@ def ensemble_table(
         target = target_of(impacts, weighting)
         for name in laws:
             stream = generator(seed, weighting, name)
-            fit = fit_ensemble(
-                LAWS[name], target, metric, trials=impacts.trial, bootstrap=bootstrap, rng=stream
-            )
+            fit = fit_ensemble(LAWS[name], target, metric, trials=impacts.trial, bootstrap=bootstrap, rng=stream)
             rows.append({"law": name, "weighting": weighting, **fit.columns()})
     return pd.DataFrame(rows)
 
@@ -158,12 +154,7 @@ def individual_table(
             fit = fit_individual(LAWS[name], target, metric)
             part = pd.DataFrame({"trial": impacts.trial, "impact": impacts.impact})
             part["law"], part["weighting"] = name, weighting
-            part["mu"], part["epsilon"], part["misfit"], part["mu_s"] = (
-                fit.mu,
-                fit.epsilon,
-                fit.error,
-                fit.mu_s,
-            )
+            part["mu"], part["epsilon"], part["misfit"], part["mu_s"] = (fit.mu, fit.epsilon, fit.error, fit.mu_s)
             parts.append(part)
     return pd.concat(parts, ignore_index=True)
 

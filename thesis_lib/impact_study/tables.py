@@ -16,9 +16,7 @@ from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.statistics.intervals import wilson_std
 
 # the authors' code where it differs from the law of that name, the law itself elsewhere
-SIX_AS_PUBLISHED = tuple(
-    f"{name}_as_published" if f"{name}_as_published" in LAWS else name for name in SIX_LAWS
-)
+SIX_AS_PUBLISHED = tuple(f"{name}_as_published" if f"{name}_as_published" in LAWS else name for name in SIX_LAWS)
 VARIANTS = {"as_published": SIX_AS_PUBLISHED, "as_defined": SIX_LAWS}
 
 
@@ -67,9 +65,7 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
 def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float) -> pd.DataFrame:
     """Table 3.2: share of outcomes within each law's range; tolerances in m/s, of impulse over mass."""
     rows = []
-    for (weighting, chosen), (variant, laws) in itertools.product(
-        individual.groupby("weighting"), VARIANTS.items()
-    ):
+    for (weighting, chosen), (variant, laws) in itertools.product(individual.groupby("weighting"), VARIANTS.items()):
         for i, name in enumerate(laws):
             error = chosen.loc[chosen["law"] == name, "misfit"].to_numpy() / mass
             for tolerance in tolerances:

@@ -196,10 +196,7 @@ def _kind_true(value: Any) -> Any:
 
 
 Check = Annotated[
-    Annotated[
-        Abs | Rel | Interval | Greater | Less | Ordering | ArgMax | ArgMin | IsTrue,
-        Field(discriminator="kind"),
-    ],
+    Annotated[Abs | Rel | Interval | Greater | Less | Ordering | ArgMax | ArgMin | IsTrue, Field(discriminator="kind")],
     BeforeValidator(_kind_true),
 ]
 

@@ -148,11 +148,7 @@ def _result(claim: Claim, published: str, ours: float, std: float, reference: fl
     difference = ours - reference
     relative = difference / abs(reference) if reference else math.nan
     share = "" if math.isnan(relative) else f" ({100 * relative:+.3g} %)"
-    name = (
-        f"the threshold {_short(reference)}"
-        if isinstance(claim.check, Greater | Less)
-        else "the published value"
-    )
+    name = f"the threshold {_short(reference)}" if isinstance(claim.check, Greater | Less) else "the published value"
     return Result(
         claim,
         Status.REPRODUCED if holds else Status.DEVIATES,
@@ -189,9 +185,7 @@ def _measure_flag(claim: Claim, published: str, rows: _Rows) -> Result:
     row = rows.only()
     cell = rows.cells.column(claim.source.column)[row].strip().lower()
     if cell not in ("true", "false", "1", "0"):
-        raise UserError(
-            f"{rows.cells.path}, data row {row}: {claim.source.column} is {cell!r}, neither true nor false"
-        )
+        raise UserError(f"{rows.cells.path}, data row {row}: {claim.source.column} is {cell!r}, neither true nor false")
     holds = cell in ("true", "1")
     status = Status.REPRODUCED if holds else Status.DEVIATES
     return Result(claim, status, published, str(holds).lower(), finding=f"found {str(holds).lower()}")
@@ -211,9 +205,7 @@ def _measure_extreme(claim: Claim, published: str, rows: _Rows) -> Result:
     top = rows.named(check.key, check.row)
     others = rows.rows if check.among is None else [rows.named(check.key, name) for name in check.among]
     if len(others) < 2:
-        raise UserError(
-            f"{rows.cells.path}: {check.row} is the only row selected, so it is trivially extreme"
-        )
+        raise UserError(f"{rows.cells.path}: {check.row} is the only row selected, so it is trivially extreme")
     pairs = [(row, top) for row in others if row != top]
     sign = 1.0 if isinstance(check, ArgMax) else -1.0
     return _ranked(claim, published, rows, others, pairs, sign)

@@ -110,9 +110,7 @@ def check_figures(
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     rows = []
     for name, dataset, figure, csv in _compared(figures):
-        status, finding = _check_one(
-            results_dir / csv, stored_dir / dataset / f"{name}.csv", figure, dataset, present
-        )
+        status, finding = _check_one(results_dir / csv, stored_dir / dataset / f"{name}.csv", figure, dataset, present)
         rows.append((name, dataset, status, finding))
     rows += _unknown_pictures(results_dir, figures) + _unused_copies(stored_dir, figures)
     table = pd.DataFrame(rows, columns=["figure", "dataset", "status", "finding"], dtype=object)
@@ -168,9 +166,7 @@ def _known(dataset: str, present: Mapping[str, bool]) -> None:
         raise UserError(f"the run reports nothing about the dataset {dataset} (known: {known})")
 
 
-def _check_one(
-    csv: Path, stored: Path, figure: Figure, dataset: str, present: Mapping[str, bool]
-) -> tuple[str, str]:
+def _check_one(csv: Path, stored: Path, figure: Figure, dataset: str, present: Mapping[str, bool]) -> tuple[str, str]:
     try:
         _known(dataset, present)
         if dataset != COMMON and not present[dataset]:
@@ -205,9 +201,7 @@ def _form(cells: Cells, figure: Figure) -> list[Problem]:
     """Mistakes in a figure's CSV itself."""
     wanted = _columns(figure)
     problems = [
-        Problem(name, f"column {name} is missing in {cells.path}")
-        for name in wanted
-        if name not in cells.columns
+        Problem(name, f"column {name} is missing in {cells.path}") for name in wanted if name not in cells.columns
     ]
     problems += [
         Problem(name, f"column {name} of {cells.path} has no tolerance and is no key")
@@ -235,8 +229,7 @@ def _copy_form(copy: Cells, figure: Figure) -> list[Problem]:
     if sorted(copy.columns) != sorted(wanted):
         return [
             Problem(
-                "",
-                f"{copy.path} has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}; {REMEDY}",
+                "", f"{copy.path} has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}; {REMEDY}"
             )
         ]
     if any(_number(cell) is None for name in figure.number_columns for cell in copy.column(name)):
@@ -265,11 +258,7 @@ def _compare_text(name: str, ours: list[str], stored: list[str], positions: list
 
 
 def _compare_numbers(
-    name: str,
-    ours: list[str],
-    stored: list[str],
-    positions: list[int],
-    tolerance: Tolerance,
+    name: str, ours: list[str], stored: list[str], positions: list[int], tolerance: Tolerance
 ) -> list[Problem]:
     a = np.array([number(ours[i]) for i in positions])
     b = np.array([number(cell) for cell in stored])

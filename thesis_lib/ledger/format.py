@@ -107,9 +107,7 @@ class Claim(Section):
         if isinstance(check, Rel) and self.published == 0:
             raise ValueError("published is 0, so a relative tolerance admits nothing else: use kind abs")
         if isinstance(check, Threshold) and self.published is not None and not number:
-            raise ValueError(
-                f"published must be a number or left out, since the check is of kind {check.kind}"
-            )
+            raise ValueError(f"published must be a number or left out, since the check is of kind {check.kind}")
         if isinstance(check, Threshold) and check.reason is None:
             stated_threshold = 0.0 if self.published is None else self.published
             if check.threshold != stated_threshold:
@@ -188,15 +186,8 @@ def _read_file(path: Path) -> Ledger:
     shared_keys: set[Key] = {(key, str(name)) for key in ("checks", "notes") for name in shared[key]}
     at = {place: f"line {line_of(place, document)}" for place in (*uses.values(), *shared_keys)}
     problems = [
-        *(
-            f"{at[uses[use]]}: none of the {use[0]} is called {use[1]}"
-            for use in uses
-            if use not in shared_keys
-        ),
-        *(
-            f"{at[use]}: no claim uses {use[1]} of the {use[0]}"
-            for use in sorted(shared_keys - uses.keys(), key=str)
-        ),
+        *(f"{at[uses[use]]}: none of the {use[0]} is called {use[1]}" for use in uses if use not in shared_keys),
+        *(f"{at[use]}: no claim uses {use[1]} of the {use[0]}" for use in sorted(shared_keys - uses.keys(), key=str)),
         *_repeated([claim.get("id") for claim in claims if isinstance(claim, dict)]),
     ]
     return validate(Ledger, replace(document, content=content | {"claims": claims}), path, problems, copies)

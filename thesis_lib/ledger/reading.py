@@ -92,11 +92,7 @@ def _sentence(item: Any, document: Document) -> str:
     content, names, where = document.content, [], ""
     at: Key = ()
     for depth, part in enumerate(item["loc"], 1):
-        inside = (
-            part in content
-            if isinstance(content, dict)
-            else isinstance(content, list) and part < len(content)
-        )
+        inside = part in content if isinstance(content, dict) else isinstance(content, list) and part < len(content)
         if isinstance(content, dict) and not inside and depth < len(item["loc"]):
             continue  # pydantic inserts the tag of a union, which is not a key of the file
         content = content[part] if inside else None
@@ -108,10 +104,7 @@ def _sentence(item: Any, document: Document) -> str:
         else:
             where += f".{part}" if where else str(part)
     line = line_of(at, document)
-    place = (
-        ": ".join([*([f"line {line}"] if line else []), *names, *([where] if where else [])])
-        or "the whole file"
-    )
+    place = ": ".join([*([f"line {line}"] if line else []), *names, *([where] if where else [])]) or "the whole file"
     if item["type"] == "missing":
         hint = ": say why this tolerance is the right one" if item["loc"][-1] == "reason" else ""
         return f"{place} is missing{hint}"
@@ -146,9 +139,7 @@ class Cells:
             text = read_bytes(path, MAX_CSV).decode("utf-8")
             lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if line]
         except MissingFile as error:
-            raise UserError(
-                f"{path} does not exist; run the rule that makes it (snakemake {path})."
-            ) from error
+            raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).") from error
         except (FileProblem, csv.Error, UnicodeDecodeError) as error:
             reason = error.what if isinstance(error, FileProblem) else error
             raise CorruptFileError(f"{path} cannot be read ({reason}); delete it and run again.") from error
@@ -157,14 +148,11 @@ class Cells:
         columns, rows = lines[0], lines[1:]
         twice = sorted(name for name, count in Counter(columns).items() if count > 1)
         if twice:
-            raise CorruptFileError(
-                f"{path} has two columns called {', '.join(twice)[:200]}; delete it and run again."
-            )
+            raise CorruptFileError(f"{path} has two columns called {', '.join(twice)[:200]}; delete it and run again.")
         for i, row in enumerate(rows):
             if len(row) != len(columns):
                 raise CorruptFileError(
-                    f"{path}, data row {i}: {len(row)} cells under {len(columns)} columns; "
-                    "delete it and run again."
+                    f"{path}, data row {i}: {len(row)} cells under {len(columns)} columns; delete it and run again."
                 )
         return cls(path, columns, rows)
 
@@ -196,9 +184,7 @@ def read_present(path: str | Path) -> dict[str, bool]:
         UserError: the file is missing or has another form.
     """
     content = read_json(path)
-    if not all(
-        isinstance(entry, dict) and isinstance(entry.get("present"), bool) for entry in content.values()
-    ):
+    if not all(isinstance(entry, dict) and isinstance(entry.get("present"), bool) for entry in content.values()):
         raise CorruptFileError(
             f'{path} should look like {{"planar_impact": {{"present": true}}}}, one entry for each dataset; '
             "delete it and run again."

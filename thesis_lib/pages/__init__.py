@@ -41,9 +41,7 @@ def render(template: Path, **content: Any) -> "Markup":
     """A template filled with its content, as HTML that is not escaped again."""
     from markupsafe import Markup
 
-    return Markup(
-        _environment().get_template(template.relative_to(FOLDER.parent).as_posix()).render(**content)
-    )
+    return Markup(_environment().get_template(template.relative_to(FOLDER.parent).as_posix()).render(**content))
 
 
 def element(name: str, *content: Any) -> "Markup":

@@ -19,9 +19,7 @@ def records() -> dict[str, Record]:
     """
     names = [module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])]
     modules = [import_module(f"thesis_lib.records.{name}") for name in names if name != "catalogue"]
-    listed = {
-        id(value): value for module in modules for value in vars(module).values() if isinstance(value, Record)
-    }
+    listed = {id(value): value for module in modules for value in vars(module).values() if isinstance(value, Record)}
     by_name = {record.name: record for record in sorted(listed.values(), key=lambda record: record.order)}
     if len(by_name) < len(listed):
         raise ValueError("two records have the same name")

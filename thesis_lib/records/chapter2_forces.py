@@ -41,8 +41,7 @@ thesis gives none.""",
     keys="mass",
     tolerances={
         "t theta omega": Tolerance(
-            ("a deterministic simulation in closed form per step; only rounding, which impacts multiply"),
-            abs=1e-06,
+            ("a deterministic simulation in closed form per step; only rounding, which impacts multiply"), abs=1e-06
         )
     },
     columns={
@@ -85,9 +84,7 @@ What to look for: whether the truth lies within the standard errors of our estim
     keys="spoke series kind",
     tolerances={
         "t force_or_impulse std": Tolerance(
-            "estimates by iterated least squares; a thousandth of a force cannot be seen",
-            abs=0.0001,
-            rel=0.001,
+            "estimates by iterated least squares; a thousandth of a force cannot be seen", abs=0.0001, rel=0.001
         )
     },
     columns={
@@ -137,8 +134,7 @@ def figure_2_12(figure: "pd.DataFrame") -> str:
         for pair, forces in figure.groupby("pair")
     }
     parts = [
-        f"{percent(fitted)} at the {pair} (plain program: {percent(plain)})"
-        for pair, (fitted, plain) in errors.items()
+        f"{percent(fitted)} at the {pair} (plain program: {percent(plain)})" for pair, (fitted, plain) in errors.items()
     ]
     fitted = [error for error, _ in errors.values()]
     worst: Any = figure.iloc[int((figure["estimate"] - figure["true"]).abs().argmax())]
@@ -164,9 +160,7 @@ it.""",
     keys="pair component",
     tolerances={
         "t true estimate std plain": Tolerance(
-            "estimates by iterated least squares; a thousandth of a force cannot be seen",
-            abs=0.001,
-            rel=0.001,
+            "estimates by iterated least squares; a thousandth of a force cannot be seen", abs=0.001, rel=0.001
         )
     },
     columns={
@@ -185,11 +179,7 @@ def arm_summary(table: "pd.DataFrame") -> str:
     """Errors of forces and base parameters, and refused trajectories."""
     rows = table.set_index(["quantity", "method"])
     median = {key: float(value) for key, value in rows["error_median"].items()}
-    names = {
-        "arm_force": "forces at the arm",
-        "ground_force": "forces at the ground",
-        "theta": "base parameters",
-    }
+    names = {"arm_force": "forces at the arm", "ground_force": "forces at the ground", "theta": "base parameters"}
     parts = [
         f"{name} by {percent(median[key, 'ours'])} (plain program: {percent(median[key, 'plain'])})"
         for key, name in names.items()
@@ -301,11 +291,5 @@ def _relative_rms(estimate: "pd.Series", truth: "pd.Series") -> float:
 
 def _against_thesis(errors: list[float]) -> str:
     """Whether relative errors of contact forces are within the thesis's error."""
-    word = (
-        "within"
-        if max(errors) <= THESIS_FORCES
-        else "beyond"
-        if min(errors) > THESIS_FORCES
-        else "partly within"
-    )
+    word = "within" if max(errors) <= THESIS_FORCES else "beyond" if min(errors) > THESIS_FORCES else "partly within"
     return f"{word} the thesis's {percent(THESIS_FORCES)}"

@@ -4,17 +4,7 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Figure, Job, Table, Tolerance
 from thesis_lib.records.rows import FROM_ZERO, row_of
-from thesis_lib.statistics.wording import (
-    count,
-    ends,
-    estimate,
-    interval,
-    listed,
-    number,
-    percent,
-    side,
-    times,
-)
+from thesis_lib.statistics.wording import count, ends, estimate, interval, listed, number, percent, side, times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -118,9 +108,7 @@ def table_2_1(table: "pd.DataFrame") -> str:
     parts = []
     for shape, group in best.groupby("shape"):
         rows = group.set_index("method")
-        (arcs, arcs_std), (plain, plain_std) = rows.loc[
-            [ARCS, "plain"], ["mean_error", "mean_error_std"]
-        ].to_numpy()
+        (arcs, arcs_std), (plain, plain_std) = rows.loc[[ARCS, "plain"], ["mean_error", "mean_error_std"]].to_numpy()
         word = side(*ends(arcs, arcs_std), 0.0, FROM_ZERO)
         parts.append(
             f"m/I of the {shape} errs on average by {estimate(arcs, arcs_std, '%')} by maximum likelihood over arcs, "
@@ -136,13 +124,7 @@ def table_2_1(table: "pd.DataFrame") -> str:
     )
 
 
-TABLE_2_1 = Table(
-    name="table_2_1",
-    job=NOISE,
-    **ESTIMATES,
-    finding=table_2_1,
-    reads=("table_2_1.csv",),
-)
+TABLE_2_1 = Table(name="table_2_1", job=NOISE, **ESTIMATES, finding=table_2_1, reads=("table_2_1.csv",))
 
 
 def measured_ratio(table: "pd.DataFrame") -> str:
@@ -165,13 +147,9 @@ def _measured(dataset: str, rows: "pd.DataFrame") -> str:
         word = side(row["low"], row["high"], header, ("below", "not told apart from", "above"))
         if is_best or row["variant"] == "as_published":
             ratio = interval(row["ratio"], row["low"], row["high"], "1/m²")
-            parts.append(
-                f"{ratio} under {name}{', which leaves the least misfit' * is_best}, {word} the header"
-            )
+            parts.append(f"{ratio} under {name}{', which leaves the least misfit' * is_best}, {word} the header")
         if row["low"] <= header <= row["high"]:
-            holding.append(
-                name if is_best else f"{name} (misfit {times(row['misfit'] / best['misfit'])} the least)"
-            )
+            holding.append(name if is_best else f"{name} (misfit {times(row['misfit'] / best['misfit'])} the least)")
     return (
         f"{dataset} (header: {number(header, 4, '1/m²')}): m/I is {'; '.join(parts)}. The header lies in the interval "
         f"of {listed(holding) if holding else 'no hypothesis'}."
@@ -179,11 +157,7 @@ def _measured(dataset: str, rows: "pd.DataFrame") -> str:
 
 
 MEASURED_RATIO = Table(
-    name="measured_ratio",
-    job=MEASURED_RATIOS,
-    **RATIOS,
-    finding=measured_ratio,
-    reads=("measured_ratio.csv",),
+    name="measured_ratio", job=MEASURED_RATIOS, **RATIOS, finding=measured_ratio, reads=("measured_ratio.csv",)
 )
 
 
@@ -207,10 +181,7 @@ def figure_hidden(summary: "pd.DataFrame") -> str:
     datasets = summary["datasets"]
     right = (summary["right"] * datasets).round()
     parts = []
-    for truth, setting in (
-        ("nothing", "with nothing hidden"),
-        (OUTSIDE, f"with {OUTSIDE}, which is in no library,"),
-    ):
+    for truth, setting in (("nothing", "with nothing hidden"), (OUTSIDE, f"with {OUTSIDE}, which is in no library,")):
         selected = summary["truth"] == truth
         if selected.any():
             parts.append(f"{setting} on {int(right[selected].sum())} of {int(datasets[selected].sum())}")

@@ -77,9 +77,7 @@ the origin O of the fixed frame; β and l place P in the body. The thesis shows 
 pentagon of ours.""",
     keys="panel series",
     tolerances={"x y phi_n phi_t": GEOMETRY},
-    columns={
-        "phi_t": ("m", "x of the body's closest point from the origin"),
-    },
+    columns={"phi_t": ("m", "x of the body's closest point from the origin")},
 )
 
 
@@ -91,10 +89,7 @@ FIGURE_2_4 = Figure(
 the touchdown. Size, throw, window and noise (20 dB by default, the third level of Table 2.1) are ours.""",
     keys="panel series m",
     tolerances={"x y t": SIMULATED},
-    columns={
-        "t": ("s", "time since release"),
-        "m": ("1", "steps of the window"),
-    },
+    columns={"t": ("s", "time since release"), "m": ("1", "steps of the window")},
 )
 
 
@@ -137,10 +132,7 @@ estimate.""",
         "x": ("m", "horizontal position; panels c and d: shifted to the right in time"),
         "t": ("s", "time since release"),
         "rank": ("1", "combinations of (m, I) that the landing determines without known force"),
-        "sigma_1": (
-            "1",
-            ("larger singular value of the regressor outside the span of contact forces, scaled columns"),
-        ),
+        "sigma_1": ("1", ("larger singular value of the regressor outside the span of contact forces, scaled columns")),
         "sigma_2": ("1", "smaller singular value of the same"),
         "k_theta": ("m", "angle times the radius of gyration"),
         "rank_mass_known": ("1", "rank if the mass is given"),
@@ -168,9 +160,7 @@ equation 2.21 is the parameter of (a cos β, b sin β) instead. Radii of 2 and 1
 0.8 for a uniform ellipse.""",
     keys="panel series",
     tolerances={"x y phi_n beta": GEOMETRY},
-    columns={
-        "beta": ("rad", "polar angle of the touching point from the ellipse's major axis"),
-    },
+    columns={"beta": ("rad", "polar angle of the touching point from the ellipse's major axis")},
 )
 
 
@@ -212,9 +202,7 @@ shown, so that the outlines lie apart. Wheel, slope and the low coefficient of f
     reads=("figure_2_9.csv",),
     keys="panel series",
     tolerances={"x y t": SIMULATED},
-    columns={
-        "t": ("s", "time since release"),
-    },
+    columns={"t": ("s", "time since release")},
 )
 
 

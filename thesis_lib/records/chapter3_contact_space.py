@@ -45,10 +45,7 @@ def figure_3_3(coverage: "pd.DataFrame") -> str:
     """Shares of the admissible set covered by the laws."""
     share = coverage.set_index("law")["share"]
     is_published = share.index.str.endswith(PUBLISHED)
-    as_defined, differing = (
-        share[~is_published],
-        share[is_published].rename(lambda law: law.removesuffix(PUBLISHED)),
-    )
+    as_defined, differing = (share[~is_published], share[is_published].rename(lambda law: law.removesuffix(PUBLISHED)))
     # a law whose published code matches its definition has one row, used for both
     as_published = differing.combine_first(as_defined)
     return (
@@ -77,8 +74,7 @@ it leaves the ellipse, which means that it gains energy.""",
     keys="variant panel series",
     tolerances={
         "c_t c_n": Tolerance(
-            ("closed-form laws on a parameter grid; a corner of the outline may move by one cell's rounding"),
-            abs=1e-06,
+            ("closed-form laws on a parameter grid; a corner of the outline may move by one cell's rounding"), abs=1e-06
         )
     },
 )
@@ -96,9 +92,7 @@ The thesis shows the ellipse, whose trajectories are not public; here are a die 
     keys="trial series kind",
     tolerances={
         "t": INSTANTS,
-        "value": Tolerance(
-            "arcs in m and k·rad; the fit's rounding is far below the 0.1 mm of the tracker", abs=1e-06
-        ),
+        "value": Tolerance("arcs in m and k·rad; the fit's rounding is far below the 0.1 mm of the tracker", abs=1e-06),
     },
 )
 
@@ -136,9 +130,7 @@ an impact says that the samples there do not show free flight.""",
         "t": INSTANTS,
         "energy": Tolerance("squares of fitted velocities; fits agree to 1e-6", abs=1e-06, rel=0.0001),
     },
-    columns={
-        "energy": ("J", "energy above rest on the surface; J/kg where the dataset gives no mass"),
-    },
+    columns={"energy": ("J", "energy above rest on the surface; J/kg where the dataset gives no mass")},
 )
 
 

@@ -61,16 +61,12 @@ laws is what a wrong law costs with the right parameters of its own.
     keys="variant panel model",
     tolerances={
         "error": Tolerance(
-            "the axis ends at a quantile of the errors; these follow the fitted parameters",
-            abs=1e-06,
-            rel=0.001,
+            "the axis ends at a quantile of the errors; these follow the fitted parameters", abs=1e-06, rel=0.001
         ),
         "density": Tolerance(
             "the kernel's bandwidth follows the errors; 1 % of a density cannot be seen", abs=0.001, rel=0.01
         ),
-        "share_below": Tolerance(
-            "one impact of the quick scale's 150 may change sides of an error", abs=0.007
-        ),
+        "share_below": Tolerance("one impact of the quick scale's 150 may change sides of an error", abs=0.007),
     },
 )
 
@@ -122,17 +118,12 @@ Near the line the laws differ in how slip stops or reverses; elsewhere they agre
             "closed form of the impacts, which the arc fits give to 1e-6", abs=1e-08, rel=1e-05
         ),
         "error": Tolerance(
-            "mean of a few neighbours, one of which may change where two are equally near",
-            abs=1e-06,
-            rel=0.01,
+            "mean of a few neighbours, one of which may change where two are equally near", abs=1e-06, rel=0.01
         ),
         "n": Tolerance("a count", abs=0.5),
     },
     columns={
-        "momentum_t": (
-            "N s",
-            "tangential contact momentum before impact, (M_C v_C)_t; N s/kg without a mass",
-        ),
+        "momentum_t": ("N s", "tangential contact momentum before impact, (M_C v_C)_t; N s/kg without a mass"),
         "momentum_n": ("N s", "normal contact momentum before impact, (M_C v_C)_n; N s/kg without a mass"),
     },
 )

@@ -88,11 +88,7 @@ def figure_3_10(figure: "pd.DataFrame", statements: "pd.DataFrame") -> str:
     fits = panel[(panel["series"] == "individual") & panel["misfit"].notna()]
     zero = fits["mu"] < MU_ZERO
     here, elsewhere = fits.loc[zero, "misfit"].mean(), fits.loc[~zero, "misfit"].mean()
-    misfit = (
-        f", with {times(here / elsewhere)} the mean misfit of the others"
-        if zero.any() and elsewhere > 0
-        else ""
-    )
+    misfit = f", with {times(here / elsewhere)} the mean misfit of the others" if zero.any() and elsewhere > 0 else ""
     ensemble = float(panel.loc[panel["series"] == "ensemble", "mu"].iloc[0])
     word = side(*ends(mean["value"], mean["std"]), 0.0, ("below", "not told apart from", "above"))
     return (
@@ -127,16 +123,10 @@ normal than it came.
     reads=("figure_3_10.csv", "statements.csv"),
     keys="panel series trial impact parameter",
     tolerances={
-        "mu epsilon": Tolerance(
-            "where two pairs fit equally well rounding decides; elsewhere 1e-8", abs=0.001
-        ),
-        "misfit": Tolerance(
-            "the least misfit is known to the width of the final pattern", abs=1e-06, rel=0.0001
-        ),
+        "mu epsilon": Tolerance("where two pairs fit equally well rounding decides; elsewhere 1e-8", abs=0.001),
+        "misfit": Tolerance("the least misfit is known to the width of the final pattern", abs=1e-06, rel=0.0001),
         "density": Tolerance(
-            "the kernel's bandwidth follows the parameters; 1 % of a density cannot be seen",
-            abs=0.01,
-            rel=0.01,
+            "the kernel's bandwidth follows the parameters; 1 % of a density cannot be seen", abs=0.01, rel=0.01
         ),
     },
 )
@@ -191,9 +181,7 @@ The thesis does not say how it chose its examples.""",
     reads=("statements.csv",),
     keys="panel trial impact series",
     tolerances={
-        "c_t c_n": Tolerance(
-            "closed form of one impact, which the arc fits give to 1e-6", abs=1e-06, rel=0.0001
-        )
+        "c_t c_n": Tolerance("closed form of one impact, which the arc fits give to 1e-6", abs=1e-06, rel=0.0001)
     },
 )
 

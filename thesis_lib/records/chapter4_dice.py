@@ -40,17 +40,14 @@ def figure_4_8(dice: "pd.DataFrame") -> str:
     """Bias and scatter of each model's error at rest, against the thesis."""
     mean, std = (dice[dice["quantity"] == name].set_index("model") for name in ("mean", "std"))
     parts = [
-        f"{_error(mean, std, model)} (thesis {m:g} ± {s})".replace("-", "−")
-        for model, (m, s, _) in PUBLISHED.items()
+        f"{_error(mean, std, model)} (thesis {m:g} ± {s})".replace("-", "−") for model, (m, s, _) in PUBLISHED.items()
     ]
     least = str(std["value"].idxmin())
     if least not in PUBLISHED:
         parts.append(f"{_error(mean, std, least)}, the least scatter")
     scatter = compared(std.loc["residual_wrench"], std.loc["law"])
     words = ("biased", "", "biased")
-    biased = [
-        THROWERS[str(name)] for name, row in mean.iterrows() if side(row["low"], row["high"], 0.0, words)
-    ]
+    biased = [THROWERS[str(name)] for name, row in mean.iterrows() if side(row["low"], row["high"], 0.0, words)]
     return (
         f"Mean error ± standard deviation, in sides: {'; '.join(parts)}. The scatter with the learned wrench residual "
         f"is {scatter} that of the law alone; the intervals of the mean leave out zero for "
@@ -97,9 +94,7 @@ def figure_calibration(coverage: "pd.DataFrame") -> str:
     for model, rows in rolls.groupby("model", sort=False):
         row = row_of(rows, level=SHOWN_LEVEL)
         group = side(row["low"], row["high"], SHOWN_LEVEL, (narrow, uneven, wide))
-        groups[right if rows["passes"].all() else group].append(
-            f"{THROWERS[str(model)]} {share(row, 'coverage')}"
-        )
+        groups[right if rows["passes"].all() else group].append(f"{THROWERS[str(model)]} {share(row, 'coverage')}")
     parts = [f"{word} ({', '.join(models)})" for word, models in groups.items() if models]
     return f"Measured ends inside the central {percent(SHOWN_LEVEL)} of the belief: {'; '.join(parts)}."
 
@@ -134,9 +129,7 @@ def figure_restitution(contacts: "pd.DataFrame") -> str:
     if len(first) < FEWEST:
         return f"There is too little for a slope: {counted(len(first), 'first contact')}."
     measured, model = (_slope(first, name) for name in ("measured", "model"))
-    verb = side(
-        measured["low"], measured["high"], 0.0, ("falls", "neither rises nor falls for sure", "rises")
-    )
+    verb = side(measured["low"], measured["high"], 0.0, ("falls", "neither rises nor falls for sure", "rises"))
     return (
         f"Over {counted(len(first), 'first contact')} measured restitution, about {first['measured'].median():.2f}, "
         f"{verb} along the surface: {_per_10_cm(measured)}. That of the compliant contact has a slope of "
@@ -170,19 +163,12 @@ What to look for: a slope along the surface, which an impact law with one number
     keys="first trial",
     tolerances={
         "x": Tolerance(
-            (
-                "place of the contact point of the fitted body, whose search is stopped before it has "
-                "settled wholly"
-            ),
+            ("place of the contact point of the fitted body, whose search is stopped before it has settled wholly"),
             abs=0.002,
         ),
-        "measured": Tolerance(
-            "measured velocities, at a contact point of the fitted body", abs=0.03, rel=0.05
-        ),
+        "measured": Tolerance("measured velocities, at a contact point of the fitted body", abs=0.03, rel=0.05),
         "model": Tolerance(
-            "contact fitted by a seeded search that is stopped before it has settled wholly",
-            abs=0.05,
-            rel=0.05,
+            "contact fitted by a seeded search that is stopped before it has settled wholly", abs=0.05, rel=0.05
         ),
     },
     most_rows=80,

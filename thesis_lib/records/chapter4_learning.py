@@ -31,9 +31,7 @@ FIGURES = Job("ch4_figures", "chapter4/{dataset}", datasets=DROPPED)
 NAMED_FIGURE = Job("ch4_named_figure", "chapter4/{dataset}", datasets=DROPPED)
 GEOMETRY = Tolerance("closed-form geometry; only rounding", abs=1e-08)
 LEARNED = Tolerance(
-    ("hyperparameters end a search where its gradient is small; errors follow them to a per cent"),
-    abs=0.0001,
-    rel=0.05,
+    ("hyperparameters end a search where its gradient is small; errors follow them to a per cent"), abs=0.0001, rel=0.05
 )
 
 
@@ -61,10 +59,7 @@ impulse can give.""",
         "curve": ("1", "number of the curve within its series"),
         "tau_over_k": (
             "N s",
-            (
-                "couple about the contact point over the radius of gyration; N s/kg where the dataset "
-                "gives no mass"
-            ),
+            ("couple about the contact point over the radius of gyration; N s/kg where the dataset gives no mass"),
         ),
     },
 )
@@ -75,11 +70,7 @@ def figure_4_5(ratios: "pd.DataFrame", errors: "pd.DataFrame") -> str:
     over = {name: row_of(ratios, statement=statement) for statement, name in OVER_BOUND.items()}
     shown = [f"{LEARNERS[name]}: {_with_error(row)}" for name, row in over.items()]
     below = [LEARNERS[name] for name, row in over.items() if _ratio_side(row, ("below", "", "")) == "below"]
-    passed = (
-        f"below the bound {'is' if len(below) == 1 else 'are'} {listed(below)}"
-        if below
-        else "none is below it"
-    )
+    passed = f"below the bound {'is' if len(below) == 1 else 'are'} {listed(below)}" if below else "none is below it"
     by_impact = errors.pivot(index=["trial", "impact"], columns="model", values="error")
     # an impact that the model could not solve counts as not below the bound
     often = float((by_impact["wrench_x1"] < by_impact["irb_bound"]).mean())
@@ -133,10 +124,7 @@ can.""",
         "share_below": Tolerance("a few of the first split's impacts may change sides of an error", abs=0.02),
     },
     most_rows=60,
-    columns={
-        "variant": ("", "row of the figure"),
-        "n": ("1", "training impacts"),
-    },
+    columns={"variant": ("", "row of the figure"), "n": ("1", "training impacts")},
 )
 
 

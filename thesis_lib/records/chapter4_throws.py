@@ -80,9 +80,7 @@ FIGURE_4_7 = Figure(
     title="Outlines of one measured throw from the hand to rest",
     keys="trial",
     tolerances={"t x y theta": Tolerance("measured poses; only rounding", abs=1e-08)},
-    columns={
-        "theta": ("rad", "body angle"),
-    },
+    columns={"theta": ("rad", "body angle")},
 )
 
 
@@ -93,10 +91,7 @@ FIGURE_4_9 = Figure(
     caption="""They are chosen by the width of the belief at rest, not by the error.""",
     keys="trial case",
     tolerances={"t x y theta after_first": PARTICLES},
-    columns={
-        "theta": ("rad", "body angle"),
-        "after_first": ("1", "1 after the first contact"),
-    },
+    columns={"theta": ("rad", "body angle"), "after_first": ("1", "1 after the first contact")},
 )
 
 

@@ -14,11 +14,7 @@ from thesis_lib.statistics.wording import interval, listed, number, percent, sid
 if TYPE_CHECKING:
     import pandas as pd
 
-EFFECTS = {
-    "glued": "glue between blocks",
-    "slippery": "a slippery layer",
-    "heavy_tool": "a heavier pusher",
-}
+EFFECTS = {"glued": "glue between blocks", "slippery": "a slippery layer", "heavy_tool": "a heavier pusher"}
 ABSTRACTIONS = 4  # thesis, figure 5-8
 SURE = 0.95  # belief above which an abstraction counts as settled
 CHANCE = 0.5  # balanced accuracy of a guess
@@ -29,10 +25,7 @@ HIDDEN = Job("ch5_hidden", "chapter5")
 GEOMETRY = Tolerance("closed-form geometry; only rounding", abs=1e-08)
 DIAGRAM = {
     "panel": ("", "part of the picture, as lettered or titled in it"),
-    "series": (
-        "",
-        "what is drawn: a part, a plate or box (two corners), or `a to b`, an arrow (start, end)",
-    ),
+    "series": ("", "what is drawn: a part, a plate or box (two corners), or `a to b`, an arrow (start, end)"),
     "x": ("1", "place in the picture"),
     "y": ("1", "place in the picture"),
 }  # columns of hand-drawn diagrams
@@ -87,8 +80,7 @@ FIGURE_5_5C = Figure(
 def figure_5_7(summary: "pd.DataFrame") -> str:
     """How many predicted forces lie inside the friction cone, and whether resistance falls with height."""
     inside, force, predicted = (
-        row_of(summary, quantity=name)
-        for name in ("inside_cone", "height_correlation", "height_correlation_predicted")
+        row_of(summary, quantity=name) for name in ("inside_cone", "height_correlation", "height_correlation_predicted")
     )
     words = ("falls", "neither falls nor rises for sure", "rises")
     return (
@@ -201,10 +193,7 @@ stands for being stuck.""",
     columns={
         "abstraction": (
             "",
-            (
-                "name of the abstraction, given by a rule from its means (its number where there is a "
-                "column name)"
-            ),
+            ("name of the abstraction, given by a rule from its means (its number where there is a column name)"),
         ),
         "size": ("1", "samples learned from"),
         "set": ("", "number of the training set"),
@@ -218,10 +207,7 @@ stands for being stuck.""",
         "stuck_share": ("1", "share of the held-out pushes in it whose hidden label is stuck"),
         "stuck": (
             "1",
-            (
-                "1: counts as stuck (moves less than half of the advance, or drags the tower), found "
-                "without truth"
-            ),
+            ("1: counts as stuck (moves less than half of the advance, or drags the tower), found without truth"),
         ),
     },
 )
@@ -272,10 +258,7 @@ What to look for: how far the error falls back towards that on known towers once
         "stage": ("", "before or relearned"),
         "group": (
             "",
-            (
-                "affected: blocks with the effect, others; or all pushes, and those failing the "
-                "predictive check"
-            ),
+            ("affected: blocks with the effect, others; or all pushes, and those failing the predictive check"),
         ),
         "error": ("1", "mean |reading - prediction| over the spread of training's changes"),
         "low": ("1", "lower end of its 95 % interval"),

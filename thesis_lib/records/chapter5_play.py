@@ -118,9 +118,7 @@ def figure_5_5b(curve: "pd.DataFrame", needed: "pd.DataFrame") -> str:
     others = curve[~alike & (curve["policy"] != "hma")]
     if len(others):
         best = others.loc[others["mean"].idxmax()]
-        rest += (
-            f"; most of the other policies, {_policy(best['policy'], [best['size']])}: {_value(best, 'mean')}"
-        )
+        rest += f"; most of the other policies, {_policy(best['policy'], [best['size']])}: {_value(best, 'mean')}"
     return (
         f"With {size:,.0f} samples HMA extracts {_value(hma, 'mean')} blocks in a row, the mean of "
         f"{counted(hma['n'], 'tower')}, {goal} the {GOAL} that the thesis expects{rest}."
@@ -160,9 +158,7 @@ def figure_5_6(success: "pd.DataFrame") -> str:
     )
     tried = success[(success["attempts"] > 0) & success["published"].notna()]
     words = ("ours is lower for", "", "ours is higher for")
-    sides = tried.assign(
-        word=[side(row["low"], row["high"], row["published"], words) for _, row in tried.iterrows()]
-    )
+    sides = tried.assign(word=[side(row["low"], row["high"], row["published"], words) for _, row in tried.iterrows()])
     outside = sides[sides["word"] != ""]
     of_all = [
         f"{word} {listed([f'{action} ({phase})' for action, phase in zip(rows['action'], rows['phase'])])}"
@@ -224,9 +220,7 @@ def figure_paired(pairs: "pd.DataFrame", needed: "pd.DataFrame") -> str:
             f"each other policy are: {', '.join(parts)}.".replace("-", "−")
         )
     words = ("fewer blocks than", "a number not told apart from that of", "more blocks than")
-    judged = comparisons.assign(
-        word=[side(row["low"], row["high"], 0.0, words) for _, row in comparisons.iterrows()]
-    )
+    judged = comparisons.assign(word=[side(row["low"], row["high"], 0.0, words) for _, row in comparisons.iterrows()])
     parts = []
     for word, group in judged.groupby("word", sort=False):
         names = []
@@ -256,10 +250,7 @@ What to look for: intervals that leave out zero; the others are no differences t
         "rival": ("", "whom it is compared with on the same towers, blocks in the same order"),
         "size": ("1", "samples that the policy learned from; 0: does not learn"),
         "rival_size": ("1", "samples that the rival learned from; 0: does not learn"),
-        "difference": (
-            "1",
-            "consecutive extractions of the policy minus those of the rival, mean over towers",
-        ),
+        "difference": ("1", "consecutive extractions of the policy minus those of the rival, mean over towers"),
         "low": ("1", "lower end of its 95 % interval"),
         "high": ("1", "upper end of it"),
         "n": ("1", "towers that count"),
@@ -340,6 +331,4 @@ def _policy(name: str, sizes: Sequence[float]) -> str:
     """A policy's title, with its numbers of samples if there are any."""
     title = POLICIES.get(name, name.replace("_", " "))
     learned = [f"{size:,.0f}" for size in sorted(sizes) if size]
-    return (
-        f"{title} with {' to '.join(dict.fromkeys([learned[0], learned[-1]]))} samples" if learned else title
-    )
+    return f"{title} with {' to '.join(dict.fromkeys([learned[0], learned[-1]]))} samples" if learned else title

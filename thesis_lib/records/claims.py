@@ -20,9 +20,7 @@ def claims(table: "pd.DataFrame") -> str:
         f"{int((rows['status'] == REPRODUCED).sum())} of {len(rows)} in chapter {chapter}"
         for chapter, rows in compared.groupby("chapter")
     ]
-    sentence = (
-        f"Of {counted(len(table), 'claim')}: {number[REPRODUCED]} reproduced, {number[DEVIATES]} deviating"
-    )
+    sentence = f"Of {counted(len(table), 'claim')}: {number[REPRODUCED]} reproduced, {number[DEVIATES]} deviating"
     sentence += f", {number[NO_DATA]} without the data." if number[NO_DATA] else "."
     return sentence + (f" Of those compared, reproduced are {listed(chapters)}." if chapters else "")
 

@@ -14,14 +14,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PROVEN = {  # figure and source in summary.csv of the proof: where the effect was hidden
-    (
-        "right effect first or in the named group, laws injected, 150 drops",
-        "law",
-    ): "with its own law injected",
-    (
-        "the same, mechanisms, 150 drops",
-        "mechanism + drake",
-    ): "with its cause in our own integration or in Drake",
+    ("right effect first or in the named group, laws injected, 150 drops", "law"): "with its own law injected",
+    ("the same, mechanisms, 150 drops", "mechanism + drake"): "with its cause in our own integration or in Drake",
     ("both effects of a pair", "all"): "with two hidden at once, both of them",
 }
 QUIET = "nothing hidden, verdict adequate, per source"
@@ -46,9 +40,7 @@ def _missing(diagnosis: Mapping, found: Sequence[Mapping]) -> str:
 
     def named(effects: Sequence[Mapping]) -> str:
         doubt = " (or what these data cannot tell from it)"
-        return listed(
-            [f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in effects]
-        )
+        return listed([f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in effects])
 
     law = LAWS[diagnosis["base_model"]["name"]].title
     faults = [effect for effect in found if effect["family"] == "measurement"]
@@ -95,9 +87,7 @@ def proof(summary: "pd.DataFrame") -> str:
         least = min(quiet, key=lambda row: (row["measured"], row["low"]))
         sentences.append(f"With nothing hidden, no source has fewer than {_right(least)} found adequate.")
     if OUTSIDE in rows:
-        sentences.append(
-            f"A cause that the library does not hold is left unexplained in {_right(rows[OUTSIDE])}."
-        )
+        sentences.append(f"A cause that the library does not hold is left unexplained in {_right(rows[OUTSIDE])}.")
     return " ".join(sentences) or "No result of the proof is stored."
 
 

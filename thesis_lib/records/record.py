@@ -96,12 +96,7 @@ class Record:
     def order(self) -> tuple:
         """Key that sorts by chapter and number; records without a number come last in their chapter."""
         number = re.match(r"\d+-(\d+)(\w?)$", self.short)
-        return (
-            self.chapter,
-            not number,
-            int(number[1]) if number else 0,
-            number[2] if number else self.short,
-        )
+        return (self.chapter, not number, int(number[1]) if number else 0, number[2] if number else self.short)
 
     @property
     def file(self) -> str:
@@ -127,9 +122,7 @@ class Record:
             return self.finding(*tables)
         except (KeyError, IndexError) as error:
             names = ", ".join(str(folder / name) for name in self.reads)
-            raise UserError(
-                f"{names} lack {error}, from which the finding is read; run the pipeline again."
-            ) from error
+            raise UserError(f"{names} lack {error}, from which the finding is read; run the pipeline again.") from error
 
     def markup(self) -> str:
         """Heading, title and caption as reStructuredText, with the variable `dataset`."""

@@ -68,9 +68,7 @@ def plain(text: str) -> str:
     return visible(" ".join(text.split()))
 
 
-def write_index(
-    rows: Sequence[Mapping], out: Path, *, total: int, seed: int, effects: Sequence[str] | None
-) -> None:
+def write_index(rows: Sequence[Mapping], out: Path, *, total: int, seed: int, effects: Sequence[str] | None) -> None:
     """Write batch.csv, batch.json and index.html into `out`, from the rows of the datasets that ended.
 
     `total` is the number of datasets in the batch; `seed` and `effects` are the arguments of the critiques.
@@ -102,9 +100,7 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
         drops=[_cells(row, "n_impacts") for row in done if row["mechanism"] is None],
         mechanisms=[_cells(row, "mechanism") for row in done if row["mechanism"] is not None],
         failed=[
-            (_link(row["dataset"], f"{row['dataset']}.log"), row["reason"])
-            for row in rows
-            if row["status"] == "failed"
+            (_link(row["dataset"], f"{row['dataset']}.log"), row["reason"]) for row in rows if row["status"] == "failed"
         ],
     )
 
@@ -117,9 +113,7 @@ def _cells(row: Mapping, what: str) -> tuple[str, ...]:
 
 
 def _link(name: str, path: str) -> Markup:
-    return element(
-        "link", f"./{quote(path)}", plain(name)
-    )  # "./": a name with a colon would read as a scheme
+    return element("link", f"./{quote(path)}", plain(name))  # "./": a name with a colon would read as a scheme
 
 
 def _cell(value: float | str | None) -> str:

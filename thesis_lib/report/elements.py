@@ -40,9 +40,7 @@ def heading(title: str) -> Markup:
     return element("heading", title)
 
 
-def table(
-    caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Collection[int] = ()
-) -> Markup:
+def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Collection[int] = ()) -> Markup:
     """A table in a frame of its own that scrolls; empty without rows.
 
     The first cell of a row is its heading; `numeric` columns are aligned right.

@@ -36,9 +36,7 @@ def find_figure(asked: str) -> Figure:
         if figure.short.replace("_", "-") == key:
             return figure
     names = [figure.short for figure in figures()]
-    raise UserError(
-        f"There is no figure {asked!r}{near(key, names)}\npython -m thesis_lib figures lists them."
-    )
+    raise UserError(f"There is no figure {asked!r}{near(key, names)}\npython -m thesis_lib figures lists them.")
 
 
 def as_dictionary(figure: Figure, results: Path) -> dict:
@@ -96,9 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(prog="python -m thesis_lib figures", description=DESCRIPTION, epilog=EXAMPLES)
     parser.add_argument("figure", nargs="?", metavar="NUMBER", help="such as 3-8; default: list all")
     parser.add_argument("--results", type=Path, default=Path("results"), help="default: %(default)s")
-    parser.add_argument(
-        "--dataset", metavar="NAME", help="whose caption; default: the first whose picture is there"
-    )
+    parser.add_argument("--dataset", metavar="NAME", help="whose caption; default: the first whose picture is there")
     parser.add_argument("--json", action="store_true", help="print JSON instead of text")
     args = parser.parse_args(argv)
     figure = find_figure(args.figure) if args.figure else None

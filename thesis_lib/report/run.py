@@ -47,29 +47,15 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
 
     `findings` are files with findings; the table beside such a file is listed, too.
     """
-    made = [
-        (figure, name)
-        for figure in figures()
-        for name, file in figure.files.items()
-        if (results / file).is_file()
-    ]
-    tables = [
-        path
-        for path in findings
-        if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()
-    ]
+    made = [(figure, name) for figure in figures() for name, file in figure.files.items() if (results / file).is_file()]
+    tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
     sections = []
     for n in sorted({figure.chapter for figure, _ in made}):
         figures_here = [(figure, name) for figure, name in made if figure.chapter == n]
         tables_here = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
         groups = _groups(results, figures_here, tables_here)
         sections.append(
-            {
-                "number": n,
-                "title": f"Chapter {n}: {CHAPTERS[n]}",
-                "contents": _contents(figures_here),
-                "groups": groups,
-            }
+            {"number": n, "title": f"Chapter {n}: {CHAPTERS[n]}", "contents": _contents(figures_here), "groups": groups}
         )
     verdicts = sorted(path for path in findings if path.stem == "verdict")
     return page(

@@ -25,9 +25,7 @@ def draw_counts(n: int, draws: int, rng: np.random.Generator) -> np.ndarray:
     return rng.multinomial(n, np.full(n, 1.0 / n), size=draws)
 
 
-def bootstrap_mean(
-    values: np.ndarray, trial: np.ndarray, draws: int, rng: np.random.Generator
-) -> tuple[float, float]:
+def bootstrap_mean(values: np.ndarray, trial: np.ndarray, draws: int, rng: np.random.Generator) -> tuple[float, float]:
     """95 % interval of the mean of `values` (n,), in their unit; only different trials (n,) are independent."""
     trials, index = np.unique(trial, return_inverse=True)
     total, count = np.bincount(index, values), np.bincount(index).astype(float)
@@ -35,9 +33,7 @@ def bootstrap_mean(
     return central_95((counts @ total) / (counts @ count))
 
 
-def bootstrap_gain(
-    gain: np.ndarray, n: int, draws: int, rng: np.random.Generator
-) -> tuple[float, float, float]:
+def bootstrap_gain(gain: np.ndarray, n: int, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
     """Sum of the gains of trials (T,) over the n cases in all of them, and its 95 % interval."""
     low, high = central_95(draw_counts(len(gain), draws, rng) @ gain / n)
     return float(gain.sum() / n), low, high

@@ -4,11 +4,7 @@ CH4_DATASETS = [name for name in CONFIG.chapter4.datasets if DATASETS[name].pres
 CH4_CRITICISED = [name for name in CH4_DATASETS if name in CRITIQUE_DATASETS]
 CH4_DICE = [name for name in CONFIG.chapter4.dice_datasets if name in CH4_CRITICISED]
 CH4_CLAIMED = [  # what the ledger reads
-    *(
-        f"results/chapter4/{name}/learning_{table}.csv"
-        for name in CH4_DATASETS
-        for table in ("ratios", "convergence")
-    ),
+    *(f"results/chapter4/{name}/learning_{table}.csv" for name in CH4_DATASETS for table in ("ratios", "convergence")),
     *(f"results/chapter4/{name}/{table}.csv" for name in CH4_DICE for table in ("dice", "dice_difficulty")),
 ]
 CH4_DICE_TABLES = (

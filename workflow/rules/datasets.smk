@@ -1,7 +1,6 @@
 # Datasets: measured ones converted from their published files, simulated drops, and the impacts found in each.
 PRESENT = {
-    name: {"present": dataset.present, "simulated": dataset.origin == "simulated"}
-    for name, dataset in DATASETS.items()
+    name: {"present": dataset.present, "simulated": dataset.origin == "simulated"} for name, dataset in DATASETS.items()
 }
 # figures 3-5 and 3-6 of the thesis show ellipse trajectories, which nobody has published
 PRESENT["planar_impact_trajectories"] = {"present": False, "simulated": False}

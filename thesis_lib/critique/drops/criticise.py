@@ -156,8 +156,7 @@ def _irb(fitted: Fit, observations: Observations) -> float:
     """Mean IRB bound, m/s, of the impacts in the geometry of the fitted contact."""
     before, after = states_at_impact(fitted.model, fitted.values, observations)
     contacts = [
-        fitted.model.contact(state, fitted.values, observations.rig, observations.offset)
-        for state in (before, after)
+        fitted.model.contact(state, fitted.values, observations.rig, observations.offset) for state in (before, after)
     ]
     _, r_x, r_y, k_g = contacts[0]
     v_pre, v_post = (state.v for state, *_ in contacts)

@@ -104,10 +104,7 @@ def log_scores(
 
 
 def fit(
-    model: Model,
-    observations: Observations,
-    start: Mapping[str, float] | None = None,
-    rounds: int = ROUNDS,
+    model: Model, observations: Observations, start: Mapping[str, float] | None = None, rounds: int = ROUNDS
 ) -> Fit:
     """Fit all parameters from `start` (nulls if absent) and from every declared start of the last effect."""
     tries = [dict(start or {})]
@@ -125,10 +122,7 @@ def fit(
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options[:2]]
     if "mu" not in tries[0]:
         tries = [{**t, **attempt} for t in tries for attempt in _basins(model, observations, t)]
-        best = max(
-            (_fit_from(model, observations, attempt, 1) for attempt in tries),
-            key=lambda attempt: attempt.score,
-        )
+        best = max((_fit_from(model, observations, attempt, 1) for attempt in tries), key=lambda attempt: attempt.score)
         return _fit_from(model, observations, best.values, rounds)
     fits = [_fit_from(model, observations, attempt, rounds) for attempt in tries[:4]]
     return max(fits, key=lambda attempt: attempt.score)
@@ -166,11 +160,7 @@ def _fit_from(model: Model, observations: Observations, start: dict[str, float],
 
 
 def _levenberg_marquardt(
-    residuals: Callable[[np.ndarray], np.ndarray],
-    x: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    step: np.ndarray,
+    residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray, low: np.ndarray, high: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
     """Minimise |residuals(x)|² over x (p,) within the bounds `low`, `high`; `step` (p,): finite differences."""
     r = residuals(x)
@@ -208,11 +198,7 @@ def _levenberg_marquardt(
 
 
 def _covariance(
-    whitening: Whitening,
-    values: Mapping[str, float],
-    free: Sequence[str],
-    step: np.ndarray,
-    high: np.ndarray,
+    whitening: Whitening, values: Mapping[str, float], free: Sequence[str], step: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """Sandwich covariance (p, p) of the parameters `free`, as of an M-estimator.
 
@@ -279,9 +265,7 @@ def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
     return D
 
 
-def _best_sigma(
-    model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray
-) -> float:
+def _best_sigma(model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray) -> float:
     R = impact_residuals(model, values, observations)
 
     def loss(log_sigma: float) -> float:

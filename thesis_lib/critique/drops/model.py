@@ -116,11 +116,7 @@ class Model:
                 impulse = effect.impulse(impulse, space, mu, epsilon, (r_x, r_y), seen, p, rig)
         touches = space.v_n < 0.0
         c_t, c_n, tau = (np.where(touches, a, 0.0) for a in (impulse.c_t, impulse.c_n, impulse.tau))
-        after = seen.moved(
-            vx=seen.vx + c_t,
-            vy=seen.vy + c_n,
-            omega=seen.omega + w * (r_x * c_n - r_y * c_t + tau),
-        )
+        after = seen.moved(vx=seen.vx + c_t, vy=seen.vy + c_n, omega=seen.omega + w * (r_x * c_n - r_y * c_t + tau))
         for effect, p in reversed(active):
             after = effect.from_contact(after, p, rig)
         return self.to_measured(after, active, rig)
@@ -137,9 +133,7 @@ class Model:
         later = true.with_velocity(true.v + _H * a)
         return (self.to_measured(later, active, rig).v - self.to_measured(true, active, rig).v) / _H
 
-    def arc(
-        self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig
-    ) -> np.ndarray | None:
+    def arc(self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray | None:
         """Flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
         active = self.active(values)
         true = self.to_true(measured, active, rig)
@@ -162,8 +156,7 @@ class Model:
     def active(self, values: Mapping[str, float]) -> list[tuple[Effect, dict[str, float]]]:
         """The effects in order, each with the parameters p of its hooks."""
         return [
-            (effect, {p.name: values[f"{effect.name}.{p.name}"] for p in effect.parameters})
-            for effect in self.effects
+            (effect, {p.name: values[f"{effect.name}.{p.name}"] for p in effect.parameters}) for effect in self.effects
         ]
 
     @staticmethod

@@ -65,9 +65,7 @@ class Observations:
 
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
         """The impacts repeated `copies` times; without samples `nodes` and `weights` are not repeated."""
-        names = ("trial", "t", "value", "slope", "bow", "offset") + (
-            ("nodes", "weights") if with_samples else ()
-        )
+        names = ("trial", "t", "value", "slope", "bow", "offset") + (("nodes", "weights") if with_samples else ())
         arrays = {}
         for name in names:
             array = getattr(self, name)
@@ -79,11 +77,7 @@ def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observatio
     """Observations from trajectories with detected impacts, or else from impacts.csv."""
     impacts = find_impacts(dataset, settings)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
-    return (
-        _from_impacts(impacts, rig)
-        if impacts.samples is None
-        else _from_samples(impacts.samples, impacts, rig)
-    )
+    return _from_impacts(impacts, rig) if impacts.samples is None else _from_samples(impacts.samples, impacts, rig)
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:

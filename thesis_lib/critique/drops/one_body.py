@@ -65,10 +65,7 @@ def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
         return
     k_g, gravity = o.rig.k_g, o.rig.gravity
     stray = o.found.noise.stray * [1.0, 1.0, k_g]
-    for value, what in (
-        (stray[0], "sideways (x)"),
-        (stray[2], "in rotation (theta, at the radius of gyration)"),
-    ):
+    for value, what in ((stray[0], "sideways (x)"), (stray[2], "in rotation (theta, at the radius of gyration)")):
         if o.arcs and value > SIDEWAYS * gravity:
             raise UserError(
                 f"{name} is no planar free motion between impacts: in flight the body accelerates {what} by "
@@ -87,9 +84,7 @@ def _two_bodies(name: str, kind: str, groups: Groups, o: Observations) -> str:
     offset = 1e3 * float(np.hypot(*(b[1:3] - a[1:3])))
     differ = f"centres of mass {offset:.2g} mm apart"
     if kind == "touch":
-        what = (
-            f"at impact their centres are at different heights (sizes {sizes} that of dataset.yaml, {differ})"
-        )
+        what = f"at impact their centres are at different heights (sizes {sizes} that of dataset.yaml, {differ})"
     else:
         what = f"they turn differently under the same impulse (k² {sizes} that of dataset.yaml, {differ})"
     first, second = (_runs(groups.trials[mask]) for mask in (~groups.second, groups.second))
@@ -137,9 +132,7 @@ def balance_groups(o: Observations) -> Groups | None:
         variance = np.einsum("nii->ni", impacts.cov)
         v = variance[:, 3:6] + variance[:, 6:9]
         tilt = r[:, 1] * dv[:, 1] + r[:, 0] * dv[:, 0]
-        std = np.sqrt(
-            k2**2 * v[:, 2] + r[:, 0] ** 2 * v[:, 1] + r[:, 1] ** 2 * v[:, 0] + tilt**2 * variance[:, 2]
-        )
+        std = np.sqrt(k2**2 * v[:, 2] + r[:, 0] ** 2 * v[:, 1] + r[:, 1] ** 2 * v[:, 0] + tilt**2 * variance[:, 2])
     c, s = np.cos(theta), np.sin(theta)
     across = np.stack([c * dv[:, 1] - s * dv[:, 0], -s * dv[:, 1] - c * dv[:, 0]], axis=1)
     return two_groups(impacts.trial, couple, np.column_stack([k2 * dv[:, 2], -across]), std, o.noise_known)

@@ -33,10 +33,7 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     X = table.to_numpy(float)
     spread = X.std(axis=0)
     used = spread > 0
-    names, X = (
-        [name for name, use in zip(table.columns, used) if use],
-        (X - X.mean(axis=0))[:, used] / spread[used],
-    )
+    names, X = ([name for name, use in zip(table.columns, used) if use], (X - X.mean(axis=0))[:, used] / spread[used])
     Y = impact_residuals(fitted.model, fitted.values, observations)[:, :3] * [1.0, 1.0, k]
     # a Gaussian process would fit single wild impacts only
     Y = Y - np.median(Y, axis=0)

@@ -38,11 +38,7 @@ def components(observations: Observations) -> int:
     return 7 if observations.arcs else 3
 
 
-def states_at_impact(
-    model: Model,
-    values: Mapping[str, float],
-    observations: Observations,
-) -> tuple[State, State]:
+def states_at_impact(model: Model, values: Mapping[str, float], observations: Observations) -> tuple[State, State]:
     """Measured states just before and after impact, extrapolated with the model's flight."""
     o, value, slope = observations, observations.value, observations.slope
     sides = []
@@ -65,10 +61,7 @@ def states_at_impact(
 
 
 def impact_residuals(
-    model: Model,
-    values: Mapping[str, float],
-    observations: Observations,
-    states: tuple[State, State] | None = None,
+    model: Model, values: Mapping[str, float], observations: Observations, states: tuple[State, State] | None = None
 ) -> np.ndarray:
     """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m); `states` as of `states_at_impact`."""
     o, rig = observations, observations.rig
@@ -108,18 +101,13 @@ def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights
 
 
 def residual_covariance(
-    model: Model,
-    values: Mapping[str, float],
-    observations: Observations,
-    instant: np.ndarray | float = INSTANT,
+    model: Model, values: Mapping[str, float], observations: Observations, instant: np.ndarray | float = INSTANT
 ) -> np.ndarray:
     """S (n, m, m) without σ_m.
 
     `instant` is κ in s: wide if S weighs residuals (a fit of the instant), `t_std` for their size at the estimated one.
     """
-    return noise_covariance(
-        lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc
-    )
+    return noise_covariance(lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc)
 
 
 def noise_covariance(
@@ -153,9 +141,7 @@ def noise_covariance(
     secants = (up - down).reshape(2, 3, 2, n, -1)
     S = np.zeros((n, R.shape[2], R.shape[2]))
     for side, channel in product((0, 1), range(3)):
-        A = np.stack(list(secants[side, channel]), axis=1) / (
-            2.0 * step[:, side, channel, :, None]
-        )  # (n, 2, m)
+        A = np.stack(list(secants[side, channel]), axis=1) / (2.0 * step[:, side, channel, :, None])  # (n, 2, m)
         S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
     if o.arcs:
         w = (later - here) / _H_INSTANT

@@ -15,9 +15,7 @@ class CritiqueSettings(SearchSettings):
 
     rivals: int = Field(3, ge=1, description="laws with which the first effect is tried")
     excess_scatter: float = Field(
-        1.5,
-        gt=1,
-        description="median held-out error over that of noise, above which something is left unexplained",
+        1.5, gt=1, description="median held-out error over that of noise, above which something is left unexplained"
     )
 
 
@@ -35,13 +33,7 @@ class CritiqueRun(Section):
         None, description="trials used a dataset, the first ones; null: all, as on the command line"
     )
     proof: tuple[str, ...] = Field(
-        (
-            "law/nothing",
-            "law/tangential_restitution",
-            "law/com_offset",
-            "mechanism/nothing",
-            "mechanism/hunt_crossley",
-        ),
+        ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),
         description="source/truth of the proof's datasets that the pipeline runs again to check the stored table",
     )
     settings: CritiqueSettings = CritiqueSettings()

@@ -34,12 +34,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self.candidates, self.not_testable = testable_effects(observations)
 
     def fit(
-        self,
-        base: str,
-        effects: tuple[Effect, ...],
-        start: Mapping[str, float] | None = None,
-        *,
-        quick: bool = False,
+        self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, *, quick: bool = False
     ) -> Fit:
         return fit(Model(LAWS[base], effects), self.observations, start, rounds=1 if quick else ROUNDS)
 
@@ -49,9 +44,7 @@ class Drops(World[Effect, Fit, Judgement]):
     def cross_validate(self, fitted: Fit, folds: np.ndarray) -> Judgement:
         return cross_validate(fitted, self.observations, folds)
 
-    def is_material(
-        self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings
-    ) -> bool:
+    def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         return is_material(better, worse, candidate.channels, settings)
 
     def start_with(self, fitted: Fit, candidate: Effect) -> Mapping[str, float]:

@@ -108,9 +108,7 @@ def criticise_mechanism(
             f"The critique of a mechanism needs {MIN_TRIALS} trials or more to hold some out; got {len(trials)}."
         )
     if len({t.h for t in trials}) > 1:
-        raise UserError(
-            "The trials of one critique share a time step; resample them or criticise them apart."
-        )
+        raise UserError("The trials of one critique share a time step; resample them or criticise them apart.")
     kept, unseen = split(np.arange(len(trials)), thresholds.held_out_share, rng)
     held_out, training = (
         Windows(WeakForm([trials[i] for i in part], model, settings.windows), candidates, draws)

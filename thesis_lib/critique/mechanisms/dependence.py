@@ -22,15 +22,11 @@ def window_means(weak: WeakForm, values: np.ndarray) -> np.ndarray:
     return np.add.reduceat(values, weak.starts, axis=0) / counts[:, None]
 
 
-def dependence(
-    weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator
-) -> tuple[tuple[str, ...], float]:
+def dependence(weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator) -> tuple[tuple[str, ...], float]:
     """At most three coordinates and velocities ("d" + name) that z (N,) depends on, and the least p-value."""
     names = [f"{prefix}{name}" for prefix in ("", "d") for name in weak.model.coordinates]
     features = window_means(weak, np.concatenate([weak.motion.q, weak.motion.v], axis=1))
-    cells = np.stack(
-        [np.searchsorted(np.quantile(f, np.linspace(0, 1, BINS + 1)[1:-1]), f) for f in features.T]
-    )
+    cells = np.stack([np.searchsorted(np.quantile(f, np.linspace(0, 1, BINS + 1)[1:-1]), f) for f in features.T])
     rows = [np.flatnonzero(weak.coordinate == c) for c in np.unique(weak.coordinate)]
 
     def strengths(permuted: np.ndarray) -> np.ndarray:

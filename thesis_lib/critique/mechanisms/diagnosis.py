@@ -48,10 +48,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "n_windows": int(len(weak.starts) + len(held.starts)),
         "n_trials": int(len(np.unique(weak.trial)) + len(np.unique(held.trial))),
         "verdict": critique.verdict,
-        "base_model": {
-            "name": "believed_parameters",
-            "parameters": _parameters(identify_parameters(weak, base_fit)),
-        },
+        "base_model": {"name": "believed_parameters", "parameters": _parameters(identify_parameters(weak, base_fit))},
         "augmented_model": {
             "name": "believed_parameters",
             "parameters": _parameters(identify_parameters(weak, critique.fitted)),
@@ -67,11 +64,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             "explained_share": (base[0] - augmented[0]) / (base[0] - 1.0) if base[0] > 1.0 else None,
             "ladder": [rung[0] for rung in critique.ladder],
         },
-        "where": {
-            "by_contact": _where(critique, believed_z),
-            "depends_on": list(depends),
-            "p_value": p_dependence,
-        },
+        "where": {"by_contact": _where(critique, believed_z), "depends_on": list(depends), "p_value": p_dependence},
         "remaining": {
             "structured": critique.is_structured,
             "p_value": critique.remaining.p_value,
@@ -195,9 +188,7 @@ def _summary(d: Mapping, critique: MechanismCritique) -> list[str]:
         ]
     fall = f"the held-out misfit falls from {base} to {number(error['augmented'])}"
     if d["verdict"] == "effects":
-        sentences = [
-            f"The believed {d['mechanism']} leaves out: {listed(named)}; with it {fall} (noise alone: 1)."
-        ]
+        sentences = [f"The believed {d['mechanism']} leaves out: {listed(named)}; with it {fall} (noise alone: 1)."]
     else:
         what = f"; {listed(named)} was added and {fall}, which is" if named else f": the misfit is {base},"
         on = d["remaining"]["depends_on"]

@@ -92,10 +92,7 @@ def _gravity(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
     alpha = p[..., 0]
     gx, gy = model.gravity
     # g - R(α) g; gravity's share of Y is linear in gravity
-    change = (
-        gx * (1.0 - np.cos(alpha)) + gy * np.sin(alpha),
-        gy * (1.0 - np.cos(alpha)) - gx * np.sin(alpha),
-    )
+    change = (gx * (1.0 - np.cos(alpha)) + gy * np.sin(alpha), gy * (1.0 - np.cos(alpha)) - gx * np.sin(alpha))
     still = np.zeros_like(motion.v)
     shares = [model.regressor(motion.q, still, still, unit) @ model.parameters for unit in np.eye(2)]
     return sum((np.asarray(c)[..., None] * share for c, share in zip(change, shares)), np.zeros(1))

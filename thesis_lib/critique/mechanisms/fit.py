@@ -46,9 +46,7 @@ class ForceFit:
         return float(-0.5 * (self.z @ self.z))
 
 
-def total_force(
-    weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]
-) -> np.ndarray:
+def total_force(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Force (n, nv) in N or N m of `effects` at `values`, with the contact forces that they cause."""
     force = np.zeros_like(weak.f)
     motion = weak.motion

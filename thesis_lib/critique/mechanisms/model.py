@@ -14,11 +14,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from thesis_lib.identify.base_parameters.regressor import (
-    FREE_BODY_PARAMETERS,
-    free_body_regressor,
-    parameter_names,
-)
+from thesis_lib.identify.base_parameters.regressor import FREE_BODY_PARAMETERS, free_body_regressor, parameter_names
 from thesis_lib.simulate.stepping.arm_disk import LINKS, ArmDisk
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
@@ -49,9 +45,7 @@ class BelievedModel(ABC):
     mechanism: Mechanism
 
     @abstractmethod
-    def regressor(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
-    ) -> np.ndarray:
+    def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None) -> np.ndarray:
         """Y (n, nv, 4 b) at q, v, a (n, nv); `gravity` (2,) in m/s² replaces the believed one."""
 
     def contacts(self, q: np.ndarray) -> ContactGeometry:
@@ -91,18 +85,12 @@ class BelievedArm(BelievedModel):
         self.parameters = np.concatenate(rows)
         self.gravity = np.array([0.0, -arm.g])
         # a disk's centre is known; links are believed to have no offset across their axis
-        self.identified = (
-            *(f"{link}.{name}" for link in LINKS for name in ("m", "mc_x", "I")),
-            "disk.m",
-            "disk.I",
-        )
+        self.identified = (*(f"{link}.{name}" for link in LINKS for name in ("m", "mc_x", "I")), "disk.m", "disk.I")
         self.roller = (arm.disk_radius, (1,))
         self._first_length, length = arm.link_lengths
         self.payload = np.concatenate([np.zeros(4), [1.0, length, 0.0, length**2], np.zeros(4)])
 
-    def regressor(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
-    ) -> np.ndarray:
+    def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None) -> np.ndarray:
         g = self.gravity if gravity is None else gravity
         l1 = self._first_length
         n = len(q)
@@ -119,14 +107,7 @@ class BelievedArm(BelievedModel):
         second = free_body_regressor(
             np.stack([l1 * cos, l1 * sin, q[:, 0] + q[:, 1]], axis=1),
             np.stack([-l1 * turn * sin, l1 * turn * cos, turn + v[:, 1]], axis=1),
-            np.stack(
-                [
-                    l1 * (-spin * sin - turn**2 * cos),
-                    l1 * (spin * cos - turn**2 * sin),
-                    spin + a[:, 1],
-                ],
-                axis=1,
-            ),
+            np.stack([l1 * (-spin * sin - turn**2 * cos), l1 * (spin * cos - turn**2 * sin), spin + a[:, 1]], axis=1),
             g,
         )
         Y = np.zeros((n, 5, 12))
@@ -154,7 +135,5 @@ class BelievedWheel(BelievedModel):
         self.roller = (wheel.length, tuple(range(wheel.spokes)))
         self.payload = np.array([1.0, payload_radius, 0.0, payload_radius**2])
 
-    def regressor(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None
-    ) -> np.ndarray:
+    def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None) -> np.ndarray:
         return free_body_regressor(q, v, a, self.gravity if gravity is None else gravity)

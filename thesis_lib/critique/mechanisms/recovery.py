@@ -95,9 +95,7 @@ def force_error(
     true = np.array([(records[i].c_n[k], records[i].c_t[k]) for i, k in zip(weak.step_trial, weak.step)])
     normal = true[:, 0]
     touching = normal > 0.0
-    typical = np.array(
-        [np.median(column[on]) if on.any() else 0.0 for column, on in zip(normal.T, touching.T)]
-    )
+    typical = np.array([np.median(column[on]) if on.any() else 0.0 for column, on in zip(normal.T, touching.T)])
     counted = touching & (normal <= IMPACT * typical)
     counted = np.broadcast_to(counted[:, None], true.shape)
     difference = (estimate - true)[counted]

@@ -18,8 +18,7 @@ class WindowSettings(Section):
         4.0, gt=0, description="standard deviations of a gap within which a contact counts as active"
     )
     exact_db: float = Field(
-        80.0,
-        description="dB; noise-free states are judged as if they had this noise: the accuracy asked of the model",
+        80.0, description="dB; noise-free states are judged as if they had this noise: the accuracy asked of the model"
     )
 
 

@@ -111,14 +111,10 @@ def hidden_effect_study(
                 for db in ratios:
                     noise, choices = (stream(truth, db, what) for what in ("noise", "choices"))
                     trials = measured(records, db, noise, settings.critique.windows)
-                    critique = criticise_mechanism(
-                        trials, model, candidates_of(kind), choices, settings.critique
-                    )
+                    critique = criticise_mechanism(trials, model, candidates_of(kind), choices, settings.critique)
                     exact = exact_form(records, model, settings)
                     key = {"mechanism": kind, "truth": truth, "snr_db": db, "seed": seed}
-                    row, frame = _effects_row(
-                        critique, exact, records, truth, loaded(kind, model, settings, truth)
-                    )
+                    row, frame = _effects_row(critique, exact, records, truth, loaded(kind, model, settings, truth))
                     effects.append(key | {"trials": len(records)} | row)
                     parameters += [key | r for r in _parameter_rows(kind, truth, critique, settings.sizes)]
                     if seed == 0 and db == main:
@@ -178,9 +174,7 @@ def _relative(value: np.ndarray, true: np.ndarray) -> float:
     return float(np.sqrt(np.mean(((value - true) / true) ** 2)))
 
 
-def _parameter_rows(
-    kind: MechanismKind, truth: str, critique: MechanismCritique, sizes: HiddenSizes
-) -> list[dict]:
+def _parameter_rows(kind: MechanismKind, truth: str, critique: MechanismCritique, sizes: HiddenSizes) -> list[dict]:
     effect = next((s.effect for s in critique.steps if s.effect.name == truth), None)
     if effect is None:
         return []
@@ -203,8 +197,7 @@ def force_rows(
         for i, component in enumerate(("normal", "tangential")):
             on = np.flatnonzero(np.isfinite(true[:, i, j]))
             rows += [
-                (weak.h * weak.step[k], pair, component, true[k, i, j], before[k, i, j], after[k, i, j])
-                for k in on
+                (weak.h * weak.step[k], pair, component, true[k, i, j], before[k, i, j], after[k, i, j]) for k in on
             ]
     return pd.DataFrame(rows, columns=["t", "pair", "component", "true", "without", "with_effects"])
 
@@ -214,9 +207,7 @@ def summary_table(effects: "pd.DataFrame") -> "pd.DataFrame":
     import pandas as pd
 
     rows = []
-    medians = [
-        name for name in effects.columns if name.startswith(("misfit_", "force_error_", "theta_error_"))
-    ]
+    medians = [name for name in effects.columns if name.startswith(("misfit_", "force_error_", "theta_error_"))]
     for key, datasets in effects.groupby(["mechanism", "truth", "snr_db"], sort=False):
         low, high = wilson(int(datasets["right"].sum()), len(datasets))
         row = dict(zip(("mechanism", "truth", "snr_db"), key)) | {"datasets": len(datasets)}

@@ -101,9 +101,7 @@ class WeakForm:
         self.steps, self.trials = sum(len(t.f_ext) for t in trials), len(trials)
         for i, t in enumerate(trials):
             if not all(np.isfinite(x).all() for x in (t.q, t.v, t.f_ext, t.sigma)):
-                raise UserError(
-                    f"Trial {i} holds states, forces or noise that are not finite; repair or drop it."
-                )
+                raise UserError(f"Trial {i} holds states, forces or noise that are not finite; repair or drop it.")
         windows: list[_Window] = []
         for i, t in enumerate(trials):
             windows += self._windows(i, t, settings)
@@ -117,9 +115,7 @@ class WeakForm:
         self.active_pairs = tuple(w.active for w in windows)
         self._group(windows)
         q, v, v_next, f = (
-            np.concatenate(
-                [getattr(trials[w.trial], name)[w.start + later : w.stop + later] for w in windows]
-            )
+            np.concatenate([getattr(trials[w.trial], name)[w.start + later : w.stop + later] for w in windows])
             for name, later in (("q", 0), ("v", 0), ("v", 1), ("f_ext", 0))
         )
         self.f, self._v_next = f, v_next

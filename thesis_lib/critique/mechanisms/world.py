@@ -98,11 +98,7 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
         return Slopes(fitted.z, fitted.columns, columns, unit_noise=True)
 
     def is_material(
-        self,
-        better: ForceJudgement,
-        worse: ForceJudgement,
-        candidate: MechanismEffect,
-        settings: SearchSettings,
+        self, better: ForceJudgement, worse: ForceJudgement, candidate: MechanismEffect, settings: SearchSettings
     ) -> bool:
         return settings.matters(worse.misfit, better.misfit, 1.0)
 

@@ -39,9 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(report(folder=options.csv), end="")
         else:
             factor = find_size(options.effect, RATIO, options.seed)
-            print(
-                f"{options.effect}: {factor:g}, stored {stored_factor(options.effect):g} (factor on its scales)"
-            )
+            print(f"{options.effect}: {factor:g}, stored {stored_factor(options.effect):g} (factor on its scales)")
     except UserError as error:
         print(error, file=sys.stderr)
         return 1
@@ -90,33 +88,22 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--drops", type=int, default=150)
     run.add_argument("--noise", type=float, default=1.0, help="times the rig's (1)")
     run.add_argument("--ratio", type=float, default=RATIO, help="misfit over the noise floor (3)")
-    run.add_argument(
-        "--development", action="store_true", help="tuning seeds; results are printed, not stored"
-    )
+    run.add_argument("--development", action="store_true", help="tuning seeds; results are printed, not stored")
     again = commands.add_parser(
         "check", help="say which stored rows are older than the code, and compute some of them again"
     )
     again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
+    again.add_argument("--sample", type=int, default=SAMPLE, help=f"rows to compute again, 20 s each ({SAMPLE})")
     again.add_argument(
-        "--sample", type=int, default=SAMPLE, help=f"rows to compute again, 20 s each ({SAMPLE})"
+        "--all", action="store_true", help="all that are older than the code: over night; goes on with --stamp"
     )
-    again.add_argument(
-        "--all",
-        action="store_true",
-        help="all that are older than the code: over night; goes on with --stamp",
-    )
-    again.add_argument(
-        "--stamp", action="store_true", help="store what was computed where the verdict agrees"
-    )
-    table = commands.add_parser(
-        "table", help="the stored results against the targets, the misses, the confusion table"
-    )
+    again.add_argument("--stamp", action="store_true", help="store what was computed where the verdict agrees")
+    table = commands.add_parser("table", help="the stored results against the targets, the misses, the confusion table")
     table.add_argument(
         "--csv", type=Path, metavar="DIR", help="write summary.csv, misses.csv and confusion.csv there too"
     )
     size = commands.add_parser(
-        "size",
-        help="find the size of an effect at which the misfit is 3 times the floor again (half a minute)",
+        "size", help="find the size of an effect at which the misfit is 3 times the floor again (half a minute)"
     )
     size.add_argument("effect", choices=tuple(EFFECTS))
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")

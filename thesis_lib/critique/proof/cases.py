@@ -21,14 +21,7 @@ from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.rig.hidden_causes import (
-    CAUSES,
-    ELLIPSE_BODY,
-    PROOF_RELEASE,
-    RIG_NOISE,
-    SQUARE,
-    HiddenCauses,
-)
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
 
 NOTHING = "nothing"
 SOURCES = ("law", "mechanism", "drake")
@@ -95,9 +88,7 @@ class Case:
             KeyError: there is no such effect or cause.
         """
         names = self.hidden
-        return tuple(
-            (EFFECTS[name].name,) if self.source == "law" else CAUSES[name].effects for name in names
-        )
+        return tuple((EFFECTS[name].name,) if self.source == "law" else CAUSES[name].effects for name in names)
 
     @property
     def body(self) -> Body:
@@ -139,7 +130,5 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
         from thesis_lib.simulate.drake.drops import simulate_drake_drops as simulate
     else:
         from thesis_lib.simulate.compliant.drops import simulate_compliant_drops as simulate
-    drops = simulate(
-        case.body, PROOF_RELEASE, case.drops, hidden=HiddenCauses(**hidden), noise=noise, rng=rng
-    )
+    drops = simulate(case.body, PROOF_RELEASE, case.drops, hidden=HiddenCauses(**hidden), noise=noise, rng=rng)
     return Dataset("proof", drops.header, drops.trajectories), {}

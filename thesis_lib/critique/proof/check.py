@@ -61,12 +61,7 @@ def check(
 
 def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: Path = STORE) -> list[Case]:
     """Rows made by other code than today's: a random sample, the same for equal code; None: all of them."""
-    older = [
-        case
-        for source in sources
-        for case, row in read_rows(source, store).items()
-        if row.code != code_hash()
-    ]
+    older = [case for source in sources for case, row in read_rows(source, store).items() if row.code != code_hash()]
     if sample is None or sample >= len(older):
         return older
     chosen = generator(0, "proof check", code_hash()).choice(len(older), sample, replace=False)
@@ -112,9 +107,7 @@ def rerun(names: Sequence[str], store: Path = STORE) -> pd.DataFrame:
 
 def _numbers(row: Row) -> dict[str, float]:
     parameters = {
-        f"{name} {kind}": value
-        for name, values in row.parameters.items()
-        for kind, value in values._asdict().items()
+        f"{name} {kind}": value for name, values in row.parameters.items() for kind, value in values._asdict().items()
     }
     return {"n_impacts": row.n_impacts, **row.errors, **parameters}
 

@@ -104,15 +104,10 @@ def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recover
     names = [
         key
         for key in true
-        if key in fitted.values
-        and key not in ("mu", "epsilon")
-        and fitted.model.parameters[key].discrete is None
+        if key in fitted.values and key not in ("mu", "epsilon") and fitted.model.parameters[key].discrete is None
     ]
     if not names:
         return {}
     effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in names))
     bound = cramer_rao(Model(LAWS[LAW], effects), true, critique.training)
-    return {
-        key.split(".")[1]: Recovered(true[key], fitted.values[key], fitted.std[key], bound[key])
-        for key in names
-    }
+    return {key.split(".")[1]: Recovered(true[key], fitted.values[key], fitted.std[key], bound[key]) for key in names}

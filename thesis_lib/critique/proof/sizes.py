@@ -21,9 +21,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE
 
-CONFIG = (
-    Path(thesis_lib.__file__).resolve().parent.parent / "config"
-)  # in a checkout; an installed package has none
+CONFIG = Path(thesis_lib.__file__).resolve().parent.parent / "config"  # in a checkout; an installed package has none
 SIZES = CONFIG / "proof_sizes.json"
 # with less friction hardly any contact sticks, and some effects do not show
 MU, EPSILON = 0.3, 0.55
@@ -56,9 +54,7 @@ def stored_factor(name: str) -> float:
 def law_size(name: str, factor: float) -> dict[str, float]:
     """Parameters of an effect by name: its scales times `factor`."""
     return {
-        p.name: p.discrete
-        if p.discrete is not None
-        else float(np.clip(p.null + factor * p.scale, p.low, p.high))
+        p.name: p.discrete if p.discrete is not None else float(np.clip(p.null + factor * p.scale, p.low, p.high))
         for p in EFFECTS[name].parameters
     }
 
@@ -79,9 +75,7 @@ def find_size(name: str, ratio: float, seed: int) -> float:
         impact = float(judged.error.mean()) / judged.floor
         flight = np.sqrt(judged.sigmas["flight"])
         touch = np.sqrt(judged.sigmas["touch"]) / 0.85 if effect.channels == ("touch",) else 0.0
-        return float(
-            max(flight, 0.0) if effect.family == "flight" or name == "surface_tilt" else max(impact, touch)
-        )
+        return float(max(flight, 0.0) if effect.family == "flight" or name == "surface_tilt" else max(impact, touch))
 
     low, high = 0.01, 30.0
     for _ in range(9):

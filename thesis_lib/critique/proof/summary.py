@@ -92,9 +92,7 @@ TARGETS = (
     ),
     Target("the same, mechanisms, 150 drops", "right", "single", (0.85, 1.0), (0.95, 1.0), _EACH),
     Target("the same, mechanisms, 50 drops", "right", "single", (0.70, 1.0), (0.90, 1.0), _EACH, 50),
-    Target(
-        "nothing hidden, verdict adequate, per source", "right", NOTHING, (0.95, 1.0), (0.99, 1.0), _ALL[1:]
-    ),
+    Target("nothing hidden, verdict adequate, per source", "right", NOTHING, (0.95, 1.0), (0.99, 1.0), _ALL[1:]),
     Target("both effects of a pair", "right", "pair", (0.80, 1.0), (0.95, 1.0), _ALL),
     Target("outside the library: unexplained", "right", "outside", (0.80, 1.0), (0.95, 1.0), _EACH),
     Target(
@@ -106,12 +104,7 @@ TARGETS = (
         (("law",),),
     ),
     Target(
-        "held-out error after, over the noise floor (single effects)",
-        "misfit",
-        "single",
-        (0.0, 1.2),
-        (0.0, 1.05),
-        _ALL,
+        "held-out error after, over the noise floor (single effects)", "misfit", "single", (0.0, 1.2), (0.0, 1.05), _ALL
     ),
 )
 
@@ -198,9 +191,7 @@ def _asked(target: Target, group: Sequence[str]) -> float:
     if target.drops != 150:
         return float(ASKED["small"] * len(group))
     if target.kind in SEEDS_ASKED:
-        count = sum(
-            Case(source, truth, 0).kind == target.kind for source in group for truth in truths(source)
-        )
+        count = sum(Case(source, truth, 0).kind == target.kind for source in group for truth in truths(source))
         return float(SEEDS_ASKED[target.kind] * count)
     return float(ASKED[target.kind]) if group == target.groups[0] else np.nan
 
@@ -241,9 +232,7 @@ def as_text(content: dict[str, pd.DataFrame]) -> str:
         misfit = row.at_least.startswith("≤")
         value = _span(row.measured, row.low, row.high, misfit)
         size = f"mean group {row.group_size:.2f}" if np.isfinite(row.group_size) and not misfit else ""
-        lines.append(
-            f"    {row.source:<18}{value:<22}{asked + ' datasets':<23}{row.met:<10}{size:<17}".rstrip()
-        )
+        lines.append(f"    {row.source:<18}{value:<22}{asked + ' datasets':<23}{row.met:<10}{size:<17}".rstrip())
         if row.note:
             lines.append(f"        {row.note}")
     lines += ["", f"Misses at 150 drops: {len(content['misses'])}", ""]

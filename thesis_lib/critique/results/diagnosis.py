@@ -46,10 +46,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "n_trials": len(np.unique(critique.observations.trial)),
         "verdict": critique.verdict,
         "base_model": {"name": discovery.base, "parameters": _parameters(base, ("mu", "epsilon"))},
-        "augmented_model": {
-            "name": final.model.law.name,
-            "parameters": _parameters(final, ("mu", "epsilon")),
-        },
+        "augmented_model": {"name": final.model.law.name, "parameters": _parameters(final, ("mu", "epsilon"))},
         "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
         "error": _error(critique),
         "remaining": {
@@ -79,8 +76,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
 def _parameters(fitted: Fit, names: tuple[str, ...]) -> dict:
     declared = fitted.model.parameters
     return {
-        name: {"value": fitted.values[name], "std": fitted.std[name], "unit": declared[name].unit}
-        for name in names
+        name: {"value": fitted.values[name], "std": fitted.std[name], "unit": declared[name].unit} for name in names
     }
 
 
@@ -156,10 +152,7 @@ def _worst(critique: Critique) -> list[dict]:
     o = critique.held_out
     rows = np.argsort(-judged.error, kind="stable")[:WORST]
     t = o.t if o.arcs else np.full(len(o), np.nan)
-    return [
-        {"trial": int(o.trial[i]), "t": float(t[i]), "error": float(judged.error[i]), "unit": "m/s"}
-        for i in rows
-    ]
+    return [{"trial": int(o.trial[i]), "t": float(t[i]), "error": float(judged.error[i]), "unit": "m/s"} for i in rows]
 
 
 def _left_out(critique: Critique) -> dict:

@@ -46,9 +46,7 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
         m = len(trials)
         half = Z95 * np.sqrt(m * difference.var(ddof=1)) / n if m > 1 else np.nan
         rows.append((name, mean, low, high, gain, gain - half, gain + half))
-    table = pd.DataFrame(
-        rows, columns=["model", "error", "error_low", "error_high", "gain", "gain_low", "gain_high"]
-    )
+    table = pd.DataFrame(rows, columns=["model", "error", "error_low", "error_high", "gain", "gain_low", "gain_high"])
     best = np.min(np.stack([judged.error for judged in critique.laws.values()]), axis=0)
     return table.sort_values("error", kind="stable", ignore_index=True), best
 

@@ -57,9 +57,7 @@ class SavedModel(Section):
     dataset: str = Field("", description="fitted to it")
     law: str = Field(description="key of thesis_lib.contact.LAWS")
     effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
-    parameters: dict[str, SavedParameter] = Field(
-        description="mu, epsilon, and effect.parameter of each effect"
-    )
+    parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, and effect.parameter of each effect")
     scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
     rig: SavedRig
 
@@ -139,9 +137,7 @@ def load_model(path: str | Path) -> SavedModel:
         raise UserError(f"{path}: there is no law {model.law[:60]!r}; known are {', '.join(LAWS)}.")
     for name in model.effects:
         if name not in EFFECTS:
-            raise UserError(
-                f"{path}: there is no effect {name[:60]!r}; python -m thesis_lib effects lists them."
-            )
+            raise UserError(f"{path}: there is no effect {name[:60]!r}; python -m thesis_lib effects lists them.")
     needed = set(model.model.parameters)
     if needed != set(model.parameters):
         wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
@@ -150,9 +146,7 @@ def load_model(path: str | Path) -> SavedModel:
         with np.errstate(all="ignore"):
             _after(model, State(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
     except (ArithmeticError, ValueError) as error:  # for example sizes of 1e308 m
-        raise UserError(
-            f"{path} holds numbers that cannot be computed with ({error}). Write it again."
-        ) from error
+        raise UserError(f"{path} holds numbers that cannot be computed with ({error}). Write it again.") from error
     return model
 
 

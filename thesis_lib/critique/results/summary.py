@@ -9,13 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.words import (
-    CHANNEL_TEXT,
-    NAMED,
-    alternatives_listed,
-    feature_text,
-    reasons_listed,
-)
+from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import listed
 
@@ -44,9 +38,7 @@ def possible_faults(effect: Mapping) -> list[str]:
 def _faults(found: Sequence[Mapping], faults: Sequence[Mapping]) -> list[str]:
     sentences = []
     if faults:
-        doubtful = any(
-            EFFECTS[n].family != "measurement" for e in faults for n in e["indistinguishable_from"]
-        )
+        doubtful = any(EFFECTS[n].family != "measurement" for e in faults for n in e["indistinguishable_from"])
         sentences.append(
             f"The measurements {'may be' if doubtful else 'look'} faulty: {listed([_named(e) for e in faults])}; "
             "correct the camera or its calibration before reading anything else here as physics."
@@ -117,11 +109,7 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
     beyond = f"; its held-out error is {_speed(error['base'])}{_floor(error)}"
     if found:
         beyond = f" beyond {listed(physics) or 'that fault'}; {_with(content, found)} {_fall(content, found)}"
-    tried = (
-        "that your choice of effects does not explain"
-        if by_hand
-        else "that no effect in the library explains"
-    )
+    tried = "that your choice of effects does not explain" if by_hand else "that no effect in the library explains"
     sentences = [f"{_law(content, 'base_model')} misses something {tried}{beyond}."]
     channels = [CHANNEL_TEXT[name] for name in remaining["channels"] if name != "impact"]
     if channels:
@@ -204,9 +192,7 @@ def _floor(error: Mapping) -> str:
 def _named(effect: Mapping) -> str:
     title = EFFECTS[effect["name"]].title
     others = [EFFECTS[name].title for name in effect["indistinguishable_from"]]
-    return title + (
-        f" (or {alternatives_listed(others)}, which these data cannot tell apart)" if others else ""
-    )
+    return title + (f" (or {alternatives_listed(others)}, which these data cannot tell apart)" if others else "")
 
 
 def _speed(value: float) -> str:

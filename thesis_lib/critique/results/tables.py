@@ -76,8 +76,7 @@ def comparison(critique: Critique) -> pd.DataFrame:
     for name, (fitted, _) in bases.items():
         judged = critique.laws[name]
         rows.append(
-            _row(name, "law", residuals[name], fitted, judged)
-            | {"share_in_range": share[name], "tolerance": tolerance}
+            _row(name, "law", residuals[name], fitted, judged) | {"share_in_range": share[name], "tolerance": tolerance}
         )
     if critique.discovery.steps:
         _, fitted, judged = critique.ladder[-1]
@@ -213,9 +212,7 @@ def _errors(fitted: Fit, o: Observations) -> np.ndarray:
     return velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], o.rig.k_g)
 
 
-def _row(
-    model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, judged: Judgement | None = None
-) -> dict:
+def _row(model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, judged: Judgement | None = None) -> dict:
     solved = error[np.isfinite(error)]
     row = {
         "model": model,
@@ -241,9 +238,7 @@ def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
     tolerance = RANGE_FLOORS * floor if np.isfinite(floor) else RANGE_UNKNOWN
     v_pre, v_post, r = (a[:MOST_IN_RANGE] for a in velocities(base, o))
     n = len(v_pre)
-    target = target_of(
-        Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g)
-    )
+    target = target_of(Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g))
     shares = {}
     for name, (fitted, _) in critique.discovery.bases.items():
         error = fit_individual(fitted.model.law, target, "velocity").error
@@ -274,9 +269,7 @@ def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> floa
     for name in free:
         step = max(fitted.std[name], 1e-6)
         ends = [
-            impact_residuals(fitted.model, {**fitted.values, name: fitted.values[name] + sign * step}, o)[
-                :, :3
-            ]
+            impact_residuals(fitted.model, {**fitted.values, name: fitted.values[name] + sign * step}, o)[:, :3]
             for sign in (0.5, -0.5)
         ]
         columns.append((ends[0] - ends[1]) / step)

@@ -143,11 +143,7 @@ class _Search(Generic[E, F, J]):
     """State that stays fixed during the search: data, thresholds, folds and seed."""
 
     def __init__(
-        self,
-        world: World[E, F, J],
-        settings: SearchSettings,
-        rng: np.random.Generator,
-        say: Callable[[str], None],
+        self, world: World[E, F, J], settings: SearchSettings, rng: np.random.Generator, say: Callable[[str], None]
     ) -> None:
         self.world, self.settings, self.say = world, settings, say
         n = len(world.trials)
@@ -193,9 +189,7 @@ class _Search(Generic[E, F, J]):
         taken = {step.effect.name for step in steps}
         rest = [e for e in world.candidates.values() if e.name not in taken]
         last_scan = self.scan(fitted, rest, "last null")
-        return Discovery(
-            bases, ranked[0], tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable
-        )
+        return Discovery(bases, ranked[0], tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
 
     def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
         slopes = self.world.slopes(fitted, candidates)
@@ -205,13 +199,7 @@ class _Search(Generic[E, F, J]):
         return paired_gain(better, worse, generator(self.seed, *stream), self.world.resamples)
 
     def best_step(
-        self,
-        fitted: F,
-        judged: J,
-        contenders: Sequence[F],
-        candidates: Sequence[E],
-        tests: Scan,
-        forced: bool,
+        self, fitted: F, judged: J, contenders: Sequence[F], candidates: Sequence[E], tests: Scan, forced: bool
     ) -> tuple[Step[E, F, J] | None, F | None]:
         """The step that enters, or None and the fit with a significant but immaterial effect."""
         world, settings = self.world, self.settings

@@ -14,12 +14,8 @@ class SearchSettings(Section):
     finalists: int = Field(5, ge=1, description="candidates that are fitted in full at each step")
     alpha: float = Field(0.01, gt=0, lt=1, description="level of the null that counts the candidates tried")
     material_share: float = Field(0.05, ge=0, description="least fall of a held-out error, over that error")
-    material_floor: float = Field(
-        0.25, ge=0, description="least fall of a held-out error, over the noise floor"
-    )
-    tell_apart: float = Field(
-        3.0, gt=0, description="nats in total below which two effects cannot be told apart"
-    )
+    material_floor: float = Field(0.25, ge=0, description="least fall of a held-out error, over the noise floor")
+    tell_apart: float = Field(3.0, gt=0, description="nats in total below which two effects cannot be told apart")
 
     def matters(self, before: float, after: float, floor: float) -> bool:
         """Whether the fall from `before` to `after` is material; `floor`: error of noise alone."""

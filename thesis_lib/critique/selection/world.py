@@ -101,12 +101,7 @@ class World(ABC, Generic[E, F, J]):
 
     @abstractmethod
     def fit(
-        self,
-        base: str,
-        effects: tuple[E, ...],
-        start: Mapping[str, Any] | None = None,
-        *,
-        quick: bool = False,
+        self, base: str, effects: tuple[E, ...], start: Mapping[str, Any] | None = None, *, quick: bool = False
     ) -> F:
         """Fit all parameters to these data, from `start` where it has them; `quick` may stop early."""
 

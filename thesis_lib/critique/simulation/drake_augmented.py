@@ -79,9 +79,7 @@ def simulate_augmented_in_drake(
     table = pd.concat(tables, ignore_index=True)
     sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
     # drawn for all samples: a body that comes to rest early changes no other's noise
-    noises = noise_rng.standard_normal((n, len(samples), 3))[
-        table["trial"], np.rint(table["t"] * rate).astype(int)
-    ]
+    noises = noise_rng.standard_normal((n, len(samples), 3))[table["trial"], np.rint(table["t"] * rate).astype(int)]
     table[list(POSE)] += [std or 0.0 for std in sigma] * noises
     header = Header(
         schema=1,

@@ -89,9 +89,7 @@ def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.nd
     return s.flown(model.acceleration(half, values, rig), h)
 
 
-def _step(
-    model: Model, values: Mapping[str, float], rig: Rig, s: State, h: float, alive: np.ndarray
-) -> State:
+def _step(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: float, alive: np.ndarray) -> State:
     """One step of h seconds for all drops; `alive` (n,) is cleared for drops that come to rest."""
     n = len(s.x)
     remaining = np.full(n, h)
@@ -107,9 +105,7 @@ def _step(
             low, high = np.where(below, low, middle), np.where(below, middle, high)
         at = _fly(model, values, rig, s, np.where(hits, low, remaining))
         after = model.predict(at, values, rig)
-        moved = {
-            name: np.where(hits, getattr(after, name), getattr(at, name)) for name in ("vx", "vy", "omega")
-        }
+        moved = {name: np.where(hits, getattr(after, name), getattr(at, name)) for name in ("vx", "vy", "omega")}
         r = rig.shape.contact_point(at.theta)
         approach = at.vy + r[:, 0] * at.omega
         alive &= ~(hits & (approach > -REST))

@@ -102,9 +102,7 @@ def proof_releases(model: SavedModel) -> Release:
     return PROOF_RELEASE.model_copy(update={"height": height})
 
 
-def measured_releases(
-    model: SavedModel, like: Dataset, observations: Observations
-) -> tuple[MeasuredReleases, float]:
+def measured_releases(model: SavedModel, like: Dataset, observations: Observations) -> tuple[MeasuredReleases, float]:
     """Releases of a dataset, and the duration to record in s.
 
     Raises:
@@ -146,13 +144,7 @@ def _noise(like: Dataset, observations: Observations) -> Noise:
 
 
 def _in_ours(
-    model: SavedModel,
-    releases: Releases,
-    n: int,
-    duration: float,
-    rate: float,
-    noise: Noise,
-    rng: np.random.Generator,
+    model: SavedModel, releases: Releases, n: int, duration: float, rate: float, noise: Noise, rng: np.random.Generator
 ) -> Dataset:
     rig = model.rig
     dataset = simulate_law_drops(
@@ -189,13 +181,4 @@ def _in_drake(
         raise UserError(
             f"Drake cannot be used here ({error}): install it (pip install drake), or use --engine own."
         ) from error
-    return simulate_augmented_in_drake(
-        model,
-        releases,
-        n,
-        duration=duration,
-        rate=rate,
-        noise=noise,
-        rng=rng,
-        say=say,
-    )
+    return simulate_augmented_in_drake(model, releases, n, duration=duration, rate=rate, noise=noise, rng=rng, say=say)

@@ -55,17 +55,13 @@ def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarra
         why = f"{blind} steps between samples are larger than 1.5 turns"
     elif shape is not None and k_g is not None and not buried:
         spin = k_g * float(np.median(speeds["theta"]))
-        inside, in_degrees = (
-            _share_inside(shape, body.height, y, angle) for angle in (theta, theta * TO_RAD)
-        )
+        inside, in_degrees = (_share_inside(shape, body.height, y, angle) for angle in (theta, theta * TO_RAD))
         if spin > max(SPIN_FAST, SPIN_SURE * speed) and speed > 0.0:
             why = f"as radians, the rim would move {spin / speed:.0f} times faster than the centre"
         elif spin > SPIN_LIKELY * speed > 0.0 and inside > DEEP_SHARE > in_degrees:
             why = f"as radians, the body would be inside the surface in {inside:.0%} of the rows, as degrees in none"
     if why:
-        table.error(
-            "column theta", f"looks like degrees ({theta.min():.4g} to {theta.max():.4g}; {why})", RADIANS
-        )
+        table.error("column theta", f"looks like degrees ({theta.min():.4g} to {theta.max():.4g}; {why})", RADIANS)
         return
     if shape is None or k_g is None:
         return
@@ -121,8 +117,6 @@ def _reach(shape: Shape) -> tuple[float, float]:
     return float(depth.min()), float(depth.max())
 
 
-def _share_inside(
-    shape: Shape, height: float, y: np.ndarray, theta: np.ndarray, depth: float = DEEP
-) -> float:
+def _share_inside(shape: Shape, height: float, y: np.ndarray, theta: np.ndarray, depth: float = DEEP) -> float:
     """Share of the poses in which the body reaches more than `depth` extents into the surface."""
     return float(np.mean(shape.gap(y, theta, height) < -depth * shape.extent))

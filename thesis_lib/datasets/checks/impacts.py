@@ -40,9 +40,7 @@ def check_impacts(table: Table, body: KnownBody) -> None:
     if what := body.sunk(q[:, 1]):
         remedy = UPWARDS + ", or correct surface.height in dataset.yaml"
         table.error("column y", what, remedy, q[:, 1] < body.height)
-    speeds = {
-        name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])
-    }
+    speeds = {name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])}
     if fast := {name: value for name, value in speeds.items() if value > LARGEST_SPEED}:
         name, value = next(iter(fast.items()))
         table.error(

@@ -22,9 +22,7 @@ TO_RAD = np.pi / 180.0
 RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
 SHAPE_METRES = METRES + " (--shape of the init command takes m, whatever --units says of the log)"
-UPWARDS = (
-    "y must point up, away from the surface: flip its sign (and that of theta if that turns clockwise then)"
-)
+UPWARDS = "y must point up, away from the surface: flip its sign (and that of theta if that turns clockwise then)"
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,7 @@ from thesis_lib.datasets.format.validate import Problem
 
 GROSS_SIZE = 1.4  # ratio of heights at impact to those of the shape; beyond any error of ruler or frame
 FEW_HITS = 10  # impacts below which shape and surface are not judged
-BLIND_SHAPE = (
-    0.1  # extents by which the lowest point moves over a turn; below, the gap does not depend on theta
-)
+BLIND_SHAPE = 0.1  # extents by which the lowest point moves over a turn; below, the gap does not depend on theta
 FACTORS = {  # likely causes of a shape that is too large by a factor
     2.0: "diameters given as semi-axes or radius?",
     10.0: "centimetres for millimetres?",

@@ -58,11 +58,7 @@ def check_header(header: Header, report: Report) -> None:
         what = f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?"
         report.warn(FILE, "body.mass", what, "give the mass in kg")
     if header.gravity > LARGEST_GRAVITY:
-        error(
-            "gravity",
-            f"{header.gravity:g} m/s² is more than on any planet",
-            "give it in m/s² (9.81 on Earth)",
-        )
+        error("gravity", f"{header.gravity:g} m/s² is more than on any planet", "give it in m/s² (9.81 on Earth)")
     if noise is not None and noise.position is not None and noise.position > extent:
         what = f"{noise.position:g} m is larger than the body: millimetres?"
         error("noise.position", what, "give it in m")
@@ -120,9 +116,7 @@ def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: Kn
     return bool(what)
 
 
-def _check_lengths(
-    table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: KnownBody, fall: float
-) -> bool:
+def _check_lengths(table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: KnownBody, fall: float) -> bool:
     """Report x or y in millimetres or centimetres; whether there is doubt.  `fall` is ÿ at release over −gravity."""
     doubts = {}
     high = 0.0

@@ -91,9 +91,7 @@ class Dataset:
     def stated_impacts(self) -> Impacts:
         """The impacts of impacts.csv as arrays, whatever the trajectories; UserError without impacts.csv."""
         if self.impacts is None:
-            raise UserError(
-                f"The dataset {self.name} has no impacts.csv; use find_impacts on its trajectories."
-            )
+            raise UserError(f"The dataset {self.name} has no impacts.csv; use find_impacts on its trajectories.")
         return Impacts.from_table(self.impacts, self.shape, self.k_g, self.mass)
 
     def digest(self) -> str:

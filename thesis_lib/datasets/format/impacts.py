@@ -75,9 +75,7 @@ class Impacts:
         return self.select(np.sort(rng.choice(len(self), size=count, replace=False)))
 
     @classmethod
-    def from_table(
-        cls, table: pd.DataFrame, shape: Shape, k_g: float, mass: float | None = None
-    ) -> "Impacts":
+    def from_table(cls, table: pd.DataFrame, shape: Shape, k_g: float, mass: float | None = None) -> "Impacts":
         """Impacts from a table with at least `IMPACT_COLUMNS`; `k_g` in m, `mass` in kg.
 
         Contact points are `r_x`, `r_y` if present, else derived from shape and θ.
@@ -104,12 +102,7 @@ class Impacts:
         table = pd.DataFrame({"trial": self.trial, "impact": self.impact})
         if not np.all(np.isnan(self.t)):
             table["t"] = self.t
-        for names, values in (
-            (POSE, self.q),
-            (V_PRE, self.v_pre),
-            (V_POST, self.v_post),
-            (("r_x", "r_y"), self.r),
-        ):
+        for names, values in ((POSE, self.q), (V_PRE, self.v_pre), (V_POST, self.v_post), (("r_x", "r_y"), self.r)):
             for i, name in enumerate(names):
                 table[name] = values[:, i]
         table["flags"] = self.flags

@@ -18,9 +18,7 @@ class ArcSettings(Section):
         5, ge=3, description="samples needed on either side; two hits nearer than this are `second_hit`"
     )
     guard: float = Field(
-        1e-3,
-        ge=0,
-        description="s; samples this near to an impact may fall into the contact (about 1 ms): not used",
+        1e-3, ge=0, description="s; samples this near to an impact may fall into the contact (about 1 ms): not used"
     )
     double_hit: float = Field(
         5e-3,
@@ -47,25 +45,17 @@ class ArcSettings(Section):
         0.1, ge=0, description="m/s in the kinetic metric; slower events are rocking and rolling, not impacts"
     )
     scales: tuple[Annotated[int, Field(ge=2)], ...] = Field(
-        (2, 3, 5, 8),
-        min_length=1,
-        description="samples on either side of the detector's line fits, fine to coarse",
+        (2, 3, 5, 8), min_length=1, description="samples on either side of the detector's line fits, fine to coarse"
     )
     outlier_sigma: float = Field(
         7.0, gt=0, description="sigmas by which one sample must stand out to be masked as a tracking glitch"
     )
-    lost_frame: float = Field(
-        1.5, gt=1, description="a step in t above this many sampling intervals is a gap"
-    )
+    lost_frame: float = Field(1.5, gt=1, description="a step in t above this many sampling intervals is a gap")
     not_ballistic: float = Field(
-        9.0,
-        gt=1,
-        description="reduced chi² of an arc above which it is no free flight: the impact is left out",
+        9.0, gt=1, description="reduced chi² of an arc above which it is no free flight: the impact is left out"
     )
     arc_deviation: float = Field(
-        2.0,
-        gt=1,
-        description="reduced chi² of an arc above which (if also significant) the impact is flagged",
+        2.0, gt=1, description="reduced chi² of an arc above which (if also significant) the impact is flagged"
     )
     meet_sigma: float = Field(
         6.0,
@@ -78,9 +68,7 @@ class ArcSettings(Section):
     touch_limit: float = Field(
         2e-3, gt=0, description="m; gap at impact above this (and above 5 sigma) is flagged `no_touch`"
     )
-    noise_ratio: float = Field(
-        1.5, gt=1, description="factor between stated and found noise that calls for a warning"
-    )
+    noise_ratio: float = Field(1.5, gt=1, description="factor between stated and found noise that calls for a warning")
 
     @model_validator(mode="after")
     def _windows_fit(self) -> "ArcSettings":
@@ -115,9 +103,7 @@ class Samples:
         return np.column_stack([self.q[:, 0], self.q[:, 1] + 0.5 * gravity * t**2, self.q[:, 2]])
 
 
-def make_samples(
-    trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings
-) -> Samples:
+def make_samples(trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings) -> Samples:
     """Samples from `trial` (N,), `t` (N,) in s and `q` (N, 3) in m, m, rad, in any order: sorted, runs marked."""
     trial, t, q = np.asarray(trial), np.asarray(t, float), np.asarray(q, float)
     order = np.lexsort((t, trial))

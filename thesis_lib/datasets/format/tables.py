@@ -267,11 +267,7 @@ def _numbers(
     first = repr(str(column[text].iloc[0])[:40]) if text.any() else ""
     again = "or measure them again"
     return values, [
-        (
-            text,
-            f"is not a number (first: {first})",
-            "write numbers with a decimal point, no units in the cell",
-        ),
+        (text, f"is not a number (first: {first})", "write numbers with a decimal point, no units in the cell"),
         (empty, "is empty or NaN", f"remove these rows (lost frames are simply left out), {again}"),
         (np.isinf(values) & ~ragged, "is infinite", f"remove these rows, {again}"),
         (huge, f"is beyond ±{limit:.0e}", "give SI units (m, rad, s, m/s, rad/s)"),
@@ -283,9 +279,7 @@ def _as_float(numbers: pd.Series) -> np.ndarray:
     try:
         return numbers.to_numpy(dtype=float, na_value=np.nan).copy()
     except (OverflowError, ValueError, TypeError):  # integers beyond the range of floats, complex numbers
-        return (
-            pd.to_numeric(numbers.astype(str), errors="coerce").to_numpy(dtype=float, na_value=np.nan).copy()
-        )
+        return pd.to_numeric(numbers.astype(str), errors="coerce").to_numpy(dtype=float, na_value=np.nan).copy()
 
 
 def _is_number(text: str) -> bool:

@@ -89,16 +89,12 @@ class Table:
     def error(self, where: str, what: str, remedy: str, rows: np.ndarray | None = None) -> None:
         """Report an error at `where`; with a mask `rows` over `data`, only if it selects any."""
         if rows is None or np.any(rows):
-            self.report.error(
-                self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy
-            )
+            self.report.error(self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy)
 
     def warn(self, where: str, what: str, remedy: str, rows: np.ndarray | None = None) -> None:
         """Like `error`, for what is suspicious but not wrong."""
         if rows is None or np.any(rows):
-            self.report.warn(
-                self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy
-            )
+            self.report.warn(self.file, where if rows is None else f"{where}, {self.rows(rows)}", what, remedy)
 
 
 def row_text(rows: Sequence[int] | np.ndarray) -> str:

@@ -222,9 +222,7 @@ def is_bent(fits: ArcFits, sigma: np.ndarray, limit: float) -> np.ndarray:
     return (fits.n_side > 2) & (reduced > np.maximum(limit, 1.0 + _SIGNIFICANT * np.sqrt(2.0 / dof)))
 
 
-def _start_from_lines(
-    p: np.ndarray, side: np.ndarray, tau: np.ndarray, q: np.ndarray, gravity: float
-) -> None:
+def _start_from_lines(p: np.ndarray, side: np.ndarray, tau: np.ndarray, q: np.ndarray, gravity: float) -> None:
     """Set q_c, v−, v+ in p from lines through the samples of each side, gravity removed."""
     flight = q.copy()
     flight[..., 1] += 0.5 * gravity * tau**2

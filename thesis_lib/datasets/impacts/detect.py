@@ -103,9 +103,7 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
     if impacts is not None and len(impacts):
         return _from_given(impacts, dataset.header, settings)
     if dataset.trajectories is None:
-        raise UserError(
-            f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them."
-        )
+        raise UserError(f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them.")
     table, header = dataset.trajectories, dataset.header
     detected = find_in_arrays(
         table["trial"].to_numpy(),
@@ -189,12 +187,7 @@ def find_in_arrays(
 
 
 def _detection_warnings(
-    fits: ArcFits,
-    used: np.ndarray,
-    reasons: np.ndarray,
-    flags: np.ndarray,
-    header: Header,
-    trials: np.ndarray,
+    fits: ArcFits, used: np.ndarray, reasons: np.ndarray, flags: np.ndarray, header: Header, trials: np.ndarray
 ) -> tuple[str, ...]:
     """Sentences for the user if nothing was found, or if most impacts happen off the surface."""
     advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
@@ -223,11 +216,7 @@ def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
 
 
 def _fit_straightest(
-    samples: Samples,
-    at: np.ndarray,
-    noise: NoiseEstimate,
-    header: Header,
-    settings: ArcSettings,
+    samples: Samples, at: np.ndarray, noise: NoiseEstimate, header: Header, settings: ArcSettings
 ) -> ArcFits:
     """Arc fits in which a bent arc is cut to half its samples if that makes it straight.
 

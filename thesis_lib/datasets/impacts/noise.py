@@ -88,9 +88,7 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
     if long.sum() >= _MIN_ARCS:
         # the median of chi²_ν / ν is (1 − 2/(9ν))³ to within 0.2 % for ν ≥ 5
         dof = n - 3.0  # of arcs with a free acceleration, so that stray accelerations do not pass for noise
-        sigma = np.sqrt(
-            np.median((fits.ss_free / (dof * (1.0 - 2.0 / (9.0 * dof)) ** 3)[..., None])[long], axis=0)
-        )
+        sigma = np.sqrt(np.median((fits.ss_free / (dof * (1.0 - 2.0 / (9.0 * dof)) ** 3)[..., None])[long], axis=0))
         for enough in (_LONG_ARC_SAMPLES, _MIN_ARC_SAMPLES):
             both = (n >= enough).all(1)
             if both.sum() < _MIN_ARCS:

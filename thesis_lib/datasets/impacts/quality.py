@@ -142,9 +142,7 @@ def assess_arcs(
     leave_out(missing, "second_hit", "the arcs miss each other by " + _text(1e3 * fits.miss) + " mm")
     leave_out(~fits.converged, "not_ballistic", "the arcs do not meet near the detected instant")
     wait = _second_corner(fits, header)
-    leave_out(
-        wait < settings.double_hit, "second_hit", "the next corner hits after " + _text(1e3 * wait) + " ms"
-    )
+    leave_out(wait < settings.double_hit, "second_hit", "the next corner hits after " + _text(1e3 * wait) + " ms")
 
     r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
     v_n = fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2]

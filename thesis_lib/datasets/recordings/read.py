@@ -73,9 +73,7 @@ def _header(folder: Path, report: Report) -> RecordingHeader | None:
         for entry in error.errors(include_url=False):
             # pydantic adds the kind of mechanism to the place of a key
             key = tuple(part for part in entry["loc"] if part not in ("arm", "wheel"))
-            line = next(
-                (document.lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in document.lines), 1
-            )
+            line = next((document.lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in document.lines), 1)
             where = f"line {line}, {'.'.join(map(str, key))}" if key else ""
             what, remedy = _mistake(entry["type"], entry["msg"], key)
             report.error(HEADER_FILE, where, what, remedy)
@@ -91,10 +89,7 @@ def _mistake(kind: str, message: str, key: tuple) -> tuple[str, str]:
     fields = {f.alias or name: f.description for s in sections for name, f in s.model_fields.items()}
     meaning = next((fields[part] for part in reversed(key) if fields.get(part)), "")
     what = "the key is missing" if kind == "missing" else message[0].lower() + message[1:]
-    return (
-        what,
-        f"give {key[-1] if key else 'it'}{f' ({meaning})' if meaning else ''}, see docs/reference_dataset.md",
-    )
+    return (what, f"give {key[-1] if key else 'it'}{f' ({meaning})' if meaning else ''}, see docs/reference_dataset.md")
 
 
 def _check_steps(table: Table, rate: float) -> None:
@@ -106,9 +101,5 @@ def _check_steps(table: Table, rate: float) -> None:
     if not table.complete:  # a row that is left out makes a gap
         return
     usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
-    what = (
-        f"the time step is not the {1.0 / rate:.6g} s of rate: {rate:g} in {HEADER_FILE}, but {usual:.6g} s"
-    )
-    table.error(
-        "column t", what, "correct rate; where samples are missing, begin a new trial after the gap", off
-    )
+    what = f"the time step is not the {1.0 / rate:.6g} s of rate: {rate:g} in {HEADER_FILE}, but {usual:.6g} s"
+    table.error("column t", what, "correct rate; where samples are missing, begin a new trial after the gap", off)

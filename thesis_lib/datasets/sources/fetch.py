@@ -117,14 +117,10 @@ def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
             for info in zipped.infolist():
                 path = PurePosixPath(info.filename)
                 if path.is_absolute() or ".." in path.parts or re.search(r"[\\:\x00]", info.filename):
-                    raise UserError(
-                        f"The archive holds the unsafe name {info.filename!r}; it was not unpacked."
-                    )
+                    raise UserError(f"The archive holds the unsafe name {info.filename!r}; it was not unpacked.")
                 if len(path.parts) == 3 and path.parts[1] == source.inside and path.name in files:
                     if info.file_size > MAX_MEMBER:
-                        raise UserError(
-                            f"{path.name} in the archive claims {info.file_size:,} bytes; not unpacked."
-                        )
+                        raise UserError(f"{path.name} in the archive claims {info.file_size:,} bytes; not unpacked.")
                     members[path.name] = info
             if missing := sorted(set(files) - set(members)):
                 raise UserError(
@@ -134,9 +130,7 @@ def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
                 with zipped.open(info) as member:
                     content = member.read(MAX_MEMBER + 1)  # the claimed size may be a lie
                 if len(content) > MAX_MEMBER:
-                    raise UserError(
-                        f"{name} in the archive is larger than {MAX_MEMBER:,} bytes; not unpacked."
-                    )
+                    raise UserError(f"{name} in the archive is larger than {MAX_MEMBER:,} bytes; not unpacked.")
                 files[name].write_bytes(content)
     except UserError:
         raise

@@ -54,9 +54,7 @@ def locate(name: str, search: Sequence[str | Path]) -> Located:
     """Find a simulated or published set, or a folder in one of `search`, by name; UserError if there is none."""
     if name in SIMULATED:
         folder = f"data/simulated/{name}"
-        return Located(
-            name, "simulated", folder, "", (f"{folder}/dataset.yaml", f"{folder}/trajectories.csv"), True
-        )
+        return Located(name, "simulated", folder, "", (f"{folder}/dataset.yaml", f"{folder}/trajectories.csv"), True)
     for base in map(Path, search):
         folder = base / name
         if is_file(folder / "dataset.yaml"):

@@ -31,14 +31,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file, read_bytes
 
 CHECKSUMS = Path(__file__).with_name("published_sha256.txt")
-LAWS = (
-    "drumwright_shell",
-    "anitescu_potra_poisson",
-    "anitescu_potra_newton",
-    "mirtich",
-    "wang_mason",
-    "whittaker",
-)
+LAWS = ("drumwright_shell", "anitescu_potra_poisson", "anitescu_potra_newton", "mirtich", "wang_mason", "whittaker")
 FLAGS = ("second_bounce", "energy", "coulomb", "max_compression", "dropped_early", "lost_data")
 MAX_BYTES = 100_000_000  # of a published file; the largest has 2 MB
 DICE_RATE = 250.0  # Hz, as documented by the authors
@@ -195,9 +188,7 @@ def _convert_dice(content: dict[str, bytes], out_dir: Path) -> Path:
         # the velocity columns vx, vz, vth are smeared across impacts and left out
         log = pd.read_csv(io.BytesIO(content[file]))
         t = np.arange(len(log)) / DICE_RATE
-        tables.append(
-            pd.DataFrame({"trial": number, "t": t, "x": log["x"], "y": log["z"], "theta": log["th"]})
-        )
+        tables.append(pd.DataFrame({"trial": number, "t": t, "x": log["x"], "y": log["z"], "theta": log["th"]}))
     poses = pd.concat(tables, ignore_index=True)
     return write_dataset(Dataset("planar_dice", _DICE_HEADER, poses), out_dir, float_format=None)
 
@@ -230,10 +221,7 @@ _DICE_HEADER = Header.model_validate(
         "measured impacts). The surface is at 0 in the published frame, "
         "but at rest the centre is at 0.030 to 0.033 m, so the frame is up to 3 mm off. The mass is not published.",
         "body": {
-            "shape": {
-                "kind": "polygon",
-                "vertices": [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]],
-            },
+            "shape": {"kind": "polygon", "vertices": [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]},
             "radius_of_gyration": float(0.06 / np.sqrt(6.0)),
         },
         "surface": {"height": 0.0},

@@ -51,9 +51,7 @@ def parse_units(text: str) -> dict[str, float]:
     factors: dict[str, float] = {}
     for unit in filter(None, (part.strip() for part in text.split(","))):
         if unit not in UNITS:
-            raise UserError(
-                f"--units: '{unit}' is unknown; known are {', '.join(UNITS)} (for example --units mm,deg)."
-            )
+            raise UserError(f"--units: '{unit}' is unknown; known are {', '.join(UNITS)} (for example --units mm,deg).")
         quantity, factor = UNITS[unit]
         if quantity in factors:
             raise UserError(f"--units: '{text}' gives two units of {quantity}; give one for each quantity.")
@@ -196,9 +194,7 @@ def _poses(
     """Trial (text), t, x, y, theta of a log in SI; it is trial `number` if `one_trial` or without a trial column."""
     has_t = source["t"][0] in log.columns
     if not has_t and rate is None:
-        raise UserError(
-            f"{path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows."
-        )
+        raise UserError(f"{path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows.")
     if not one_trial and source["trial"][0] in log.columns:
         trial = log[source["trial"][0]].to_numpy(dtype=str)
     else:
@@ -286,9 +282,7 @@ def _require(path: Path, log: pd.DataFrame, needed: Sequence[str], columns: Mapp
     hint = f" (did you mean '{close[0]}'?)" if close else ""
     raise UserError(
         f"{path} has no column {', '.join(missing)}{hint}. It has: {', '.join(map(str, log.columns))}. Name yours with "
-        "--columns trial=…,t=…,x=…,y=…,theta=…"
-        + ("" if len(log.columns) > 1 else ", and check --delimiter")
-        + "."
+        "--columns trial=…,t=…,x=…,y=…,theta=…" + ("" if len(log.columns) > 1 else ", and check --delimiter") + "."
     )
 
 
@@ -309,14 +303,8 @@ def _numbers(path: Path, log: pd.DataFrame, name: str) -> np.ndarray:
 def _number_trials(trial: pd.Series, notes: list[str]) -> np.ndarray:
     """Trials as integers: the log's whole numbers, else counted in order of appearance."""
     numbers = pd.to_numeric(trial, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-    if (
-        np.all(np.isfinite(numbers))
-        and np.all(numbers == np.rint(numbers))
-        and np.all(np.abs(numbers) < 2**53)
-    ):
+    if np.all(np.isfinite(numbers)) and np.all(numbers == np.rint(numbers)) and np.all(np.abs(numbers) < 2**53):
         return numbers.astype(np.int64)
     codes, labels = pd.factorize(trial)
-    notes.append(
-        f"trials numbered in order of appearance: 0 = {labels[0]}, …, {len(labels) - 1} = {labels[-1]}"
-    )
+    notes.append(f"trials numbered in order of appearance: 0 = {labels[0]}, …, {len(labels) - 1} = {labels[-1]}")
     return codes.astype(np.int64)

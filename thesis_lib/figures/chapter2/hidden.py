@@ -43,9 +43,7 @@ def figure_hidden(effects: pd.DataFrame, forces: pd.DataFrame, pair: str = "arm"
     if len(forces):
         for i, component in enumerate(("normal", "tangential")):
             rows = forces[(forces["pair"] == pair) & (forces["component"] == component)]
-            _forces(
-                figure.add_subplot(grid[1, i]), figure.add_subplot(grid[2, i]), rows, f"{pair}, {component}"
-            )
+            _forces(figure.add_subplot(grid[1, i]), figure.add_subplot(grid[2, i]), rows, f"{pair}, {component}")
             long = rows.melt(["t", "component"], ["true", "without", "with_effects"], "column", "value")
             tables.append(long.assign(panel=f"force, {component}", truth="").drop(columns="component"))
     table = pd.concat(tables, ignore_index=True)
@@ -72,9 +70,7 @@ def _matrix(ax: Axes, mechanism: str, own: pd.DataFrame) -> pd.DataFrame:
     ax.set_yticks(range(len(truths)), [_words(t) for t in truths], fontsize=6)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-    noise = ", ".join(
-        "exact" if np.isinf(db) else f"{db:g} dB" for db in sorted(set(own["snr_db"]), reverse=True)
-    )
+    noise = ", ".join("exact" if np.isinf(db) else f"{db:g} dB" for db in sorted(set(own["snr_db"]), reverse=True))
     ax.set_title(f"{mechanism}: % of {len(own) // len(truths)} datasets\n({noise})", fontsize=7.5)
     ax.set_xlabel("found first, or verdict")
     ax.set_ylabel("hidden")
@@ -135,8 +131,4 @@ def figure_residuals(residuals: pd.DataFrame, gains: pd.DataFrame, limit: float)
 
 
 def _words(name: str) -> str:
-    return (
-        name.replace("_", " ")
-        .replace("viscous joint", "viscous\njoint")
-        .replace("coulomb joint", "Coulomb\njoint")
-    )
+    return name.replace("_", " ").replace("viscous joint", "viscous\njoint").replace("coulomb joint", "Coulomb\njoint")

@@ -53,8 +53,7 @@ def figure_2_15(
         ]
     )
     for ax, title in zip(
-        (left, middle, right),
-        ("(a) samples", "(b) force", f"(c) {len(rows) // rows['method'].nunique()} impulses"),
+        (left, middle, right), ("(a) samples", "(b) force", f"(c) {len(rows) // rows['method'].nunique()} impulses")
     ):
         ax.set_title(title)
     return figure, table[["panel", "series", "t", "x", "y", "force", "z", "density"]]
@@ -67,9 +66,7 @@ def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactF
         cos, sin = np.cos(sample.theta), np.sin(sample.theta)
         x, y = sample.x + outline @ [cos, -sin], sample.y + outline @ [sin, cos]
         last = i == len(approach) - 1
-        ax.plot(
-            1e3 * np.append(x, x[0]), 1e3 * np.append(y, y[0]), color=INK if last else GREY, linewidth=0.8
-        )
+        ax.plot(1e3 * np.append(x, x[0]), 1e3 * np.append(y, y[0]), color=INK if last else GREY, linewidth=0.8)
         out.append(pd.DataFrame({"t": sample.t - row["t"], "x": x, "y": y}))
     ax.axhline(0.0, color=INK, linewidth=1.2)
     ax.set_aspect("equal", adjustable="datalim")
@@ -89,9 +86,7 @@ def _forces(ax: Axes, row: pd.Series, history: ForceHistory, settings: ImpactFor
     response_t, response = history.response_t[::THIN], history.response[::THIN]
     ax.plot(1e3 * response_t, response, color=ORANGE, linewidth=0.6, alpha=0.8)
     ax.plot(1e3 * history.sensor_t, history.reading, "o", color=ORANGE, label="sensor, 1000 Hz")
-    ax.plot(
-        1e3 * (start + tau), half_sine, color=BLUE, linestyle=(0, (4, 1.5)), label="estimate, $T_c$ declared"
-    )
+    ax.plot(1e3 * (start + tau), half_sine, color=BLUE, linestyle=(0, (4, 1.5)), label="estimate, $T_c$ declared")
     ax.fill_between(1e3 * (start + tau), low, high, color=BLUE, alpha=0.25, linewidth=0)
     ax.set_xlim(-1e3 * BEFORE, 1e3 * AFTER)
     top = max(force.max(), response.max(), peaks[2])
@@ -117,9 +112,7 @@ def _impulse_errors(ax: Axes, rows: pd.DataFrame) -> pd.DataFrame:
     z, out = 0.5 * (edges[1:] + edges[:-1]), []
     for name, color, label in (("c_n", BLUE, "normal"), ("c_t", GREEN, "tangential")):
         scaled = (rows[name] - rows[f"true_{name}"]) / rows[f"{name}_std"]
-        density = np.histogram(np.clip(scaled, -BINS_TO, BINS_TO), edges)[0] / (
-            len(rows) * (edges[1] - edges[0])
-        )
+        density = np.histogram(np.clip(scaled, -BINS_TO, BINS_TO), edges)[0] / (len(rows) * (edges[1] - edges[0]))
         ax.stairs(density, edges, color=color, label=label)
         out.append(pd.DataFrame({"series": label, "z": z, "density": density}))
     fine = np.linspace(-BINS_TO, BINS_TO, 161)
@@ -151,29 +144,19 @@ def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
     axes = figure.subplots(len(groups), 1, squeeze=False, height_ratios=[1 + len(g) for _, g in groups])[:, 0]
     for ax, (name, group) in zip(axes, groups):
         y = np.arange(len(group))[::-1]
-        ax.hlines(
-            y, group["lower"], group["upper"], color=BLUE, alpha=0.3, linewidth=5, label="any ratio of noises"
-        )
+        ax.hlines(y, group["lower"], group["upper"], color=BLUE, alpha=0.3, linewidth=5, label="any ratio of noises")
         errors = np.abs(group[["low", "high"]].to_numpy().T - group["ratio"].to_numpy())
         ax.errorbar(group["ratio"], y, xerr=errors, fmt="o", color=BLUE, capsize=2, label="estimate, 95 %")
-        ax.axvline(
-            group["published"].iloc[0], color=ORANGE, linestyle=(0, (4, 1.5)), label="1/k² of the header"
-        )
+        ax.axvline(group["published"].iloc[0], color=ORANGE, linestyle=(0, (4, 1.5)), label="1/k² of the header")
         labels = [" + ".join(NAMES[part] for part in variant.split("+")) for variant in group["variant"]]
         ax.set_yticks(y, labels)
         ax.set_ylim(-0.7, len(group) - 0.3)
         ax.set_title(name)
         for height, row in zip(y, group.itertuples()):
             has_noise = np.isfinite(row.scale)
-            text = (
-                rf"misfit {row.scale:.1f} $\sigma$"
-                if has_noise
-                else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"
-            )
+            text = rf"misfit {row.scale:.1f} $\sigma$" if has_noise else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"
             ax.annotate(text, (1.01, height), xycoords=("axes fraction", "data"), va="center", fontsize=7)
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=3)
     axes[-1].set_xlabel("m/I (1/m²)")
-    return figure, drawn[
-        ["dataset", "variant", "ratio", "std", "low", "high", "published", "lower", "upper", *MISFIT]
-    ]
+    return figure, drawn[["dataset", "variant", "ratio", "std", "low", "high", "published", "lower", "upper", *MISFIT]]

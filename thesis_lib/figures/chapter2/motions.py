@@ -20,11 +20,7 @@ from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import Record
 
-MODE_LOOK = {
-    Mode.OPEN: (GREY, "open"),
-    Mode.STICKS: (COLORS["blue"], "sticks"),
-    Mode.SLIDES: (COLORS["red"], "slides"),
-}
+MODE_LOOK = {Mode.OPEN: (GREY, "open"), Mode.STICKS: (COLORS["blue"], "sticks"), Mode.SLIDES: (COLORS["red"], "slides")}
 ROD_EVERY, DISK_EVERY = 0.04, 0.13  # s between the configurations drawn
 TRACE_SHOWN = {"block": 0.2, "ellipse": 0.25, "wheel": 0.25}  # s; outlines remain distinct
 OBSERVED_EVERY = 2  # samples between the dots of figure 2-4
@@ -118,9 +114,7 @@ def figure_2_4(motion: NoisyMotion) -> Drawn:
         # the first point of the outline is a mark on the rim
         sketch.line("mark on the rim", np.stack([record.q[step, :2], outline[0]]), **look)
     sketch.ground(record.q[0, 0] - 1.2 * radius, record.q[-1, 0] + 1.2 * radius, 0.12 * radius)
-    sketch.line(
-        "true path", record.q[:, :2], t=record.t, linewidth=1.4, zorder=3, label="true path of the centre"
-    )
+    sketch.line("true path", record.q[:, :2], t=record.t, linewidth=1.4, zorder=3, label="true path of the centre")
     inside = np.zeros(record.steps + 1, dtype=bool)
     inside[motion.start : motion.stop] = True
     every = np.arange(record.steps + 1) % OBSERVED_EVERY == 0
@@ -141,9 +135,7 @@ def figure_2_4(motion: NoisyMotion) -> Drawn:
             linewidth=0.8,
             linestyle=(0, (4, 2)),
         )
-    sketch.dimension(
-        "window", np.array([first[0], top - 0.06]), np.array([last[0], top - 0.06]), COLORS["red"]
-    )
+    sketch.dimension("window", np.array([first[0], top - 0.06]), np.array([last[0], top - 0.06]), COLORS["red"])
     m = motion.stop - motion.start
     sketch.label((0.5 * (first[0] + last[0]), top + 0.07), f"window of length $m$ = {m}", COLORS["red"])
     sketch.label((0.5 * (record.q[0, 0] + first[0]), top - 0.06), "free flight", fontsize=8)
@@ -190,9 +182,7 @@ def figure_2_14(dataset: Dataset, trial: int | None = None) -> Drawn:
         UserError: the dataset has no trajectories, or not this trial.
     """
     if dataset.trajectories is None:
-        raise UserError(
-            f"Dataset {dataset.name!r} has no trajectories.csv, so there is no falling body to draw."
-        )
+        raise UserError(f"Dataset {dataset.name!r} has no trajectories.csv, so there is no falling body to draw.")
     table = dataset.trajectories
     trial = int(table["trial"].min()) if trial is None else trial
     samples = table[table["trial"] == trial]
@@ -209,13 +199,7 @@ def figure_2_14(dataset: Dataset, trial: int | None = None) -> Drawn:
 
 
 def _trace(
-    ax: Axes,
-    panel: str,
-    body: PlanarFreeBody,
-    q: np.ndarray,
-    t: np.ndarray,
-    every: int,
-    far: float | None = None,
+    ax: Axes, panel: str, body: PlanarFreeBody, q: np.ndarray, t: np.ndarray, every: int, far: float | None = None
 ) -> pd.DataFrame:
     """Outlines of a body at every `every`-th pose, light to dark, and the path of its centre; q: (n, 3), t: (n,) s."""
     sketch = Sketch(ax, panel, tilt=-body.tilt)

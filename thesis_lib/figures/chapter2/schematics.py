@@ -136,9 +136,7 @@ def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     _corner_angle(sketch, body, q, P)
     # the side that looks up and to the left
     outline = outline_at(body, q)
-    side = min(
-        range(len(outline) - 1), key=lambda i: (outline[i] + outline[i + 1] - 2.0 * centre) @ [1.0, -1.0]
-    )
+    side = min(range(len(outline) - 1), key=lambda i: (outline[i] + outline[i + 1] - 2.0 * centre) @ [1.0, -1.0])
     a, b = outline[side], outline[side + 1]
     away = 0.5 * (a + b) - centre
     shift = 0.14 * size * away / np.linalg.norm(away)
@@ -194,9 +192,7 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
     contacts = wheel.contacts_of(q[None])
     touching = np.flatnonzero(np.abs(contacts.phi[0]) < 1e-6 * wheel.length)
     if not len(touching):
-        raise UserError(
-            "No spoke of the wheel touches the slope in figure 2-8; give a pose in which one stands."
-        )
+        raise UserError("No spoke of the wheel touches the slope in figure 2-8; give a pose in which one stands.")
     l, hub = wheel.length, q[:2]
     figure = new_figure(4.2, 3.1)
     sketch = Sketch(figure.add_subplot(), tilt=-wheel.slope)

@@ -43,9 +43,7 @@ def figure_2_10(motions: pd.DataFrame) -> Drawn:
     below.set_ylabel(r"$\omega$ (rad/s)")
     below.set_xlabel("time (s)")
     below.set_xlim(0.0, motions["t"].max())
-    above.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(parts), title="mass, at equal inertia"
-    )
+    above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(parts), title="mass, at equal inertia")
     return figure, pd.concat(parts, ignore_index=True)[["mass", "t", "theta", "omega"]]
 
 

@@ -84,16 +84,12 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     ax.set_aspect("equal")
     ax.fill(*outline.T, facecolor=SHADE, edgecolor=INK, linewidth=1.2)
     left, right = outline[:, 0].min() - 1.1 * size, outline[:, 0].max() + 0.9 * size
-    ax.fill(
-        [left, right, right, left], [0, 0, -0.16 * size, -0.16 * size], fill=False, linewidth=0, hatch="////"
-    )
+    ax.fill([left, right, right, left], [0, 0, -0.16 * size, -0.16 * size], fill=False, linewidth=0, hatch="////")
     ax.plot([left, right], [0, 0], color=INK, linewidth=1.2)
     ax.plot(*axis.T, color=GREY, linestyle=(0, (6, 3)), linewidth=0.8)
     ax.plot([centre[0], centre[0] + 1.35 * size], [centre[1]] * 2, color=GREY, linewidth=0.8)
     turn = sorted((0.0, np.degrees(example.theta)))
-    ax.add_patch(
-        Arc(centre, 2.0 * size, 2.0 * size, theta1=turn[0], theta2=turn[1], color=INK, linewidth=0.8)
-    )
+    ax.add_patch(Arc(centre, 2.0 * size, 2.0 * size, theta1=turn[0], theta2=turn[1], color=INK, linewidth=0.8))
     half = 0.5 * example.theta
     _label(ax, centre + 1.12 * size * np.array([np.cos(half), np.sin(half)]), r"$\theta$")
     colors = {"r": "#0072B2", "t": "#D55E00", "n": "#D55E00", "v": "#009E73"}
@@ -102,9 +98,7 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
         arrow = {"arrowstyle": "-|>", "color": colors[name], "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", start + vector, start, arrowprops=arrow)
         share = 0.5 if name == "r" else 1.0
-        _label(
-            ax, start + share * vector + size * np.array(sides[name]), rf"$\mathbf{{{name}}}$", colors[name]
-        )
+        _label(ax, start + share * vector + size * np.array(sides[name]), rf"$\mathbf{{{name}}}$", colors[name])
     ax.plot(*centre, "o", color=INK, markersize=4)
     ax.plot(*contact, "o", color=INK, markersize=4)
     _label(ax, contact + size * np.array([-0.32, 0.1]), "$C$")
@@ -112,9 +106,7 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     corner = np.array([left + 0.12 * size, 0.35 * size])
     for name, vector in (("x", (0.4 * size, 0.0)), ("y", (0.0, 0.4 * size))):
         tip = corner + np.array(vector)
-        ax.annotate(
-            "", tip, corner, arrowprops={"arrowstyle": "->", "color": INK, "shrinkA": 0, "shrinkB": 0}
-        )
+        ax.annotate("", tip, corner, arrowprops={"arrowstyle": "->", "color": INK, "shrinkA": 0, "shrinkB": 0})
         _label(ax, tip + 0.25 * np.array(vector), f"${name}$")
     ax.set_xlim(left, right)
 
@@ -215,9 +207,7 @@ def draw_ellipse(ax: Axes, space: ContactSpace, unit: ImpulseAxis, *, labels: bo
     ax.axvline(0.0, color="0.8", linewidth=0.6, zorder=0)
     for name, (points, look) in curves.items():
         ax.plot(*(unit.factor * points.T), label=name if labels else None, **look)
-    ax.plot(
-        *(unit.factor * ellipse.centre[0]), "+", color=INK, markersize=6, label="centre" if labels else None
-    )
+    ax.plot(*(unit.factor * ellipse.centre[0]), "+", color=INK, markersize=6, label="centre" if labels else None)
     ax.set_xlim(unit.factor * c_t)
     ax.set_ylim(unit.factor * c_n)
     ax.set_aspect("equal")

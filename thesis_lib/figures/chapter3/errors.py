@@ -152,12 +152,6 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
         }
     )
     dots = pd.DataFrame(
-        {
-            "series": "impact",
-            "momentum_t": momentum[:, 0],
-            "momentum_n": momentum[:, 1],
-            "error": error,
-            "n": 1,
-        }
+        {"series": "impact", "momentum_t": momentum[:, 0], "momentum_n": momentum[:, 1], "error": error, "n": 1}
     )
     return figure, pd.concat([table, dots], ignore_index=True)

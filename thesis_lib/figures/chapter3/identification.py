@@ -36,10 +36,7 @@ def figure_3_7(topography: pd.DataFrame, convergence: pd.DataFrame, *, mass_know
     _topography(left.subplots(), topography, unit)
     axes = right.subplots(3, 1, sharex=True)
     for ax, column, label, factor in zip(
-        axes,
-        ("mu", "epsilon", "cost"),
-        (r"$\mu$", r"$\epsilon$", f"cost ({unit.unit})"),
-        (1.0, 1.0, unit.factor),
+        axes, ("mu", "epsilon", "cost"), (r"$\mu$", r"$\epsilon$", f"cost ({unit.unit})"), (1.0, 1.0, unit.factor)
     ):
         ax.axvline(SETTLED, color=GREY, linewidth=0.7)
         for (law, subset), curve in convergence.groupby(["law", "subset"], sort=False):
@@ -77,9 +74,7 @@ def _topography(ax: Axes, topography: pd.DataFrame, unit: ImpulseAxis) -> None:
     if high > low:
         ax.contour(mu, epsilon, cost.to_numpy(), levels=levels, colors="white", linewidths=0.6)
     best = topography.loc[topography["cost"].idxmin()]
-    ax.plot(
-        best["mu"], best["epsilon"], "*", color="#D55E00", markersize=9, label="least cost", clip_on=False
-    )
+    ax.plot(best["mu"], best["epsilon"], "*", color="#D55E00", markersize=9, label="least cost", clip_on=False)
     ax.set_xlabel(r"coefficient of friction $\mu$")
     ax.set_ylabel(r"coefficient of restitution $\epsilon$")
     title = LAWS[topography["law"].iloc[0]].title
@@ -141,9 +136,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
         impacts.assign(panel="a", series="individual")[
             ["panel", "series", "trial", "impact", "mu", "epsilon", "misfit"]
         ],
-        pd.DataFrame(
-            {"panel": ["a"], "series": ["ensemble"], "mu": [fit["mu"]], "epsilon": [fit["epsilon"]]}
-        ),
+        pd.DataFrame({"panel": ["a"], "series": ["ensemble"], "mu": [fit["mu"]], "epsilon": [fit["epsilon"]]}),
     ]
     for name, symbol, upper in (("mu", r"\mu", np.inf), ("epsilon", r"\epsilon", 1.0)):
         low, high = (0.0, mu_max) if name == "mu" else _shown_range(impacts[name].to_numpy())

@@ -11,11 +11,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.impact_study.shown_trial import LEADING, energies, pick_trial, sample_velocities
 
-SERIES = {
-    "x": ("#0072B2", "$x$"),
-    "y": ("#D55E00", "$y$"),
-    "k_theta": ("#009E73", r"$k\,\theta$"),
-}
+SERIES = {"x": ("#0072B2", "$x$"), "y": ("#D55E00", "$y$"), "k_theta": ("#009E73", r"$k\,\theta$")}
 ENERGIES = {
     "potential": ("#0072B2", (0, (5, 1.5)), "potential"),
     "kinetic": ("#D55E00", (0, (1, 1.2)), "kinetic"),

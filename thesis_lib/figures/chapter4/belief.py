@@ -75,11 +75,7 @@ def figure_4_4(samples: pd.DataFrame, rest: np.ndarray, side: float) -> Drawn:
         ax.set_ylim(bottom=0.0)
         ax.set_yticks([])
         ax.annotate(
-            f"{name}\nstd {x.std():.2g} sides",
-            (0.01, 0.9),
-            xycoords="axes fraction",
-            va="top",
-            fontsize="x-small",
+            f"{name}\nstd {x.std():.2g} sides", (0.01, 0.9), xycoords="axes fraction", va="top", fontsize="x-small"
         )
         rows += [(name, a, b, x.std()) for a, b in zip(grid, density)]
     axes[-1].set_xlabel("horizontal distance from the start (sides; each panel has its own range)")
@@ -128,21 +124,14 @@ def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Draw
     left, right = figure.subplots(1, 2)
     band = histograms.groupby("pit", sort=True)[["low", "high"]].first()
     left.fill_between(
-        [0.0, 1.0],
-        band["low"].min(),
-        band["high"].max(),
-        color="0.9",
-        linewidth=0.0,
-        label="95 % of right ones",
+        [0.0, 1.0], band["low"].min(), band["high"].max(), color="0.9", linewidth=0.0, label="95 % of right ones"
     )
     for model, part in histograms.groupby("model", sort=False):
         color, dash, label = MODEL_STYLE[model]
         left.plot(part["pit"], part["share"], color=color, linestyle=dash, marker=".", markersize=3)
         levels = coverage[coverage["model"] == model]
         error = np.abs(levels[["low", "high"]].to_numpy().T - levels["coverage"].to_numpy())
-        right.errorbar(
-            levels["level"], levels["coverage"], error, color=color, linestyle=dash, marker=".", label=label
-        )
+        right.errorbar(levels["level"], levels["coverage"], error, color=color, linestyle=dash, marker=".", label=label)
     left.set_xlabel("PIT of the measured resting position")
     left.set_ylabel("share of throws")
     left.set_ylim(bottom=0.0)

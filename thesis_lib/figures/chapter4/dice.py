@@ -42,9 +42,7 @@ def figure_4_7(poses: pd.DataFrame, shape: Polygon, trial: int) -> Drawn:
         shade = 0.75 - 0.6 * i / max(1, len(table) - 1)
         draw_outline(ax, shape, pose, color=str(shade), linewidth=0.8)
     ax.plot(throw["x"], throw["y"], color="#D55E00", linewidth=0.8, label="centre")
-    draw_outline(
-        ax, shape, table[["x", "y", "theta"]].to_numpy()[-1], color=INK, linewidth=1.6, label="at rest"
-    )
+    draw_outline(ax, shape, table[["x", "y", "theta"]].to_numpy()[-1], color=INK, linewidth=1.6, label="at rest")
     _ground(ax)
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return figure, table
@@ -73,9 +71,7 @@ def figure_4_8(throws: pd.DataFrame) -> Drawn:
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("measured minus expected resting position (sides)")
     ax.set_ylabel("density")
-    ax.legend(
-        loc="upper left", title="mean ± standard deviation", fontsize="x-small", title_fontsize="x-small"
-    )
+    ax.legend(loc="upper left", title="mean ± standard deviation", fontsize="x-small", title_fontsize="x-small")
     return figure, pd.DataFrame(rows, columns=["model", "error", "density", "mean", "std", "beyond"])
 
 
@@ -101,9 +97,7 @@ def figure_4_9(
         _ground(ax)
         ax.set_title(title)
         tables.append(
-            part[["trial", "t", "x", "y", "theta"]].assign(
-                after_first=(part["t"] > first).astype(int), case=title
-            )
+            part[["trial", "t", "x", "y", "theta"]].assign(after_first=(part["t"] > first).astype(int), case=title)
         )
     # equal widths, so that panels of equal scale are equally high
     ends = np.array([ax.get_xlim() for ax in axes])
@@ -134,18 +128,8 @@ def figure_restitution(table: pd.DataFrame) -> Drawn:
     axes = figure.subplots(1, 2, sharey=True)
     for ax, first, title in zip(axes, (1, 0), ("first contacts", "later contacts")):
         part = table[table["first"] == first]
-        ax.plot(
-            100.0 * part["x"],
-            part["measured"],
-            "o",
-            color="#0072B2",
-            markersize=2.2,
-            alpha=0.6,
-            label="measured",
-        )
-        ax.plot(
-            100.0 * part["x"], part["model"], "x", color="#D55E00", markersize=2.8, label="compliant contact"
-        )
+        ax.plot(100.0 * part["x"], part["measured"], "o", color="#0072B2", markersize=2.2, alpha=0.6, label="measured")
+        ax.plot(100.0 * part["x"], part["model"], "x", color="#D55E00", markersize=2.8, label="compliant contact")
         ax.set_title(title)
         ax.set_xlabel("place of the contact $x$ (cm)")
     axes[0].set_ylabel("restitution $e_n$")

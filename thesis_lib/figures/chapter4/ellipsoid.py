@@ -70,9 +70,7 @@ def _draw_body(ax: Axes, body: Body, example: Example) -> pd.DataFrame:
     ax.set_xlim(edge)
     ax.set_ylim(min(-0.2 * size, (contact + scale * v_c)[1] - 0.1 * size), outline[:, 1].max() + 0.15 * size)
     rows = [("outline", *point) for point in outline]
-    rows += [
-        (name.strip("$"), *point) for name, (start, v, _) in arrows.items() for point in (start, start + v)
-    ]
+    rows += [(name.strip("$"), *point) for name, (start, v, _) in arrows.items() for point in (start, start + v)]
     return pd.DataFrame(rows, columns=["series", "x", "y"])
 
 
@@ -149,13 +147,7 @@ def _ellipsoid(impact: Impacts) -> pd.DataFrame:
         w = impulse_of(v_post - impact.v_pre, impact, wrench=True)
         parts.append(
             pd.DataFrame(
-                {
-                    "series": series,
-                    "curve": curve,
-                    "c_t": w[:, 0],
-                    "c_n": w[:, 1],
-                    "tau_over_k": w[:, 2] / k_g,
-                }
+                {"series": series, "curve": curve, "c_t": w[:, 0], "c_n": w[:, 1], "tau_over_k": w[:, 2] / k_g}
             )
         )
 

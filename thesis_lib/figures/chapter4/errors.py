@@ -30,14 +30,7 @@ LEARNER_STYLE = {
     "feasible_wrench": LineStyle("feasible wrench, X1 and ω", "#CC79A7", (0, (5, 1.5))),
 }
 CLASSES = {
-    "(a) data-driven": (
-        "rigid_x1",
-        "rigid_x2",
-        "wrench_x1",
-        "wrench_x1_omega",
-        "feasible_rigid",
-        "feasible_wrench",
-    ),
+    "(a) data-driven": ("rigid_x1", "rigid_x2", "wrench_x1", "wrench_x1_omega", "feasible_rigid", "feasible_wrench"),
     "(b) with an impact law": ("residual_rigid", "residual_wrench", "law_parameters"),
 }
 NAMED_STYLE = {
@@ -142,14 +135,7 @@ def figure_named_physics(
     at = rungs.set_index("model")
     figure = new_figure(height=4.0)
     left, right = figure.subplots(1, 2, width_ratios=(1.1, 1.0))
-    places = {
-        "law": 0,
-        "law_rigid": 1,
-        "law_wrench": 2,
-        "effects": 3.6,
-        "effects_rigid": 4.6,
-        "effects_wrench": 5.6,
-    }
+    places = {"law": 0, "law_rigid": 1, "law_wrench": 2, "effects": 3.6, "effects_rigid": 4.6, "effects_wrench": 5.6}
     for name, place in places.items():
         mean, low, high = at.loc[name, ["mean", "low", "high"]]
         color = NAMED_STYLE[name].color
@@ -159,9 +145,7 @@ def figure_named_physics(
     bounds = {"irb_bound": (-0.45, 2.45), "irb_bound_effects": (3.15, 6.05)}
     for i, (name, ends) in enumerate(bounds.items()):
         mean = at.loc[name, "mean"]
-        left.plot(
-            [mean, mean], ends, color="black", linestyle=(0, (4, 1.5)), label=None if i else "IRB Bound"
-        )
+        left.plot([mean, mean], ends, color="black", linestyle=(0, (4, 1.5)), label=None if i else "IRB Bound")
     if floor is not None:
         left.axvline(floor, color="#009E73", linestyle=(0, (1, 1.2)), label="noise floor")
     named = ["law", "+ rigid residual", "+ wrench residual"]
@@ -211,8 +195,5 @@ def _log_axes(ax: Axes, drawn: pd.DataFrame) -> None:
 
 def _ticks(ends: tuple[float, float]) -> Sequence[float]:
     """Multiples of powers of ten labelled on the axis: fewer if it spans more."""
-    spans: Mapping[float, Sequence[float]] = {
-        3.0: (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0),
-        15.0: (1.0, 2.0, 5.0),
-    }
+    spans: Mapping[float, Sequence[float]] = {3.0: (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0), 15.0: (1.0, 2.0, 5.0)}
     return next((subs for most, subs in spans.items() if ends[1] < most * ends[0]), (1.0, 3.0))

@@ -104,9 +104,7 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
     handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
     labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
     shown = {label.split(" (")[0]: (handle, label) for handle, label in reversed([*zip(handles, labels)])}
-    figure.legend(
-        *zip(*[shown[name] for name in names]), loc="outside lower center", ncols=3, markerscale=2.5
-    )
+    figure.legend(*zip(*[shown[name] for name in names]), loc="outside lower center", ncols=3, markerscale=2.5)
     parts = [cone.assign(panel="A"), height.assign(panel="B")]
     table = pd.concat(parts, ignore_index=True)
     first = ["panel", "abstraction", "f_n", "f_t", "inside", "height_mm"]

@@ -80,10 +80,7 @@ def tower_figure(poses: np.ndarray, sizes: np.ndarray, colours: np.ndarray | Non
 
 @house_style
 def strip_figure(
-    frames: Sequence[np.ndarray],
-    sizes: np.ndarray,
-    titles: Sequence[str],
-    colours: Sequence[np.ndarray] | None = None,
+    frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], colours: Sequence[np.ndarray] | None = None
 ) -> Drawn:
     """Frames of a game (poses (54, 7) each) side by side, on one scale.  Table as above, with the column frame."""
     figure = new_figure(WIDTH, 2.1)

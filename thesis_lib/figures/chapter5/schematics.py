@@ -35,10 +35,7 @@ def figure_5_2() -> Drawn:
     """A pusher against a block that (a) is too heavy to move and (b) moves along; state: q_t, p_t and f_t."""
     figure = new_figure(5.2, 1.55)
     sketches = []
-    cases = (
-        ("a", "heavy: force climbs, nothing moves", 0.0, 2.3),
-        ("b", "light: moves at little force", 1.3, 0.9),
-    )
+    cases = (("a", "heavy: force climbs, nothing moves", 0.0, 2.3), ("b", "light: moves at little force", 1.3, 0.9))
     for ax, (panel, title, moved, force) in zip(figure.subplots(1, 2, sharex=True, sharey=True), cases):
         sketch = Sketch(ax, panel)
         sketch.ground(-4.2, 4.6, 0.35)
@@ -133,9 +130,7 @@ def figure_5_4() -> Drawn:
         _hop(sketch, f"{start} to {end}", centre[start], centre[end], text)
     # the controller looks ahead with the same model
     corner = np.array([centre["game play"][0], centre["learned physics"][1]])
-    sketch.line(
-        "learned physics to game play", np.stack([centre["learned physics"] + [HALF[0], 0.0], corner])
-    )
+    sketch.line("learned physics to game play", np.stack([centre["learned physics"] + [HALF[0], 0.0], corner]))
     sketch.arrow("forward prediction", corner, np.array([0.0, -(2.0 - HALF[1])]))
     sketch.label(corner + [-0.95, 0.25], "forward prediction", fontsize=7.5)
     return figure, _places(sketch)

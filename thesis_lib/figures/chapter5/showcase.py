@@ -44,9 +44,7 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
             column[0].plot(part["step"], part["f_n_pred"], **look)
             column[1].plot(part["step"], part["x_pred"], **look)
             column[2].plot(part["step"], part["belief"], label=name, **look)
-            column[2].plot(
-                part["step"], part["belief_nuts"], "o", color=color, markersize=3.5, markeredgecolor=INK
-            )
+            column[2].plot(part["step"], part["belief_nuts"], "o", color=color, markersize=3.5, markeredgecolor=INK)
         readings = rows.drop_duplicates("step").sort_values("step")
         for ax, name in zip(column, ("f_n", "x")):
             ax.plot(readings["step"], readings[name], ".", color=INK, markersize=3.5, zorder=3)
@@ -57,9 +55,7 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
         ax.set_ylabel(text)
     figure.align_ylabels(axes[:, 0])
     axes[0, 0].plot([], [], ".", color=INK, label="read")
-    axes[2, 0].plot(
-        [], [], "o", color="white", markeredgecolor=INK, markersize=3.5, label="NUTS (line: filter)"
-    )
+    axes[2, 0].plot([], [], "o", color="white", markeredgecolor=INK, markersize=3.5, label="NUTS (line: filter)")
     handles, labels = [], []
     for ax in axes.ravel():
         for handle, label in zip(*ax.get_legend_handles_labels()):
@@ -127,9 +123,7 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
 
 def outline_from_above(x: float, y: float, angle: float) -> np.ndarray:
     """Closed corners (5, 2) in mm, along and across the push, of a block at x, y (mm) turned by `angle` (rad)."""
-    corners = 0.5 * np.array(
-        [[-LENGTH, -WIDE], [LENGTH, -WIDE], [LENGTH, WIDE], [-LENGTH, WIDE], [-LENGTH, -WIDE]]
-    )
+    corners = 0.5 * np.array([[-LENGTH, -WIDE], [LENGTH, -WIDE], [LENGTH, WIDE], [-LENGTH, WIDE], [-LENGTH, -WIDE]])
     return corners @ _turn(angle).T + [x, y]
 
 

@@ -48,9 +48,7 @@ def figure_5_5a(poses: np.ndarray, sizes: np.ndarray, pushed: int | None = None)
     return tower_figure(poses, sizes, None if pushed is None else colours_of({pushed: PUSHED}))
 
 
-def figure_game(
-    frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], blocks: Sequence[int]
-) -> Drawn:
+def figure_game(frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], blocks: Sequence[int]) -> Drawn:
     """Strip of pictures of one game: the current block in red, those already placed on top in blue.
 
     Args:
@@ -137,9 +135,7 @@ def figure_paired(pairs: pd.DataFrame) -> Drawn:
             y = rows.index(row.row)
             clear = row.low > 0.0 or row.high < 0.0
             ax.plot([row.low, row.high], [y, y], color=color, linewidth=1.4, zorder=2)
-            ax.plot(
-                row.difference, y, "o", color=color, markerfacecolor=color if clear else "white", zorder=3
-            )
+            ax.plot(row.difference, y, "o", color=color, markerfacecolor=color if clear else "white", zorder=3)
             ax.annotate(
                 f"{row.difference:+.1f}",
                 (row.difference, y),
@@ -154,9 +150,7 @@ def figure_paired(pairs: pd.DataFrame) -> Drawn:
         ax.spines["left"].set_visible(False)
     axes[0, 0].set_yticks(range(len(rows)), rows)
     axes[0, 0].set_ylim(len(rows) - 0.6, -0.8)
-    figure.supxlabel(
-        f"difference of extractions on the same tower (95 %), {_counted(pairs['n'])}", fontsize=8
-    )
+    figure.supxlabel(f"difference of extractions on the same tower (95 %), {_counted(pairs['n'])}", fontsize=8)
     return figure, pairs.reset_index(drop=True)
 
 
@@ -175,9 +169,7 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
         for action in success["action"].unique():
             ticks.append((y + 0.19, action))
             for offset, (phase, look) in zip((0.0, 0.38), PHASES.items()):
-                selected = success[
-                    (success[["position", "action", "phase"]] == [position, action, phase]).all(axis=1)
-                ]
+                selected = success[(success[["position", "action", "phase"]] == [position, action, phase]).all(axis=1)]
                 for row in selected.itertuples():
                     _success_row(ax, row, y + offset, look)
             y += 1.0
@@ -221,9 +213,7 @@ def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: fl
             left.plot(tower["threshold_mm"], tower["share"], color=color, linewidth=0.5, alpha=0.35)
         mean = part.groupby("threshold_mm")["share"].mean()
         n = part["tower"].nunique()
-        left.plot(
-            mean.index, mean, color=color, marker=marker, linestyle=dash, label=f"{name}: mean of {n} towers"
-        )
+        left.plot(mean.index, mean, color=color, marker=marker, linestyle=dash, label=f"{name}: mean of {n} towers")
         shares = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
         across = np.linspace(-0.16, 0.16, len(shares)) if len(shares) > 1 else np.zeros(1)
         right.plot(i + across, np.sort(shares), marker, color=color, markersize=3, alpha=0.5)
@@ -279,9 +269,7 @@ def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
     if row.attempts > 0:
         ax.plot([100 * row.low, 100 * row.high], [y, y], color=INK, linewidth=0.8)
     if np.isfinite(row.published):
-        ax.plot(
-            100 * row.published, y, "D", color="#D55E00", markersize=3.5, markeredgecolor="white", zorder=3
-        )
+        ax.plot(100 * row.published, y, "D", color="#D55E00", markersize=3.5, markeredgecolor="white", zorder=3)
     tried = row.attempts > 0
     texts = (
         f"{row.successes:.0f} / {row.attempts:.0f}",

@@ -29,9 +29,7 @@ def draw_data(critique: Critique) -> Drawn:
     """Trials in the plane, histograms of the states before impact, and reasons for leaving impacts out."""
     o = critique.observations
     shown = trials_to_show(critique)
-    left_out = (
-        left_out_impacts(o)["reason"].map(reason_text).value_counts().sort_index().sort_values(kind="stable")
-    )
+    left_out = left_out_impacts(o)["reason"].map(reason_text).value_counts().sort_index().sort_values(kind="stable")
     has_paths = len(shown) > 0
     heights = [2.0] * has_paths + [1.45] + [0.35 + 0.17 * (len(left_out) + 1)] * bool(len(left_out))
     figure = new_figure(height=sum(heights) + 0.9)
@@ -64,9 +62,7 @@ def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
     counts = np.array([*left_out.to_numpy(), used])
     ax.barh(range(len(names)), counts, color=[LEFT_OUT] * len(left_out) + [USED], height=0.7)
     for i, count in enumerate(counts):
-        ax.annotate(
-            f"{count}", (count, i), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7
-        )
+        ax.annotate(f"{count}", (count, i), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7)
     ax.set_yticks(range(len(names)), names)
     ax.set_xlabel("impacts detected")
     ax.set_xlim(0, 1.1 * counts.max())
@@ -84,11 +80,7 @@ def data_sentence(critique: Critique) -> str:
     o = critique.observations
     out = len(left_out_impacts(o))
     text = f"{len(o)} impacts of {len(np.unique(o.trial))} trials are used"
-    return (
-        f"{text}; {out} ({100 * left_out_share(critique):.0f} %) were left out"
-        if out
-        else f"{text}, none left out"
-    )
+    return f"{text}; {out} ({100 * left_out_share(critique):.0f} %) were left out" if out else f"{text}, none left out"
 
 
 def trials_to_show(critique: Critique) -> np.ndarray:
@@ -160,15 +152,7 @@ def _path_legend(part: SubFigure) -> None:
         Line2D([], [], color="0.6", marker=".", linestyle="", markersize=3, label="samples"),
         Line2D([], [], color=INK, linewidth=1.1, label="fitted flight"),
         Line2D([], [], color=USED, marker="o", linewidth=0.8, label="impact used"),
-        Line2D(
-            [],
-            [],
-            color=LEFT_OUT,
-            marker="x",
-            linestyle=(0, (2, 1.5)),
-            linewidth=0.8,
-            label="impact left out",
-        ),
+        Line2D([], [], color=LEFT_OUT, marker="x", linestyle=(0, (2, 1.5)), linewidth=0.8, label="impact left out"),
     ]
     part.legend(handles=handles, loc="outside upper left", ncols=4)
 

@@ -13,13 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.results.numbers import (
-    BASE_NAMES,
-    compensated,
-    ladder_table,
-    law_errors,
-    parameter_table,
-)
+from thesis_lib.critique.results.numbers import BASE_NAMES, compensated, ladder_table, law_errors, parameter_table
 from thesis_lib.critique.results.titles import GREEK, effect_title, handy_unit, law_title, rung_title
 from thesis_lib.figures.law_style import LAW_STYLE
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
@@ -91,9 +85,7 @@ def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn
         )
     ax.set_yticks(y, labels)
     ax.set_ylim(len(table) - 0.4, -0.75)
-    readable_log(
-        ax, [*table["error_low"], *table["error"], *lines.values()], [*table["error_high"], *lines.values()]
-    )
+    readable_log(ax, [*table["error_low"], *table["error"], *lines.values()], [*table["error_high"], *lines.values()])
     ax.set_xlabel("held-out error of the velocity after impact (m/s)")
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     if channels:
@@ -102,9 +94,7 @@ def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn
         shift = np.linspace(-0.14, 0.14, len(channels)) if len(channels) > 1 else [0.0]
         for name, dy in zip(channels, shift):
             marker, text = CHANNELS[name]
-            side.plot(
-                table[name], y + dy, marker, color=INK, markerfacecolor="white", markersize=4, label=text
-            )
+            side.plot(table[name], y + dy, marker, color=INK, markerfacecolor="white", markersize=4, label=text)
         largest = float(table[channels].max(axis=None))
         if largest > FAR:
             readable_log(side, [*table[channels].min(), 0.8], [*table[channels].max(), 1.3])
@@ -112,9 +102,7 @@ def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn
             side.set_xlim(0.0, max(1.15 * largest, 1.6))
         side.set_xlabel("misfit (noise = 1)")
         side.tick_params(axis="y", left=False)
-        side.legend(
-            loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=3, handletextpad=0.1, columnspacing=0.8
-        )
+        side.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=3, handletextpad=0.1, columnspacing=0.8)
     set_title(figure, ladder_sentence(critique))
     bounds = pd.DataFrame({"label": list(lines), "error": list(lines.values())})
     return figure, pd.concat([table, bounds], ignore_index=True)
@@ -144,10 +132,7 @@ def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
     colors = [LAW_STYLE[name].color if name in LAW_STYLE else INK for name in table["model"]]
     floor = critique.ladder[-1][2].floor  # the same floor as everywhere else
     lines = bound_lines(left, floor, critique.irb, float(best.mean()), None)
-    for ax, names in (
-        (left, ("error", "error_low", "error_high")),
-        (right, ("gain", "gain_low", "gain_high")),
-    ):
+    for ax, names in ((left, ("error", "error_low", "error_high")), (right, ("gain", "gain_low", "gain_high"))):
         for i, color in enumerate(colors):
             error_dots(ax, *(table[name].iloc[[i]] for name in names), y[[i]], color=color)
     base = critique.discovery.base
@@ -295,18 +280,11 @@ def parameters_sentence(critique: Critique) -> str:
 def error_dots(ax: Axes, value, low, high, y, color: str) -> None:
     """Dots with horizontal intervals."""
     value, low, high = (np.asarray(a, float) for a in (value, low, high))
-    ax.errorbar(
-        value, y, xerr=np.abs([value - low, high - value]), fmt="o", color=color, capsize=2.5, linewidth=1.2
-    )
+    ax.errorbar(value, y, xerr=np.abs([value - low, high - value]), fmt="o", color=color, capsize=2.5, linewidth=1.2)
 
 
 def bound_lines(
-    ax: Axes,
-    floor: float,
-    irb: float,
-    best: float | None,
-    nothing: float | None,
-    irb_augmented: float | None = None,
+    ax: Axes, floor: float, irb: float, best: float | None, nothing: float | None, irb_augmented: float | None = None
 ) -> dict[str, float]:
     """Draw the known bounds as vertical lines, in m/s; returns them by name.
 

@@ -16,9 +16,7 @@ NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "ladder", "p
 
 
 @house_style
-def pictures(
-    critique: Critique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None
-) -> dict[str, Drawn]:
+def pictures(critique: Critique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None) -> dict[str, Drawn]:
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
     The pictures of the error budget and of flights are left out without table `budget` or enough flights.

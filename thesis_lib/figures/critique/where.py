@@ -50,9 +50,7 @@ def limits(condition: Mapping) -> tuple[float, float]:
 def map_axes(regions: Sequence[Mapping]) -> tuple[str, str]:
     """The two features over which errors are mapped: those of the worst region, by default v_t and v_n."""
     named = [condition["feature"] for condition in regions[0]["conditions"]] if regions else []
-    named = sorted(
-        dict.fromkeys([*named, "v_t", "v_n"][: max(2, len(set(named)))]), key=list(FEATURE_LABEL).index
-    )
+    named = sorted(dict.fromkeys([*named, "v_t", "v_n"][: max(2, len(set(named)))]), key=list(FEATURE_LABEL).index)
     return named[0], (named[1] if len(named) > 1 else "v_n")
 
 
@@ -214,9 +212,7 @@ def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> Non
     for i, region in enumerate(regions):
         color = REGION_COLORS[i % len(REGION_COLORS)]
         for a, b, c, d in boxes_of(region, over, (x_low, x_high, y_low, y_high)) or ():
-            ax.add_patch(
-                Rectangle((a, c), b - a, d - c, fill=False, edgecolor=color, linewidth=1.4, clip_on=False)
-            )
+            ax.add_patch(Rectangle((a, c), b - a, d - c, fill=False, edgecolor=color, linewidth=1.4, clip_on=False))
             ax.annotate(
                 str(i + 1),
                 (a, d),

@@ -109,10 +109,7 @@ def _title(ax: Axes, text: str) -> None:
     cut = min(range(1, len(parts) + 1), key=lambda i: abs(len(" ".join(parts[:i])) - 0.5 * len(text)))
     long = len(text) > 16 and cut < len(parts)
     ax.set_title(
-        " ".join(parts[:cut]) + "\n" + " ".join(parts[cut:]) if long else text,
-        fontsize=6.5,
-        loc="left",
-        pad=3,
+        " ".join(parts[:cut]) + "\n" + " ".join(parts[cut:]) if long else text, fontsize=6.5, loc="left", pad=3
     )
 
 
@@ -123,8 +120,6 @@ def _legend(ax: Axes, table: pd.DataFrame) -> tuple[list, list[str]]:
         handles += ax.plot([], [], color=colour, marker=marker, markersize=3.2, linewidth=0.9)
         labels.append(SOURCE_TITLE[name])
     for noise in sorted(set(table["noise"]) - {TABLE["noise"]}):
-        handles += ax.plot(
-            [], [], color=GREY, marker="o", markersize=3.2, markerfacecolor="white", linestyle=":"
-        )
+        handles += ax.plot([], [], color=GREY, marker="o", markersize=3.2, markerfacecolor="white", linestyle=":")
         labels.append(f"{noise:g} times the rig's noise")
     return handles, labels

@@ -36,9 +36,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
     columns = [*EFFECTS, *UNNAMED]
     truths = _ordered(rows)
     shares = (
-        rows.groupby(["truth", "column"]).size().unstack(fill_value=0)
-        if len(rows)
-        else pd.DataFrame(columns=columns)
+        rows.groupby(["truth", "column"]).size().unstack(fill_value=0) if len(rows) else pd.DataFrame(columns=columns)
     )
     # effects no longer in the library stay in the picture
     columns += [name for name in shares.columns if name not in columns]
@@ -55,9 +53,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
         _draw(ax, shares, truths)
         set_title(figure, f"What was named first of what was hidden, % of datasets: {SOURCE_TITLE[source]}")
     table = shares.stack().rename("share").rename_axis(["truth", "column"]).reset_index()
-    table = (
-        table.merge(truths[["truth", "n", "right"]], on="truth") if len(table) else table.assign(n=0, right=0)
-    )
+    table = table.merge(truths[["truth", "n", "right"]], on="truth") if len(table) else table.assign(n=0, right=0)
     table.insert(0, "source", source)
     return figure, table[["source", "truth", "column", "share", "n", "right"]]
 
@@ -81,22 +77,14 @@ def _draw(ax: Axes, shares: pd.DataFrame, truths: pd.DataFrame) -> None:
     for i, j in np.argwhere(values > 0.0):
         text = f"{100 * values[i, j]:.0f}" if values[i, j] >= 0.01 else "<1"
         ax.text(
-            j,
-            i,
-            text,
-            ha="center",
-            va="center_baseline",
-            fontsize=4.6,
-            color="white" if values[i, j] > DARK else INK,
+            j, i, text, ha="center", va="center_baseline", fontsize=4.6, color="white" if values[i, j] > DARK else INK
         )
     ax.set_xlim(-0.5, n + 1.6)
     for i, row in truths.iterrows():
         if row["effect"] in shares.columns:
             j = shares.columns.get_loc(row["effect"])
             ax.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, edgecolor=INK, linewidth=0.7))
-        ax.text(
-            n + 1.4, i, f"{100 * row['right']:.0f}", ha="right", va="center_baseline", fontsize=5.5, color=INK
-        )
+        ax.text(n + 1.4, i, f"{100 * row['right']:.0f}", ha="right", va="center_baseline", fontsize=5.5, color=INK)
     ax.text(n + 1.4, -0.9, "right (%)", ha="right", va="bottom", fontsize=6, rotation=90)
     ax.set_xticks(range(n), [UNNAMED.get(name, name).replace("_", " ") for name in shares.columns])
     ax.set_yticks(range(m), [name.replace("_", " ").replace("+", " +\n") for name in truths["truth"]])

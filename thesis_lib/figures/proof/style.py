@@ -15,9 +15,7 @@ SOURCE_LOOK = {"law": ("#0072B2", "o"), "mechanism": ("#D55E00", "s"), "drake": 
 def in_order(effects: Iterable[str]) -> list[str]:
     """Distinct effects in the order of the library, by family; effects outside it come last."""
     library = list(EFFECTS)
-    return sorted(
-        set(effects), key=lambda name: (library.index(name) if name in EFFECTS else len(library), name)
-    )
+    return sorted(set(effects), key=lambda name: (library.index(name) if name in EFFECTS else len(library), name))
 
 
 def words(name: str) -> str:

@@ -107,9 +107,7 @@ def fit(
         shooting = Shooting(arm, data, extra)
         theta = settings.prior.draw(settings.draws, arm, rng) if start is None else np.atleast_2d(start)
         point = _screened(shooting, theta, settings)
-        growth = (
-            settings.growth if attempt == 1 else int(rng.integers(settings.growth // 3, 2 * settings.growth))
-        )
+        growth = settings.growth if attempt == 1 else int(rng.integers(settings.growth // 3, 2 * settings.growth))
         point = _grown(shooting, point, settings, growth)
         if np.isfinite(point.cost).any():
             shooting, point = _kicked(shooting, point, rng, settings)

@@ -42,19 +42,13 @@ class ArmPrior(Section):
     """What is believed of arm and disk before any data: only the order of magnitude of bodies of that size."""
 
     mass: Spread = Field(
-        Spread(low=0.1, high=10.0),
-        description="kg, of each body, drawn log-uniformly; own choice: two decades",
+        Spread(low=0.1, high=10.0), description="kg, of each body, drawn log-uniformly; own choice: two decades"
     )
-    com: Spread = Field(
-        Spread(low=0.1, high=0.9), description="centre of mass from the joint over the link's length"
-    )
+    com: Spread = Field(Spread(low=0.1, high=0.9), description="centre of mass from the joint over the link's length")
     gyration: Spread = Field(
-        Spread(low=0.1, high=0.5),
-        description="radius of gyration over length; 0.5 has all mass at the two ends",
+        Spread(low=0.1, high=0.5), description="radius of gyration over length; 0.5 has all mass at the two ends"
     )
-    disk_gyration: Spread = Field(
-        Spread(low=0.2, high=1.0), description="radius of gyration over radius; 1 is a hoop"
-    )
+    disk_gyration: Spread = Field(Spread(low=0.2, high=1.0), description="radius of gyration over radius; 1 is a hoop")
 
     def draw(self, n: int, arm: ArmDisk, rng: np.random.Generator) -> np.ndarray:
         """Base parameters (n, 6) of n draws; only the lengths, radius and gravity of `arm` are used."""

@@ -113,14 +113,10 @@ def noise_of_residuals(r: np.ndarray) -> np.ndarray:
     d = np.diff(r, axis=0) / np.sqrt(2.0)
     scale = robust_std(d)
     within = np.abs(d) <= CLIP * scale
-    return np.sqrt(
-        np.sum(np.where(within, d, 0.0) ** 2, axis=0) / np.maximum(within.sum(axis=0), 1) / CLIPPED
-    )
+    return np.sqrt(np.sum(np.where(within, d, 0.0) ** 2, axis=0) / np.maximum(within.sum(axis=0), 1) / CLIPPED)
 
 
-def measured(
-    q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: float, epsilon: float = 0.0
-) -> ArmData:
+def measured(q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: float, epsilon: float = 0.0) -> ArmData:
     """Data of one motion, with its noise level estimated; arguments as in `ArmData`.
 
     Raises:
@@ -229,12 +225,7 @@ class Shooting:
         return base, np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0).transpose(0, 2, 1, 3)
 
     def minimise(
-        self,
-        stage: Stage,
-        point: Candidates,
-        iterations: int,
-        steps: np.ndarray | None = None,
-        tolerance: float = 1e-3,
+        self, stage: Stage, point: Candidates, iterations: int, steps: np.ndarray | None = None, tolerance: float = 1e-3
     ) -> Candidates:
         """Levenberg-Marquardt of P candidates side by side, each until χ² falls by less than `tolerance` twice.
 

@@ -96,9 +96,7 @@ def simulate_copies(
                 rebound = -epsilon * v_n
                 v_n_free = np.matmul(J[at, 2:], v_free[at, :, None])[:, :, 0]
                 closing = v_n_free - phi_free[at] / h
-                b = np.where(
-                    (rebound > V_REBOUND) & (phi_free[at] <= 0.0), rebound, np.minimum(closing, V_RECOVER)
-                )
+                b = np.where((rebound > V_REBOUND) & (phi_free[at] <= 0.0), rebound, np.minimum(closing, V_RECOVER))
                 MJ = np.matmul(M_inv[at], J[at].transpose(0, 2, 1))
                 K = np.matmul(J[at], MJ)
                 v_c = np.matmul(J[at], v_free[at, :, None])[:, :, 0]
@@ -233,8 +231,7 @@ def _try_modes(
         fine = np.where(
             m == OFF,
             ~active[:, i] | (v[:, 2 + i] >= b[:, i] - v_tol),
-            (c_n >= -c_tol)
-            & np.where(m == STICK, np.abs(c_t) <= mu * c_n + c_tol, _SIGN[m] * v[:, i] >= -v_tol),
+            (c_n >= -c_tol) & np.where(m == STICK, np.abs(c_t) <= mu * c_n + c_tol, _SIGN[m] * v[:, i] >= -v_tol),
         )
         holds &= fine & (active[:, i] | (m == OFF))
     return c.reshape(n, 4), holds

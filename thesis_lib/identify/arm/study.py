@@ -135,16 +135,12 @@ def arm_forces(
     estimate = fit(arm, data, rng, settings.fit)
     c["ours"], theta["ours"] = (estimate.c_n, estimate.c_t), estimate.theta
     finite = np.isfinite(estimate.q).all()
-    rank["ours"] = (
-        window_rank(arm_window(arm, estimate.q, estimate.v, data.f_ext, data.h, mu)) if finite else 0
-    )
+    rank["ours"] = window_rank(arm_window(arm, estimate.q, estimate.v, data.f_ext, data.h, mu)) if finite else 0
     bound = error_bound(arm, replace(data, sigma=noisy.sigma), base_of(arm), record.q[0], record.v[0])
     return ArmForces(record, data, c, theta, rank, estimate, bound)
 
 
-def force_errors(
-    true: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]
-) -> dict[str, float]:
+def force_errors(true: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]) -> dict[str, float]:
     """Relative rms errors of one pair's force (c_n, c_t), each (m,) in N.
 
     Returns:
@@ -191,9 +187,7 @@ def arm_force_study(
         done += (arm_forces(arm, record, bodies.arm.mu, stream, settings),)
         say(f"trajectory {i}: χ²/n {done[-1].fit.chi2:.3f}")
     forces, parameters = tables_of(done, base_of(arm))
-    return ArmForceTables(
-        forces, parameters, done, made.left_out, np.array([fitted.fit.cpu_s for fitted in done])
-    )
+    return ArmForceTables(forces, parameters, done, made.left_out, np.array([fitted.fit.cpu_s for fitted in done]))
 
 
 def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple["pd.DataFrame", "pd.DataFrame"]:
@@ -208,9 +202,7 @@ def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple["pd.DataF
                 "method": method,
                 "rank": trajectory.rank[method],
                 "chi2": trajectory.fit.chi2 if method == "ours" else np.nan,
-                "accepted": trajectory.fit.accepted
-                if method == "ours"
-                else trajectory.rank[method] == len(NAMES),
+                "accepted": trajectory.fit.accepted if method == "ours" else trajectory.rank[method] == len(NAMES),
             }
             c_n, c_t = trajectory.c[method]
             for j, pair in enumerate(("arm", "ground")):
@@ -220,13 +212,7 @@ def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple["pd.DataF
             bound = trajectory.bound if method == "ours" else np.full(len(NAMES), np.nan)
             for j, name in enumerate(NAMES):
                 value = trajectory.theta[method][j]
-                row = {
-                    "parameter": name,
-                    "estimate": value,
-                    "truth": truth[j],
-                    "std": std[j],
-                    "bound": bound[j],
-                }
+                row = {"parameter": name, "estimate": value, "truth": truth[j], "std": std[j], "bound": bound[j]}
                 parameters.append({**head, **row, "error": value / truth[j] - 1.0})
     return pd.DataFrame(forces), pd.DataFrame(parameters)
 

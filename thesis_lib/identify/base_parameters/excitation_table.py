@@ -19,11 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thesis_lib.identify.base_parameters.combinations import linear_combination
-from thesis_lib.identify.base_parameters.identifiability import (
-    RANK_TOLERANCE,
-    identifiability,
-    sliding_regressor,
-)
+from thesis_lib.identify.base_parameters.identifiability import RANK_TOLERANCE, identifiability, sliding_regressor
 from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_window
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, block, disk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
@@ -44,9 +40,7 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.array([a * np.sin(w * t * 2.0 * np.pi + phase) for a, w, phase in PUSH])
 
 
-def _balanced(
-    body: PlanarFreeBody, mu: float, v: tuple[float, float, float], force: Callable | None
-) -> Record:
+def _balanced(body: PlanarFreeBody, mu: float, v: tuple[float, float, float], force: Callable | None) -> Record:
     """A disk on the surface: its one contact stays closed under any force."""
     q = np.array([0.0, 0.0, 0.0])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
@@ -75,10 +69,7 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Reco
         "square lands flat, no force": released(flat, still, None),
     }
     return {
-        name: (
-            record,
-            free_body_window(record, friction, gravity=(0.0, -settings.gravity), gap_tolerance=GAP),
-        )
+        name: (record, free_body_window(record, friction, gravity=(0.0, -settings.gravity), gap_tolerance=GAP))
         for name, (record, friction) in motions.items()
     }
 

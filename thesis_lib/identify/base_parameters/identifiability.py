@@ -104,12 +104,7 @@ def identifiability(window: ContactWindow, *, floor: float = FLOOR) -> Identifia
         null_space *= np.sign(null_space[np.abs(null_space).argmax(axis=0), np.arange(null_space.shape[1])])
     alpha = float(values[-1] ** 2 / len(window))
     return Identifiability(
-        window.names,
-        values,
-        rank,
-        null_space,
-        alpha,
-        tuple(_warnings(window, null_space, floor)) if rank < n else (),
+        window.names, values, rank, null_space, alpha, tuple(_warnings(window, null_space, floor)) if rank < n else ()
     )
 
 
@@ -136,18 +131,14 @@ def _warnings(window: ContactWindow, null_space: np.ndarray, floor: float) -> li
             return reasons  # only the common factor is missing
     sliding = touching & (window.v_t != 0.0)
     if not touching.any():
-        reasons.append(
-            f"no contact in the window of {len(window)} steps: {what}; choose steps around an impact"
-        )
+        reasons.append(f"no contact in the window of {len(window)} steps: {what}; choose steps around an impact")
     elif not sliding.any() and window.mu > 0.0:
         reasons.append(
             f"every contact of the window sticks, so that friction is unknown at each step, and {what}; "
             "add steps that slide, for example with less friction, or that turn the body in flight or at an impact"
         )
     else:
-        reasons.append(
-            f"the motion in the window does not excite all parameters: {what}; choose a richer motion"
-        )
+        reasons.append(f"the motion in the window does not excite all parameters: {what}; choose a richer motion")
     return reasons
 
 

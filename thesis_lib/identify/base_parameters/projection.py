@@ -83,15 +83,7 @@ def project_to_contact(
         v[k + 1] -= _shortest(contacts.J_t[k, sticks[k]], v_t[k, sticks[k]], W_inverse)
     moved = np.sqrt(np.sum((q - record.q)[:steps] ** 2 / W_inverse, axis=1))
     return ProjectedRecord(
-        record.h,
-        q,
-        v,
-        np.asarray(record.f_ext, dtype=float),
-        contacts.phi,
-        contacts.J_n,
-        contacts.J_t,
-        closed,
-        moved,
+        record.h, q, v, np.asarray(record.f_ext, dtype=float), contacts.phi, contacts.J_n, contacts.J_t, closed, moved
     )
 
 

@@ -149,26 +149,12 @@ class ContactWindow:
         f = self.f - sum(self.Y[:, :, self.names.index(name)] * value for name, value in known.items())
         names = tuple(self.names[j] for j in free)
         return ContactWindow(
-            self.h,
-            self.Y[:, :, free],
-            f,
-            self.gap,
-            self.J_n,
-            self.J_t,
-            self.v_t,
-            self.mu,
-            names,
-            self.theta_min[free],
+            self.h, self.Y[:, :, free], f, self.gap, self.J_n, self.J_t, self.v_t, self.mu, names, self.theta_min[free]
         )
 
 
 def expected_gap(
-    phi: np.ndarray,
-    J_n: np.ndarray,
-    v: np.ndarray,
-    a_free: np.ndarray,
-    h: float,
-    tolerance: float = GAP_TOLERANCE,
+    phi: np.ndarray, J_n: np.ndarray, v: np.ndarray, a_free: np.ndarray, h: float, tolerance: float = GAP_TOLERANCE
 ) -> np.ndarray:
     """φ̃ (m, p) in m of gaps phi (m, p), Jacobians J_n (m, p, nv), velocities v and accelerations a_free (m, nv).
 

@@ -88,9 +88,7 @@ class ForcePlate:
 
         self.settings, body, contact = settings, settings.body, settings.contact
         pad = pad_of(body, contact, HiddenCauses(), contact.epsilon)
-        self._clock = Clock(
-            drop_plant(body, contact, HiddenCauses(), 9.81, pad), contact.contact_time, ACCURACY
-        )
+        self._clock = Clock(drop_plant(body, contact, HiddenCauses(), 9.81, pad), contact.contact_time, ACCURACY)
         self._port = self._clock.made.plant.get_contact_results_output_port()
 
     def contact(self, q: np.ndarray, v: np.ndarray, t: float) -> ForceHistory:
@@ -115,9 +113,7 @@ class ForcePlate:
             if touched and not total[1] > 0.0:
                 break
         else:
-            raise UserError(
-                "The body does not leave the plate again: raise epsilon or the heights of release."
-            )
+            raise UserError("The body does not leave the plate again: raise epsilon or the heights of release.")
         time, force = np.array(times), np.array(forces)
         return ForceHistory(time, force, *self._sensor(time, force[:, 1], t))
 
@@ -181,9 +177,7 @@ def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Drops:
     )
 
 
-def study_impact_forces(
-    drops: Drops, settings: ImpactForces | None = None
-) -> tuple[pd.DataFrame, dict[str, int]]:
+def study_impact_forces(drops: Drops, settings: ImpactForces | None = None) -> tuple[pd.DataFrame, dict[str, int]]:
     """A row per impact and method with estimates and truth, and the numbers of impacts left out by reason.
 
     Columns: trial, impact, method, t, c_t, c_n, c_t_std, c_n_std, true_c_t, true_c_n, sensor_c_n, peak, peak_true,
@@ -225,9 +219,7 @@ def study_impact_forces(
             key = {"trial": truth["trial"], "impact": truth["impact"], "method": method, "t": truth["t"]}
             rows.append(key | c | common | {"peak": peak})
     if not rows:
-        raise UserError(
-            f"No impact of {settings.drops} drops could be measured ({left_out}); lengthen `duration`."
-        )
+        raise UserError(f"No impact of {settings.drops} drops could be measured ({left_out}); lengthen `duration`.")
     return pd.DataFrame(rows), left_out
 
 
@@ -275,9 +267,7 @@ def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 def shown_impact(rows: pd.DataFrame, drops: Drops, settings: ImpactForces) -> tuple[pd.Series, ForceHistory]:
     """The impact of figure 2-15, the first hit of median true peak: its row of method `arcs` and its history."""
-    first = rows[(rows["impact"] == 0) & (rows["method"] == METHODS[0])].sort_values(
-        "peak_true", kind="stable"
-    )
+    first = rows[(rows["impact"] == 0) & (rows["method"] == METHODS[0])].sort_values("peak_true", kind="stable")
     if first.empty:
         raise UserError("No first hit could be measured, so there is none to show; take more drops.")
     row = first.iloc[len(first) // 2]

@@ -102,9 +102,7 @@ class ImpactLink:
 
     def __init__(self, impacts: Impacts, rig: Rig, variant: tuple[str, ...] = ()):
         if not (np.isfinite(impacts.dv).all() and np.isfinite(impacts.q).all()):
-            raise UserError(
-                "m/I cannot be estimated: poses or velocities of some impacts are not finite. Remove them."
-            )
+            raise UserError("m/I cannot be estimated: poses or velocities of some impacts are not finite. Remove them.")
         self.rig = rig
         effects = [EFFECTS[name] for name in variant]
         self.free = [(e, e.parameters[0]) for e in effects if e.parameters[0].discrete is None]
@@ -212,9 +210,7 @@ def fit_ratio(link: ImpactLink, start: np.ndarray | None = None, tolerance: floa
     return RatioFit(p, u, sigma, weight, scale, converged)
 
 
-def _bounded_step(
-    information: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
+def _bounded_step(information: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Newton step within bounds: stopped parameters go to their bound, and the others are solved for given that."""
     step = np.linalg.lstsq(information, -slope, rcond=None)[0]
     stopped = (step < low) | (step > high)
@@ -252,9 +248,7 @@ def regressions(lever: np.ndarray, spin: np.ndarray, weight: np.ndarray) -> tupl
     return float(cross / (weight @ lever**2)), float((weight @ spin**2) / cross)
 
 
-def measured_ratio(
-    dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio | None = None
-) -> pd.DataFrame:
+def measured_ratio(dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio | None = None) -> pd.DataFrame:
     """m/I of a measured body, a row with `COLUMNS` per hypothesis about the measurement.
 
     `dataset` holds trajectories or impacts; `rng` is for the bootstrap.
@@ -269,10 +263,7 @@ def measured_ratio(
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     variants = CORNERED if EFFECTS["rounded_corners"].applies_to(rig) else SMOOTH
     stream = streams(rng)
-    rows = [
-        _row(dataset.name, impacts, left_out, rig, variant, stream(*variant), settings)
-        for variant in variants
-    ]
+    rows = [_row(dataset.name, impacts, left_out, rig, variant, stream(*variant), settings) for variant in variants]
     if dataset.name == "planar_impact":
         earlier = replace(impacts, v_post=impacts.v_post + [0.0, EARLIER_VY_POST, 0.0])
         row = _row(dataset.name, earlier, left_out, rig, ("mirrored_rotation",), stream(EARLIER), settings)
@@ -283,9 +274,7 @@ def measured_ratio(
 def absent(name: str) -> pd.DataFrame:
     """The row of `measured_ratio` for a missing published set, with instructions."""
     status = f"not present; python -m thesis_lib datasets fetch {name.replace('_', '-')} gets it"
-    return pd.DataFrame([{"dataset": name, "variant": AS_PUBLISHED, "status": status}]).reindex(
-        columns=list(COLUMNS)
-    )
+    return pd.DataFrame([{"dataset": name, "variant": AS_PUBLISHED, "status": status}]).reindex(columns=list(COLUMNS))
 
 
 def _row(

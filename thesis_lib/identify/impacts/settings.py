@@ -21,10 +21,7 @@ class ImpactForces(Section):
     mu: float = Field(0.15, ge=0, description="own choice, as the other simulated drops")
     epsilon: float = Field(0.55, gt=0, le=1, description="own choice, as the other simulated drops")
     contact_time: float = Field(
-        1.4e-3,
-        gt=0,
-        le=5e-3,
-        description="s, central hit; own choice: 0.12 N s then peak near the thesis's 135 N",
+        1.4e-3, gt=0, le=5e-3, description="s, central hit; own choice: 0.12 N s then peak near the thesis's 135 N"
     )
     duration: float = Field(1.0, gt=0, description="s, of a recording")
     rate: float = Field(250.0, gt=0, description="Hz, of poses; thesis")
@@ -33,17 +30,13 @@ class ImpactForces(Section):
     sensor_rate: float = Field(1000.0, gt=0, description="Hz; thesis")
     sensor_frequency: float = Field(300.0, gt=0, description="Hz, of plate and sensor; own choice")
     sensor_damping: float = Field(0.1, gt=0, lt=1, description="its damping ratio; own choice")
-    sensor_window: float = Field(
-        0.03, gt=0, description="s over which it is integrated; then 4 per mil ring on"
-    )
+    sensor_window: float = Field(0.03, gt=0, description="s over which it is integrated; then 4 per mil ring on")
 
     @property
     def body(self) -> Body:
         """A uniform ellipse, k² = (a² + b²)/4."""
         a, b = self.semi_axes
-        return Body(
-            shape=Ellipse(semi_axes=(a, b)), mass=self.mass, radius_of_gyration=float(np.hypot(a, b) / 2.0)
-        )
+        return Body(shape=Ellipse(semi_axes=(a, b)), mass=self.mass, radius_of_gyration=float(np.hypot(a, b) / 2.0))
 
     @property
     def contact(self) -> CompliantContact:

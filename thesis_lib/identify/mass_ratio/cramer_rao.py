@@ -78,9 +78,7 @@ def ratio_bound(
     """
     check_states(h, q, v)
     if not (np.asarray(sigma) > 0).all():
-        raise UserError(
-            "The Cramér-Rao bound needs noise above zero in every channel: without noise it is zero."
-        )
+        raise UserError("The Cramér-Rao bound needs noise above zero in every channel: without noise it is zero.")
     if not len(impacts.steps):
         return np.inf
     sums = ArcSums(h, *without_gravity(h, q, v, gravity))

@@ -91,9 +91,7 @@ class DropHypotheses:
     `use_gap` says whether the gaps at the impacts are part of the likelihood.
     """
 
-    def __init__(
-        self, sums: ArcSums, h: float, shape: BodyShape, gravity: float, use_gap: bool, sigma: np.ndarray
-    ):
+    def __init__(self, sums: ArcSums, h: float, shape: BodyShape, gravity: float, use_gap: bool, sigma: np.ndarray):
         self.sums, self.h, self.shape, self.gravity, self.use_gap = sums, h, shape, gravity, use_gap
         self.sigma = sigma
 
@@ -204,9 +202,7 @@ class DropHypotheses:
         model = self._model(s, np.zeros((B, J), dtype=int), None)
         theta = model.angles(s.u)
         theta_std = np.sqrt(
-            np.einsum(
-                "bji,bij->bj", model.position, np.linalg.solve(s.N[:, 2], np.swapaxes(model.position, 1, 2))
-            )
+            np.einsum("bji,bij->bj", model.position, np.linalg.solve(s.N[:, 2], np.swapaxes(model.position, 1, 2)))
         )
         x, y = corners.T
         sin, cos = np.sin(theta)[..., None], np.cos(theta)[..., None]

@@ -199,9 +199,7 @@ class ArcModel:
             g.append(np.where(self.modes != STICK, slides, sticks))
         return np.concatenate(g, axis=1)
 
-    def derivatives(
-        self, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def derivatives(self, motion: ImpactMotion, eta: np.ndarray, travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of the rows by u and η, G (B, n_g, 3, 2+J) and G_η (B, n_g, 3), at constant `travel`."""
         ratio, epsilon, mu = eta.T[:, :, None]
         m, none = motion, np.zeros_like(self.position)
@@ -309,9 +307,7 @@ def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | Non
     soft = variance > 0
     misfit = _chi2(s, u - s.u) + (g[:, soft] ** 2).sum(axis=1)
     dof = g.shape[1] - known.sum(axis=1)
-    return ArcFit(
-        u, eta, misfit + s.chi2_free + 2.0 * np.log(travel).sum(axis=1), misfit, dof, std, converged
-    )
+    return ArcFit(u, eta, misfit + s.chi2_free + 2.0 * np.log(travel).sum(axis=1), misfit, dof, std, converged)
 
 
 def _spread_of_rows(P: np.ndarray, G: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

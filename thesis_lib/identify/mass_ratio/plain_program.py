@@ -71,9 +71,7 @@ def plain_ratio(
     return float(np.exp(grid[best]))
 
 
-def impact_least_squares(
-    body: PlanarFreeBody, h: float, q: np.ndarray, v: np.ndarray, steps: np.ndarray
-) -> float:
+def impact_least_squares(body: PlanarFreeBody, h: float, q: np.ndarray, v: np.ndarray, steps: np.ndarray) -> float:
     """m/I in 1/m² by least squares of Δω on r_x Δv_y - r_y Δv_x at known impact steps (J,); NaN without any.
 
     Eq. 2.23 reduces to this for known contact steps, free friction and Δω alone.  Noise in the regressor biases the

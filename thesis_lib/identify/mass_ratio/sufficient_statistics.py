@@ -67,10 +67,7 @@ class ArcSums:
         B, J = steps.shape
         weight_q, weight_v = 1.0 / sigma[0] ** 2, 1.0 / sigma[1] ** 2  # (3,)
         ramp = np.concatenate([np.zeros((B, 1), dtype=int), steps], axis=1)  # (k - a)_+ of v_0 and each Δv_j
-        first, last = (
-            np.minimum(ramp[:, :, None], ramp[:, None, :]),
-            np.maximum(ramp[:, :, None], ramp[:, None, :]),
-        )
+        first, last = (np.minimum(ramp[:, :, None], ramp[:, None, :]), np.maximum(ramp[:, :, None], ramp[:, None, :]))
         n = self.m - last
         s1, s2 = n * (n + 1) / 2.0, n * (n + 1) * (2 * n + 1) / 6.0
         position = np.empty((B, J + 2, J + 2))
@@ -86,9 +83,7 @@ class ArcSums:
         b = np.empty((B, 3, J + 2))
         b[:, :, 0] = weight_q * self._all_q
         b[:, :, 1] = weight_q * self.h * self._ramp_q[0] + weight_v * self._all_v
-        b[:, :, 2:] = np.moveaxis(
-            weight_q * self.h * self._ramp_q[steps] + weight_v * self._sum_v[steps], 1, 2
-        )
+        b[:, :, 2:] = np.moveaxis(weight_q * self.h * self._ramp_q[steps] + weight_v * self._sum_v[steps], 1, 2)
         root = np.swapaxes(np.linalg.cholesky(N), -1, -2)
         u = np.linalg.solve(N, b[..., None])[..., 0]
         total = (self._squares[0] * weight_q + self._squares[1] * weight_v).sum()

@@ -68,11 +68,7 @@ class KeptDrops:
 
 
 def make_drops(
-    kind: str,
-    n: int,
-    rng: np.random.Generator,
-    settings: Table21 | None = None,
-    bodies: Chapter2Bodies = DEFAULT,
+    kind: str, n: int, rng: np.random.Generator, settings: Table21 | None = None, bodies: Chapter2Bodies = DEFAULT
 ) -> KeptDrops:
     """Simulate drops of "block" or "ellipse" until n are accepted.
 
@@ -94,9 +90,7 @@ def make_drops(
             impacts.append(window_impacts)
             if len(records) == n:
                 return KeptDrops(body, tuple(records), tuple(impacts), dict(reasons))
-    raise RuntimeError(
-        f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {dict(reasons)}"
-    )
+    raise RuntimeError(f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {dict(reasons)}")
 
 
 def _window(record: Record, mu: float, settings: Table21) -> tuple[Record, TrueImpacts | None, str]:
@@ -159,9 +153,7 @@ def _apply(method, body, h, noisy, impacts, mu, gravity) -> tuple[float, float, 
     elif method == "least_squares":
         value = impact_least_squares(body, h, q, v, impacts.steps)
     else:
-        estimate = estimate_ratio(
-            h, q, v, body.shape, gravity, law=method == "arcs_law", use_gap=method != "arcs"
-        )
+        estimate = estimate_ratio(h, q, v, body.shape, gravity, law=method == "arcs_law", use_gap=method != "arcs")
         return estimate.value, estimate.std, estimate.status.name.lower()
     return value, np.nan, "ok" if np.isfinite(value) else "no_contact"
 

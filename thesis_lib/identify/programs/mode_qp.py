@@ -63,11 +63,7 @@ class Edges:
 
     def __getitem__(self, chosen: np.ndarray) -> "Edges":
         return Edges(
-            self.step[chosen],
-            self.pair[chosen],
-            self.sign[chosen],
-            self.direction[chosen],
-            self.price[chosen],
+            self.step[chosen], self.pair[chosen], self.sign[chosen], self.direction[chosen], self.price[chosen]
         )
 
 
@@ -214,9 +210,7 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
     return result.is_success(), T * result.GetSolution(theta), solution
 
 
-def dynamics_rows(
-    window: ContactWindow, edges: Edges, F: float, T: np.ndarray
-) -> tuple["csc_matrix", np.ndarray]:
+def dynamics_rows(window: ContactWindow, edges: Edges, F: float, T: np.ndarray) -> tuple["csc_matrix", np.ndarray]:
     """Y Θ − B a = f as sparse rows A (m nv, n_Θ + E) and b (m nv,), in units F of force and T (n_Θ,) of Θ."""
     from scipy.sparse import csc_matrix, hstack
 
@@ -238,9 +232,7 @@ def _polish(
     support = np.flatnonzero(amplitude > SUPPORT * window.force_scale)
     polished_theta, share, misfit = least_squares(window, edges[support])
     priced = bool((edges.price[support] > 0.0).any())
-    if not _admissible(window, polished_theta, share) or (
-        priced and not (program == "2.14" and misfit <= NEGATIVE)
-    ):
+    if not _admissible(window, polished_theta, share) or (priced and not (program == "2.14" and misfit <= NEGATIVE)):
         return theta, amplitude
     polished = np.zeros(len(edges))
     polished[support] = np.maximum(share, 0.0)

@@ -159,9 +159,7 @@ class ContactProgram:
         )
         c_t = answer.c_t[self.step, self.pair] / self.F
         c_n = answer.c_n[self.step, self.pair] / self.F
-        return ProgramPoint(
-            answer.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v)
-        )
+        return ProgramPoint(answer.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v))
 
     def random_point(self, rng: np.random.Generator, theta_guess: np.ndarray | None = None) -> ProgramPoint:
         """Parameters scattered by a factor of ten either way, forces of about the largest known one, λ = |v_rel|.
@@ -250,9 +248,7 @@ class ContactProgram:
         idle[self.step] = False
         # steps out of reach of any contact involve Θ only: a triangle of n_Θ + 1 rows is equivalent to all of them, and
         # on exact data in flight it is zero, which spares IPOPT more equations than unknowns
-        triangle = np.linalg.qr(
-            np.column_stack([Y[idle].reshape(-1, len(self.T)), f[idle].ravel()]), mode="r"
-        )
+        triangle = np.linalg.qr(np.column_stack([Y[idle].reshape(-1, len(self.T)), f[idle].ravel()]), mode="r")
         triangle = triangle[np.abs(triangle).max(axis=1, initial=0.0) > VANISHING]
         if hard:
             from scipy.sparse import csc_matrix, hstack
@@ -265,9 +261,7 @@ class ContactProgram:
             parts = [csc_matrix((blocks[:, :, i].ravel(), (rows, columns)), shape=shape) for i in range(3)]
             A = hstack([csc_matrix(Y[busy].reshape(-1, len(self.T))), *parts], format="csc")
             if len(busy):
-                prog.AddLinearEqualityConstraint(
-                    A, f[busy].ravel(), np.concatenate([theta, c_n, c_plus, c_minus])
-                )
+                prog.AddLinearEqualityConstraint(A, f[busy].ravel(), np.concatenate([theta, c_n, c_plus, c_minus]))
             if len(triangle):
                 prog.AddLinearEqualityConstraint(triangle[:, :-1], triangle[:, -1], theta)
             return
@@ -288,9 +282,7 @@ class ContactProgram:
         prog.AddBoundingBoxConstraint(np.abs(self.v), np.full(K, np.inf), lam)
         identity = eye(K, format="csc")
         cone = hstack([self.window.mu * identity, -identity, -identity], format="csc")
-        prog.AddLinearConstraint(
-            cone, np.zeros(K), np.full(K, np.inf), np.concatenate([c_n, c_plus, c_minus])
-        )
+        prog.AddLinearConstraint(cone, np.zeros(K), np.full(K, np.inf), np.concatenate([c_n, c_plus, c_minus]))
 
     def _add_products(self, prog: "MathematicalProgram", variables: np.ndarray, bound: float) -> None:
         """The products of each contact with variables (c_n, c_+, c_-, λ), as constraints or as a cost."""
@@ -323,11 +315,7 @@ def solver_options(solver: str, scale: int = 0) -> "SolverOptions":
 
     options = SolverOptions()
     if solver == "snopt":
-        for name in (
-            "Major feasibility tolerance",
-            "Major optimality tolerance",
-            "Minor feasibility tolerance",
-        ):
+        for name in ("Major feasibility tolerance", "Major optimality tolerance", "Minor feasibility tolerance"):
             options.SetOption(SnoptSolver.id(), name, SOLVER_TOLERANCE)
         options.SetOption(SnoptSolver.id(), "Scale option", scale)
         options.SetOption(SnoptSolver.id(), "Major iterations limit", MAX_ITERATIONS)
@@ -364,7 +352,5 @@ def _engines(asked: str) -> tuple[str, ...]:
         return (asked,)
     solvers = tuple(solver for solver in ("snopt", "ipopt") if available(solver))
     if not solvers:
-        raise UserError(
-            "this installation of Drake has neither SNOPT nor IPOPT; take mode_qp.solve_mode_qp instead"
-        )
+        raise UserError("this installation of Drake has neither SNOPT nor IPOPT; take mode_qp.solve_mode_qp instead")
     return solvers

@@ -120,16 +120,5 @@ def judged(
         else:
             status = SolveStatus.SOLVED
     return ProgramResult(
-        program,
-        solver,
-        status,
-        claimed,
-        theta,
-        c_n,
-        c_t,
-        dynamics,
-        complementarity,
-        cost,
-        cpu_s,
-        names=window.names,
+        program, solver, status, claimed, theta, c_n, c_t, dynamics, complementarity, cost, cpu_s, names=window.names
     )

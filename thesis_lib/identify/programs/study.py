@@ -34,14 +34,7 @@ from thesis_lib.identify.programs.mode_qp import REACH, Program, solve_mode_qp
 from thesis_lib.identify.programs.nonlinear import ContactProgram, Products
 from thesis_lib.identify.programs.result import ProgramResult
 from thesis_lib.identify.settings import Programs
-from thesis_lib.simulate.chapter2.motions import (
-    BODIES,
-    DEFAULT,
-    Chapter2Bodies,
-    arm_disk,
-    arm_trajectories,
-    releases,
-)
+from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, arm_disk, arm_trajectories, releases
 from thesis_lib.simulate.stepping.stepping import Record, simulate
 
 if TYPE_CHECKING:
@@ -97,9 +90,7 @@ def cases(
     refused = ""
     for tried, record in enumerate(makers[kind](kind, n_steps, rng, settings)):
         if tried >= 5 * n + 20:
-            raise UserError(
-                f"only {len(windows)} of {tried} windows of {n_steps} steps can be identified; {refused}"
-            )
+            raise UserError(f"only {len(windows)} of {tried} windows of {n_steps} steps can be identified; {refused}")
         contact = np.flatnonzero(record.c_n.any(axis=1))
         if not (record.solved and len(contact)):
             continue
@@ -126,14 +117,10 @@ def _drops(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2
     surface = settings.wheel if kind == "wheel" else settings
     while True:
         q, v = releases(kind, 1, rng, settings)
-        yield simulate(
-            body, q[0], v[0], None, settings.h, max(settings.steps, n_steps), surface.mu, surface.epsilon
-        )
+        yield simulate(body, q[0], v[0], None, settings.h, max(settings.steps, n_steps), surface.mu, surface.epsilon)
 
 
-def _arm_motions(
-    kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies
-) -> Iterator[Record]:
+def _arm_motions(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
     while True:
         yield arm_trajectories(1, rng, settings).records[0]
 
@@ -235,9 +222,7 @@ def study(
     }
 
 
-def _answers(
-    what: ProgramRun, window: ContactWindow, starts: int, rng: np.random.Generator
-) -> Iterator[ProgramResult]:
+def _answers(what: ProgramRun, window: ContactWindow, starts: int, rng: np.random.Generator) -> Iterator[ProgramResult]:
     if what.solver == "mode_qp":
         yield solve_mode_qp(window, what.program, reach=what.reach)
         return
@@ -246,9 +231,7 @@ def _answers(
         yield nlp.answer(nlp.random_point(rng), what.solver)
 
 
-def programs_table(
-    settings: Programs, rng: np.random.Generator, bodies: Chapter2Bodies = DEFAULT
-) -> "pd.DataFrame":
+def programs_table(settings: Programs, rng: np.random.Generator, bodies: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
     """A row of `study` for every program, mechanism and window length, on the same windows within a length.
 
     CPU seconds differ from run to run and are left to `python -m benchmarks.programs`.

@@ -153,9 +153,7 @@ def plain_forces(
     return solve_mode_qp(window, program, dynamics_tolerance=noise)
 
 
-def fit_wheel(
-    wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float = 0.0
-) -> WheelFit:
+def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float = 0.0) -> WheelFit:
     """Motion, inertia and contact forces of a wheel on a spoke without slip at the first sample.
 
     Args:
@@ -202,9 +200,7 @@ def fit_wheel(
     )
 
 
-def _stages(
-    fit: "_Fit", starts: list[np.ndarray], sigma: np.ndarray, stage: int
-) -> tuple[object, float, float]:
+def _stages(fit: "_Fit", starts: list[np.ndarray], sigma: np.ndarray, stage: int) -> tuple[object, float, float]:
     """Best fit from the starts over the first steps, then over all: scipy's result, its χ²/n and its whiteness."""
     first = min((fit.minimise(eta, sigma, stage) for eta in starts), key=lambda found: found.cost)
     best = fit.minimise(first.x, sigma, len(fit.q) - 1)
@@ -233,9 +229,7 @@ def white(residuals: np.ndarray, lags: int = LAGS) -> float:
 class _Fit:
     """Least squares of one record; η as in the module's head."""
 
-    def __init__(
-        self, wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float
-    ) -> None:
+    def __init__(self, wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float) -> None:
         self.wheel, self.h, self.q, self.v, self.mu, self.epsilon = wheel, h, q, v, mu, epsilon
         self.half = np.pi / wheel.spokes
 
@@ -284,13 +278,7 @@ class _Fit:
         low[2:], high[2:] = (-fastest, np.log(INERTIA_RANGE[0])), (fastest, np.log(INERTIA_RANGE[1]))
         scale = np.array([self.wheel.length, self.half, 1.0, 1.0])
         return least_squares(
-            self.residuals,
-            eta,
-            args=(sigma, steps),
-            bounds=(low, high),
-            x_scale=scale,
-            xtol=1e-10,
-            ftol=1e-10,
+            self.residuals, eta, args=(sigma, steps), bounds=(low, high), x_scale=scale, xtol=1e-10, ftol=1e-10
         )
 
     def deviations(self, eta: np.ndarray, covariance: np.ndarray, record: Record) -> np.ndarray:

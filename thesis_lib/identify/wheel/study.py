@@ -129,10 +129,7 @@ def example_forces(
 
 
 def wheel_force_study(
-    n: int,
-    rng: np.random.Generator,
-    settings: WheelStudy | None = None,
-    bodies: Chapter2Bodies = DEFAULT,
+    n: int, rng: np.random.Generator, settings: WheelStudy | None = None, bodies: Chapter2Bodies = DEFAULT
 ) -> pd.DataFrame:
     """n starts of the wheel, a row per record, spoke and method; columns as in `columns.yaml`."""
     settings = settings or WheelStudy()
@@ -177,9 +174,7 @@ def wheel_force_table(rows: pd.DataFrame) -> pd.DataFrame:
             row[f"{name}_90"] = used[name].quantile(0.9)
         table.append(row | {"within_2_std": used["within_2_std"].mean()})
     return pd.DataFrame(table).sort_values(
-        ["method", "order"],
-        key=lambda c: c.map(METHODS.index) if c.name == "method" else c,
-        ignore_index=True,
+        ["method", "order"], key=lambda c: c.map(METHODS.index) if c.name == "method" else c, ignore_index=True
     )
 
 
@@ -203,10 +198,6 @@ def motion_by_mass(settings: WheelStudy | None = None, bodies: Chapter2Bodies = 
         steps = max(1, round(settings.mass_seconds / bodies.h))
         record = simulate(made, q, v, None, bodies.h, steps, w.mu, w.epsilon)
         if not record.solved:
-            raise UserError(
-                f"The wheel of {mass} kg could not be simulated for {settings.mass_seconds} s; shorten it."
-            )
-        parts.append(
-            pd.DataFrame({"mass": mass, "t": record.t, "theta": record.q[:, 2], "omega": record.v[:, 2]})
-        )
+            raise UserError(f"The wheel of {mass} kg could not be simulated for {settings.mass_seconds} s; shorten it.")
+        parts.append(pd.DataFrame({"mass": mass, "t": record.t, "theta": record.q[:, 2], "omega": record.v[:, 2]}))
     return pd.concat(parts, ignore_index=True)

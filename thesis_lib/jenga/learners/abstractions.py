@@ -85,12 +85,7 @@ class Agreement:
 
 
 def agreement(
-    learner: Hma,
-    samples: Samples,
-    rng: np.random.Generator,
-    steps: int = 5,
-    level: float = 0.95,
-    resamples: int = 1000,
+    learner: Hma, samples: Samples, rng: np.random.Generator, steps: int = 5, level: float = 0.95, resamples: int = 1000
 ) -> Agreement:
     """How well the first `steps` samples of a push tell stuck from free.
 
@@ -183,13 +178,7 @@ def predictive_check(
     # a reference push is compared with the others only: with itself included it would lie too near
     reference_square = np.vstack(
         [
-            _square(
-                reference_values[[j]],
-                sizes[[j]],
-                np.delete(reference_values, j, 0),
-                np.delete(sizes, j),
-                within,
-            )
+            _square(reference_values[[j]], sizes[[j]], np.delete(reference_values, j, 0), np.delete(sizes, j), within)
             for j in range(len(known))
         ]
     )
@@ -212,11 +201,7 @@ def predictive_check(
 
 
 def _square(
-    values: np.ndarray,
-    sizes: np.ndarray,
-    reference: np.ndarray,
-    reference_sizes: np.ndarray,
-    within: np.ndarray,
+    values: np.ndarray, sizes: np.ndarray, reference: np.ndarray, reference_sizes: np.ndarray, within: np.ndarray
 ) -> np.ndarray:
     """Terms (pushes, 7) of D² for `values` v (pushes, 7), relative to the reference."""
     between = reference.var(axis=0, ddof=1) - (1.0 / reference_sizes).mean() * within
@@ -258,9 +243,7 @@ def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generato
     if learner.mixture is None:
         raise UserError("a new abstraction needs the two-step learner (one_shot: false).")
     if len(samples) < MIN_SAMPLES:
-        raise UserError(
-            f"a new abstraction needs {MIN_SAMPLES} samples of pushes that fail, got {len(samples)}."
-        )
+        raise UserError(f"a new abstraction needs {MIN_SAMPLES} samples of pushes that fail, got {len(samples)}.")
     config, old, nets = learner.settings, learner.mixture, learner.networks
     k, c = learner.n_abstractions, len(old.weights)
     features = windows(samples, config.window)
@@ -282,10 +265,7 @@ def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generato
     extended = copy(learner)
     extended.networks = BayesianNetworks(
         nets.settings,
-        *(
-            [torch.cat(pair) for pair in zip(a, b)]
-            for a, b in ((nets.mean, new.mean), (nets.log_std, new.log_std))
-        ),
+        *([torch.cat(pair) for pair in zip(a, b)] for a, b in ((nets.mean, new.mean), (nets.log_std, new.log_std))),
         nets.shared,
         [torch.cat(pair, dim=1) for pair in zip(nets.draws, new.draws)],
     )

@@ -146,10 +146,7 @@ def train(
         shared[-2] = shared[-2] * 0.1
         shared[-1] = torch.zeros(shapes[-1])
         mean = [w.expand(k, -1, -1).clone() for w in shared]
-        log_std = [
-            torch.full_like(m, float(np.log(START_STD * settings.prior_std * s)))
-            for m, s in zip(mean, scales)
-        ]
+        log_std = [torch.full_like(m, float(np.log(START_STD * settings.prior_std * s))) for m, s in zip(mean, scales)]
     else:
         shared, mean, log_std = ([w.clone() for w in ws] for ws in (start.shared, start.mean, start.log_std))
     parameters = [w.requires_grad_(True) for w in [*shared, *mean, *log_std]]

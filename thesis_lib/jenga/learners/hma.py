@@ -113,9 +113,7 @@ class Hma(Learner):
         from scipy.optimize import nnls
 
         change = samples.next_state - samples.state
-        change = change - self.resp @ (
-            self.resp.T @ change / np.maximum(self.resp.sum(axis=0), 1e-9)[:, None]
-        )
+        change = change - self.resp @ (self.resp.T @ change / np.maximum(self.resp.sum(axis=0), 1e-9)[:, None])
         second = np.diff(change, axis=0)
         push = samples.push
         inside = push[1:] == push[:-1]
@@ -123,12 +121,8 @@ class Hma(Learner):
             return SMALLEST**2
         lags = []
         for lag in range(3):
-            both = (
-                inside[: len(inside) - lag] & inside[lag:] & (push[: len(push) - 1 - lag] == push[1 + lag :])
-            )
-            lags.append(
-                (second[: len(second) - lag] * second[lag:])[both].mean(axis=0) if both.any() else 0.0
-            )
+            both = inside[: len(inside) - lag] & inside[lag:] & (push[: len(push) - 1 - lag] == push[1 + lag :])
+            lags.append((second[: len(second) - lag] * second[lag:])[both].mean(axis=0) if both.any() else 0.0)
         pattern = np.array([[6.0, 2.0], [-4.0, -1.0], [1.0, 0.0]])
         shared = np.array([nnls(pattern, lag)[0][0] for lag in np.array(np.broadcast_arrays(*lags)).T])
         again = (samples.state[1:] - samples.next_state[:-1])[inside]
@@ -144,9 +138,7 @@ class Hma(Learner):
         counts = self.resp[first].sum(axis=0) + PRIOR_PUSHES * self.shares
         return counts / counts.sum()
 
-    def predict(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
         """Next reading for each abstraction."""
         mean, var = self.networks.predict(self.scaling.inputs(state, action, context))
         weight = mix(belief, self.settings.belief.stay, self.shares)
@@ -163,12 +155,7 @@ class Hma(Learner):
         return np.tile(self.first, (len(context), 1))
 
     def update(
-        self,
-        belief: np.ndarray,
-        state: np.ndarray,
-        action: np.ndarray,
-        context: np.ndarray,
-        next_state: np.ndarray,
+        self, belief: np.ndarray, state: np.ndarray, action: np.ndarray, context: np.ndarray, next_state: np.ndarray
     ) -> np.ndarray:
         """Belief (n, K) after the reading `next_state` (n, 7)."""
         config = self.settings
@@ -183,11 +170,7 @@ class Hma(Learner):
         return bayes(prior, log_like)
 
     def sample(
-        self,
-        rng: np.random.Generator,
-        actions: np.ndarray,
-        context: np.ndarray,
-        abstraction: int | None = None,
+        self, rng: np.random.Generator, actions: np.ndarray, context: np.ndarray, abstraction: int | None = None
     ) -> tuple[int, np.ndarray, np.ndarray]:
         """A push from the generative model: c, states (t + 1, 7), readings (t + 1, 7), mm and N.
 

@@ -85,9 +85,7 @@ class Scaling:
     def of(cls, samples: Samples, force_scale: float, with_context: bool) -> "Scaling":
         """Scaling by these samples; UserError for fewer than `MIN_SAMPLES`."""
         if len(samples) < MIN_SAMPLES:
-            raise UserError(
-                f"a learner needs at least {MIN_SAMPLES} samples, got {len(samples)}; collect more pushes."
-            )
+            raise UserError(f"a learner needs at least {MIN_SAMPLES} samples, got {len(samples)}; collect more pushes.")
         raw = raw_inputs(samples.state, samples.action, samples.context, force_scale, with_context)
         change = samples.next_state - samples.state
         spread = raw.std(axis=0)
@@ -139,9 +137,7 @@ class Learner(ABC):
         """
 
     @abstractmethod
-    def predict(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
         """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
 
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
@@ -149,21 +145,14 @@ class Learner(ABC):
         return np.tile(self.shares, (len(context), 1))
 
     def update(
-        self,
-        belief: np.ndarray,
-        state: np.ndarray,
-        action: np.ndarray,
-        context: np.ndarray,
-        next_state: np.ndarray,
+        self, belief: np.ndarray, state: np.ndarray, action: np.ndarray, context: np.ndarray, next_state: np.ndarray
     ) -> np.ndarray:
         """Belief (n, K) after the reading `next_state` (n, 7)."""
         out = self.predict(state, action, context, belief)
         return bayes(out.weight, log_likelihood(out.mean, out.var, next_state, self.settings.belief))
 
 
-def raw_inputs(
-    state: Any, action: Any, context: Any, force_scale: float, with_context: bool, xp: Any = np
-) -> Any:
+def raw_inputs(state: Any, action: Any, context: Any, force_scale: float, with_context: bool, xp: Any = np) -> Any:
     """Inputs (n, 9), or (n, 11) with context, before standardisation; `force_scale` in N."""
     columns = [
         state[..., ADVANCE] - state[..., X],
@@ -234,9 +223,7 @@ def push_groups(samples: Samples) -> list[np.ndarray]:
     return np.split(np.arange(len(samples)), np.flatnonzero(np.diff(number)) + 1) if len(samples) else []
 
 
-def log_likelihood(
-    mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings
-) -> np.ndarray:
+def log_likelihood(mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings) -> np.ndarray:
     """Log density (n, K) of `observed` (n, 7) under each abstraction, with mean and var (n, K, 7)."""
     dims = list(SEEN)
     var = var[..., dims]

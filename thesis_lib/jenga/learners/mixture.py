@@ -160,12 +160,8 @@ def merge(counts: np.ndarray, prior: np.ndarray, settings: MixtureSettings) -> n
         if k <= settings.min_abstractions:
             break
         # change of the pushes' part; its terms in K alone are the same for every pair
-        pairs = gammaln(0.5 + np.add.outer(size, size)) - np.add.outer(
-            gammaln(0.5 + size), gammaln(0.5 + size)
-        )
-        constant = (
-            2 * gammaln(0.5) - _size_term(k, len(counts)) + _size_term(k - 1, len(counts)) - gammaln(0.5)
-        )
+        pairs = gammaln(0.5 + np.add.outer(size, size)) - np.add.outer(gammaln(0.5 + size), gammaln(0.5 + size))
+        constant = 2 * gammaln(0.5) - _size_term(k, len(counts)) + _size_term(k - 1, len(counts)) - gammaln(0.5)
         score = gain + pairs + constant
         a, b = np.unravel_index(np.argmax(score), score.shape)
         if score[a, b] <= 0 and k <= settings.max_abstractions:
@@ -216,10 +212,7 @@ def names_of(look: dict[str, np.ndarray]) -> list[str]:
         else:
             name = "hard move" if force > HARD else "easy move"
         names.append(name)
-    return [
-        name if names.count(name) == 1 else f"{name} {names[: i + 1].count(name)}"
-        for i, name in enumerate(names)
-    ]
+    return [name if names.count(name) == 1 else f"{name} {names[: i + 1].count(name)}" for i, name in enumerate(names)]
 
 
 assert set(LEVELS) < set(FEATURES)

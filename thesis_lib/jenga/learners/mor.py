@@ -72,9 +72,7 @@ def em(x: np.ndarray, y: np.ndarray, k: int, settings: ExpertSettings, rng: np.r
             resp = np.exp(log_joint - top)
             norm = resp.sum(axis=1, keepdims=True)
             resp = resp / norm
-            value = float((np.log(norm) + top).sum()) - 0.5 * settings.ridge * (
-                (experts.w**2).sum() + (gate**2).sum()
-            )
+            value = float((np.log(norm) + top).sum()) - 0.5 * settings.ridge * ((experts.w**2).sum() + (gate**2).sum())
             if value - previous < 1e-4 * abs(value):
                 break
             previous = value
@@ -134,9 +132,7 @@ class Mor(Learner):
         self.shares = np.exp(self.experts.log_gate(x)).mean(axis=0)
         return self
 
-    def predict(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
         """Next reading for each expert; weights combine belief and gate."""
         x = with_one(self.scaling.inputs(state, action, context))
         mean = self.scaling.next_state(state[:, None], np.einsum("nd,kdo->nko", x, self.experts.w))

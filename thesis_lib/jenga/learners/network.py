@@ -65,9 +65,7 @@ class Network(Learner):
         )
         return self
 
-    def predict(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
         """Next reading (n, 1, 7)."""
         inputs = self.scaling.inputs(state, action, context)
         with torch.no_grad():

@@ -24,9 +24,7 @@ class MixtureSettings(Section):
     alpha: float = Field(1.0, gt=0, description="concentration of the stick-breaking process")
     min_weight: float = Field(0.02, ge=0, lt=0.5, description="components below this share are dropped")
     regularisation: float = Field(0.03, gt=0, description="added to the variance of each scaled feature")
-    overlap: float = Field(
-        2.0, ge=1, description="a window counts as 1/overlap of one: neighbours share samples"
-    )
+    overlap: float = Field(2.0, ge=1, description="a window counts as 1/overlap of one: neighbours share samples")
     topic_prior: float = Field(
         2.0, gt=0, description="a of the Dirichlet prior of an abstraction's components, in windows"
     )
@@ -38,15 +36,10 @@ class BeliefSettings(Section):
     """Filter over abstractions."""
 
     stay: float = Field(0.98, gt=0, le=1, description="probability that the abstraction lasts another step")
-    outlier_share: float = Field(
-        0.03, ge=0, lt=0.5, description="share of wild measurements in each dimension"
-    )
+    outlier_share: float = Field(0.03, ge=0, lt=0.5, description="share of wild measurements in each dimension")
     outlier_scale: float = Field(6.0, gt=1, description="their standard deviations against the predicted one")
     emission_weight: float = Field(
-        1.0,
-        ge=0,
-        le=1,
-        description="weight of the window mixture after the first step, where it counts fully",
+        1.0, ge=0, le=1, description="weight of the window mixture after the first step, where it counts fully"
     )
 
 
@@ -57,13 +50,9 @@ class NetworkSettings(Section):
     iterations: int = Field(1200, ge=1, description="steps of Adam")
     batch: int = Field(256, ge=8, description="samples a step; all of them where there are fewer")
     rate: float = Field(0.01, gt=0, description="learning rate at the start; falls to a tenth as a cosine")
-    prior_std: float = Field(
-        0.5, gt=0, description="of the weights around their shared mean, times 1/√fan-in"
-    )
+    prior_std: float = Field(0.5, gt=0, description="of the weights around their shared mean, times 1/√fan-in")
     shared_std: float = Field(1.0, gt=0, description="of that shared mean around zero, times 1/√fan-in")
-    warm_up: float = Field(
-        0.3, ge=0, le=1, description="share of the steps in which the KL weight rises to 1"
-    )
+    warm_up: float = Field(0.3, ge=0, le=1, description="share of the steps in which the KL weight rises to 1")
     draws: int = Field(4, ge=2, multiple_of=2, description="draws of the weights behind a prediction")
     weight_decay: float = Field(3.0, ge=0, description="plain network: precision of the weights' prior")
 

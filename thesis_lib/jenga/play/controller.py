@@ -54,9 +54,7 @@ def rollout(
         actions = np.repeat(sequences[:, h], k, axis=0)
         out = learner.predict(states[h].reshape(n * k, -1), actions, place, certain)
         states[h + 1] = np.einsum("nk,nkd->nd", out.weight, out.mean).reshape(n, k, -1)
-    first = learner.predict(
-        np.tile(state, (n, 1)), sequences[:, 0], np.tile(context, (n, 1)), np.tile(belief, (n, 1))
-    )
+    first = learner.predict(np.tile(state, (n, 1)), sequences[:, 0], np.tile(context, (n, 1)), np.tile(belief, (n, 1)))
     return states, first.weight
 
 

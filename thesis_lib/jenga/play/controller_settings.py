@@ -18,18 +18,14 @@ class RuleSettings(Section):
     """
 
     force: float = Field(0.75, gt=0, description="N along the push, above which the block is given up")
-    tower: float = Field(
-        1.5, gt=0, description="mm of tower perturbation as seen, above which it is given up"
-    )
+    tower: float = Field(1.5, gt=0, description="mm of tower perturbation as seen, above which it is given up")
 
 
 class SupervisorSettings(Section):
     """The exploration's hand-coded supervisor (thesis, section 5.5.3): mitigates damage, tuned to allow mistakes."""
 
     force: float = Field(3.0, gt=0, description="N along the push, above which the block is given up")
-    tower: float = Field(
-        4.0, gt=0, description="mm of tower perturbation as seen, above which it is given up"
-    )
+    tower: float = Field(4.0, gt=0, description="mm of tower perturbation as seen, above which it is given up")
     stray: float = Field(12.0, gt=0, description="mm sideways or of yaw·r_g, beyond which it is given up")
 
 
@@ -37,13 +33,9 @@ class OracleSettings(Section):
     """The ceiling: each push is simulated before it is made."""
 
     offsets: tuple[float, ...] = Field(
-        (0.0,),
-        min_length=1,
-        description="mm, contact locations of the straight pushes that are tried in turn",
+        (0.0,), min_length=1, description="mm, contact locations of the straight pushes that are tried in turn"
     )
-    damage: float = Field(
-        5.0, gt=0, description="mm of tower perturbation in push and extraction that is too much"
-    )
+    damage: float = Field(5.0, gt=0, description="mm of tower perturbation in push and extraction that is too much")
 
 
 class ControllerSettings(Section):
@@ -62,9 +54,7 @@ class ControllerSettings(Section):
     horizon: int = Field(5, ge=1, le=15, description="H, steps that each looks ahead")
     offset: float = Field(8.0, ge=0, le=12.5, description="mm, largest contact offset tried")
     heading: float = Field(0.15, ge=0, le=1, description="rad, largest heading tried")
-    progress: float = Field(
-        0.33, ge=0, description="weight of the share of the advance that the block does not make"
-    )
+    progress: float = Field(0.33, ge=0, description="weight of the share of the advance that the block does not make")
     growth: float = Field(0.33, ge=0, description="weight of the tower's growth per advance, mm/mm")
     damage: float = Field(
         3.2, gt=0, description="mm of tower perturbation (its square counts) that cost as much as giving up"

@@ -43,9 +43,7 @@ def learner_of(name: str, settings: Chapter5) -> "Learner":
     return learners[name](chosen)
 
 
-def policy_of(
-    name: str, samples: Samples | None, size: int, settings: Chapter5, rng: np.random.Generator
-) -> Policy:
+def policy_of(name: str, samples: Samples | None, size: int, settings: Chapter5, rng: np.random.Generator) -> Policy:
     """The policy of this name, trained on the first `size` samples if it learns.
 
     Raises:
@@ -77,9 +75,7 @@ def learned_policy(name: str, samples: Samples, settings: Chapter5, rng: np.rand
     return policy_of(name, samples, len(samples), settings, rng)
 
 
-def fitted(
-    sets: Sequence[Samples], settings: Chapter5, rng: np.random.Generator
-) -> "dict[tuple[int, int], Hma]":
+def fitted(sets: Sequence[Samples], settings: Chapter5, rng: np.random.Generator) -> "dict[tuple[int, int], Hma]":
     """HMA for every size and set, by (size, number of the set)."""
     return {
         (size, i): learner_of("hma", settings).fit(samples.first(size), rng)

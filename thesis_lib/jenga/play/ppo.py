@@ -61,8 +61,7 @@ class PpoPolicy:
         weights = state["policy"]
         names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(self.settings.hidden))]
         self.layers = [
-            (weights[f"{name}.weight"].numpy(), weights[f"{name}.bias"].numpy())
-            for name in [*names, "action_net"]
+            (weights[f"{name}.weight"].numpy(), weights[f"{name}.bias"].numpy()) for name in [*names, "action_net"]
         ]
         table = pd.DataFrame(state["episodes"].numpy(), columns=list(EPISODE))
         steps = table["samples"].to_numpy()
@@ -136,9 +135,7 @@ def train_ppo(
             def report(done: int, rewards: list[float], first: int = first) -> None:
                 remaining = (time.monotonic() - started) * (ends[-1] - done) / max(done - first, 1)
                 mean = f"{np.mean(rewards[-RECENT:]):.2f}" if rewards else "none yet"
-                say(
-                    f"PPO: {done} of {ends[-1]} samples, mean reward of a push {mean}, {remaining / 60:.1f} min left"
-                )
+                say(f"PPO: {done} of {ends[-1]} samples, mean reward of a push {mean}, {remaining / 60:.1f} min left")
 
             env = environment(settings.episode, settings.reward, setup)
             state = _segment(env, state, begin, end, settings, seed, device, report) | {"record": record}
@@ -243,9 +240,7 @@ def _segment(
     stream = np.random.SeedSequence(seed, spawn_key=(5, begin)).generate_state(1)[0]
     with warnings.catch_warnings():
         # the mini-batches of a rollout may differ by one sample, which does no harm
-        warnings.filterwarnings(
-            "ignore", message="You have specified a mini-batch size", category=UserWarning
-        )
+        warnings.filterwarnings("ignore", message="You have specified a mini-batch size", category=UserWarning)
         model = PPO(
             "MlpPolicy",
             env,

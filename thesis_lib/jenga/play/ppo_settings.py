@@ -24,9 +24,7 @@ class RewardSettings(Section):
     limit: float = Field(0.4, gt=0, description="p at which D1 is 1 and beyond which D2 is 1; as quoted")
     distance: float = Field(20.0, gt=0, description="mm of any other block that are p = `limit`; as quoted")
     angle: float = Field(30.0, gt=0, description="degrees of any other block that are p = `limit`; as quoted")
-    scale: float = Field(
-        0.1, gt=0, description="of the whole reward; own choice: keeps the value's errors near 1"
-    )
+    scale: float = Field(0.1, gt=0, description="of the whole reward; own choice: keeps the value's errors near 1")
 
 
 class EpisodeSettings(Section):
@@ -35,20 +33,11 @@ class EpisodeSettings(Section):
     first_tower: int = Field(2000, ge=2000, description="seeds of training towers are drawn from here on")
     towers: int = Field(10**6, ge=1, description="number of seeds that they are drawn from")
     pushes_per_tower: int = Field(20, ge=1, description="pushes after which a new tower is built and settled")
-    full: bool = Field(
-        False, description="push on the full tower instead of the reduced one (4 times slower)"
-    )
-    offset: float = Field(
-        8.0, gt=0, le=12.5, description="mm, contact offset of action ±1; the controller's largest"
-    )
-    heading: float = Field(
-        0.15, gt=0, le=1, description="rad, heading of action ±1; the controller's largest"
-    )
+    full: bool = Field(False, description="push on the full tower instead of the reduced one (4 times slower)")
+    offset: float = Field(8.0, gt=0, le=12.5, description="mm, contact offset of action ±1; the controller's largest")
+    heading: float = Field(0.15, gt=0, le=1, description="rad, heading of action ±1; the controller's largest")
     retract: float = Field(
-        0.5,
-        ge=-1,
-        lt=1,
-        description="third action above which the robot retracts; 0 would end half of the first steps",
+        0.5, ge=-1, lt=1, description="third action above which the robot retracts; 0 would end half of the first steps"
     )
 
 
@@ -71,7 +60,5 @@ class PpoSettings(Section):
         -0.7, description="first log standard deviation of actions; own choice: 0.5, so 16 % of steps retract"
     )
     segment: int = Field(
-        5000,
-        ge=2,
-        description="samples after which training is saved at the latest; own choice: 2 CPU minutes",
+        5000, ge=2, description="samples after which training is saved at the latest; own choice: 2 CPU minutes"
     )

@@ -88,10 +88,7 @@ class PushEnv(gymnasium.Env):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (gymnasium declares it so)
 
     def __init__(
-        self,
-        episode: EpisodeSettings | None = None,
-        reward: RewardSettings | None = None,
-        setup: Setup | None = None,
+        self, episode: EpisodeSettings | None = None, reward: RewardSettings | None = None, setup: Setup | None = None
     ):
         self.settings, self.reward = episode or EpisodeSettings(), reward or RewardSettings()
         self.setup = setup or Setup()

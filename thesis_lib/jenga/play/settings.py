@@ -13,9 +13,7 @@ from thesis_lib.jenga.tower.settings import Setup
 class TowerChoice(Section):
     """Seeds of towers.  Development, training, held-out and test towers are different ones everywhere."""
 
-    development: int = Field(
-        5, ge=1, le=5, description="towers 0, 1, ... on which settings were fixed, scanned"
-    )
+    development: int = Field(5, ge=1, le=5, description="towers 0, 1, ... on which settings were fixed, scanned")
     test: int = Field(3, ge=1, description="towers of the study that are scanned, too")
     scanned: int = Field(45, ge=3, le=45, description="blocks of each tower that are scanned, evenly spread")
     first_test: int = Field(100, ge=100, description="seed of the first test tower")
@@ -40,9 +38,7 @@ class GameChoice(Section):
     shown: int = Field(
         100, ge=20, description="of `sizes`: that of the ablations, and of figure 5-6 (the thesis's 100)"
     )
-    ppo_sizes: tuple[int, ...] = Field(
-        (1000, 20_000), description="samples of PPO: checkpoints of one training"
-    )
+    ppo_sizes: tuple[int, ...] = Field((1000, 20_000), description="samples of PPO: checkpoints of one training")
     fixed: tuple[str, ...] = Field(
         ("rule", "always_push", "exploration", "oracle"), description="policies without training"
     )
@@ -54,15 +50,11 @@ class GameChoice(Section):
 class SampleChoice(Section):
     """Samples of the base exploration policy."""
 
-    sets: int = Field(
-        3, ge=1, description="training sets; game i uses set i modulo this, so that luck averages out"
-    )
+    sets: int = Field(3, ge=1, description="training sets; game i uses set i modulo this, so that luck averages out")
     per_tower: int = Field(
         50, ge=20, description="samples taken of one tower: a set of 100 then has seen two (own choice)"
     )
-    held_out: int = Field(
-        500, ge=100, description="samples of other towers, for abstractions and their agreement"
-    )
+    held_out: int = Field(500, ge=100, description="samples of other towers, for abstractions and their agreement")
 
 
 class ShowcaseChoice(Section):
@@ -85,20 +77,13 @@ class HiddenChoice(Section):
     """What the learner has never seen, and how much of it is measured."""
 
     effects: tuple[str, ...] = Field(
-        ("glued", "slippery", "heavy_tool"),
-        description="three glued blocks, a slippery layer, a heavier pusher",
+        ("glued", "slippery", "heavy_tool"), description="three glued blocks, a slippery layer, a heavier pusher"
     )
-    towers: int = Field(
-        3, ge=2, description="towers with the effect; the first half relearns, the others judge"
-    )
+    towers: int = Field(3, ge=2, description="towers with the effect; the first half relearns, the others judge")
     pushes: int = Field(12, ge=4, description="pushes of blocks with the effect, on all these towers")
-    others: int = Field(
-        12, ge=4, description="pushes of other blocks of the same towers, where there are any"
-    )
+    others: int = Field(12, ge=4, description="pushes of other blocks of the same towers, where there are any")
     pusher_mass: float = Field(0.15, gt=0, description="kg of the heavier tool; own choice")
-    layer: int = Field(
-        6, ge=0, le=13, description="glued blocks and slippery layer; own choice: amid the tower"
-    )
+    layer: int = Field(6, ge=0, le=13, description="glued blocks and slippery layer; own choice: amid the tower")
 
 
 class Chapter5(Section):

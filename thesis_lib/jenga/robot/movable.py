@@ -60,9 +60,7 @@ def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(
     rows = []
     for block in blocks:
         force, moved, others = trial_push(tower, int(block), settings.steps)
-        rows.append(
-            (tower.seed, int(block), tower.layer[block], int(tower.is_side(block)), force, moved, others)
-        )
+        rows.append((tower.seed, int(block), tower.layer[block], int(tower.is_side(block)), force, moved, others))
     names = ["tower", "block", "layer", "side", "force", "moved", "others"]
     table = pd.DataFrame(rows, columns=names)
     return table.assign(movable=is_movable(table["moved"], table["others"], settings).astype(int))
@@ -112,6 +110,4 @@ def try_to_extract(tower: Tower, block: int) -> tuple[bool, str]:
 def agreement(tower: Tower, table: pd.DataFrame) -> pd.DataFrame:
     """A `scan` table with the result of a real extraction of each block: extracted, reason."""
     results = [try_to_extract(tower, int(block)) for block in table["block"]]
-    return table.assign(
-        extracted=[int(done) for done, _ in results], reason=[reason for _, reason in results]
-    )
+    return table.assign(extracted=[int(done) for done, _ in results], reason=[reason for _, reason in results])

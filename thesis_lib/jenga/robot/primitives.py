@@ -50,8 +50,7 @@ class Gripper:
         self.tower, self.settings = tower, tower.robot_settings
         model = tower.model
         self._drive = {
-            name: int(np.flatnonzero(model.actuator_trnid[:, 0] == model.joint(name).id)[0])
-            for name in HAND + JAWS
+            name: int(np.flatnonzero(model.actuator_trnid[:, 0] == model.joint(name).id)[0]) for name in HAND + JAWS
         }
         self._pads = np.flatnonzero(model.geom_contype == JAW)
         self._body = model.body("hand").id
@@ -67,9 +66,7 @@ class Gripper:
         tower, (u, _) = self.tower, push_axes(block)
         out = float((tower.position(block) - tower.reference[block, :3]) @ u)
         if out < 2 * GRASP:
-            raise UserError(
-                f"block {block} stands out by {1e3 * out:.0f} mm: push it further before it is extracted."
-            )
+            raise UserError(f"block {block} stands out by {1e3 * out:.0f} mm: push it further before it is extracted.")
         before = tower.poses()
         if block in tower.settings.hidden.glued:  # the jaws pull in vain: three blocks do not come out as one
             return PrimitiveOutcome(False, "it does not come out", *tower.perturbation(block, before), False)
@@ -109,10 +106,7 @@ class Gripper:
         reason = FELL_FROM_TOP if low > tower.settings.topple_drop / 2 else self._damage(block, before)
         tower.reference[block] = tower.poses()[block]
         return PrimitiveOutcome(
-            reason == "",
-            reason,
-            *tower.perturbation(block, before),
-            reason == FELL_FROM_TOP or tower.toppled(block),
+            reason == "", reason, *tower.perturbation(block, before), reason == FELL_FROM_TOP or tower.toppled(block)
         )
 
     def forget(self) -> None:
@@ -172,9 +166,7 @@ class Gripper:
     def _in_hand(self) -> np.ndarray:
         """Position of the held block in the hand's frame, (3,), m."""
         data = self.tower.data
-        return data.xmat[self._body].reshape(3, 3).T @ (
-            self.tower.position(self.held) - data.xpos[self._body]
-        )
+        return data.xmat[self._body].reshape(3, 3).T @ (self.tower.position(self.held) - data.xpos[self._body])
 
     def _touching(self) -> bool:
         pairs = self.tower.data.contact.geom

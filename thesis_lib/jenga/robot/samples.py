@@ -75,12 +75,7 @@ class Samples:
         for name in ("tower", "block"):
             if len(getattr(self, name)) == 0:
                 object.__setattr__(self, name, np.full(n, UNKNOWN))
-        widths = {
-            "state": len(STATE),
-            "next_state": len(STATE),
-            "action": len(ACTION),
-            "context": len(CONTEXT),
-        }
+        widths = {"state": len(STATE), "next_state": len(STATE), "action": len(ACTION), "context": len(CONTEXT)}
         for item in fields(self):
             value = np.asarray(getattr(self, item.name))
             value = value.astype(float if item.name in widths else int)
@@ -95,12 +90,7 @@ class Samples:
         return len(self.push)
 
     def _check_rows(self) -> None:
-        for part, names in (
-            ("state", STATE),
-            ("next_state", STATE),
-            ("action", ACTION),
-            ("context", CONTEXT),
-        ):
+        for part, names in (("state", STATE), ("next_state", STATE), ("action", ACTION), ("context", CONTEXT)):
             values = getattr(self, part)
             low, high = np.array([RANGE[name] for name in names]).T
             bad = ~((values >= low) & (values <= high))  # also true for NaN
@@ -147,10 +137,7 @@ def join(parts: list[Samples]) -> Samples:
         numbered.append(replace(part, push=push + start))
         start += push.max(initial=-1) + 1
     return Samples(
-        **{
-            item.name: np.concatenate([getattr(part, item.name) for part in numbered])
-            for item in fields(Samples)
-        }
+        **{item.name: np.concatenate([getattr(part, item.name) for part in numbered]) for item in fields(Samples)}
     )
 
 

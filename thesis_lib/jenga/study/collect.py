@@ -111,9 +111,7 @@ class _Run:
         )
 
     def samples(self) -> Samples:
-        push, step, block, truth, before, action, after, context = (
-            np.array(column) for column in zip(*self.rows)
-        )
+        push, step, block, truth, before, action, after, context = (np.array(column) for column in zip(*self.rows))
         tower = np.full(len(push), self.seed)
         return Samples(push, step, before, action, after, context, truth, tower, block)
 
@@ -123,11 +121,7 @@ def _in_range(state: np.ndarray) -> bool:
 
 
 def explore_tower(
-    seed: int,
-    base_seed: int,
-    setup: Setup | None = None,
-    limit: int = 10**6,
-    blocks: Sequence[int] = tuple(REACHABLE),
+    seed: int, base_seed: int, setup: Setup | None = None, limit: int = 10**6, blocks: Sequence[int] = tuple(REACHABLE)
 ) -> tuple[Samples | None, pd.DataFrame]:
     """At most `limit` samples of one tower (None without any), and a table of the blocks tried.
 

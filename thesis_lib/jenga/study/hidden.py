@@ -90,9 +90,7 @@ def hidden_study(
         if samples is not None:
             halves[int(i >= choice.towers // 2)].append(samples)
     if not all(halves):
-        raise UserError(
-            f"{effect}: no samples of one half of the towers; give more towers than {choice.towers}."
-        )
+        raise UserError(f"{effect}: no samples of one half of the towers; give more towers than {choice.towers}.")
     seen, fresh = (join(parts) for parts in halves)
     check = predictive_check(learner, seen, reference, rng)
     pushes = check.pushes.assign(
@@ -161,9 +159,7 @@ def hidden_tables(
     for i, effect in enumerate(settings.hidden.effects):
         # separate towers, far from those of the reference
         first = settings.towers.first_held_out + APART * (i + 1)
-        result = hidden_study(
-            effect, learner, reference, settings.setup, settings.hidden, first, base_seed, rng
-        )
+        result = hidden_study(effect, learner, reference, settings.setup, settings.hidden, first, base_seed, rng)
         results.append(result)
         say(f"{effect}: p = {result.summary['p_value'].iloc[0]:.3f}")
     return {

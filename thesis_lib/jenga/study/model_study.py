@@ -117,10 +117,7 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
     by_push = cone.groupby("push")["inside"].mean().to_numpy()
     quantities = {
         "inside_cone": (by_push[:, None], lambda rows: float(rows.mean())),
-        "height_correlation": (
-            height[["height_mm", "f_n"]].to_numpy(),
-            lambda rows: float(spearmanr(*rows.T)[0]),
-        ),
+        "height_correlation": (height[["height_mm", "f_n"]].to_numpy(), lambda rows: float(spearmanr(*rows.T)[0])),
         "height_correlation_predicted": (
             height[["height_mm", "f_n_pred"]].to_numpy(),
             lambda rows: float(spearmanr(*rows.T)[0]),

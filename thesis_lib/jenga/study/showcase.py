@@ -34,9 +34,7 @@ PICTURES = 6
 CASES = {"stuck": STUCK, "easy": FREE}
 
 
-def straight_pushes(
-    seed: int, setup: Setup, steps: int, rng: np.random.Generator
-) -> dict[str, dict[str, np.ndarray]]:
+def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generator) -> dict[str, dict[str, np.ndarray]]:
     """For both cases readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,) and the number of the block.
 
     Raises:
@@ -145,9 +143,4 @@ def frames(game: Game) -> tuple[list[np.ndarray], np.ndarray, list[str], list[in
     chosen = np.unique(np.linspace(0, len(game.frames) - 1, PICTURES).astype(int))
     shown = [game.frames[i] for i in chosen]
     titles = [f"{title} ({i} out)" if i else title for i, (title, _, _) in zip(chosen, shown)]
-    return (
-        [np.array(poses) for _, _, poses in shown],
-        np.array(game.sizes),
-        titles,
-        [block for _, block, _ in shown],
-    )
+    return ([np.array(poses) for _, _, poses in shown], np.array(game.sizes), titles, [block for _, block, _ in shown])

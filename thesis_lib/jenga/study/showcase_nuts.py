@@ -95,8 +95,7 @@ class Sampler:
         """
         if len(actions) < 1 or len(readings) != len(actions) + 1:
             raise UserError(
-                f"showcase: {len(readings)} readings need {len(readings) - 1} actions (at least 1), "
-                f"got {len(actions)}."
+                f"showcase: {len(readings)} readings need {len(readings) - 1} actions (at least 1), got {len(actions)}."
             )
         import jax
         import jax.numpy as jnp
@@ -133,10 +132,7 @@ class Sampler:
         z, actions, contexts = push
         states = z.at[:, self._dims].add(self._sigma * e.reshape(len(z), len(SEEN)))
         learner = self.learner
-        return (
-            log_transitions(weights, learner.scaling, learner.noise, states, actions, contexts)
-            - 0.5 * (e**2).sum()
-        )
+        return log_transitions(weights, learner.scaling, learner.noise, states, actions, contexts) - 0.5 * (e**2).sum()
 
     def _laplace(self, push: tuple, size: int) -> tuple[Any, Any, Any]:
         """Mode (K, size), root of the covariance (K, size, size) and its log determinant (K,) for each network."""
@@ -147,16 +143,12 @@ class Sampler:
         for k in range(self._layers[0].shape[0]):
             layers = [w[k] for w in self._layers]
             optimum = minimize(
-                lambda e, own=layers: tuple(
-                    np.asarray(part, float) for part in self._value(jnp.asarray(e), own, push)
-                ),
+                lambda e, own=layers: tuple(np.asarray(part, float) for part in self._value(jnp.asarray(e), own, push)),
                 np.zeros(size),
                 jac=True,
                 method="L-BFGS-B",
             )
-            values, vectors = np.linalg.eigh(
-                np.asarray(self._curvature(jnp.asarray(optimum.x), layers, push), float)
-            )
+            values, vectors = np.linalg.eigh(np.asarray(self._curvature(jnp.asarray(optimum.x), layers, push), float))
             # readings alone give curvature 1; networks may lower it, so a bound keeps ψ from growing without limit
             deviation = 1.0 / np.sqrt(np.maximum(values, LEAST_CURVATURE))
             modes.append(optimum.x)
@@ -164,9 +156,7 @@ class Sampler:
             dets.append(np.log(deviation).sum())
         return jnp.asarray(np.array(modes)), jnp.asarray(np.array(roots)), jnp.asarray(np.array(dets))
 
-    def _chains(
-        self, key: Any, prior: Any, push: tuple, mode: Any, root: Any, log_det: Any
-    ) -> tuple[dict, Any]:
+    def _chains(self, key: Any, prior: Any, push: tuple, mode: Any, root: Any, log_det: Any) -> tuple[dict, Any]:
         """Draws of u by NUTS: derived quantities (chains, draws, …), and which draws diverged."""
         import jax
         import jax.numpy as jnp
@@ -174,9 +164,7 @@ class Sampler:
         from jax.scipy.special import logsumexp
 
         def model() -> None:
-            u: Any = numpyro.sample(
-                "u", numpyro.distributions.Normal(0.0, 1.0).expand(mode.shape).to_event(2)
-            )
+            u: Any = numpyro.sample("u", numpyro.distributions.Normal(0.0, 1.0).expand(mode.shape).to_event(2))
             e = mode + jnp.einsum("kij,kj->ki", root, u)
             terms = jax.vmap(lambda own, weights: self._log_joint(own, weights, push))(e, self._layers)
             joint = prior + terms + log_det + 0.5 * (u**2).sum(axis=1)
@@ -214,7 +202,4 @@ def agreement(
     mean, _ = bank.moments()
     dims = [d for d in SEEN if d != ADVANCE]
     apart = np.abs(mean - posterior.state_mean[-1])[dims] / posterior.state_std[-1][dims]
-    return {
-        "belief": float(0.5 * np.abs(bank.belief - posterior.belief).sum()),
-        "state": float(apart.max()),
-    }
+    return {"belief": float(0.5 * np.abs(bank.belief - posterior.belief).sum()), "state": float(apart.max())}

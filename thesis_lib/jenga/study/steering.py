@@ -65,9 +65,7 @@ def steering_pushes(
                 steps += [case | row for row in rows]
                 ends.append(case | end)
     if shown < choice.steered_blocks:
-        raise UserError(
-            f"tower {seed} has {shown} free blocks, fewer than the {choice.steered_blocks} to be steered."
-        )
+        raise UserError(f"tower {seed} has {shown} free blocks, fewer than the {choice.steered_blocks} to be steered.")
     return pd.DataFrame(steps), pd.DataFrame(ends)
 
 

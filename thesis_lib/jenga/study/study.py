@@ -98,9 +98,7 @@ def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
     rows = []
     for size in sorted(size for name, size in counts.columns if name == policy):
         for rival, rival_size in counts.columns:
-            comparable = (
-                rival_size in (0, size) or rival == "ppo" or (rival, rival_size) == ("mor", 10 * size)
-            )
+            comparable = rival_size in (0, size) or rival == "ppo" or (rival, rival_size) == ("mor", 10 * size)
             if rival == policy or not comparable:
                 continue
             both = counts[[(policy, size), (rival, rival_size)]].dropna().to_numpy()
@@ -131,18 +129,7 @@ def success_table(attempts: pd.DataFrame, size: int) -> pd.DataFrame:
                 # with one success and one failure added, so that it is never 0
                 std = np.sqrt((k + 1) * (n - k + 1) / (n + 2) ** 3)
                 rows.append((phase, position, action, n, k, share, std, low, high, succeeded / attempted))
-    names = [
-        "phase",
-        "position",
-        "action",
-        "attempts",
-        "successes",
-        "share",
-        "std",
-        "low",
-        "high",
-        "published",
-    ]
+    names = ["phase", "position", "action", "attempts", "successes", "share", "std", "low", "high", "published"]
     return pd.DataFrame(rows, columns=names)
 
 

@@ -26,9 +26,7 @@ SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"
 THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
 
 
-def scan_tower(
-    seed: int, scanned: int, setup: Setup, say: Callable[[str], None] = lambda _: None
-) -> pd.DataFrame:
+def scan_tower(seed: int, scanned: int, setup: Setup, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     """`movable.scan` of `scanned` evenly spread blocks of a tower; no rows if the tower is refused."""
     # a step that is no multiple of three takes middle and side blocks in turn
     blocks = np.unique(np.linspace(0, len(REACHABLE) - 1, scanned).round().astype(int))
@@ -47,9 +45,7 @@ def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: Movabl
     """
     for name, tables in scans.items():
         if all(table.empty for table in tables):
-            raise UserError(
-                f"all {len(tables)} {name} towers were refused: none stands. See the logs of the scans."
-            )
+            raise UserError(f"all {len(tables)} {name} towers were refused: none stands. See the logs of the scans.")
     parts = [
         fractions(pd.concat([table for table in tables if len(table)]), settings, THRESHOLDS).assign(set=name)
         for name, tables in scans.items()
@@ -69,9 +65,7 @@ def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFr
     return pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n", "refused"])
 
 
-def fidelity(
-    scan_of: pd.DataFrame, setup: Setup, say: Callable[[str], None] = lambda _: None
-) -> pd.DataFrame:
+def fidelity(scan_of: pd.DataFrame, setup: Setup, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     """Agreement on the blocks of one scan: comparison, quantity, value, n (blocks)."""
     seed, rows = int(scan_of["tower"].iloc[0]), []
     half = setup.tower.model_copy(update={"timestep": setup.tower.timestep / 2.0})
@@ -88,9 +82,7 @@ def fidelity(
     same = (real["movable"] == real["extracted"]).mean()
     rows.append(("real_extraction", "same_label", float(same), len(real)))
     movable = real[real["movable"] == 1]
-    rows.append(
-        ("real_extraction", "movable_that_come_out", float(movable["extracted"].mean()), len(movable))
-    )
+    rows.append(("real_extraction", "movable_that_come_out", float(movable["extracted"].mean()), len(movable)))
     say("real extraction: done")
     return pd.DataFrame(rows, columns=["comparison", "quantity", "value", "n"])
 

@@ -81,6 +81,4 @@ def check_standing(tower: Tower, handled: int | None = None) -> None:
         fallen = ", ".join(str(block) for block in tower.fallen()[:5])
         raise TowerError(f"{name} has toppled (fallen: block {fallen}): start again from a settled tower.")
     if tower.iterations_needed >= tower.settings.iterations:
-        raise TowerError(
-            f"{name}: the contact solver reached its cap; raise `iterations` of the tower's settings."
-        )
+        raise TowerError(f"{name}: the contact solver reached its cap; raise `iterations` of the tower's settings.")

@@ -10,34 +10,22 @@ from thesis_lib.foundation.settings import Section
 class HiddenEffects(Section):
     """What a learner has never seen; nothing by default."""
 
-    glued: tuple[int, ...] = Field(
-        (), description="numbers of blocks that are one body; at most three are meant"
-    )
-    slippery_layer: int | None = Field(
-        None, ge=0, le=17, description="layer whose faces have `slippery_friction`"
-    )
+    glued: tuple[int, ...] = Field((), description="numbers of blocks that are one body; at most three are meant")
+    slippery_layer: int | None = Field(None, ge=0, le=17, description="layer whose faces have `slippery_friction`")
     slippery_friction: float = Field(0.1, gt=0, description="of that layer's faces; own choice: waxed wood")
     pusher_mass: float | None = Field(
-        None,
-        gt=0,
-        description="kg; a tool heavier than the arm compensates for sags and rubs; None as compensated",
+        None, gt=0, description="kg; a tool heavier than the arm compensates for sags and rubs; None as compensated"
     )
 
 
 class TowerSettings(Section):
     """A tower of 18 layers of three blocks that differ in height only."""
 
-    block: tuple[float, float, float] = Field(
-        (0.075, 0.025, 0.015), description="m, length, width, height; usual game"
-    )
+    block: tuple[float, float, float] = Field((0.075, 0.025, 0.015), description="m, length, width, height; usual game")
     height_tolerance: float = Field(
-        0.15e-3,
-        ge=0,
-        description="m, one sigma; own choice: 0.175 measured on a real set, 47 % movable results",
+        0.15e-3, ge=0, description="m, one sigma; own choice: 0.175 measured on a real set, 47 % movable results"
     )
-    length_tolerance: float = Field(
-        0.0, ge=0, description="m, one sigma; own choice: height alone makes blocks loose"
-    )
+    length_tolerance: float = Field(0.0, ge=0, description="m, one sigma; own choice: height alone makes blocks loose")
     width_tolerance: float = Field(0.0, ge=0, description="m, one sigma; own choice, as length")
     clip: float = Field(2.5, gt=0, description="sigmas at which tolerances are cut; own choice")
     gap: float = Field(0.4e-3, ge=0, description="m, between blocks of a layer; own choice")
@@ -50,20 +38,12 @@ class TowerSettings(Section):
         gt=0,
         description="of friction to normal constraints; own choice: 10 creeps by 10 to 20 µm/s, 100 costs twice",
     )
-    settling: float = Field(
-        1.5, gt=0, description="s simulated before the tower is used; own choice: then at rest"
-    )
+    settling: float = Field(1.5, gt=0, description="s simulated before the tower is used; own choice: then at rest")
     settling_damping: float = Field(
-        1.0,
-        ge=0,
-        description="N s/m on every block in the first two thirds of settling only; own choice: ends rocking",
+        1.0, ge=0, description="N s/m on every block in the first two thirds of settling only; own choice: ends rocking"
     )
-    topple_tilt: float = Field(
-        30.0, gt=0, description="degrees from upright at which a block has fallen; own choice"
-    )
-    topple_drop: float = Field(
-        8e-3, gt=0, description="m, about half a block, at which it has fallen; own choice"
-    )
+    topple_tilt: float = Field(30.0, gt=0, description="degrees from upright at which a block has fallen; own choice")
+    topple_drop: float = Field(8e-3, gt=0, description="m, about half a block, at which it has fallen; own choice")
     hidden: HiddenEffects = Field(HiddenEffects(), description="what differs from what was learned on")
 
 
@@ -95,13 +75,9 @@ class RobotSettings(Section):
     )
     step: float = Field(1e-3, gt=0, description="m a push; thesis")
     step_time: float = Field(0.1, gt=0, description="s simulated for it; own choice")
-    averaged: int = Field(
-        10, ge=1, description="time steps at its end over which force is averaged; own choice"
-    )
+    averaged: int = Field(10, ge=1, description="time steps at its end over which force is averaged; own choice")
     longest_push: float = Field(45e-3, gt=0, description="m, after which the push ends; thesis")
-    goal: float = Field(
-        33e-3, gt=0, description="m that a block must be out to be extracted; own choice, see `robot`"
-    )
+    goal: float = Field(33e-3, gt=0, description="m that a block must be out to be extracted; own choice, see `robot`")
     recontact: float = Field(
         1e-3, gt=0, description="m that the contact may be off before the finger lifts; own choice"
     )
@@ -111,16 +87,10 @@ class RobotSettings(Section):
     )
     jaw_friction: float = Field(0.8, gt=0, description="rubber on wood; own choice")
     pull_speed: float = Field(0.06, gt=0, description="m/s; own choice")
-    release_height: float = Field(
-        0.6e-3, gt=0, description="m above the top at which a block is let go; own choice"
-    )
+    release_height: float = Field(0.6e-3, gt=0, description="m above the top at which a block is let go; own choice")
     weld: bool = Field(False, description="hold by a weld instead of friction, for comparison only")
-    damage_distance: float = Field(
-        10e-3, gt=0, description="m of any other block that counts as damage; thesis"
-    )
-    damage_angle: float = Field(
-        15.0, gt=0, description="degrees of any other block that count as damage; thesis"
-    )
+    damage_distance: float = Field(10e-3, gt=0, description="m of any other block that counts as damage; thesis")
+    damage_angle: float = Field(15.0, gt=0, description="degrees of any other block that count as damage; thesis")
 
     def is_damage(self, distance: float, angle: float) -> bool:
         """Whether another block displaced by `distance` (m) and turned by `angle` (rad) counts as damage."""
@@ -143,9 +113,7 @@ class CollectSettings(Section):
     change: float = Field(
         0.25, ge=0, le=1, description="probability a step that contact location and heading are drawn anew"
     )
-    offset: float = Field(
-        8e-3, ge=0, description="m, contact locations are uniform within this of the centre"
-    )
+    offset: float = Field(8e-3, ge=0, description="m, contact locations are uniform within this of the centre")
     heading: float = Field(0.15, ge=0, description="rad, headings are uniform within this")
     retract: float = Field(
         0.1, gt=0, le=1, description="probability a step of giving up, so that 100 samples hold many blocks"
@@ -165,14 +133,10 @@ class MovableSettings(Section):
     """When a block counts as movable in a straight centred push."""
 
     steps: int = Field(
-        6,
-        ge=1,
-        description="of 1 mm; own choice: a stuck block first bends the finger, by 4 mm at the bottom",
+        6, ge=1, description="of 1 mm; own choice: a stuck block first bends the finger, by 4 mm at the bottom"
     )
     threshold: float = Field(
-        1e-3,
-        gt=0,
-        description="m that any other block may move; fixed on towers 0 to 4, where 47.1 % are movable",
+        1e-3, gt=0, description="m that any other block may move; fixed on towers 0 to 4, where 47.1 % are movable"
     )
     follows: float = Field(
         0.5, ge=0, lt=1, description="share of the advance that the block itself must move; own choice"

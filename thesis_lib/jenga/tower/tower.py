@@ -77,9 +77,7 @@ class Tower:
         try:
             self.model = mujoco.MjModel.from_xml_string(xml)
         except ValueError as error:
-            raise TowerError(
-                f"tower {seed}: MuJoCo refuses the model ({error}); check the tower's settings."
-            ) from None
+            raise TowerError(f"tower {seed}: MuJoCo refuses the model ({error}); check the tower's settings.") from None
         self.data = mujoco.MjData(self.model)
         self.present = np.array([block for block in range(BLOCKS) if block not in self.absent], dtype=int)
         self.core = np.array([self.model.geom(f"core{block}").id for block in self.present], dtype=int)

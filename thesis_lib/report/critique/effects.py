@@ -147,8 +147,7 @@ def _worst(error: Mapping) -> Markup:
     if not error["worst"]:
         return Markup()
     rows = [
-        (f"{r['trial']}", number(r["t"], 4) if r["t"] is not None else "–", number(r["error"]))
-        for r in error["worst"]
+        (f"{r['trial']}", number(r["t"], 4) if r["t"] is not None else "–", number(r["error"])) for r in error["worst"]
     ]
     times = number(error["augmented"] / error["noise_floor"], 2)
     return paragraph(
@@ -174,9 +173,7 @@ def ladder_text(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     if flight:
         before, after = number(flight["base"]), number(flight["augmented"])
         moves = f"stays at {after}" if before == after else f"goes from {before} to {after}"
-        text += (
-            f" The misfit of the flights {moves} standard deviations of the noise, where 1 is noise alone."
-        )
+        text += f" The misfit of the flights {moves} standard deviations of the noise, where 1 is noise alone."
     bound, put_right = error["irb_bound"], error["irb_bound_augmented"]
     if number(bound, 2) != number(put_right, 2):
         text += (

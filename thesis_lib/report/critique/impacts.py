@@ -92,9 +92,7 @@ def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
     total = float(base.sum())
     share = percent(float(base[-worst:].sum()) / total if total else None)
     few = percent(worst / len(base))
-    text = (
-        f"The {few} of impacts with the largest errors hold {share} of the sum of all errors of the base law."
-    )
+    text = f"The {few} of impacts with the largest errors hold {share} of the sum of all errors of the base law."
     if "final" in errors:
         better = float(np.mean(errors["final"][known] < errors["base"][known]))
         text += f" With the effects the error is smaller in {percent(better)} of the impacts."
@@ -105,9 +103,7 @@ def _reading(shown: int, total: int) -> str:
     """How to read both panels, and which impacts are drawn."""
     rule = f"all {total} impacts"
     if shown < total:
-        rule = (
-            f"{shown} of {total} impacts, evenly spaced in the order of their errors from smallest to largest"
-        )
+        rule = f"{shown} of {total} impacts, evenly spaced in the order of their errors from smallest to largest"
     return (
         f"Map: {rule}; larger and darker points are larger errors, and what lies beyond the map is drawn on its edge. "
         "Ellipse: impulses of one impact. Those inside the ellipse add no energy; its centre is the dead stop. On the "
@@ -135,8 +131,7 @@ def _numbers(
     dv = v_post - v_pre
     changes = {"measured": dv} | {name: dv - R[rows] for name, R in residuals.items()}
     impulses = {
-        name: axis.factor * np.stack(measured_impulse(change, r, **size), axis=-1)
-        for name, change in changes.items()
+        name: axis.factor * np.stack(measured_impulse(change, r, **size), axis=-1) for name, change in changes.items()
     }
     per_impact = {
         "centre": axis.factor * ellipse.centre,

@@ -18,16 +18,7 @@ from thesis_lib.figures.style import Drawn, save_figure
 from thesis_lib.foundation.files import write_json, write_result, write_text
 from thesis_lib.report.critique.skeleton import critique_page
 from thesis_lib.report.critique.whole_folder import VERDICT_FILE, whole_folder
-from thesis_lib.report.elements import (
-    amount,
-    bullets,
-    estimate,
-    interval,
-    paragraph,
-    percent,
-    picture,
-    table,
-)
+from thesis_lib.report.elements import amount, bullets, estimate, interval, paragraph, percent, picture, table
 from thesis_lib.statistics.wording import listed, number
 
 UNITS = {(e.name, p.name): p.unit for e in (*ARM_EFFECTS, *WHEEL_EFFECTS) for p in e.parameters}
@@ -77,11 +68,7 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
         ("compare", "1. How far the believed model is from the measurements", [compare]),
         ("where", "2. Where it fails", [where, shown.get("residuals", Markup())]),
         ("which", "3. Which effect is missing", [_effects(d)]),
-        (
-            "added",
-            "4. What adding it does" if d["effects"] else "4. Nothing was added",
-            [_added(d)],
-        ),
+        ("added", "4. What adding it does" if d["effects"] else "4. Nothing was added", [_added(d)]),
         ("untold", "What could not be told, and what would tell", [untold]),
         ("power", "What these data could have shown", [_detectable(d)]),
     ]
@@ -125,9 +112,7 @@ def _effects(d: Mapping) -> Markup:
         )
     rows = []
     for e in d["effects"]:
-        sizes = [
-            f"{symbol(k)} = {estimate(p['value'], p['std'], p['unit'])}" for k, p in e["parameters"].items()
-        ]
+        sizes = [f"{symbol(k)} = {estimate(p['value'], p['std'], p['unit'])}" for k, p in e["parameters"].items()]
         gain = e["gain"]
         rows.append(
             (
@@ -172,8 +157,6 @@ def _added(d: Mapping) -> Markup:
 def _detectable(d: Mapping) -> Markup:
     rows = []
     for e in d["detectable"]:
-        sizes = [
-            f"{symbol(k)} = {amount(v, UNITS.get((e['name'], k), ''), 2)}" for k, v in e["smallest"].items()
-        ]
+        sizes = [f"{symbol(k)} = {amount(v, UNITS.get((e['name'], k), ''), 2)}" for k, v in e["smallest"].items()]
         rows.append((e["name"].replace("_", " "), "; ".join(sizes)))
     return table("Smallest effects that would have been found", ("effect", "smallest size"), rows)

@@ -16,15 +16,9 @@ from thesis_lib.critique.results.numbers import ladder_table
 from thesis_lib.critique.results.summary import possible_faults
 from thesis_lib.figures.style import Drawn
 from thesis_lib.foundation.terminal import visible
-from thesis_lib.report.critique import (
-    effects as report_effects,
-)
-from thesis_lib.report.critique import (
-    impacts as report_impacts,
-)
-from thesis_lib.report.critique import (
-    text as report_text,
-)
+from thesis_lib.report.critique import effects as report_effects
+from thesis_lib.report.critique import impacts as report_impacts
+from thesis_lib.report.critique import text as report_text
 from thesis_lib.report.critique.skeleton import critique_page
 from thesis_lib.report.critique.tables import (
     captions,
@@ -110,11 +104,7 @@ def report_html(
                 parameters_table(critique),
             ],
         ),
-        (
-            "untold",
-            "What could not be told, and what would tell",
-            [report_effects.untold(d), report_text.following(d)],
-        ),
+        ("untold", "What could not be told, and what would tell", [report_effects.untold(d), report_text.following(d)]),
         ("power", "What these data could have shown", [report_text.power(d), detectable_table(d)]),
         ("tables", "Tables", [comparison_table(tables), left_out_table(d)]),
         ("sources", "Sources", [bullets(report_text.sources(d))]),
@@ -134,20 +124,14 @@ def report_html(
 
 def _description(critique: Critique) -> Markup:
     text = "" if critique.source is None else (critique.source.header.description or "")
-    return paragraph(
-        f"What the dataset says of itself: {visible(text)}" if text.strip() else "", kind="about"
-    )
+    return paragraph(f"What the dataset says of itself: {visible(text)}" if text.strip() else "", kind="about")
 
 
 def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]:
     error, first, last = d["error"], ladder.iloc[0], ladder.iloc[-1]
     unit = error["unit"]
     cells = [
-        (
-            "impacts used",
-            f"{d['n_impacts']}",
-            f"{d['n_trials']} trials, {percent(d['left_out']['share'])} left out",
-        ),
+        ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials, {percent(d['left_out']['share'])} left out"),
         (
             "error of the base law",
             amount(error["base"], unit),
@@ -160,10 +144,6 @@ def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]
     cells.append(("noise floor", amount(error["noise_floor"], unit), "what a perfect model would show"))
     if error["explained_share"] is not None and any(e["clears"] for e in d["effects"]):
         cells.append(
-            (
-                "explained",
-                percent(min(error["explained_share"], 1.0)),
-                "of the way from base law to noise floor",
-            )
+            ("explained", percent(min(error["explained_share"], 1.0)), "of the way from base law to noise floor")
         )
     return cells

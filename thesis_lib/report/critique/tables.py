@@ -43,23 +43,13 @@ LEVEL = 0.01
 def captions(critique: Critique) -> dict[str, str]:
     """How to read each picture; also the alternative text, after the picture's own title."""
     paths = ""
-    if (
-        critique.source is not None
-        and critique.source.trajectories is not None
-        and critique.observations.arcs
-    ):
+    if critique.source is not None and critique.source.trajectories is not None and critique.observations.arcs:
         paths = (
             "Top: three trials in the plane, with samples, the flights fitted on either side of each impact, and the "
             "body's outline at the impacts that were used and left out. Below: "
         )
-    states = (
-        f"{'h' if paths else 'H'}istograms of the states before impact, training and held-out trials stacked"
-    )
-    out = (
-        "; the bars count impacts used and left out, by reason."
-        if len(critique.observations.found.left_out)
-        else "."
-    )
+    states = f"{'h' if paths else 'H'}istograms of the states before impact, training and held-out trials stacked"
+    out = "; the bars count impacts used and left out, by reason." if len(critique.observations.found.left_out) else "."
     two = "left of the base law, right with the effects" if len(critique.ladder) > 1 else "of the base law"
     return {
         "data": paths + states + out,
@@ -220,10 +210,7 @@ def left_out_table(d: Mapping) -> Markup:
     """Impacts left out, by reason."""
     reasons = d["left_out"]["reasons"]
     total = sum(reasons.values()) + d["n_impacts"]
-    rows = [
-        (reason_text(name), str(n), percent(n / total))
-        for name, n in sorted(reasons.items(), key=lambda i: -i[1])
-    ]
+    rows = [(reason_text(name), str(n), percent(n / total)) for name, n in sorted(reasons.items(), key=lambda i: -i[1])]
     if rows:
         rows.append(("used", str(d["n_impacts"]), percent(d["n_impacts"] / total)))
     return table("Impacts detected, left out and used", ("reason", "impacts", "share"), rows, numeric=(1, 2))
@@ -244,9 +231,7 @@ def detectable_table(d: Mapping) -> Markup:
             else:
                 parts.append(f"{symbol(name)} = {amount(size, p.unit if p else '', 2)}")
         family = EFFECTS[e["name"]].family if e["name"] in EFFECTS else ""
-        rows.append(
-            (effect_title(e["name"]), FAMILY_WORDS.get(family, family), "; ".join(parts), *_set_by(e))
-        )
+        rows.append((effect_title(e["name"]), FAMILY_WORDS.get(family, family), "; ".join(parts), *_set_by(e)))
     columns = ("effect", "family", "smallest size", "set by", "drops for half of it")
     return table("Smallest effects that would have been found", columns, rows, numeric=(4,))
 

@@ -19,10 +19,7 @@ from thesis_lib.report.critique.tables import states_table
 from thesis_lib.report.elements import amount, bullets, estimate, heading, interval, paragraph, percent
 from thesis_lib.statistics.wording import listed, number
 
-NOISE_SOURCES = {
-    "arcs": "estimated from the arcs",
-    "differences": "estimated from differences of neighbouring samples",
-}
+NOISE_SOURCES = {"arcs": "estimated from the arcs", "differences": "estimated from differences of neighbouring samples"}
 METHOD_SOURCES = (
     "Energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929.",
     "Best Post Hoc and IRB bound: Fazeli, thesis, section 3.3.2.",
@@ -64,10 +61,7 @@ def laws(critique: Critique, d: Mapping, tables: Mapping[str, pd.DataFrame], lad
     errors, best = law_errors(critique)
     base, unit, error = d["base_model"], d["error"]["unit"], d["error"]
     values = listed(
-        [
-            f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}"
-            for name, p in base["parameters"].items()
-        ]
+        [f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}" for name, p in base["parameters"].items()]
     )
     ends = interval(ladder["error_low"].iloc[0], ladder["error_high"].iloc[0])
     floor = error["noise_floor"]
@@ -107,9 +101,7 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
 def where_it_fails(where: Mapping) -> Markup:
     regions = where.get("regions", [])
     if not regions:
-        text = (
-            "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
-        )
+        text = "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
     else:
         r = regions[0] | {"rule": plain_rule(regions[0])}
         times = f" ({number(r['ratio'], 2)} times)" if r["ratio"] else ""

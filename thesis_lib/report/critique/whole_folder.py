@@ -11,11 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 VERDICT_FILE, MODEL_FILE = "diagnosis.json", "model.json"
-LAST = (
-    "model.json",
-    "report.html",
-    VERDICT_FILE,
-)  # moved in last, in this order; a mechanism has no model.json
+LAST = ("model.json", "report.html", VERDICT_FILE)  # moved in last, in this order; a mechanism has no model.json
 # written by any critique beside its pictures: those of an earlier critique that this one does not make are removed
 TABLES = ("comparison", "errors", "ladder", "impacts", "budget", "flights", "misfit", "mechanism_residuals")
 REGIONS = "where.json"

@@ -148,13 +148,7 @@ def read_throws(
             if following[0] - flight[1] <= settings.longest_contact:
                 before, after = flight[3][0], following[5][0]
                 contacts.append(
-                    (
-                        trial,
-                        flight[0] == -np.inf,
-                        *before.T.ravel(),
-                        *after.T.ravel(),
-                        following[4] - flight[2],
-                    )
+                    (trial, flight[0] == -np.inf, *before.T.ravel(), *after.T.ravel(), following[4] - flight[2])
                 )
         tail = pose[-settings.last :]
         moved = np.ptp(tail * [1.0, 1.0, dataset.k_g], axis=0).max()
@@ -166,30 +160,16 @@ def read_throws(
             state, cov = fits[0][3]
             releases.append((trial, *state.T.ravel(), *cov.ravel(), *tail.mean(axis=0)))
     if not releases or not contacts:
-        raise UserError(
-            f"{dataset.name} holds no throw with a first flight that comes to rest: nothing to study."
-        )
+        raise UserError(f"{dataset.name} holds no throw with a first flight that comes to rest: nothing to study.")
     a, c, f = np.array(releases), np.array(contacts), np.array(long).reshape(-1, 7)
     return (
-        Releases(
-            a[:, 0].astype(int),
-            a[:, 1:4],
-            a[:, 4:7],
-            a[:, 7:43].reshape(-1, 6, 6),
-            a[:, 43:46],
-            left_out,
-            sigma,
-        ),
-        MeasuredContacts(
-            c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14]
-        ),
+        Releases(a[:, 0].astype(int), a[:, 1:4], a[:, 4:7], a[:, 7:43].reshape(-1, 6, 6), a[:, 43:46], left_out, sigma),
+        MeasuredContacts(c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14]),
         LongFlights(f[:, 0].astype(int), f[:, 1:4], f[:, 4:7]),
     )
 
 
-def _flights(
-    t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings
-) -> list[tuple[float, float, np.ndarray]]:
+def _flights(t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings) -> list[tuple[float, float, np.ndarray]]:
     """Begin, end (s; ±∞ without a hit) and samples of each long enough stretch between hits."""
     stretches = []
     for begin, end in zip(np.r_[-np.inf, hits], np.r_[hits, np.inf]):

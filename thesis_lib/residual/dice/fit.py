@@ -41,15 +41,7 @@ from thesis_lib.residual.throwing.throw import LawImpact, state_at
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # first step of each parameter: a few times a rig's error, enough to change a contact visibly
-BODY_STEPS = {
-    "half": 2e-3,
-    "rho": 2e-3,
-    "height": 1e-3,
-    "k_g": 2e-3,
-    "d_theta": 0.02,
-    "c_x": 5e-4,
-    "c_y": 5e-4,
-}
+BODY_STEPS = {"half": 2e-3, "rho": 2e-3, "height": 1e-3, "k_g": 2e-3, "d_theta": 0.02, "c_x": 5e-4, "c_y": 5e-4}
 CONTACT_STEPS = {
     "omega": 200.0,
     "damping": 0.1,
@@ -91,13 +83,7 @@ class DiceModel:
         """The thrown body."""
         corners = CORNERS * self.half - np.array([self.c_x, self.c_y])
         return ThrownBody(
-            tuple(map(tuple, corners.tolist())),
-            self.rho,
-            self.k_g,
-            self.gravity,
-            self.height,
-            self.c_v,
-            self.c_w,
+            tuple(map(tuple, corners.tolist())), self.rho, self.k_g, self.gravity, self.height, self.c_v, self.c_w
         )
 
     @property
@@ -145,8 +131,7 @@ def fit_dice(
         rows = np.sort(rng.choice(rows, settings.contacts, replace=False))
     used = contacts.select(rows)
     even = CompliantContact(
-        place=float(np.median(used.q[:, 0])),
-        width=max(float(np.std(used.q[:, 0])), 2.0 * CONTACT_STEPS["width"]),
+        place=float(np.median(used.q[:, 0])), width=max(float(np.std(used.q[:, 0])), 2.0 * CONTACT_STEPS["width"])
     )
     names = [*BODY_STEPS, *CONTACT_STEPS]
 

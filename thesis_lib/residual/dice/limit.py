@@ -43,6 +43,4 @@ def noise_limit(
     moved = simulate_throws(model.body, model.seen(q), v, impact, mu, settings, rng)
     away = (moved.q[:, 0].reshape(-1, copies) - still.q[:, :1]) / side
     kept = moved.face.reshape(-1, copies) == still.face[:, None]
-    return pd.DataFrame(
-        {"trial": releases.trial, "spread": np.sqrt((away**2).mean(1)), "face_kept": kept.mean(1)}
-    )
+    return pd.DataFrame({"trial": releases.trial, "spread": np.sqrt((away**2).mean(1)), "face_kept": kept.mean(1)})

@@ -114,16 +114,11 @@ def propagate(
     mean, cov = fly_gaussian(body, mean, cov, remaining)
     sample = np.hstack(fly(body, q, v, remaining))
     return StateBelief(
-        mean.reshape(*shape, 6),
-        cov.reshape(*shape, 6, 6),
-        sample.reshape(*shape, 6),
-        outside.reshape(shape).mean(1),
+        mean.reshape(*shape, 6), cov.reshape(*shape, 6, 6), sample.reshape(*shape, 6), outside.reshape(shape).mean(1)
     )
 
 
-def fly_gaussian(
-    body: ThrownBody, mean: np.ndarray, cov: np.ndarray, t: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def fly_gaussian(body: ThrownBody, mean: np.ndarray, cov: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean (n, 6) and covariance (n, 6, 6) after free flight of t (n,) s; t may be negative."""
     q, v = mean[:, :3], mean[:, 3:]
     end = np.hstack(fly(body, q, v, t))
@@ -209,9 +204,7 @@ def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.G
     rows, stream = [], streams(rng)
     for (model, belief), part in scores.groupby(["model", "belief"], sort=False):
         quantities = {f"coverage_{level:.0%}".rstrip("%"): part["pit"] <= level for level in LEVELS}
-        quantities |= {
-            name: part[name] for name in ("log_score", "crps_velocity", "crps_pose", "out_of_range")
-        }
+        quantities |= {name: part[name] for name in ("log_score", "crps_velocity", "crps_pose", "out_of_range")}
         for name, column in quantities.items():
             values = column.to_numpy(float)
             interval = spread(values, np.mean, bootstrap, stream(model, belief, name))

@@ -151,9 +151,7 @@ def contact_residuals(
     return rows, q_0, v_0, residual, c_n
 
 
-def scattered(
-    name: str, model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings
-) -> Thrower:
+def scattered(name: str, model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings) -> Thrower:
     """A law with the scatter of its training residuals (Δv_x, Δv_y, k Δω)/c_n, robust against lost contacts."""
     _, _, v_0, residual, c_n = contact_residuals(model, contacts, settings)
     relative = residual[:, 3:] * (velocity_error(v_0, model.k_g) / np.maximum(c_n, settings.slowest))[:, None]
@@ -232,19 +230,13 @@ def contact_map(name: str, model: DiceModel, missed: Missed, settings: DiceStudy
 
 
 def slide_fitted(
-    make: Callable[[DiceModel], Thrower],
-    model: DiceModel,
-    releases: Releases,
-    side: float,
-    settings: DiceStudySettings,
+    make: Callable[[DiceModel], Thrower], model: DiceModel, releases: Releases, side: float, settings: DiceStudySettings
 ) -> Thrower:
     """Thrower whose friction, in sliding and in its slowest contacts, gives the least |error| of training throws."""
     best = None
     for mu in settings.slide_grid:
         thrower = make(replace(model, mu=mu))
-        out = throw_starts(
-            thrower, thrower.certain, releases.q, releases.v, settings, np.random.default_rng(0)
-        )
+        out = throw_starts(thrower, thrower.certain, releases.q, releases.v, settings, np.random.default_rng(0))
         error = float(np.mean(np.abs(releases.end[:, 0] - out.q[:, 0]))) / side
         if best is None or error < best[0]:
             best = (error, thrower)

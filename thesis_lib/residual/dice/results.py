@@ -113,9 +113,7 @@ def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.Da
     return restitution(study.outcomes[COMPLIANT].thrower.model, held, settings.throw)
 
 
-def examples(
-    study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
-) -> Examples:
+def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator) -> Examples:
     """Throws that the figures show, and the beliefs of model `BELIEVED` about them; `side` in m."""
     believed, plain = study.outcomes[BELIEVED], study.outcomes[PLAIN]
     held = study.releases.select(~np.isin(study.releases.trial, study.train))

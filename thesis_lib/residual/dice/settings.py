@@ -17,18 +17,13 @@ class DiceDataSettings(Section):
         0.03, gt=0, description="s between two flights up to which what happens between them is one contact"
     )
     drag: float = Field(
-        0.35,
-        ge=0,
-        description="1/s; deceleration expected in flight: 0.3 in the dice's first flights, 0.5 later",
+        0.35, ge=0, description="1/s; deceleration expected in flight: 0.3 in the dice's first flights, 0.5 later"
     )
     stray: tuple[float, float, float] = Field(
-        (0.4, 0.4, 6.0),
-        description="m/s², m/s², rad/s²: one sigma of other accelerations, as the arc fits find",
+        (0.4, 0.4, 6.0), description="m/s², m/s², rad/s²: one sigma of other accelerations, as the arc fits find"
     )
     long_flight: int = Field(25, ge=10, description="samples from which a flight tells the drag")
-    still: float = Field(
-        0.002, gt=0, description="m (rotation: times k) moved in the last samples, at most, at rest"
-    )
+    still: float = Field(0.002, gt=0, description="m (rotation: times k) moved in the last samples, at most, at rest")
     last: int = Field(10, ge=2, description="samples at the end of a throw that give its resting pose")
 
 
@@ -36,13 +31,9 @@ class DiceFitSettings(Section):
     """The fit of body and contact."""
 
     evaluations: int = Field(
-        3500,
-        ge=50,
-        description="of the misfit; its 19 parameters are not settled before, with 2500 it is 5 % larger",
+        3500, ge=50, description="of the misfit; its 19 parameters are not settled before, with 2500 it is 5 % larger"
     )
-    contacts: int = Field(
-        400, ge=20, description="training contacts used, those with most speed first kept at random"
-    )
+    contacts: int = Field(400, ge=20, description="training contacts used, those with most speed first kept at random")
     slowest: float = Field(0.6, ge=0, description="m/s in the kinetic metric, of contacts that count")
     cap: float = Field(1.0, gt=0, description="m/s, e_max")
 
@@ -52,9 +43,7 @@ class DiceStudySettings(Section):
 
     train_share: float = Field(0.5, gt=0, lt=1, description="share of throws that train")
     splits: int = Field(
-        3,
-        ge=1,
-        description="random splits of the throws: what one split says is partly its luck (own choice)",
+        3, ge=1, description="random splits of the throws: what one split says is partly its luck (own choice)"
     )
     particles: int = Field(40, ge=10, description="of each held-out throw's belief (own choice)")
     limit_copies: int = Field(10, ge=2, description="perturbed starts of each held-out throw for the limit")
@@ -78,9 +67,7 @@ class DiceStudySettings(Section):
         "(from 2.2) and later ones (to 1.5)",
     )
     outlier: float = Field(
-        6.0,
-        gt=1,
-        description="contacts whose residual is this many times the median are left out of training, counted",
+        6.0, gt=1, description="contacts whose residual is this many times the median are left out of training, counted"
     )
     slide_grid: tuple[float, ...] = Field(
         (0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.32, 0.4, 0.5, 0.7, 1.0, 1.4),

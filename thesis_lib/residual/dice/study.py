@@ -54,14 +54,7 @@ from thesis_lib.residual.dice.models import (
     train_missed,
 )
 from thesis_lib.residual.dice.settings import DiceStudySettings
-from thesis_lib.residual.dice.tables import (
-    HeldOutThrows,
-    contact_pits,
-    difficulty,
-    impact_pits,
-    summary,
-    throw_rows,
-)
+from thesis_lib.residual.dice.tables import HeldOutThrows, contact_pits, difficulty, impact_pits, summary, throw_rows
 from thesis_lib.residual.throwing.propagation import LearnedImpact
 
 
@@ -132,10 +125,7 @@ class Measured:
     def of(self, trials: np.ndarray) -> "Measured":
         """Measurements of the throws `trials` (n,)."""
         return Measured(
-            *(
-                part.select(np.isin(part.trial, trials))
-                for part in (self.releases, self.contacts, self.flights)
-            ),
+            *(part.select(np.isin(part.trial, trials)) for part in (self.releases, self.contacts, self.flights)),
             self.impacts.select(np.isin(self.impacts.trial, trials)),
         )
 
@@ -160,32 +150,21 @@ def _one_split(
     law_model = throwers[0].model
     if critique is not None:
         throwers.append(scattered("critique", critique_model(critique, side), training.contacts, settings))
-    compliant, outliers = _compliant_models(
-        replace(believed, law=law_model.law), training, side, settings, stream
-    )
+    compliant, outliers = _compliant_models(replace(believed, law=law_model.law), training, side, settings, stream)
     throwers += compliant
 
     outcomes = {t.name: throw_held_out(t, held.releases, settings, stream("throw", t.name)) for t in throwers}
     throws = pd.concat(
-        [throw_rows(o, held.releases, side, stream("rows", name)) for name, o in outcomes.items()],
-        ignore_index=True,
+        [throw_rows(o, held.releases, side, stream("rows", name)) for name, o in outcomes.items()], ignore_index=True
     )
     isolated = single_hits(law_model, held.impacts, settings)
     pits = [
-        impact_pits(t, isolated)
-        if isinstance(t.contact, LearnedImpact)
-        else contact_pits(t, held.contacts, settings)
+        impact_pits(t, isolated) if isinstance(t.contact, LearnedImpact) else contact_pits(t, held.contacts, settings)
         for t in throwers
     ]
     limits = [
         noise_limit(
-            held.releases,
-            t.model,
-            t.certain,
-            side,
-            settings.limit_copies,
-            settings.throw,
-            stream("limit", t.name),
+            held.releases, t.model, t.certain, side, settings.limit_copies, settings.throw, stream("limit", t.name)
         ).assign(model=t.name)
         for t in throwers
     ]
@@ -264,12 +243,7 @@ def throw_held_out(
 
 
 def first_contacts(
-    thrower: Thrower,
-    releases: Releases,
-    trial: int,
-    count: int,
-    settings: DiceStudySettings,
-    rng: np.random.Generator,
+    thrower: Thrower, releases: Releases, trial: int, count: int, settings: DiceStudySettings, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Samples of the belief over one throw: contact (0: start, 1, 2, ...), t (s), x, y (m), theta (rad), trial.
 

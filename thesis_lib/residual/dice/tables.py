@@ -63,12 +63,7 @@ def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStu
         cov = ((share * np.maximum(c_n, settings.slowest)[:, None]) ** 2)[:, :, None] * np.eye(3)
         pit = pit_of_gaussian(away, np.zeros_like(away), cov + FINEST * np.eye(3))
     return pd.DataFrame(
-        {
-            "trial": contacts.trial[rows],
-            "model": thrower.name,
-            "pit": pit,
-            "misfit": np.linalg.norm(away, axis=1),
-        }
+        {"trial": contacts.trial[rows], "model": thrower.name, "pit": pit, "misfit": np.linalg.norm(away, axis=1)}
     )
 
 
@@ -90,9 +85,7 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
     return pd.DataFrame({"trial": impacts.trial, "model": thrower.name, "pit": pit, "misfit": misfit})
 
 
-def throw_rows(
-    outcome: HeldOutThrows, releases: Releases, side: float, rng: np.random.Generator
-) -> pd.DataFrame:
+def throw_rows(outcome: HeldOutThrows, releases: Releases, side: float, rng: np.random.Generator) -> pd.DataFrame:
     """A row per held-out throw; see foundation/columns.yaml."""
     model = outcome.thrower.model
     face = model.face(releases.end[:, 2])
@@ -127,9 +120,7 @@ def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
     return int(part["trial"].iloc[away]), int(part["trial"].iloc[-1 - away])
 
 
-def summary(
-    throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.random.Generator
-) -> pd.DataFrame:
+def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
     """A row per model and quantity, with a 95 % bootstrap interval over throws; `limit_…`: the limit of noise."""
     rows, stream = [], streams(rng)
     for model, part in throws.groupby("model", sort=False):
@@ -149,10 +140,7 @@ def summary(
             interval = spread(values, statistic, bootstrap, stream(model, name))
             rows.append((model, name, float(statistic(values)), *interval))
     for model, part in limit.groupby("model", sort=False):
-        for name, column, statistic in (
-            ("limit_std", "spread", np.median),
-            ("limit_face", "face_kept", np.mean),
-        ):
+        for name, column, statistic in (("limit_std", "spread", np.median), ("limit_face", "face_kept", np.mean)):
             values = part[column].to_numpy()
             interval = spread(values, statistic, bootstrap, stream(model, name))
             rows.append((model, name, float(statistic(values)), *interval))

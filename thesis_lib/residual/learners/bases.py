@@ -90,13 +90,7 @@ class AugmentedBase:
         after, *_ = m.model.contact(_state(impacts, impacts.v_post), m.values, m.believed)
         # cov=None: covariances belong to the measured quantities
         return replace(
-            impacts,
-            q=before.q,
-            v_pre=before.v,
-            v_post=after.v,
-            r=np.stack([r_x, r_y], 1),
-            k_g=k_g,
-            cov=None,
+            impacts, q=before.q, v_pre=before.v, v_post=after.v, r=np.stack([r_x, r_y], 1), k_g=k_g, cov=None
         )
 
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:

@@ -66,9 +66,7 @@ def project(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *,
     return np.where(inside[:, None], v_post, _velocity(near, frame, k_g))
 
 
-def to_latent(
-    v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool
-) -> np.ndarray:
+def to_latent(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool) -> np.ndarray:
     """Coordinates s (n, 2 or 3) of a velocity after impact, projected first if it is not feasible."""
     from scipy.special import ndtri
 

@@ -69,9 +69,7 @@ class GaussianProcess:
     n_hyper: int  # training points that gave the hyperparameters
     device: str = "cpu"
 
-    def predict(
-        self, X: np.ndarray, *, noise: bool = False, variance: bool = True
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def predict(self, X: np.ndarray, *, noise: bool = False, variance: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Mean and variance, each (m, p) in the outputs' units, at X (m, d) in the inputs' units.
 
         The variance is that of the function, or with `noise` of a new measurement; it is NaN if `variance` is False,
@@ -177,19 +175,7 @@ def fit_gaussian_process(
     h = np.exp(theta)
     count = start.n_hyper if fixed else count
     return GaussianProcess(
-        x,
-        y,
-        x_mean,
-        x_scale,
-        y_mean,
-        y_scale,
-        h[:, :d],
-        h[:, d],
-        h[:, d + 1],
-        weight,
-        value,
-        count,
-        str(device),
+        x, y, x_mean, x_scale, y_mean, y_scale, h[:, :d], h[:, d], h[:, d + 1], weight, value, count, str(device)
     )
 
 

@@ -32,18 +32,8 @@ from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import MU_MAX, fit_individual
 from thesis_lib.residual.learners import feasible as feasibility
 from thesis_lib.residual.learners.bases import Base, LawBase
-from thesis_lib.residual.learners.features import (
-    FeatureSet,
-    features,
-    impulse_of,
-    velocity_after,
-    velocity_map,
-)
-from thesis_lib.residual.learners.gaussian_process import (
-    GaussianProcess,
-    GaussianProcessSettings,
-    fit_gaussian_process,
-)
+from thesis_lib.residual.learners.features import FeatureSet, features, impulse_of, velocity_after, velocity_map
+from thesis_lib.residual.learners.gaussian_process import GaussianProcess, GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.learners.in_range import TrainingRange
 
 # m/s in the kinetic metric: largest misfit of the best (μ, ε) at which the law explains an outcome
@@ -140,9 +130,7 @@ class TrainedImpulse:
             impulse = impulse + impulse_of(prior - seen.v_pre, seen, wrench=wrench)
         else:
             v_seen = velocity_after(impulse, seen)
-        return _prediction(
-            self.base, impacts, seen, v_seen, impulse, _diagonal(variance), self.range, wrench=wrench
-        )
+        return _prediction(self.base, impacts, seen, v_seen, impulse, _diagonal(variance), self.range, wrench=wrench)
 
 
 @dataclass(frozen=True)
@@ -193,9 +181,7 @@ class TrainedParameters:
             columns = []
             for i in range(2):
                 shift = std * (np.arange(2) == i)
-                columns.append(
-                    0.5 * (self._law(impacts, mean + shift)[0] - self._law(impacts, mean - shift)[0])
-                )
+                columns.append(0.5 * (self._law(impacts, mean + shift)[0] - self._law(impacts, mean - shift)[0]))
             J = np.stack(columns, axis=2)
             S = J @ np.swapaxes(J, 1, 2)
         return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range, wrench=False)
@@ -223,11 +209,7 @@ class FeasibleLearner:
         v = velocity_after(impulse_of(impacts.dv, impacts, wrench=self.wrench), impacts)
         s = feasibility.to_latent(impacts.v_pre, v, impacts.r, impacts.k_g, wrench=self.wrench)
         process = fit_gaussian_process(
-            features(impacts, self.feature_set),
-            s,
-            rng,
-            self.settings,
-            start=None if start is None else start.process,
+            features(impacts, self.feature_set), s, rng, self.settings, start=None if start is None else start.process
         )
         return TrainedFeasible(self, process, TrainingRange.of(impacts))
 
@@ -307,9 +289,7 @@ def _prediction(
     A = velocity_map(seen, wrench=impulse.shape[1] == 3)
     v_post = base.measured(impacts, v_seen)
     # `measured` is affine in the velocity, so unit impulses give its slope
-    jacobian = np.stack(
-        [base.measured(impacts, v_seen + A[:, :, i]) - v_post for i in range(A.shape[2])], axis=2
-    )
+    jacobian = np.stack([base.measured(impacts, v_seen + A[:, :, i]) - v_post for i in range(A.shape[2])], axis=2)
     inside = feasibility.feasible(seen.v_pre, v_seen, seen.r, seen.k_g)
     near = feasibility.project(seen.v_pre, v_seen, seen.r, seen.k_g, wrench=wrench)
     projected = np.where(inside[:, None], v_post, base.measured(impacts, near))

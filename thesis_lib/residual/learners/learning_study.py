@@ -36,14 +36,7 @@ from thesis_lib.statistics.intervals import student_mean
 
 BOOTSTRAP = 1000
 BOUNDS = ("best_post_hoc", "irb_bound")
-NAMED = (
-    "law",
-    "law_rigid",
-    "law_wrench",
-    "effects",
-    "effects_rigid",
-    "effects_wrench",
-)
+NAMED = ("law", "law_rigid", "law_wrench", "effects", "effects_rigid", "effects_wrench")
 
 
 def learning_curves(
@@ -71,9 +64,7 @@ def learning_curves(
         sizes = _sizes(settings.sizes, len(train))
         shown = min(sizes, key=lambda n: abs(n - settings.density_size))
         for n, by_model in _trained(models, train, held_out, sizes, seed, split):
-            table = {
-                name: velocity_error(held_out.v_post - p.v_post, held_out.k_g) for name, p in by_model.items()
-            }
+            table = {name: velocity_error(held_out.v_post - p.v_post, held_out.k_g) for name, p in by_model.items()}
             curves += [_row(name, n, split, p, held_out) for name, p in by_model.items()]
             table |= _bounds(table, settings.laws, held_out)
             curves += [_error_row(name, n, split, table[name]) for name in BOUNDS]
@@ -217,12 +208,7 @@ def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.D
     for statement, (above, below) in pairs.items():
         ratio = wide[above] / wide[below]
         rows.append(
-            {
-                "statement": statement,
-                "n": n,
-                "value": ratio.mean(),
-                "std": ratio.std(ddof=1) / np.sqrt(len(ratio)),
-            }
+            {"statement": statement, "n": n, "value": ratio.mean(), "std": ratio.std(ddof=1) / np.sqrt(len(ratio))}
         )
     return pd.DataFrame(rows)
 
@@ -307,9 +293,4 @@ def _interval(error: np.ndarray, trial: np.ndarray, rng: np.random.Generator) ->
     """Mean error and its 95 % interval by the bootstrap over trials; failed solves (NaN) are excluded and counted."""
     known = np.isfinite(error)
     low, high = bootstrap_mean(error[known], trial[known], BOOTSTRAP, rng)
-    return {
-        "mean": float(error[known].mean()),
-        "low": low,
-        "high": high,
-        "n_failed": int((~known).sum()),
-    }
+    return {"mean": float(error[known].mean()), "low": low, "high": high, "n_failed": int((~known).sum())}

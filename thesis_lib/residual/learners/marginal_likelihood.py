@@ -48,17 +48,12 @@ WILD = 3.0  # standard deviations
 class GaussianProcessSettings(Section):
     """How Gaussian processes are trained; all own choices."""
 
-    restarts: int = Field(
-        2, ge=1, description="starts of the search for hyperparameters, the fixed one included"
-    )
+    restarts: int = Field(2, ge=1, description="starts of the search for hyperparameters, the fixed one included")
     prior: bool = Field(
-        True,
-        description="weak log-normal priors on hyperparameters: without them ten impacts are learned by heart",
+        True, description="weak log-normal priors on hyperparameters: without them ten impacts are learned by heart"
     )
     robust_rounds: int = Field(
-        2,
-        ge=0,
-        description="how often wild impacts get less weight and the search goes on; 0: all count alike",
+        2, ge=0, description="how often wild impacts get less weight and the search goes on; 0: all count alike"
     )
     iterations: int = Field(100, ge=1, description="most L-BFGS iterations of a start")
     hyperparameter_impacts: int = Field(
@@ -112,9 +107,7 @@ def search(
     return best.x, -objective(best.x, *data)[0]
 
 
-def weights(
-    theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, device: "torch.device"
-) -> np.ndarray:
+def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, device: "torch.device") -> np.ndarray:
     """Weights w (n,) from the distance of each measurement to its leave-one-out prediction; see the module."""
     import torch
 

@@ -14,9 +14,7 @@ class LearningStudySettings(Section):
     """The study of figures 4-5 and 4-6."""
 
     laws: tuple[LawName, ...] = Field(SIX_LAWS, min_length=2, description="the laws compared with")
-    base_law: LawName = Field(
-        "anitescu_potra_newton", description="law of class 2; the thesis says Anitescu-Potra"
-    )
+    base_law: LawName = Field("anitescu_potra_newton", description="law of class 2; the thesis says Anitescu-Potra")
     sizes: tuple[Annotated[int, Field(ge=5)], ...] = Field(
         (10, 20, 30, 50, 75, 100, 150, 200, 300, 450, 700, 1000),
         min_length=1,

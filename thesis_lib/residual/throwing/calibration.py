@@ -118,9 +118,7 @@ def coverage_table(
         if groups is not None and n:
             _, index = np.unique(groups[kept], return_inverse=True)
             by_group = np.stack([np.bincount(index, weights=hit), np.bincount(index)], axis=1)
-            low, high = central_95(
-                resampled(by_group, lambda drawn: np.divide(*drawn.sum(axis=0)), bootstrap, rng)
-            )
+            low, high = central_95(resampled(by_group, lambda drawn: np.divide(*drawn.sum(axis=0)), bootstrap, rng))
         passes = abs(share - level) <= MARGIN or low <= level <= high
         rows.append((level, share, low, high, int(passes), n, int((~kept).sum())))
     return pd.DataFrame(rows, columns=["level", "coverage", "low", "high", "passes", "n", "left_out"])

@@ -105,9 +105,7 @@ def compliant_path(
         moving = moving[remaining[moving] > 1e-9]
         if not len(moving):
             return q, v
-        q[moving], v[moving], took = press(
-            body, contact, q[moving], v[moving], remaining[moving], longest, dt
-        )
+        q[moving], v[moving], took = press(body, contact, q[moving], v[moving], remaining[moving], longest, dt)
         remaining[moving] -= took
         # bodies that still press after `longest` continue from the surface
         pressed = moving[took >= longest - 1e-9]
@@ -164,9 +162,7 @@ def press(
         near_v_n = v_n[pressed]
         D, Z = _damping(c, now_q[pressed[0], 0] + r_x[pressed], now_q[pressed[0], 2])
         f_n = np.zeros_like(gap)
-        f_n[pressed] = np.maximum(
-            stiffness * -gap[pressed] * (1.0 - D * near_v_n) - 2.0 * Z * c.omega * near_v_n, 0.0
-        )
+        f_n[pressed] = np.maximum(stiffness * -gap[pressed] * (1.0 - D * near_v_n) - 2.0 * Z * c.omega * near_v_n, 0.0)
         h = np.where(moving, np.minimum(dt, limit - t), 0.0)[:, None]
         z = z + v_t * h
         most = c.mu * f_n

@@ -150,9 +150,7 @@ def _student_scale(z: np.ndarray, freedom: float) -> tuple[np.ndarray, float]:
     scale = np.sqrt((z**2).mean(0))
     if np.isinf(freedom):
         scaled = z / scale
-        return scale, float(
-            -0.5 * (scaled**2).sum() - n * (np.log(scale).sum() + 0.5 * d * np.log(2.0 * np.pi))
-        )
+        return scale, float(-0.5 * (scaled**2).sum() - n * (np.log(scale).sum() + 0.5 * d * np.log(2.0 * np.pi)))
     for _ in range(_EM):
         weight = (freedom + d) / (freedom + ((z / scale) ** 2).sum(1))
         scale = np.sqrt((weight[:, None] * z**2).mean(0))

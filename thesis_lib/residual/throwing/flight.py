@@ -118,9 +118,7 @@ def thrown_body(rig: Rig, *, rho: float = 0.0, c_v: float = 0.0, c_w: float = 0.
     corners, inward, largest = _corners(rig.shape.vertices)
     rho = min(rho, largest)
     inner = corners + rho * inward
-    return ThrownBody(
-        tuple(map(tuple, inner.tolist())), float(rho), rig.k_g, rig.gravity, rig.height, c_v, c_w
-    )
+    return ThrownBody(tuple(map(tuple, inner.tolist())), float(rho), rig.k_g, rig.gravity, rig.height, c_v, c_w)
 
 
 def fly(body: ThrownBody, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -76,12 +76,7 @@ class Drawn:
 
 
 def draw(
-    contact: "Sampled",
-    q: np.ndarray,
-    v: np.ndarray,
-    r: np.ndarray,
-    slow: np.ndarray,
-    rng: np.random.Generator,
+    contact: "Sampled", q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
 ) -> Drawn:
     """A feasible sample of the outcome for each of n states at a touch; arguments as of `throw.ImpactModel`."""
     mean, cov, took, in_range = contact.distribution(q, v, r, slow)
@@ -159,9 +154,7 @@ class Sampled:
         n = len(q)
         return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n), np.ones(n, bool)
 
-    def feasible(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, after: np.ndarray, took: np.ndarray
-    ) -> np.ndarray:
+    def feasible(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, after: np.ndarray, took: np.ndarray) -> np.ndarray:
         """Mask (n,) of outcomes that neither penetrate nor gain energy."""
         k_g, g = self.body.k_g, self.body.gravity
         q_new, v_new = after[:, :3], after[:, 3:]

@@ -22,9 +22,7 @@ class ThrowSettings(Section):
         "body that tips or slides on a corner hops on it by 0.1 mm instead of bouncing infinitely often",
     )
     max_contacts: int = Field(
-        150,
-        ge=1,
-        description="hits of single corners after which a body is laid on its nearest side, and counted",
+        150, ge=1, description="hits of single corners after which a body is laid on its nearest side, and counted"
     )
     snapshots: int = Field(3, ge=0, description="contacts whose states are kept")
     merge: float = Field(

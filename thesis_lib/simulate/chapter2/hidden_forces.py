@@ -62,14 +62,10 @@ N_SOLVES = 2  # of a step, for its normal force and moment to agree
 class HiddenSizes(Section):
     """Sizes of what is hidden: a few per cent of the torques and weights that act; all own choices."""
 
-    viscous: tuple[float, float] = Field(
-        (0.1, 0.06), description="N m s, b; at 2 rad/s a twentieth of the torques"
-    )
+    viscous: tuple[float, float] = Field((0.1, 0.06), description="N m s, b; at 2 rad/s a twentieth of the torques")
     coulomb: tuple[float, float] = Field((0.15, 0.1), description="N m, f; a geared motor's few per cent")
     coulomb_speed: float = Field(
-        0.02,
-        gt=0,
-        description="rad/s, q̇_s; a hundredth of the speeds, and h f/(M q̇_s) < 1 keeps steps stable",
+        0.02, gt=0, description="rad/s, q̇_s; a hundredth of the speeds, and h f/(M q̇_s) < 1 keeps steps stable"
     )
     tilt: float = Field(0.02, description="rad, α; a rig levelled by eye")
     rolling: float = Field(0.02, ge=0, description="1, c_rr; rubber on a hard floor has 0.01 to 0.04")
@@ -142,10 +138,7 @@ def gravity_direction(mechanism: ArmDisk | RimlessWheel, alpha: float) -> Force:
     if isinstance(mechanism, RimlessWheel):
         turned = mechanism.slope + alpha
         change = mechanism.g * np.array(
-            [
-                np.sin(turned) - np.sin(mechanism.slope),
-                np.cos(mechanism.slope) - np.cos(turned),
-            ]
+            [np.sin(turned) - np.sin(mechanism.slope), np.cos(mechanism.slope) - np.cos(turned)]
         )
         constant = np.array([*(mechanism.mass * change), 0.0])
         return lambda t, q, v: constant
@@ -282,9 +275,7 @@ def run_with(
             hidden = rolling_resistance(
                 mechanism, plan.f_ext, plan.h, mu, epsilon, sizes.rolling, radius, ground, sizes.rolling_speed
             )
-        record = simulate(
-            mechanism, plan.q[0], plan.v[0], plan.f_ext, plan.h, plan.steps, mu, epsilon, hidden=hidden
-        )
+        record = simulate(mechanism, plan.q[0], plan.v[0], plan.f_ext, plan.h, plan.steps, mu, epsilon, hidden=hidden)
         if record.solved:
             records.append(record)
     return tuple(records)

@@ -113,9 +113,7 @@ class Chapter2Bodies(Section):
     """Chapter 2's simulated mechanisms."""
 
     h: float = Field(5e-3, gt=0, description="s, time step; own choice")
-    steps: int = Field(
-        300, ge=1, description="steps of a drop, 1.5 s; own choice: two impacts or more in most drops"
-    )
+    steps: int = Field(300, ge=1, description="steps of a drop, 1.5 s; own choice: two impacts or more in most drops")
     mass: float = Field(1.0, gt=0, description="kg, thesis")
     epsilon: float = Field(0.6, ge=0, le=1, description="thesis")
     mu: float = Field(0.7, ge=0, description="thesis")

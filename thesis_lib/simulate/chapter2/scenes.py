@@ -191,8 +191,7 @@ def traces(
     for kind, body in drops.items():
         starts = zip(*releases(kind, scenes.candidates, rng, settings))
         records = [
-            simulate(body, q, v, None, settings.h, settings.steps, settings.mu, settings.epsilon)
-            for q, v in starts
+            simulate(body, q, v, None, settings.h, settings.steps, settings.mu, settings.epsilon) for q, v in starts
         ]
         solved = [record for record in records if record.solved]
         shown[kind] = body, max(solved, key=lambda record: float(np.ptp(record.q[:, 0])))

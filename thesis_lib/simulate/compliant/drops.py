@@ -141,9 +141,7 @@ def contact_truth(
 class _Drops:
     """State of n drops, their poses at the ticks and the record of their contacts."""
 
-    def __init__(
-        self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, ticks: np.ndarray
-    ) -> None:
+    def __init__(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, ticks: np.ndarray) -> None:
         n = len(pose)
         self.mechanics, self.ticks = mechanics, ticks
         # the loose mass starts at rest in the body

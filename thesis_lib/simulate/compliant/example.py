@@ -24,14 +24,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.camera import reported
-from thesis_lib.simulate.rig.hidden_causes import (
-    CAUSES,
-    ELLIPSE_BODY,
-    PROOF_RELEASE,
-    RIG_NOISE,
-    SQUARE,
-    HiddenCauses,
-)
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
 from thesis_lib.simulate.rig.record import Drops
 
 NOTHING = "nothing"
@@ -56,9 +49,7 @@ class Example:
     new_impacts: pd.DataFrame
 
 
-def simulate_example(
-    name: str, hidden: str, *, size: float | None = None, drops: int = 150, seed: int = 0
-) -> Example:
+def simulate_example(name: str, hidden: str, *, size: float | None = None, drops: int = 150, seed: int = 0) -> Example:
     """Simulate an example.
 
     Args:
@@ -92,9 +83,7 @@ def simulate_example(
 def _new_impacts(truth: pd.DataFrame, m: HiddenCauses) -> pd.DataFrame:
     """Camera's view of the states before and after impact, from true states of the body's origin."""
     q, t = truth[list(POSE)].to_numpy(), truth["t"].to_numpy()
-    (pose, before), (_, after) = (
-        _camera(q, truth[list(names)].to_numpy(), t, m) for names in (V_PRE, V_POST)
-    )
+    (pose, before), (_, after) = (_camera(q, truth[list(names)].to_numpy(), t, m) for names in (V_PRE, V_POST))
     columns = dict(zip(POSE, pose.T))
     columns |= dict(zip(("vx", "vy", "omega"), before.T))
     columns |= dict(zip(("vx_seen", "vy_seen", "omega_seen"), after.T))

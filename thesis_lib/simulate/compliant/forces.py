@@ -60,13 +60,7 @@ class Mechanics:
     """
 
     def __init__(
-        self,
-        body: Body,
-        contact: CompliantContact,
-        hidden: HiddenCauses,
-        gravity: float,
-        n: int,
-        phase: np.ndarray,
+        self, body: Body, contact: CompliantContact, hidden: HiddenCauses, gravity: float, n: int, phase: np.ndarray
     ) -> None:
         assert body.mass is not None  # `check_request` refuses bodies without one
         m = hidden
@@ -203,9 +197,7 @@ class Mechanics:
             v[:, 2] -= np.sign(v[:, 2]) * np.minimum(kick, np.abs(v[:, 2]))
         return q + 0.5 * h * v, v, h * np.stack([f_t.sum(axis=1), total], axis=-1), free
 
-    def _normal(
-        self, depth: np.ndarray, rate: np.ndarray, memory: Memory
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _normal(self, depth: np.ndarray, rate: np.ndarray, memory: Memory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Repulsion and adhesion in N (n, p), and mask (n,) of bodies without a point that touches or sticks."""
         m, n = self.hidden, self.contact.exponent
         deepest = memory.deepest = np.maximum(memory.deepest, depth)

@@ -217,8 +217,6 @@ class _Drops:
         q, v, t = (np.asarray(part)[None] for part in before)
         q_end, v_end, t_end = (np.asarray(part)[None] for part in after)
         end = q_end, v_end, t_end
-        truth = contact_truth(
-            mech, rows, (q, v, t), end, impulse[None], np.array([e1 - e0]), np.array([separated])
-        )
+        truth = contact_truth(mech, rows, (q, v, t), end, impulse[None], np.array([e1 - e0]), np.array([separated]))
         self.records.append(truth)
         return float(mech.approach(q, v, t, rows)[0])

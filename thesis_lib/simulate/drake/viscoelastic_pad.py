@@ -51,9 +51,7 @@ class Pad:
         return 1.0 / self.k_contact + sum(1.0 / k for k, _ in self.layers)
 
 
-def rebound(
-    mass: float, layers: Sequence[tuple[float, float]], share: float = LAYER_SHARE
-) -> tuple[float, float]:
+def rebound(mass: float, layers: Sequence[tuple[float, float]], share: float = LAYER_SHARE) -> tuple[float, float]:
     """Restitution (1) and duration (s) of a contact, in units with k_0 = 1 N/m and m = 1 kg.
 
     `mass` is the effective mass of the contact, `layers` are springs and dampers, and `share` is p.

@@ -28,9 +28,7 @@ def wobble(impacts: pd.DataFrame, times: np.ndarray, n: int, m: HiddenCauses, k_
     since = times - impacts["t"].to_numpy()[:, None]
     after = np.maximum(since, 0.0)
     swing = size[:, None] * np.exp(-after / m.wobble_decay) * np.sin(2 * np.pi * m.wobble_frequency * after)
-    shown = np.stack(
-        [swing * np.cos(theta)[:, None], swing * np.sin(theta)[:, None], swing / (2.0 * k_g)], axis=-1
-    )
+    shown = np.stack([swing * np.cos(theta)[:, None], swing * np.sin(theta)[:, None], swing / (2.0 * k_g)], axis=-1)
     np.add.at(out, impacts["trial"].to_numpy(), shown)
     return out
 

@@ -67,17 +67,13 @@ class HiddenCauses(Section):
     """Hidden causes; the defaults are their absence."""
 
     # contact
-    tangential_compliance: float = _off(
-        "stiffness of contact, normal over tangential, 1; 0: rigid", ge=0, le=20
-    )
+    tangential_compliance: float = _off("stiffness of contact, normal over tangential, 1; 0: rigid", ge=0, le=20)
     tangential_damping: float = Field(0.15, ge=0, le=1, description="damping ratio of it, 1")
     hunt_crossley: float = _off("d of the factor (1 + d δ̇)₊ on the normal force, s/m", ge=0)
     stribeck: float = _off("μ (1 + s exp(−(v_t/v_s)²)), s, 1; negative: rises with speed", ge=-1)
     stribeck_speed: float = Field(0.5, gt=0, description="v_s of it, m/s")
     friction_anisotropy: float = _off("a of μ (1 + a sign v_t), 1", ge=-1, le=1)
-    rolling_lever: float = _off(
-        "half-width of the contact patch: couple against ω, over the normal force, m", ge=0
-    )
+    rolling_lever: float = _off("half-width of the contact patch: couple against ω, over the normal force, m", ge=0)
     adhesion_energy: float = _off("work to pull one contact point off, J", ge=0)
     adhesion_range: float = Field(1e-5, gt=0, description="distance over which it is done, m")
     orientation_restitution: float = _off("a of ε (1 + a cos 2(β − axis)), 1", ge=-1, le=1)
@@ -178,9 +174,7 @@ PROOF_RELEASE = Release(
 )
 RIG_NOISE = Noise(position=3e-4, angle=3e-3)  # m, rad: a good motion capture system at 250 Hz
 # ellipse of chapter 3; k² as in the authors' code, m (a² + b²) / 5, not that of a uniform plate
-ELLIPSE_BODY = Body(
-    shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=math.sqrt(3.7e-4)
-)
+ELLIPSE_BODY = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=math.sqrt(3.7e-4))
 # where corners matter; elsewhere the chapter's ellipse
 SQUARE = Body(
     shape=Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))),

@@ -89,9 +89,7 @@ def contact_columns(
     return {"trial": trial, "t": t} | columns | more
 
 
-def contact_table(
-    parts: list[dict[str, np.ndarray]], columns: tuple[str, ...], kinds: dict[str, type]
-) -> pd.DataFrame:
+def contact_table(parts: list[dict[str, np.ndarray]], columns: tuple[str, ...], kinds: dict[str, type]) -> pd.DataFrame:
     """All contacts, sorted by trial and time and numbered from 0 in each trial; `kinds`: types other than float."""
     if parts:
         table = pd.concat([pd.DataFrame(part) for part in parts]).astype(kinds)

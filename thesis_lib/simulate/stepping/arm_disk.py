@@ -79,10 +79,7 @@ class ArmDisk(Mechanism):
     ) -> None:
         for i in range(2):
             require_positive(
-                LINKS[i].replace("_", " "),
-                length=link_lengths[i],
-                mass=link_masses[i],
-                inertia=link_inertias[i],
+                LINKS[i].replace("_", " "), length=link_lengths[i], mass=link_masses[i], inertia=link_inertias[i]
             )
         require_positive("disk", radius=disk_radius, mass=disk_mass, inertia=disk_inertia)
         coms = np.zeros((2, 2))
@@ -114,9 +111,7 @@ class ArmDisk(Mechanism):
             mount = place if i == 0 else RigidTransform([self.link_lengths[0], 0.0, 0.0])
             frame = parent.body_frame()
             plant.AddJoint(
-                RevoluteJoint(
-                    f"joint_{i + 1}", _fixed(plant, f"mount_{i}", frame, mount), link.body_frame(), up
-                )
+                RevoluteJoint(f"joint_{i + 1}", _fixed(plant, f"mount_{i}", frame, mount), link.body_frame(), up)
             )
             parent = link
         disk = plant.AddRigidBody("disk", _spatial_inertia(self.disk_mass, np.zeros(2), self.disk_inertia))
@@ -154,10 +149,7 @@ class ArmDisk(Mechanism):
         if distance < MIN_DISTANCE:
             raise UserError(ON_LINK)
         nx, ny = (x - cx) / distance, (y - cy) / distance
-        rows = [
-            [d[0] * (cy - oy) - d[1] * (cx - ox) for ox, oy in ((bx, by), (ex, ey))]
-            for d in ((nx, ny), (ny, -nx))
-        ]
+        rows = [[d[0] * (cy - oy) - d[1] * (cx - ox) for ox, oy in ((bx, by), (ex, ey))] for d in ((nx, ny), (ny, -nx))]
         J_n = np.array([[*rows[0], nx, ny, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0]])
         J_t = np.array([[*rows[1], ny, -nx, R], [0.0, 0.0, 1.0, 0.0, R]])
         return ContactGeometry(np.array([distance - R, y - R]), J_n, J_t)

@@ -175,11 +175,7 @@ def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray)
     k_scale, v_scale = np.trace(K) / (2 * k), max(np.abs(v_c).max(), np.abs(b).max()) or 1.0
     M, q = several_lcp_matrices(K / k_scale, v_c / v_scale, b / v_scale, mu)
     best, residual = np.full(4 * k, np.nan), np.inf
-    for solve in (
-        partial(_by_drake, "MobyLcpSolver"),
-        _enumerate,
-        partial(_by_drake, "UnrevisedLemkeSolver"),
-    ):
+    for solve in (partial(_by_drake, "MobyLcpSolver"), _enumerate, partial(_by_drake, "UnrevisedLemkeSolver")):
         z = solve(M, q)
         if z is not None:
             z, residual = _polished(M, q, z)

@@ -115,11 +115,7 @@ def complementarity_residual(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> np.
 
 
 def impact(
-    mass: np.ndarray,
-    J: np.ndarray,
-    v: np.ndarray,
-    mu: np.ndarray | float,
-    epsilon: np.ndarray | float,
+    mass: np.ndarray, J: np.ndarray, v: np.ndarray, mu: np.ndarray | float, epsilon: np.ndarray | float
 ) -> tuple[ContactImpulse, np.ndarray]:
     """Impulse of one contact on each of n mechanisms, and their velocity v⁺ (n, nv), NaN where the solve failed.
 
@@ -153,16 +149,11 @@ def contact_lcp(
     k_scale = np.trace(K, axis1=1, axis2=2) / 2.0
     v_scale = np.maximum(np.abs(v_c).max(axis=1), np.abs(v_n_pre))
     v_scale = np.where(v_scale == 0.0, 1.0, v_scale)
-    M, q = contact_lcp_matrices(
-        K / k_scale[:, None, None], v_c / v_scale[:, None], mu, epsilon, v_n_pre / v_scale
-    )
+    M, q = contact_lcp_matrices(K / k_scale[:, None, None], v_c / v_scale[:, None], mu, epsilon, v_n_pre / v_scale)
     z, status = solve_lcp_enumeration(M, q)
     c = np.stack([z[:, 2] - z[:, 1], z[:, 0]], axis=1) * (v_scale / k_scale)[:, None]
     return ContactImpulse(
-        c=c,
-        v_c_post=v_c + (K @ c[:, :, None])[:, :, 0],
-        residual=complementarity_residual(M, q, z),
-        status=status,
+        c=c, v_c_post=v_c + (K @ c[:, :, None])[:, :, 0], residual=complementarity_residual(M, q, z), status=status
     )
 
 

@@ -97,9 +97,7 @@ class PlanarPlant:
         return q
 
 
-def planar_body(
-    mass: float, radius_of_gyration: float, gravity: Sequence[float] = (0.0, -9.81)
-) -> PlanarPlant:
+def planar_body(mass: float, radius_of_gyration: float, gravity: Sequence[float] = (0.0, -9.81)) -> PlanarPlant:
     """One free body in the plane; its origin is its centre of mass.
 
     Mass in kg, radius of gyration in m, gravity (g_x, g_y) in m/s², y up.

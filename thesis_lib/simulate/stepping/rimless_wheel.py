@@ -42,13 +42,7 @@ class RimlessWheel(PlanarFreeBody):
     """
 
     def __init__(
-        self,
-        spokes: int,
-        length: float,
-        mass: float,
-        inertia: float,
-        slope: float,
-        gravity: float = 9.81,
+        self, spokes: int, length: float, mass: float, inertia: float, slope: float, gravity: float = 9.81
     ) -> None:
         if not (MIN_SPOKES <= spokes <= MAX_SPOKES and 0.0 < length < math.inf):
             raise UserError(

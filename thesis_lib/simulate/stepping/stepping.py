@@ -183,12 +183,7 @@ def simulate(
 
 
 def _run(
-    mechanism: Mechanism,
-    out: Record,
-    force: Force | None,
-    hidden: Force | None,
-    mu: np.ndarray,
-    epsilon: np.ndarray,
+    mechanism: Mechanism, out: Record, force: Force | None, hidden: Force | None, mu: np.ndarray, epsilon: np.ndarray
 ) -> int:
     """Fill the record step by step; returns the number of steps with a known starting state."""
     h, steps = out.h, out.steps
@@ -221,12 +216,7 @@ def _run(
             out.c_n[k - 1], out.c_t[k - 1] = step.c_n / h, step.c_t / h
             out.residual[k - 1], out.status[k - 1] = step.residual, step.status
             if step.status != LcpStatus.SOLVED:
-                out.c_n[k:], out.c_t[k:], out.residual[k:], out.status[k:] = (
-                    np.nan,
-                    np.nan,
-                    np.nan,
-                    step.status,
-                )
+                out.c_n[k:], out.c_t[k:], out.residual[k:], out.status[k:] = (np.nan, np.nan, np.nan, step.status)
                 return k
             ahead = 8
         elif acceleration is not None and k < steps:
@@ -265,13 +255,7 @@ def external_force(torque: np.ndarray | Force | None, steps: int, nv: int) -> np
 
 
 def _check(
-    mechanism: Mechanism,
-    q0: np.ndarray,
-    v0: np.ndarray,
-    h: float,
-    steps: int,
-    mu: np.ndarray,
-    epsilon: np.ndarray,
+    mechanism: Mechanism, q0: np.ndarray, v0: np.ndarray, h: float, steps: int, mu: np.ndarray, epsilon: np.ndarray
 ) -> None:
     nv, p = mechanism.nv, len(mechanism.pairs)
     for name, value in (("q0", q0), ("v0", v0)):

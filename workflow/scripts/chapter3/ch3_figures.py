@@ -21,8 +21,7 @@ dataset = read_dataset(Path(source.header).parent)
 impacts, split = dataset.stated_impacts(), read_table(source.split)
 errors = read_table(source.errors)
 ensemble, individual = (
-    table[table["weighting"] == "kinetic"]
-    for table in (read_table(source.ensemble), read_table(source.individual))
+    table[table["weighting"] == "kinetic"] for table in (read_table(source.ensemble), read_table(source.individual))
 )
 topography, convergence = read_table(source.topography), read_table(source.convergence)
 # two laws, as far as the eye can tell lines apart: the one of the topography and the one of figure 3-10

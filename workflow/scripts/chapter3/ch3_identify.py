@@ -28,22 +28,16 @@ print(f"{len(impacts)} impacts, {train.sum()} for training")
 write_result(study.split_table(impacts, train), out.split)
 
 both = ("kinetic", "unweighted")
-ensemble = study.ensemble_table(
-    training, study.ALL_LAWS, both, "impulse", settings.bootstrap, stream("bootstrap")
-)
+ensemble = study.ensemble_table(training, study.ALL_LAWS, both, "impulse", settings.bootstrap, stream("bootstrap"))
 write_result(ensemble, out.ensemble)
 by_velocity = study.ensemble_table(
     training, study.ALL_LAWS, ("kinetic",), "velocity", settings.bootstrap, stream("bootstrap velocity")
 )
 write_result(by_velocity, out.ensemble_velocity)
 c = settings.convergence
-convergence = study.convergence_table(
-    training, c.laws, "kinetic", "impulse", c.sizes, c.subsets, stream("convergence")
-)
+convergence = study.convergence_table(training, c.laws, "kinetic", "impulse", c.sizes, c.subsets, stream("convergence"))
 write_result(convergence, out.convergence)
 g = settings.topography
-topography = study.topography_table(
-    training, g.law, g.n, *g.axes(), "kinetic", "impulse", stream("topography")
-)
+topography = study.topography_table(training, g.law, g.n, *g.axes(), "kinetic", "impulse", stream("topography"))
 write_result(topography, out.topography)
 write_result(study.individual_table(impacts, study.ALL_LAWS, both, "impulse"), out.individual)

@@ -13,9 +13,6 @@ from thesis_lib.foundation.files import read_table
 
 dataset = read_dataset(snakemake.params.folder)
 impacts, arcs = read_table(snakemake.input.impacts), read_table(snakemake.input.arcs)
-drawn = {
-    "figure_3_5": figures.figure_3_5(dataset, impacts, arcs),
-    "figure_3_6": figures.figure_3_6(dataset, arcs),
-}
+drawn = {"figure_3_5": figures.figure_3_5(dataset, impacts, arcs), "figure_3_6": figures.figure_3_6(dataset, arcs)}
 for name, (figure, table) in drawn.items():
     save_figure(figure, table, Path(snakemake.output[0]).with_name(name))

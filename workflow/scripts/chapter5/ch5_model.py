@@ -26,13 +26,9 @@ tables = {
     "cone": study.cone_table(shown, held_out, settings.setup),
     "height": study.height_table(shown, held_out, settings.setup),
 }
-tables["summary"] = study.summary(
-    tables["cone"], tables["height"], generator(params.seed, "ch5_model", "summary")
-)
+tables["summary"] = study.summary(tables["cone"], tables["height"], generator(params.seed, "ch5_model", "summary"))
 folder = Path(snakemake.output[0]).parent
 for name, table in tables.items():
     write_result(table, folder / f"model_{name}.csv")
 save_figure(*figures.figure_5_7(tables["cone"], tables["height"]), folder / "figure_5_7")
-save_figure(
-    *figures.figure_abstractions(study.of_one(tables["abstractions"])), folder / "figure_abstractions"
-)
+save_figure(*figures.figure_abstractions(study.of_one(tables["abstractions"])), folder / "figure_abstractions")

@@ -28,12 +28,8 @@ def stream(step):
 samples = read_samples(snakemake.input.samples).first(shown["samples"])
 policy = learned_policy("hma", samples, settings, stream("fit"))
 choice = settings.showcase
-pushes = showcase.straight_pushes(
-    settings.towers.first_held_out, settings.setup, choice.steps, stream("pushes")
-)
-beliefs, runs = showcase.showcase_table(
-    policy.learner, pushes, choice.every, choice.nuts, stream("nuts"), say=print
-)
+pushes = showcase.straight_pushes(settings.towers.first_held_out, settings.setup, choice.steps, stream("pushes"))
+beliefs, runs = showcase.showcase_table(policy.learner, pushes, choice.every, choice.nuts, stream("nuts"), say=print)
 write_result(runs, out.runs)
 game = showcase.recorded_game(policy, settings, params.blocks, params.seed)
 folder = Path(out.runs).parent

@@ -21,6 +21,5 @@ write_table(found.left_out, snakemake.output.left_out)
 write_table(found.arcs, snakemake.output.arcs)
 write_json(found.summary(), snakemake.output.summary)
 write_dataset(
-    Dataset(dataset.name, dataset.header, None, found.impacts.to_table()),
-    Path(snakemake.output.header).parent,
+    Dataset(dataset.name, dataset.header, None, found.impacts.to_table()), Path(snakemake.output.header).parent
 )

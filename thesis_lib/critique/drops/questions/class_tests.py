@@ -78,10 +78,7 @@ def rigid_point(fitted: Fit, observations: Observations) -> dict:
     z, up = (couple_and_gain(*velocities(fitted, observations)) / np.sqrt(variance + 1e-300)).T
     beyond = SIGMAS / NOISE_TRUST
     count, gained, n = int(np.sum(np.abs(z) > SIGMAS)), int(np.sum(up > SIGMAS)), len(z)
-    p = min(
-        binom.sf(count - 1, n, 2.0 * norm.sf(beyond)),
-        binom.sf(gained - 1, n, norm.sf(beyond)),
-    )
+    p = min(binom.sf(count - 1, n, 2.0 * norm.sf(beyond)), binom.sf(gained - 1, n, norm.sf(beyond)))
     return {
         "p_value": min(1.0, 2.0 * float(p)),
         "share_couple": count / n,
@@ -130,8 +127,7 @@ def parity(fitted: Fit, observations: Observations) -> dict:
     odd = np.stack([v_t, omega, r_x, v_t * v_n, v_t * np.abs(v_t), r_x * v_n], axis=1)
     R, std = _residual(fitted, observations)
     p = [
-        _extra(R[:, i], keep, breaks, std[:, i])
-        for i, keep, breaks in ((0, odd, even), (1, even, odd), (2, odd, even))
+        _extra(R[:, i], keep, breaks, std[:, i]) for i, keep, breaks in ((0, odd, even), (1, even, odd), (2, odd, even))
     ]
     return {"p_value": min(1.0, 3.0 * min(p)), "share_sliding_ahead": positive}
 

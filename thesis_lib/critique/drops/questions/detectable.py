@@ -59,13 +59,7 @@ def detectable(critique: Critique) -> list[dict]:
         if known and all(halves[p] >= by_error[p] for p in known):
             drops = max(int(np.ceil(trials * (by_score[p] / halves[p]) ** 2)) for p in known)
         rows.append(
-            {
-                "name": name,
-                "smallest": smallest,
-                "significant": by_score,
-                "material": by_error,
-                "drops_for_half": drops,
-            }
+            {"name": name, "smallest": smallest, "significant": by_score, "material": by_error, "drops_for_half": drops}
         )
     return rows
 
@@ -80,9 +74,7 @@ def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
     sizes: dict[str, dict[str, float | None]] = {}
     for step in discovery.steps:  # parameters in the model: their covariance is that of the fit
         name = step.effect.name
-        sizes[name] = {
-            p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in step.effect.parameters
-        }
+        sizes[name] = {p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in step.effect.parameters}
     for name, information in scan.information.items():
         if name not in testable:
             continue
@@ -159,12 +151,7 @@ def _compensated(shift: Parts, others: list[Parts]) -> Parts:
 
 
 def _material(
-    here: Parts,
-    shift: Parts,
-    channels: tuple[str, ...],
-    floors: Mapping[str, float],
-    critique: Critique,
-    p: Parameter,
+    here: Parts, shift: Parts, channels: tuple[str, ...], floors: Mapping[str, float], critique: Critique, p: Parameter
 ) -> float | None:
     s = critique.settings
 

@@ -80,17 +80,13 @@ def _pairs(critique: Critique) -> list[tuple[Effect, Effect]]:
     ]
 
 
-def _told_apart(
-    critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator
-) -> dict:
+def _told_apart(critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
     model = final.model.without(chosen.name).with_effect(other)
     kept = {k: v for k, v in final.values.items() if k in model.parameters}
     why = f"These data cannot tell “{chosen.title}” from “{other.title}”."
     checks = [CHECKS[effect.name] for effect in (chosen, other) if effect.name in CHECKS]
     if "impact" not in chosen.channels and "impact" not in other.channels:
-        return _nothing(
-            " ".join([why, "Neither changes an impact, so no release tells them apart.", *checks])
-        )
+        return _nothing(" ".join([why, "Neither changes an impact, so no release tells them apart.", *checks]))
     return _compared(critique, final, fit(model, critique.training, kept), why, rng, checks)
 
 
@@ -101,9 +97,7 @@ def _compared(
     states, differences = _states(critique, final, rival, rng)
     advice = " ".join(["", *checks])
     if not len(states) or differences.max() <= 0:
-        return _nothing(
-            f"{why} No release within reach would tell: their predictions after impact agree.{advice}"
-        )
+        return _nothing(f"{why} No release within reach would tell: their predictions after impact agree.{advice}")
     rows = _pick(states, differences)
     largest = differences[rows[0]]
     repeats = (CLEAR / largest) ** 2
@@ -112,9 +106,7 @@ def _compared(
             f"{why} No release within reach would tell: their predictions after impact differ by at most "
             f"{largest:.2g} standard deviations of noise and scatter.{advice}"
         )
-    often = (
-        "a single one tells" if repeats <= 1 else f"about {int(np.ceil(repeats))} impacts there would tell"
-    )
+    often = "a single one tells" if repeats <= 1 else f"about {int(np.ceil(repeats))} impacts there would tell"
     return {
         "why": f"{why} At these states before impact the two predictions differ by up to {largest:.2g} standard "
         f"deviations of noise and scatter in a single impact: {often}.{advice}",
@@ -170,9 +162,7 @@ def _misfits(critique: Critique, final: Fit, channels: tuple[str, ...]) -> np.nd
     return np.minimum(np.sqrt(np.mean(z**2, axis=1)), CLIP * np.sqrt(np.mean(np.median(z**2, axis=0))))
 
 
-def _states(
-    critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def _states(critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Candidate states (n, 4) as in `CHANNELS`, and the models' differences there (n,) in standard deviations."""
     o = critique.observations
     rig = o.rig
