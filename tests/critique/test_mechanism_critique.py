@@ -8,21 +8,13 @@ import pytest
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, criticise_mechanism, smallest_sizes
 from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis
-from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, GRAVITY, WHEEL_EFFECTS, Motion
-from thesis_lib.critique.mechanisms.fit import ForceFit, fit_effects
+from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, Motion
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import HiddenStudy, MechanismSettings, WindowSettings
-from thesis_lib.critique.mechanisms.study import (
-    believed,
-    candidates_of,
-    exact_form,
-    hidden_effect_study,
-    is_right,
-    true_sizes,
-)
+from thesis_lib.critique.mechanisms.study import believed, exact_form, hidden_effect_study, is_right, true_sizes
 from thesis_lib.critique.mechanisms.windows import WeakForm, measured
-from thesis_lib.critique.mechanisms.world import Windows
+from thesis_lib.critique.mechanisms.world import ForceFit, Windows, fit_effects
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.report.critique.mechanisms import mechanism_page
@@ -64,7 +56,7 @@ def critiques(models, plans):
             records = run_with(kind, truth, plans[kind], BODIES, SIZES)
             rng = np.random.default_rng(8)
             trials = measured(records, SNR, rng, SETTINGS.windows)
-            found = criticise_mechanism(trials, models[kind], candidates_of(kind), rng, SETTINGS)
+            found = criticise_mechanism(trials, models[kind], CANDIDATES[kind], rng, SETTINGS)
             made[kind, truth] = (found, records)
         return made[kind, truth]
 
@@ -141,7 +133,7 @@ def test_null_counts_the_candidates(models, plans):
     rng = np.random.default_rng(2)
     weak = WeakForm(measured(plans["arm"], SNR, rng, SETTINGS.windows), models["arm"], SETTINGS.windows)
     empty = ForceFit((), {}, {}, np.zeros(len(weak.trial)), np.zeros((len(weak.trial), 0)))
-    tests = scan(Windows(weak, ARM_EFFECTS, 999).slopes(empty, ARM_EFFECTS), 999, rng)
+    tests = scan(Windows(weak, CANDIDATES["arm"], 999).slopes(empty, CANDIDATES["arm"]), 999, rng)
     draws = rng.standard_normal((len(weak.trial), 400))
     best = np.max([0.5 * ((B.T @ draws) ** 2).sum(axis=0) for B in tests.basis.values()], axis=0)
     p = np.array([tests.p_value(gain) for gain in best])
@@ -167,7 +159,8 @@ def test_hidden_effect_is_found_first_and_its_size_recovered(kind, truth, critiq
 def test_forces_and_parameters_recover_with_the_effect(kind, truth, critiques, models):
     found, records = critiques(kind, truth)
     exact = exact_form(records, models[kind], HiddenStudy())
-    before, *_ = force_error(exact, records[-1:], None)
+    nothing = fit_effects(found.training, ())
+    before, *_ = force_error(exact, records[-1:], nothing)
     after, *_ = force_error(exact, records[-1:], found.fitted)
     assert after < 0.05 * before
     identified = identify_parameters(found.training, found.fitted)
@@ -176,8 +169,7 @@ def test_forces_and_parameters_recover_with_the_effect(kind, truth, critiques, m
         true = true + true_sizes(kind, truth, SIZES)["m_p"] * models[kind].payload
     goal = identified.of(true)
     assert np.abs(identified.value / goal - 1.0).max() < 0.01
-    without = identify_parameters(found.training, fit_effects(found.training, ()))
-    start = identified.believed if truth == "payload" else without.value
+    start = identified.believed if truth == "payload" else identify_parameters(found.training, nothing).value
     assert np.abs(start / goal - 1.0).max() > 5.0 * np.abs(identified.value / goal - 1.0).max()
 
 
@@ -201,7 +193,7 @@ def test_arm_has_the_six_base_parameters_of_the_thesis(critiques):
 def test_nothing_hidden_is_adequate(kind, seed, models, plans):
     rng = np.random.default_rng(seed)
     trials = measured(plans[kind], SNR, rng, SETTINGS.windows)
-    found = criticise_mechanism(trials, models[kind], candidates_of(kind), rng, SETTINGS)
+    found = criticise_mechanism(trials, models[kind], CANDIDATES[kind], rng, SETTINGS)
     assert found.verdict == "adequate" and found.steps == ()
 
 
@@ -217,8 +209,8 @@ def test_candidates_with_one_signature_are_named_together(models, plans):
     records = run_with("wheel", "gravity_direction", plans["wheel"], BODIES, SIZES)
     rng = np.random.default_rng(3)
     trials = measured(records, 40.0, rng, SETTINGS.windows)
-    found = criticise_mechanism(trials, models["wheel"], (*WHEEL_EFFECTS, twin), rng, SETTINGS)
-    assert set(found.found) == {"gravity_direction", "twin"}
+    found = criticise_mechanism(trials, models["wheel"], (*CANDIDATES["wheel"], twin), rng, SETTINGS)
+    assert set(found.first_group) == {"gravity_direction", "twin"}
     assert is_right("gravity_direction", found)
     d = mechanism_diagnosis(found, "wheel", rng)
     (effect,) = d["effects"]
@@ -233,7 +225,7 @@ def test_an_effect_shows_from_the_smallest_size_on(times, verdict, critiques, mo
     records = run_with("wheel", "payload", plans["wheel"], BODIES, HiddenSizes(wheel_payload=times * smallest))
     rng = np.random.default_rng(4)
     trials = measured(records, SNR, rng, SETTINGS.windows)
-    found = criticise_mechanism(trials, models["wheel"], WHEEL_EFFECTS, rng, SETTINGS)
+    found = criticise_mechanism(trials, models["wheel"], CANDIDATES["wheel"], rng, SETTINGS)
     assert found.verdict == verdict
     assert found.below in (("payload", "") if verdict == "adequate" else ("",))
 
@@ -270,7 +262,7 @@ def test_bad_input_is_refused(models, plans):
     rng = np.random.default_rng(0)
     trials = measured(plans["wheel"], SNR, rng, SETTINGS.windows)
     with pytest.raises(UserError, match="4 trials or more"):
-        criticise_mechanism(trials[:3], models["wheel"], WHEEL_EFFECTS, rng)
+        criticise_mechanism(trials[:3], models["wheel"], CANDIDATES["wheel"], rng)
     broken = trials[0].q.copy()
     broken[5, 1] = np.nan
     with pytest.raises(UserError, match="Trial 0 holds"):

@@ -14,7 +14,7 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
-from thesis_lib.critique.selection.remaining import Remaining
+from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.statistics.spread import robust_std
 
 MOST = 160  # impacts per half: the fit costs n³, and 160 show a structure that matters

@@ -5,8 +5,14 @@ square of z, 1 for noise alone.  Trials are split once.  The search of `critique
 training trials; the held-out trials only judge.
 
 The verdict is `unexplained` if the held-out misfit of the final model exceeds noise significantly (χ² test of |z|²) and
-by an amount that matters; `dependence` then tests what the rest depends on.  Noise also enters the columns (errors in
-variables), but only to second order.
+by an amount that matters.  A permutation test finds the coordinates and velocities on which the rest depends.  The
+range of the window means of one of them is cut into eight quantile cells; its strength is the sum of squares of z
+between cells, summed over the free coordinates,
+
+    S = Σ_coordinates Σ_cells (Σ_cell z)² / n_cell.
+
+The null permutes the windows.  Strengths are standardised by their null; p refers to the maximum over all of them.
+Noise also enters the columns (errors in variables), but only to second order.
 """
 
 from collections.abc import Sequence
@@ -15,22 +21,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from thesis_lib.critique.mechanisms.dependence import dependence
-from thesis_lib.critique.mechanisms.effects import MechanismEffect
-from thesis_lib.critique.mechanisms.fit import ForceFit
-from thesis_lib.critique.mechanisms.model import BelievedModel
+from thesis_lib.critique.mechanisms.effects import CANDIDATES, MechanismEffect
+from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, BelievedWheel
 from thesis_lib.critique.mechanisms.settings import MechanismSettings
 from thesis_lib.critique.mechanisms.windows import Trial, WeakForm
-from thesis_lib.critique.mechanisms.world import ForceJudgement, Windows
-from thesis_lib.critique.selection.remaining import Remaining
+from thesis_lib.critique.mechanisms.world import ForceFit, ForceJudgement, Windows
 from thesis_lib.critique.selection.search import Discovery, Step, judge_held_out, paired_gain, search, split
+from thesis_lib.critique.selection.world import Remaining
+from thesis_lib.datasets.recordings.header import Arm, RecordingHeader
+from thesis_lib.datasets.recordings.recording import Recording
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 GROUP = 3  # largest group of effects that counts as an answer
 MIN_TRIALS = 4
-
-ForceStep = Step[MechanismEffect, ForceFit, ForceJudgement]
-ForceDiscovery = Discovery[MechanismEffect, ForceFit, ForceJudgement]
+CELLS = 8
+PERMUTATIONS = 199
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,7 @@ class MechanismCritique:
     candidates: tuple[MechanismEffect, ...]
     training: WeakForm
     held_out: WeakForm
-    discovery: ForceDiscovery
+    discovery: Discovery[MechanismEffect, ForceFit, ForceJudgement]
     ladder: tuple[tuple[float, float, float], ...]
     gains: dict[str, tuple[float, float, float]]
     remaining: Remaining
@@ -64,7 +71,7 @@ class MechanismCritique:
         return self.discovery.verdict(self.is_structured)
 
     @property
-    def steps(self) -> tuple[ForceStep, ...]:
+    def steps(self) -> tuple[Step[MechanismEffect, ForceFit, ForceJudgement], ...]:
         """Effects in the order of selection."""
         return self.discovery.steps
 
@@ -79,9 +86,53 @@ class MechanismCritique:
         return self.discovery.below.effects[-1].name if self.discovery.below else ""
 
     @property
-    def found(self) -> tuple[str, ...]:
+    def first_group(self) -> tuple[str, ...]:
         """The first effect and its indistinguishable alternatives; empty if no effect was chosen."""
         return (self.steps[0].effect.name, *self.steps[0].alternatives) if self.steps else ()
+
+
+def criticise_recording(
+    recording: Recording,
+    rng: np.random.Generator,
+    *,
+    effects: Sequence[str] | None = None,
+    settings: MechanismSettings | None = None,
+) -> MechanismCritique:
+    """Criticise the believed model of a recording: its header is the model, its samples are the trials.
+
+    Args:
+        rng: splits the trials and draws null distributions.
+        effects: names of the candidates; None: all of this mechanism.
+
+    Raises:
+        UserError: too few trials, no usable window, or an unknown effect.
+    """
+    kind = recording.header.mechanism.kind
+    library = {e.name: e for e in CANDIDATES[kind]}
+    for name in effects or ():
+        if name not in library:
+            raise UserError(f"There is no effect {name!r} of the {kind}; known are {', '.join(library)}.")
+    candidates = [library[name] for name in (library if effects is None else effects)]
+    return criticise_mechanism(_trials_of(recording), _believed_model(recording.header), candidates, rng, settings)
+
+
+def _believed_model(header: RecordingHeader) -> BelievedModel:
+    m, g = header.mechanism, header.gravity
+    if isinstance(m, Arm):
+        links = (m.link_lengths, m.link_masses, m.link_coms, m.link_inertias)
+        return BelievedArm(ArmDisk(*links, m.disk_radius, m.disk_mass, m.disk_inertia, g, m.base))
+    return BelievedWheel(RimlessWheel(m.spokes, m.length, m.mass, m.inertia, m.slope, g), m.payload_radius)
+
+
+def _trials_of(recording: Recording) -> list[Trial]:
+    h, m = recording.header, recording.header.mechanism
+    trials = []
+    for _, samples in recording.states.groupby("trial"):
+        f_ext = np.zeros((len(samples) - 1, len(m.coordinates)))
+        f_ext[:, : len(m.torques)] = samples[list(m.torques)].to_numpy(float)[:-1]
+        q, v = (samples[list(names)].to_numpy(float) for names in (m.coordinates, m.velocities))
+        trials.append(Trial(1.0 / h.rate, q, v, f_ext, np.array(h.sigmas)))
+    return trials
 
 
 def criticise_mechanism(
@@ -123,34 +174,58 @@ def criticise_mechanism(
     for name, _, judgement in judged[1:]:
         gains[name] = paired_gain(last, without[name], rng, draws)
         ladder.append(judgement.misfit_interval(draws, rng))
-    remaining = beyond_noise(last)
+    remaining = _beyond_noise(last)
     is_structured = remaining.is_structured(thresholds, 1.0)
     if discovery.below:
         # an effect too small to matter may still explain all of the remaining misfit
-        with_it = beyond_noise(held_out.judge(discovery.below))
+        with_it = _beyond_noise(held_out.judge(discovery.below))
         is_structured = is_structured and with_it.is_structured(thresholds, 1.0)
     if is_structured:
         # training trials: the test needs many windows, and it chooses nothing
         depends_on, _ = dependence(training.weak, discovery.fitted.z, thresholds.alpha, rng)
         remaining = replace(remaining, depends_on=depends_on)
+    weak = (training.weak, held_out.weak)
     return MechanismCritique(
-        model,
-        settings,
-        tuple(candidates),
-        training.weak,
-        held_out.weak,
-        discovery,
-        tuple(ladder),
-        gains,
-        remaining,
-        is_structured,
+        *(model, settings, tuple(candidates), *weak, discovery, tuple(ladder), gains, remaining, is_structured)
     )
 
 
-def beyond_noise(judgement: ForceJudgement) -> Remaining:
+def _beyond_noise(judgement: ForceJudgement) -> Remaining:
     """The misfit against that of noise, 1, with the p-value of |z|² from its χ² distribution."""
     z = judgement.z
     return Remaining(float(chi2.sf(z @ z, len(z))), judgement.misfit, 1.0, ())
+
+
+def states_of_windows(weak: WeakForm) -> tuple[list[str], np.ndarray]:
+    """Names of the coordinates and velocities ("d" + name), and their means (windows, 2 nv) over each window."""
+    states = np.concatenate([weak.motion.q, weak.motion.v], axis=1)
+    counts = np.diff(np.append(weak.starts, len(states)))
+    names = [*weak.model.coordinates, *(f"d{name}" for name in weak.model.coordinates)]
+    return names, np.add.reduceat(states, weak.starts, axis=0) / counts[:, None]
+
+
+def dependence(weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator) -> tuple[tuple[str, ...], float]:
+    """At most three coordinates and velocities ("d" + name) that z (N,) depends on, and the least p-value."""
+    names, states = states_of_windows(weak)
+    cells = np.stack([np.searchsorted(np.quantile(x, np.linspace(0, 1, CELLS + 1)[1:-1]), x) for x in states.T])
+    rows = [np.flatnonzero(weak.coordinate == c) for c in np.unique(weak.coordinate)]
+
+    def strengths(permuted: np.ndarray) -> np.ndarray:
+        sums = np.zeros(len(cells))
+        for r in rows:
+            for j, cell in enumerate(cells[:, permuted[weak.window[r]]]):
+                n = np.maximum(np.bincount(cell, minlength=CELLS), 1)
+                sums[j] += np.sum(np.bincount(cell, z[r], minlength=CELLS) ** 2 / n)
+        return sums
+
+    measured = strengths(np.arange(len(states)))
+    null = np.array([strengths(rng.permutation(len(states))) for _ in range(PERMUTATIONS)])
+    # standardised by its null, so that the maximum treats all states alike
+    centre, width = null.mean(axis=0), null.std(axis=0)
+    score, best = (measured - centre) / width, ((null - centre) / width).max(axis=1)
+    p = (1 + (best[:, None] >= score).sum(axis=0)) / (1 + len(best))
+    ranked = [int(j) for j in np.argsort(-score) if p[j] <= alpha]
+    return tuple(names[j] for j in ranked[:3]), float(p.min())
 
 
 def smallest_sizes(critique: MechanismCritique) -> dict[str, dict[str, float]]:

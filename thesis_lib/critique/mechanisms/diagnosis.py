@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thesis_lib.critique.mechanisms.critique import MechanismCritique, smallest_sizes
-from thesis_lib.critique.mechanisms.dependence import dependence, window_means
-from thesis_lib.critique.mechanisms.recovery import Identified, identify_parameters
-from thesis_lib.critique.mechanisms.world import applied
+from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependence, smallest_sizes, states_of_windows
+from thesis_lib.critique.mechanisms.recovery import identify_parameters
+from thesis_lib.critique.mechanisms.world import ForceFit, residual
+from thesis_lib.critique.selection.search import Step
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
 
@@ -36,11 +36,9 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
     """Content of diagnosis.json, rounded to six digits; `rng` permutes windows."""
     weak, held, model = critique.training, critique.held_out, critique.model
     base_fit = critique.discovery.bases[critique.discovery.base][0]
-    believed_z = applied(held, base_fit)
     depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
     base, augmented = critique.ladder[0], critique.ladder[-1]
     left_out = weak.left_out + held.left_out
-    steps = weak.steps + held.steps
     content = {
         "schema": 1,
         "dataset": dataset,
@@ -48,12 +46,9 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "n_windows": int(len(weak.starts) + len(held.starts)),
         "n_trials": int(len(np.unique(weak.trial)) + len(np.unique(held.trial))),
         "verdict": critique.verdict,
-        "base_model": {"name": "believed_parameters", "parameters": _parameters(identify_parameters(weak, base_fit))},
-        "augmented_model": {
-            "name": "believed_parameters",
-            "parameters": _parameters(identify_parameters(weak, critique.fitted)),
-        },
-        "effects": [_effect(critique, i) for i in range(len(critique.steps))],
+        "base_model": {"name": "believed_parameters", "parameters": _parameters(critique, base_fit)},
+        "augmented_model": {"name": "believed_parameters", "parameters": _parameters(critique, critique.fitted)},
+        "effects": [_effect(critique, step) for step in critique.steps],
         "error": {
             "unit": "sigma",
             "base": base[0],
@@ -64,7 +59,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             "explained_share": (base[0] - augmented[0]) / (base[0] - 1.0) if base[0] > 1.0 else None,
             "ladder": [rung[0] for rung in critique.ladder],
         },
-        "where": {"by_contact": _where(critique, believed_z), "depends_on": list(depends), "p_value": p_dependence},
+        "where": {"by_contact": _where(critique, base_fit), "depends_on": list(depends), "p_value": p_dependence},
         "remaining": {
             "structured": critique.is_structured,
             "p_value": critique.remaining.p_value,
@@ -73,21 +68,22 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "below_threshold": [critique.below] if critique.below else [],
         "not_testable": [],
         "left_out": {
-            "share": sum(left_out.values()) / steps,
+            "share": sum(left_out.values()) / (weak.steps + held.steps),
             "unit": "steps",
             "reasons": {str(k): int(v) for k, v in sorted(left_out.items())},
         },
         "detectable": [{"name": k, "smallest": v} for k, v in smallest_sizes(critique).items()],
         "next_experiment": _next_experiment(critique),
     }
-    content["summary"] = _summary(content, critique)
+    content["summary"] = _summary(content)
     return six_digits(content)
 
 
-def _parameters(identified: Identified) -> dict:
+def _parameters(critique: MechanismCritique, fitted: ForceFit) -> dict:
+    theta = identify_parameters(critique.training, fitted)
     return {
         name: {"value": v, "std": s, "believed": b, "unit": _unit(name)}
-        for name, v, s, b in zip(identified.names, identified.value, identified.std, identified.believed)
+        for name, v, s, b in zip(theta.base.base_names, theta.value, theta.std, theta.believed)
     }
 
 
@@ -97,9 +93,8 @@ def _unit(name: str) -> str:
     return "kg m²" if first.endswith("I") else "kg m" if "mc_" in first else "kg"
 
 
-def _effect(critique: MechanismCritique, i: int) -> dict:
-    step, fitted = critique.steps[i], critique.fitted
-    e = step.effect
+def _effect(critique: MechanismCritique, step: Step) -> dict:
+    e, fitted = step.effect, critique.fitted
     gain, low, high = critique.gains[e.name]
     return {
         "name": e.name,
@@ -117,10 +112,10 @@ def _effect(critique: MechanismCritique, i: int) -> dict:
     }
 
 
-def _where(critique: MechanismCritique, before: np.ndarray) -> list[dict]:
+def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
     """Held-out misfit by free coordinate and contacts, before and after."""
     held, names = critique.held_out, critique.model.coordinates
-    after = applied(held, critique.fitted)
+    before, after = (residual(held, fitted.effects, fitted.values) for fitted in (base_fit, critique.fitted))
     pairs = [listed([critique.model.mechanism.pairs[j] for j in w]) or "none" for w in held.active_pairs]
     # the wheel's spokes are alike: only whether one is in contact counts
     if critique.model.name == "wheel":
@@ -153,30 +148,22 @@ def _next_experiment(critique: MechanismCritique) -> dict:
     s, B = scan.shift[step.effect.name], scan.basis[other]
     apart = np.bincount(weak.window, (s - B @ (B.T @ s)) ** 2)
     best = np.argsort(-apart)[:STATES]
-    means = window_means(weak, np.concatenate([weak.motion.q, weak.motion.v], axis=1))[best]
-    names = [*weak.model.coordinates, *(f"d{name}" for name in weak.model.coordinates)]
+    names, means = states_of_windows(weak)
     return {
         "why": f"{step.effect.title} and {other.replace('_', ' ')} differ most around these states: run there longer, "
         "faster or with less noise.",
-        "states": [dict(zip(names, map(float, row))) for row in means],
+        "states": [dict(zip(names, map(float, row))) for row in means[best]],
         "sigmas": [float(np.sqrt(apart[w])) for w in best],
     }
 
 
-def _summary(d: Mapping, critique: MechanismCritique) -> list[str]:
+def _summary(d: Mapping) -> list[str]:
     error = d["error"]
     base = f"{number(error['base'])} standard deviations of noise"
-    named = [
-        e["title"]
-        + (
-            f" (or {listed([n.replace('_', ' ') for n in e['indistinguishable_from']], 'or')}, which these data "
-            "cannot tell apart)"
-            if e["indistinguishable_from"]
-            else ""
-        )
-        for e in d["effects"]
-    ]
-    fault = any(e["family"] == "measurement" for e in d["effects"])
+    named = []
+    for e in d["effects"]:
+        others = listed([name.replace("_", " ") for name in e["indistinguishable_from"]], "or")
+        named.append(e["title"] + (f" (or {others}, which these data cannot tell apart)" if others else ""))
     if d["verdict"] == "adequate":
         return [
             f"The believed {d['mechanism']} is adequate: the residual generalised forces are {base} on held-out "
@@ -197,7 +184,7 @@ def _summary(d: Mapping, critique: MechanismCritique) -> list[str]:
             "than noise.",
             f"What is left depends on {listed(on)}: look there for the cause." if on else "",
         ]
-    if fault:
+    if any(e["family"] == "measurement" for e in d["effects"]):
         sentences.insert(0, "A sensor may be faulty: check it before reading anything here as physics.")
     return [s for s in sentences if s]
 
@@ -211,8 +198,8 @@ def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.Da
         {
             "window": held.window,
             "coordinate": [names[c] for c in held.coordinate],
-            "before": held.residual(np.zeros_like(held.f)),
-            "after": applied(held, critique.fitted),
+            "before": residual(held, (), {}),
+            "after": residual(held, critique.fitted.effects, critique.fitted.values),
         }
     )
     scan = critique.discovery.first_scan

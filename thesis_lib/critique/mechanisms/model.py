@@ -16,7 +16,7 @@ import numpy as np
 
 from thesis_lib.identify.base_parameters.regressor import FREE_BODY_PARAMETERS, free_body_regressor, parameter_names
 from thesis_lib.simulate.stepping.arm_disk import LINKS, ArmDisk
-from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
+from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 
@@ -48,23 +48,14 @@ class BelievedModel(ABC):
     def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None) -> np.ndarray:
         """Y (n, nv, 4 b) at q, v, a (n, nv); `gravity` (2,) in m/s² replaces the believed one."""
 
-    def contacts(self, q: np.ndarray) -> ContactGeometry:
-        """Gaps and Jacobians at q (n, nv)."""
-        return self.mechanism.contacts_of(q)
-
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Y π (n, nv) in N, N m: the sum of external and contact forces."""
         return self.regressor(q, v, a) @ self.parameters
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M (n, nv, nv) at q (n, nv)."""
-        nv = q.shape[1]
-        still = np.zeros_like(q)
-        unit = np.eye(nv)
-        columns = [
-            self.regressor(q, still, np.broadcast_to(unit[i], q.shape), np.zeros(2)) @ self.parameters
-            for i in range(nv)
-        ]
+        units = (np.broadcast_to(unit, q.shape) for unit in np.eye(q.shape[1]))
+        columns = [self.regressor(q, np.zeros_like(q), a, np.zeros(2)) @ self.parameters for a in units]
         return np.stack(columns, axis=2)
 
 
@@ -78,31 +69,23 @@ class BelievedArm(BelievedModel):
     def __init__(self, arm: ArmDisk) -> None:
         self.mechanism = arm
         self.names = parameter_names((*LINKS, "disk"))
-        rows = []
-        for m, c, inertia in zip(arm.link_masses, arm.link_coms, arm.link_inertias):
-            rows.append([m, m * c[0], m * c[1], inertia + m * c @ c])
-        rows.append([arm.disk_mass, 0.0, 0.0, arm.disk_inertia])
-        self.parameters = np.concatenate(rows)
+        links = zip(arm.link_masses, arm.link_coms, arm.link_inertias)
+        rows = [[m, m * c[0], m * c[1], inertia + m * c @ c] for m, c, inertia in links]
+        self.parameters = np.concatenate([*rows, [arm.disk_mass, 0.0, 0.0, arm.disk_inertia]])
         self.gravity = np.array([0.0, -arm.g])
         # a disk's centre is known; links are believed to have no offset across their axis
         self.identified = (*(f"{link}.{name}" for link in LINKS for name in ("m", "mc_x", "I")), "disk.m", "disk.I")
         self.roller = (arm.disk_radius, (1,))
-        self._first_length, length = arm.link_lengths
+        self.first_length, length = arm.link_lengths
         self.payload = np.concatenate([np.zeros(4), [1.0, length, 0.0, length**2], np.zeros(4)])
 
     def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: np.ndarray | None = None) -> np.ndarray:
         g = self.gravity if gravity is None else gravity
-        l1 = self._first_length
-        n = len(q)
-        zero = np.zeros(n)
+        l1, n = self.first_length, len(q)
         cos, sin = np.cos(q[:, 0]), np.sin(q[:, 0])
         turn, spin = v[:, 0], a[:, 0]
-        first = free_body_regressor(
-            np.stack([zero, zero, q[:, 0]], axis=1),
-            np.stack([zero, zero, turn], axis=1),
-            np.stack([zero, zero, spin], axis=1),
-            g,
-        )
+        pose, speed, change = (np.column_stack([np.zeros((n, 2)), x[:, 0]]) for x in (q, v, a))
+        first = free_body_regressor(pose, speed, change, g)
         # position of the second joint, l_1 (cos q_1, sin q_1), and its derivatives
         second = free_body_regressor(
             np.stack([l1 * cos, l1 * sin, q[:, 0] + q[:, 1]], axis=1),

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.critique.mechanisms.effects import PAYLOAD
-from thesis_lib.critique.mechanisms.fit import ForceFit, total_force
 from thesis_lib.critique.mechanisms.windows import WeakForm
+from thesis_lib.critique.mechanisms.world import ForceFit, total_force
 from thesis_lib.identify.base_parameters.combinations import BaseParameters, base_parameters
 from thesis_lib.simulate.stepping.stepping import Record
 
@@ -37,11 +37,6 @@ class Identified:
     value: np.ndarray
     std: np.ndarray
     believed: np.ndarray
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """(r,) each base parameter as a sum."""
-        return self.base.base_names
 
     def of(self, parameters: np.ndarray) -> np.ndarray:
         """Base parameters (r,) of all inertial parameters (4 b,)."""
@@ -77,27 +72,22 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
     return Identified(base, columns, believed + (change / scale)[:r], std[:r], believed)
 
 
-def force_error(
-    weak: WeakForm, records: tuple[Record, ...], fitted: ForceFit | None
-) -> tuple[float, np.ndarray, np.ndarray]:
+def force_error(weak: WeakForm, records: tuple[Record, ...], fitted: ForceFit) -> tuple[float, np.ndarray, np.ndarray]:
     """Relative rms error of contact forces against those of the simulation.
 
     Args:
         weak: window equations of the exact states of `records`.
         records: simulated trials with true contact forces.
-        fitted: effects; None: the believed model alone.
+        fitted: effects that act besides the believed model.
 
     Returns:
         Relative error over all contact steps except impacts; estimated and true forces (n, 2, p) in N, NaN if skipped.
     """
-    force = total_force(weak, fitted.effects, fitted.values) if fitted else np.zeros_like(weak.f)
-    estimate = np.stack(weak.contact_forces(force), axis=1)
+    estimate = np.stack(weak.contact_forces(total_force(weak, fitted.effects, fitted.values)), axis=1)
     true = np.array([(records[i].c_n[k], records[i].c_t[k]) for i, k in zip(weak.step_trial, weak.step)])
     normal = true[:, 0]
     touching = normal > 0.0
     typical = np.array([np.median(column[on]) if on.any() else 0.0 for column, on in zip(normal.T, touching.T)])
-    counted = touching & (normal <= IMPACT * typical)
-    counted = np.broadcast_to(counted[:, None], true.shape)
-    difference = (estimate - true)[counted]
-    error = float(np.sqrt(np.mean(difference**2) / np.mean(true[counted] ** 2)))
+    counted = np.broadcast_to((touching & (normal <= IMPACT * typical))[:, None], true.shape)
+    error = float(np.sqrt(np.mean((estimate - true)[counted] ** 2) / np.mean(true[counted] ** 2)))
     return error, np.where(counted, estimate, np.nan), np.where(counted, true, np.nan)

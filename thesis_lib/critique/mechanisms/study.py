@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thesis_lib.critique.mechanisms.critique import GROUP, MechanismCritique, criticise_mechanism
-from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, PAYLOAD, WHEEL_EFFECTS, MechanismEffect
-from thesis_lib.critique.mechanisms.fit import fit_effects
+from thesis_lib.critique.mechanisms.effects import CANDIDATES, PAYLOAD
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import HiddenStudy
 from thesis_lib.critique.mechanisms.windows import WeakForm, measured
+from thesis_lib.critique.mechanisms.world import fit_effects
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
@@ -51,11 +51,6 @@ def believed(kind: MechanismKind, bodies: Chapter2Bodies, sizes: HiddenSizes) ->
     return BelievedWheel(chapter2.wheel(bodies), sizes.payload_radius)
 
 
-def candidates_of(kind: MechanismKind) -> tuple[MechanismEffect, ...]:
-    """Effects that may be missing in a mechanism."""
-    return ARM_EFFECTS if kind == "arm" else WHEEL_EFFECTS
-
-
 def true_sizes(kind: MechanismKind, truth: str, sizes: HiddenSizes) -> dict[str, float]:
     """True parameters of a hidden effect by the critique's names; empty for an effect outside the library."""
     return {
@@ -73,7 +68,7 @@ def is_right(truth: str, critique: MechanismCritique) -> bool:
         return critique.verdict == "adequate"
     if truth == OUTSIDE:
         return critique.verdict == "unexplained"
-    return truth in critique.found and len(critique.found) <= GROUP
+    return truth in critique.first_group and len(critique.first_group) <= GROUP
 
 
 def hidden_effect_study(
@@ -93,9 +88,7 @@ def hidden_effect_study(
     """
     import pandas as pd
 
-    effects: list[dict] = []
-    parameters: list[dict] = []
-    forces = pd.DataFrame()
+    effects, parameters, forces = [], [], pd.DataFrame()
     shown: dict[str, MechanismCritique] = {}
     ratios = [np.inf if db is None else db for db in settings.snr_db]
     main = min(ratios, key=lambda db: abs(db - 60.0) if np.isfinite(db) else 1e3)
@@ -111,20 +104,20 @@ def hidden_effect_study(
                 for db in ratios:
                     noise, choices = (stream(truth, db, what) for what in ("noise", "choices"))
                     trials = measured(records, db, noise, settings.critique.windows)
-                    critique = criticise_mechanism(trials, model, candidates_of(kind), choices, settings.critique)
+                    critique = criticise_mechanism(trials, model, CANDIDATES[kind], choices, settings.critique)
                     exact = exact_form(records, model, settings)
                     key = {"mechanism": kind, "truth": truth, "snr_db": db, "seed": seed}
-                    row, frame = _effects_row(critique, exact, records, truth, loaded(kind, model, settings, truth))
+                    true = true_sizes(kind, truth, settings.sizes)
+                    row, table_of_forces = _effects_row(critique, exact, records, truth, true)
                     effects.append(key | {"trials": len(records)} | row)
-                    parameters += [key | r for r in _parameter_rows(kind, truth, critique, settings.sizes)]
+                    parameters += [key | row for row in _parameter_rows(truth, critique, true)]
                     if seed == 0 and db == main:
                         shown[f"{kind}/{truth}"] = critique
                         if (kind, truth) == settings.forces_of:
-                            forces = frame
+                            forces = table_of_forces
     table = pd.DataFrame(effects)
-    values = pd.DataFrame(parameters)
-    tables = {"effects": table, "parameters": values, "summary": summary_table(table), "forces": forces}
-    return tables, shown
+    summary = _summary_table(table)
+    return {"effects": table, "parameters": pd.DataFrame(parameters), "summary": summary, "forces": forces}, shown
 
 
 def exact_form(records: tuple[Record, ...], model: BelievedModel, settings: HiddenStudy) -> WeakForm:
@@ -134,28 +127,24 @@ def exact_form(records: tuple[Record, ...], model: BelievedModel, settings: Hidd
     return WeakForm(measured(records[-1:], np.inf, np.random.default_rng(0), windows), model, windows)
 
 
-def loaded(kind: MechanismKind, model: BelievedModel, settings: HiddenStudy, truth: str) -> np.ndarray:
-    """True inertial parameters (4 b,)."""
-    if truth != PAYLOAD.name:
-        return model.parameters
-    return model.parameters + true_sizes(kind, truth, settings.sizes)["m_p"] * model.payload
-
-
 def _effects_row(
-    critique: MechanismCritique, exact: WeakForm, records: tuple[Record, ...], truth: str, true: np.ndarray
+    critique: MechanismCritique, exact: WeakForm, records: tuple[Record, ...], truth: str, true_sizes: dict[str, float]
 ) -> tuple[dict, "pd.DataFrame"]:
     first, tests = critique.steps[0] if critique.steps else None, critique.discovery.first_scan
-    before, estimate, reference = force_error(exact, records[-1:], None)
+    believed = fit_effects(critique.training, ())
+    before, estimate, reference = force_error(exact, records[-1:], believed)
     after, with_it, _ = force_error(exact, records[-1:], critique.fitted)
-    without = identify_parameters(critique.training, fit_effects(critique.training, ()))
+    without = identify_parameters(critique.training, believed)
     identified = identify_parameters(critique.training, critique.fitted)
     # a payload changes the parameters themselves: the error is that of the believed ones
     start = without.believed if PAYLOAD.name in critique.fitted.values else without.value
-    goal = identified.of(true)
+    model, true = critique.model, critique.model.parameters
+    if truth == PAYLOAD.name:
+        true = true + true_sizes["m_p"] * model.payload
     row = {
         "verdict": critique.verdict,
         "first_effect": first.effect.name if first else "",
-        "group": "; ".join(critique.found[1:]),
+        "group": "; ".join(critique.first_group[1:]),
         "n_effects": len(critique.steps),
         "right": int(is_right(truth, critique)),
         "p_value": first.p_value if first else tests.p_value(max(tests.gain.values())),
@@ -165,28 +154,26 @@ def _effects_row(
         "force_error_before": before,
         "force_error_after": after,
         "theta_error_before": _relative(start, without.of(true)),
-        "theta_error_after": _relative(identified.value, goal),
+        "theta_error_after": _relative(identified.value, identified.of(true)),
     }
-    return row, force_rows(critique.model, exact, estimate, with_it, reference)
+    return row, _force_table(model, exact, estimate, with_it, reference)
 
 
 def _relative(value: np.ndarray, true: np.ndarray) -> float:
     return float(np.sqrt(np.mean(((value - true) / true) ** 2)))
 
 
-def _parameter_rows(kind: MechanismKind, truth: str, critique: MechanismCritique, sizes: HiddenSizes) -> list[dict]:
-    effect = next((s.effect for s in critique.steps if s.effect.name == truth), None)
-    if effect is None:
-        return []
-    true = true_sizes(kind, truth, sizes)
-    values, std = critique.fitted.values[truth], critique.fitted.std[truth]
+def _parameter_rows(truth: str, critique: MechanismCritique, true: dict[str, float]) -> list[dict]:
+    values, std = critique.fitted.values, critique.fitted.std
     return [
         {"parameter": p.name, "unit": p.unit, "true": true[p.name], "estimate": x, "std": s}
-        for p, x, s in zip(effect.parameters, values, std)
+        for step in critique.steps
+        if step.effect.name == truth
+        for p, x, s in zip(step.effect.parameters, values[truth], std[truth])
     ]
 
 
-def force_rows(
+def _force_table(
     model: BelievedModel, weak: WeakForm, before: np.ndarray, after: np.ndarray, true: np.ndarray
 ) -> "pd.DataFrame":
     """Forces in N of steps and pairs in contact: t, pair, component, true, without, with_effects."""
@@ -202,7 +189,7 @@ def force_rows(
     return pd.DataFrame(rows, columns=["t", "pair", "component", "true", "without", "with_effects"])
 
 
-def summary_table(effects: "pd.DataFrame") -> "pd.DataFrame":
+def _summary_table(effects: "pd.DataFrame") -> "pd.DataFrame":
     """Share of right answers by mechanism, truth and noise with 95 % Wilson interval, and median errors."""
     import pandas as pd
 

@@ -29,7 +29,7 @@ Udwadia, R. E. Kalaba, Proc. R. Soc. A 439 (1992), doi 10.1098/rspa.1992.0158 (p
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -102,33 +102,29 @@ class WeakForm:
         for i, t in enumerate(trials):
             if not all(np.isfinite(x).all() for x in (t.q, t.v, t.f_ext, t.sigma)):
                 raise UserError(f"Trial {i} holds states, forces or noise that are not finite; repair or drop it.")
-        windows: list[_Window] = []
-        for i, t in enumerate(trials):
-            windows += self._windows(i, t, settings)
+        windows = [w for i, t in enumerate(trials) for w in self._windows(i, t, settings)]
         if not windows:
             raise UserError(
                 "No window of any trial has a direction that its contacts leave free, so nothing can be criticised; "
                 f"steps left out: {dict(self.left_out)}."
             )
-        step = np.concatenate([np.arange(w.start, w.stop) for w in windows])
-        of_trial = np.concatenate([np.full(w.stop - w.start, w.trial) for w in windows])
+        self.step = np.concatenate([np.arange(w.start, w.stop) for w in windows])
+        self.step_trial = np.concatenate([np.full(w.stop - w.start, w.trial) for w in windows])
         self.active_pairs = tuple(w.active for w in windows)
         self._group(windows)
         q, v, v_next, f = (
             np.concatenate([getattr(trials[w.trial], name)[w.start + later : w.stop + later] for w in windows])
             for name, later in (("q", 0), ("v", 0), ("v", 1), ("f_ext", 0))
         )
-        self.f, self._v_next = f, v_next
-        self.step, self.step_trial = step, of_trial
-        self.basis = self._basis(q)
-        self._constraints(q)
+        self.f, self.basis, self._to_contact = f, self._basis(q), self._constraints(q)
         self.motion = Motion(q, v, (v_next - v) / self.h, np.zeros((len(q), len(model.mechanism.pairs))))
+        self._rest = model.inverse_dynamics(q, v, self.motion.a) - f
         self.motion = self.with_normals(np.zeros_like(q))
-        self._whitening(trials, of_trial, step)
+        self._factors = self._whitening(trials, v_next)
 
     def _windows(self, i: int, t: Trial, settings: WindowSettings) -> list[_Window]:
         q, v = t.q[:-1], t.v[:-1]
-        contacts = self.model.contacts(q)
+        contacts = self.model.mechanism.contacts_of(q)
         spread = np.sqrt(np.einsum("kpv,v->kp", contacts.J_n**2, t.sigma[0] ** 2))
         closing = np.minimum(0.0, self.h * np.einsum("kpv,kv->kp", contacts.J_n, v))
         # margin: noise, and one step of free fall
@@ -156,14 +152,13 @@ class WeakForm:
 
     def _group(self, windows: list[_Window]) -> None:
         """Group steps with the same contacts and dependent coordinates, to batch their algebra."""
-        nv = len(self.model.coordinates)
         groups: dict[tuple, list[np.ndarray]] = {}
         at, rows, starts = 0, [], []
         for number, w in enumerate(windows):
             length = w.stop - w.start
             groups.setdefault((w.active, w.dependent), []).append(np.arange(at, at + length))
             starts.append(at)
-            free = [c for c in range(nv) if c not in w.dependent]
+            free = (c for c in range(len(self.model.coordinates)) if c not in w.dependent)
             rows += [(w.trial, number, c, j) for j, c in enumerate(free)]
             at += length
         self._groups = {key: np.concatenate(parts) for key, parts in groups.items()}
@@ -175,7 +170,7 @@ class WeakForm:
         basis = np.zeros((len(q), nv, nv))
         for (active, dependent), at in self._groups.items():
             free = [c for c in range(nv) if c not in dependent]
-            J = _jacobians(self.model.contacts(q[at]), active)
+            J = _jacobians(self.model.mechanism.contacts_of(q[at]), active)
             N = np.zeros((len(at), len(free), nv))
             N[:, np.arange(len(free)), free] = 1.0
             if dependent:
@@ -184,23 +179,20 @@ class WeakForm:
             basis[at, : len(free)] = N
         return basis
 
-    def _constraints(self, q: np.ndarray) -> None:
-        """Set (J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which maps the residual force to contact forces."""
-        contacts = self.model.contacts(q)
+    def _constraints(self, q: np.ndarray) -> np.ndarray:
+        """(J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which maps the residual force to contact forces."""
+        contacts = self.model.mechanism.contacts_of(q)
         is_active = np.zeros(contacts.phi.shape, dtype=bool)
         for (active, _), at in self._groups.items():
             is_active[np.ix_(at, list(active))] = True
         J = np.concatenate([contacts.J_n * is_active[..., None], contacts.J_t * is_active[..., None]], axis=1)
         JM = J @ np.linalg.inv(self.model.mass_matrix(q))
-        self._to_contact = np.linalg.pinv(JM @ np.swapaxes(J, 1, 2), hermitian=True) @ JM
+        return np.linalg.pinv(JM @ np.swapaxes(J, 1, 2), hermitian=True) @ JM
 
     def contact_forces(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """c_n, c_t (n, p) in N that the motion requires if `force` (n, nv) acts besides the believed model."""
-        m = self.motion
-        rest = self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force
-        c = np.einsum("kcv,kv->kc", self._to_contact, rest)
-        p = c.shape[1] // 2
-        return c[:, :p], c[:, p:]
+        c_n, c_t = np.split(np.einsum("kcv,kv->kc", self._to_contact, self._rest - force), 2, axis=1)
+        return c_n, c_t
 
     def with_normals(self, force: np.ndarray) -> Motion:
         """The motion with the normal forces that it requires if `force` (n, nv) also acts."""
@@ -217,25 +209,23 @@ class WeakForm:
 
     def residual(self, force: np.ndarray) -> np.ndarray:
         """z (N,) if `force` (n, nv) of the effects acts besides the believed model."""
-        m = self.motion
-        return self.gathered(self.model.inverse_dynamics(m.q, m.v, m.a) - self.f - force)
+        return self.gathered(self._rest - force)
 
-    def _whitening(self, trials: Sequence[Trial], of_trial: np.ndarray, step: np.ndarray) -> None:
-        q, v, v_next = self.motion.q, self.motion.v, self._v_next
-        n, nv = q.shape
+    def _whitening(self, trials: Sequence[Trial], v_next: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows of z and L of each trial."""
+        n, nv = v_next.shape
 
         def balance(q: np.ndarray, v: np.ndarray, v_next: np.ndarray) -> np.ndarray:
             rest = self.model.inverse_dynamics(q, v, (v_next - v) / self.h) - self.f
             return np.einsum("krv,kv->kr", self._basis(q), self.h * rest)
 
         slopes = np.zeros((3, n, nv, nv))  # of q_k, v_k, v_{k+1}; row, channel
-        for which in range(3):
-            for channel in range(nv):
-                shift = NUDGE * np.eye(nv)[channel]
-                up, down = [q, v, v_next], [q, v, v_next]
-                up[which], down[which] = up[which] + shift, down[which] - shift
-                slopes[which, :, :, channel] = (balance(*up) - balance(*down)) / (2.0 * NUDGE)
-        self._factors = []
+        measured = np.stack([self.motion.q, self.motion.v, v_next])
+        for which, channel in product(range(3), range(nv)):
+            shift = np.zeros_like(measured)
+            shift[which, :, channel] = NUDGE
+            slopes[which, :, :, channel] = (balance(*measured + shift) - balance(*measured - shift)) / (2.0 * NUDGE)
+        factors = []
         ends = np.append(self.starts, n).tolist()
         for i, t in enumerate(trials):
             rows = np.flatnonzero(self.trial == i)
@@ -245,14 +235,15 @@ class WeakForm:
             for row, r in enumerate(rows):
                 window = int(self.window[r])
                 at = np.arange(ends[window], ends[window + 1])
-                k, slot = step[at], self._slot[r]
+                k, slot = self.step[at], self._slot[r]
                 G[0, row, k] += slopes[0, at, slot]
                 G[1, row, k] += slopes[1, at, slot]
                 G[1, row, k + 1] += slopes[2, at, slot]
             S = np.einsum("crkv,cv,cskv->rs", G, t.sigma**2, G, optimize=True)
             # rows may have no noise at all: a small diagonal keeps the factor defined
             S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
-            self._factors.append((rows, np.linalg.cholesky(S)))
+            factors.append((rows, np.linalg.cholesky(S)))
+        return factors
 
 
 def _jacobians(contacts: ContactGeometry, pairs: tuple[int, ...]) -> np.ndarray:

@@ -79,6 +79,26 @@ class Slopes:
     unit_noise: bool
 
 
+@dataclass(frozen=True)
+class Remaining:
+    """Structure left in the residuals of the final model.
+
+    Attributes:
+        p_value: of the structure, under noise alone.
+        error_before: of the residual; error_after: of noise or the unlearnable part alone; in the world's unit.
+        depends_on: names of the states on which it depends, by relevance.
+    """
+
+    p_value: float
+    error_before: float
+    error_after: float
+    depends_on: tuple[str, ...]
+
+    def is_structured(self, settings: SearchSettings, floor: float) -> bool:
+        """Whether it is significant and matters; `floor`: error of noise alone, in the world's unit."""
+        return self.p_value <= settings.alpha and settings.matters(self.error_before, self.error_after, floor)
+
+
 class World(ABC, Generic[E, F, J]):
     """Data of some trials and the models that may explain them.
 

@@ -72,7 +72,7 @@ def recording_folder(
     Raises:
         UserError: the recording is too short, or an effect is unknown.
     """
-    from thesis_lib.critique.mechanisms.recorded import criticise_recording
+    from thesis_lib.critique.mechanisms.critique import criticise_recording
     from thesis_lib.report.critique.mechanisms import write_mechanism_critique
 
     rng = generator(seed, "critique", recording.digest())

@@ -12,7 +12,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
-from thesis_lib.critique.mechanisms.effects import ARM_EFFECTS, WHEEL_EFFECTS
+from thesis_lib.critique.mechanisms.effects import CANDIDATES
 from thesis_lib.critique.results.titles import symbol
 from thesis_lib.figures.style import Drawn, save_figure
 from thesis_lib.foundation.files import write_json, write_result, write_text
@@ -21,7 +21,7 @@ from thesis_lib.report.critique.whole_folder import VERDICT_FILE, whole_folder
 from thesis_lib.report.elements import amount, bullets, estimate, interval, paragraph, percent, picture, table
 from thesis_lib.statistics.wording import listed, number
 
-UNITS = {(e.name, p.name): p.unit for e in (*ARM_EFFECTS, *WHEEL_EFFECTS) for p in e.parameters}
+UNITS = {(e.name, p.name): p.unit for effects in CANDIDATES.values() for e in effects for p in e.parameters}
 RESIDUALS = (
     "Left: residual generalised forces of held-out windows in units of their noise, with the believed model and with "
     "what was found. Right: what each candidate alone would gain."
