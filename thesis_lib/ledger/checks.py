@@ -19,6 +19,7 @@
 - A tolerance, a k or a tie_tolerance requires a `reason`.
 """
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, PlainValidator, model_validator
@@ -41,8 +42,22 @@ def cell_or_group(value: Any) -> Any:
     return cell(value)
 
 
-Cell = Annotated[Any, PlainValidator(cell)]  # one message instead of one for each type of a union
+def published(value: Any) -> Any:
+    if isinstance(value, list):
+        return [cell_or_group(row) for row in value]
+    try:  # YAML 1.1 reads 1e-3 (without a dot) as text
+        value = float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError("a published number is finite")
+    return None if value is None else cell(value)
+
+
+# one message instead of one for each type of a union
+Cell = Annotated[Any, PlainValidator(cell)]
 CellOrGroup = Annotated[Any, PlainValidator(cell_or_group)]
+Published = Annotated[Any, PlainValidator(published)]
 
 
 class Source(Section):
@@ -54,32 +69,22 @@ class Source(Section):
     std_column: Text | None = Field(None, description="standard error of `column`")
 
 
-class Abs(Section):
-    """abs(ours − published) ≤ tolerance, in the claim's unit."""
+class Within(Section):
+    """abs(ours − published) ≤ tolerance, in the claim's unit (abs) or times abs(published) (rel)."""
 
-    kind: Literal["abs"] = "abs"
+    kind: Literal["abs", "rel"]
     tolerance: Positive
     reason: Text
 
     def text(self) -> str:
-        return f"±{self.tolerance:g}: {self.reason}"
-
-
-class Rel(Section):
-    """abs(ours − published) ≤ tolerance · abs(published)."""
-
-    kind: Literal["rel"] = "rel"
-    tolerance: Positive
-    reason: Text
-
-    def text(self) -> str:
-        return f"±{100 * self.tolerance:g} %: {self.reason}"
+        amount = f"{self.tolerance:g}" if self.kind == "abs" else f"{100 * self.tolerance:g} %"
+        return f"±{amount}: {self.reason}"
 
 
 class Interval(Section):
     """abs(ours − published) ≤ k · std + rounding."""
 
-    kind: Literal["interval"] = "interval"
+    kind: Literal["interval"]
     k: Positive
     rounding: NonNegative = Field(0.0, description="half a unit of the published value's last digit")
     reason: Text
@@ -90,6 +95,9 @@ class Interval(Section):
 
 
 class Threshold(Section):
+    """ours − k · std > threshold (greater), ours + k · std < threshold (less)."""
+
+    kind: Literal["greater", "less"]
     threshold: Number
     k: NonNegative = 0.0
     reason: Text | None = None
@@ -102,19 +110,7 @@ class Threshold(Section):
     def text(self) -> str:
         by = f" by more than {self.k:g} standard errors" if self.k else ""
         why = f": {self.reason}" if self.reason else ""
-        return f"{self.kind} than {self.threshold:g}{by}{why}"  # type: ignore[attr-defined]
-
-
-class Greater(Threshold):
-    """ours − k · std > threshold."""
-
-    kind: Literal["greater"] = "greater"
-
-
-class Less(Threshold):
-    """ours + k · std < threshold."""
-
-    kind: Literal["less"] = "less"
+        return f"{self.kind} than {self.threshold:g}{by}{why}"
 
 
 class _Ranked(Section):
@@ -141,7 +137,7 @@ class _Ranked(Section):
 class Ordering(_Ranked):
     """The column puts the rows in this order; a nested list is a group without inner order."""
 
-    kind: Literal["ordering"] = "ordering"
+    kind: Literal["ordering"]
     rows: Annotated[list[CellOrGroup], Field(min_length=2)]
     order: Literal["ascending", "descending"] = "ascending"
 
@@ -156,7 +152,10 @@ class Ordering(_Ranked):
         return self
 
 
-class _Extreme(_Ranked):
+class Extreme(_Ranked):
+    """This row has the largest (argmax) or smallest (argmin) value."""
+
+    kind: Literal["argmax", "argmin"]
     row: Cell
     among: Annotated[list[Cell], Field(min_length=2)] | None = None
 
@@ -169,22 +168,10 @@ class _Extreme(_Ranked):
         return self
 
 
-class ArgMax(_Extreme):
-    """This row has the largest value."""
-
-    kind: Literal["argmax"] = "argmax"
-
-
-class ArgMin(_Extreme):
-    """This row has the smallest value."""
-
-    kind: Literal["argmin"] = "argmin"
-
-
 class IsTrue(Section):
     """The cell, a flag computed by the pipeline, is true."""
 
-    kind: Literal["true"] = "true"
+    kind: Literal["true"]
 
     def text(self) -> str:
         return "a flag, no tolerance"
@@ -196,7 +183,7 @@ def _kind_true(value: Any) -> Any:
 
 
 Check = Annotated[
-    Annotated[Abs | Rel | Interval | Greater | Less | Ordering | ArgMax | ArgMin | IsTrue, Field(discriminator="kind")],
+    Annotated[Within | Interval | Threshold | Ordering | Extreme | IsTrue, Field(discriminator="kind")],
     BeforeValidator(_kind_true),
 ]
 

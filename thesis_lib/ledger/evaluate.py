@@ -5,13 +5,13 @@ a dataset unknown to the run) gives a result of status `error`, never a pass.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import FLOAT_FORMAT
-from thesis_lib.ledger.checks import Abs, ArgMax, ArgMin, Greater, Interval, IsTrue, Less, Ordering, Rel
+from thesis_lib.ledger.checks import Extreme, Interval, IsTrue, Ordering, Threshold
 from thesis_lib.ledger.format import Claim, Ledger
 from thesis_lib.ledger.reading import Cells, number
 from thesis_lib.ledger.result import Result, Status
@@ -41,7 +41,8 @@ def _evaluate(claim: Claim, root: Path, present: Mapping[str, bool], tables: dic
         return Result(claim, Status.NO_DATA, published, finding=f"needs the dataset {', '.join(absent)}")
     try:
         rows = _Rows.select(claim, root, tables)
-        return _MEASURES[type(claim.check)](claim, published, rows)
+        measures = {Ordering: _measure_ordering, Extreme: _measure_extreme, IsTrue: _measure_flag}
+        return replace(measures.get(type(claim.check), _measure_number)(rows), published=published)
     except UserError as error:
         return Result(claim, Status.ERROR, published, finding=str(error))
 
@@ -135,87 +136,71 @@ def _published(claim: Claim) -> str:
         sign = " < " if check.order == "ascending" else " > "
         groups = [", ".join(map(str, group)) for group in check.groups]
         return sign.join(f"{{{text}}}" if ", " in text else text for text in groups)
-    if isinstance(check, ArgMax | ArgMin):
+    if isinstance(check, Extreme):
         return str(check.row)
     if isinstance(check, IsTrue):
         return "true"
     if claim.published is None:
-        return f"{'>' if isinstance(check, Greater) else '<'} {FLOAT_FORMAT % check.threshold}"
+        return f"{'>' if check.kind == 'greater' else '<'} {FLOAT_FORMAT % check.threshold}"
     return FLOAT_FORMAT % claim.published
 
 
-def _result(claim: Claim, published: str, ours: float, std: float, reference: float, holds: bool) -> Result:
-    difference = ours - reference
-    relative = difference / abs(reference) if reference else math.nan
-    share = "" if math.isnan(relative) else f" ({100 * relative:+.3g} %)"
-    name = f"the threshold {_short(reference)}" if isinstance(claim.check, Greater | Less) else "the published value"
-    return Result(
-        claim,
-        Status.REPRODUCED if holds else Status.DEVIATES,
-        published,
-        FLOAT_FORMAT % ours,
-        std,
-        difference,
-        relative,
-        f"differs from {name} by {difference:+.4g}{share}",
-    )
-
-
-def _measure_number(claim: Claim, published: str, rows: _Rows) -> Result:
-    row, check = rows.only(), claim.check
-    value, std, reference = rows.value(row), rows.std(row), float(claim.published)
-    if isinstance(check, Interval):
-        allowed = check.k * std + check.rounding
-    else:
-        allowed = check.tolerance * (abs(reference) if isinstance(check, Rel) else 1.0)
-    holds = abs(value - reference) <= allowed * (1 + SLACK)
-    return _result(claim, published, value, std, reference, holds)
-
-
-def _measure_threshold(claim: Claim, published: str, rows: _Rows) -> Result:
-    row, check = rows.only(), claim.check
+def _measure_number(rows: _Rows) -> Result:
+    claim, check, row = rows.claim, rows.claim.check, rows.only()
     value, std = rows.value(row), rows.std(row)
-    sign = 1.0 if isinstance(check, Greater) else -1.0
-    margin = check.k * std if check.k else 0.0
-    holds = sign * (value - check.threshold) > margin
-    return _result(claim, published, value, std, check.threshold, holds)
+    if isinstance(check, Threshold):
+        name, reference, sign = "the threshold", check.threshold, 1.0 if check.kind == "greater" else -1.0
+        holds = sign * (value - reference) > (check.k * std if check.k else 0.0)
+    else:
+        name, reference = "the published value", float(claim.published)
+        if isinstance(check, Interval):
+            allowed = check.k * std + check.rounding
+        else:
+            allowed = check.tolerance * (abs(reference) if check.kind == "rel" else 1.0)
+        holds = abs(value - reference) <= allowed * (1 + SLACK)
+    difference = value - reference
+    relative = difference / abs(reference) if reference else math.nan
+    name += f" {_short(reference)}" if isinstance(check, Threshold) else ""
+    share = "" if math.isnan(relative) else f" ({100 * relative:+.3g} %)"
+    finding = f"differs from {name} by {difference:+.4g}{share}"
+    return Result(claim, _status(holds), "", FLOAT_FORMAT % value, std, difference, relative, finding)
 
 
-def _measure_flag(claim: Claim, published: str, rows: _Rows) -> Result:
-    row = rows.only()
-    cell = rows.cells.column(claim.source.column)[row].strip().lower()
+def _measure_flag(rows: _Rows) -> Result:
+    row, column = rows.only(), rows.claim.source.column
+    cell = rows.cells.column(column)[row].strip().lower()
     if cell not in ("true", "false", "1", "0"):
-        raise UserError(f"{rows.cells.path}, data row {row}: {claim.source.column} is {cell!r}, neither true nor false")
-    holds = cell in ("true", "1")
-    status = Status.REPRODUCED if holds else Status.DEVIATES
-    return Result(claim, status, published, str(holds).lower(), finding=f"found {str(holds).lower()}")
+        raise UserError(f"{rows.cells.path}, data row {row}: {column} is {cell!r}, neither true nor false")
+    ours = "true" if cell in ("true", "1") else "false"
+    return Result(rows.claim, _status(ours == "true"), ours=ours, finding=f"found {ours}")
 
 
-def _measure_ordering(claim: Claim, published: str, rows: _Rows) -> Result:
-    check = claim.check
+def _measure_ordering(rows: _Rows) -> Result:
+    check = rows.claim.check
     groups = [[rows.named(check.key, name) for name in group] for group in check.groups]
     # all pairs, not only those of neighbouring groups: with ties allowed the order is not transitive
     pairs = [(a, b) for i, low in enumerate(groups) for high in groups[i + 1 :] for a in low for b in high]
-    sign = 1.0 if check.order == "ascending" else -1.0
-    return _ranked(claim, published, rows, [row for group in groups for row in group], pairs, sign)
+    ascending = check.order == "ascending"
+    return _ranked(rows, [row for group in groups for row in group], pairs, 1.0 if ascending else -1.0, ascending)
 
 
-def _measure_extreme(claim: Claim, published: str, rows: _Rows) -> Result:
-    check = claim.check
+def _measure_extreme(rows: _Rows) -> Result:
+    check = rows.claim.check
     top = rows.named(check.key, check.row)
     others = rows.rows if check.among is None else [rows.named(check.key, name) for name in check.among]
     if len(others) < 2:
         raise UserError(f"{rows.cells.path}: {check.row} is the only row selected, so it is trivially extreme")
     pairs = [(row, top) for row in others if row != top]
-    sign = 1.0 if isinstance(check, ArgMax) else -1.0
-    return _ranked(claim, published, rows, others, pairs, sign)
+    largest = check.kind == "argmax"
+    return _ranked(rows, others, pairs, 1.0 if largest else -1.0, not largest)
 
 
-def _ranked(
-    claim: Claim, published: str, rows: _Rows, members: list[int], pairs: list[tuple[int, int]], sign: float
-) -> Result:
-    """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or be ≥ −tie_tolerance."""
-    check = claim.check
+def _ranked(rows: _Rows, members: list[int], pairs: list[tuple[int, int]], sign: float, ascending: bool) -> Result:
+    """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or be ≥ −tie_tolerance.
+
+    `ascending`: our values are shown with the smallest first.
+    """
+    check = rows.claim.check
     value = {row: rows.value(row) for row in members}
     std = {row: rows.std(row) for row in members} if check.k else dict.fromkeys(members, 0.0)
     column = rows.cells.column(check.key)
@@ -237,21 +222,11 @@ def _ranked(
     finding = "; ".join(text for _, text in broken[:3])
     if len(broken) > 3:
         finding += f"; and {len(broken) - 3} more pairs"
-    # smallest first if an ascending order or a minimum is claimed; equal values by name, for a deterministic order
-    ascending = claim.check.order == "ascending" if isinstance(check, Ordering) else sign < 0
+    # equal values by name, for a deterministic order
     order = sorted(members, key=lambda row: (value[row] if ascending else -value[row], column[row]))
     ours = (" < " if ascending else " > ").join(show(row) for row in order)
-    return Result(claim, Status.DEVIATES if broken else Status.REPRODUCED, published, ours, finding=finding)
+    return Result(rows.claim, _status(not broken), ours=ours, finding=finding)
 
 
-_MEASURES: dict[type, Callable[[Claim, str, _Rows], Result]] = {
-    Abs: _measure_number,
-    Rel: _measure_number,
-    Interval: _measure_number,
-    Greater: _measure_threshold,
-    Less: _measure_threshold,
-    Ordering: _measure_ordering,
-    ArgMax: _measure_extreme,
-    ArgMin: _measure_extreme,
-    IsTrue: _measure_flag,
-}
+def _status(holds: bool) -> Status:
+    return Status.REPRODUCED if holds else Status.DEVIATES

@@ -46,12 +46,7 @@ class Expected(Section):
 
 @dataclass(frozen=True)
 class Change:
-    """A claim whose status differs from the committed one.
-
-    Attributes:
-        expected, found: committed status and status in this run; '' if there is none.
-        text: message for the user.
-    """
+    """A claim whose status `expected` differs from that `found` in this run ('' if there is none); `text` says how."""
 
     id: str
     expected: str
@@ -60,11 +55,7 @@ class Change:
 
 
 def read_expected(path: str | Path) -> dict[str, dict[str, str]]:
-    """Committed statuses as {scale: {id: status}}; empty if the file does not exist yet.
-
-    Raises:
-        UserError: the file has another form.
-    """
+    """Committed statuses as {scale: {id: status}}, empty without the file; UserError if it has another form."""
     try:
         return {**validate(Expected, load_yaml(path), path).expected}
     except MissingFile:
@@ -100,24 +91,16 @@ def compare_with_expected(
 
 
 def update_expected(path: str | Path, results: Sequence[Result], scale: str) -> list[str]:
-    """Commit this run's statuses for one scale; claims without data keep their committed status.
+    """Commit this run's statuses for one scale, and return one line for each change.
 
-    Returns:
-        One line for each change; without changes the file stays untouched.
-
-    Raises:
-        UserError: a claim could not be compared; nothing is written.
+    Claims without data keep their committed status; without changes the file stays untouched.  UserError, and nothing
+    is written, if a claim could not be compared.
     """
     refuse_errors(results)
     expected = read_expected(path)
     before = dict(expected.get(scale, {}))
-    after = {}
-    for result in results:
-        name = result.claim.id
-        if result.status is not Status.NO_DATA:
-            after[name] = str(result.status)
-        elif name in before:
-            after[name] = before[name]
+    now = {r.claim.id: before.get(r.claim.id) if r.status is Status.NO_DATA else str(r.status) for r in results}
+    after = {name: status for name, status in now.items() if status}
     lines = [
         f"{name}: {before.get(name, 'new')} → {after.get(name, 'removed')}"
         for name in sorted(before.keys() | after.keys())

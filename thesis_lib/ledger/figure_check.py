@@ -14,7 +14,6 @@ the figure's CSV.  The last row is always kept, so that its position gives the n
 import fnmatch
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -36,14 +35,6 @@ AGREES, DIFFERS, NO_DATA, ERROR = "agrees", "differs", "data not present", "erro
 REMEDY = "if this is intended: python -m thesis_lib claims update"
 
 
-@dataclass(frozen=True)
-class Problem:
-    """One way in which a figure's CSV differs from its stored copy; `column` is '' for the whole table."""
-
-    column: str
-    text: str
-
-
 def kept_rows(total: int, most: int) -> list[int]:
     """Positions of at most `most` evenly spaced rows out of `total`, including the first and the last."""
     if total <= most:
@@ -53,15 +44,10 @@ def kept_rows(total: int, most: int) -> list[int]:
 
 
 def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
-    """Write the thinned copy of a figure's CSV.
-
-    Raises:
-        UserError: the CSV is missing, or the check would refuse its columns or cells.
-    """
+    """Write the thinned copy of a figure's CSV; UserError if it is missing or has columns or cells to be refused."""
     cells = Cells.read(csv)
-    problems = _form(cells, figure)
-    if problems:
-        raise UserError(f"{csv} cannot be stored: " + "; ".join(p.text for p in problems))
+    if problems := _form(cells, figure):
+        raise UserError(f"{csv} cannot be stored: " + "; ".join(problems))
     rows = kept_rows(len(cells.rows), figure.most_rows)
     table = pd.DataFrame({ROW: rows})
     for name in _columns(figure):
@@ -70,42 +56,30 @@ def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
     write_table(table, stored)
 
 
-def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[Problem]:
-    """Differences between a figure's CSV and its stored copy; empty if they agree.
-
-    Raises:
-        UserError: one of the files is missing or cannot be read.
-    """
+def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[str]:
+    """Differences between a figure's CSV and its stored copy; UserError if one is missing or cannot be read."""
     if not Path(stored).is_file():
         raise UserError(f"{stored} does not exist; store it: python -m thesis_lib claims update")
     cells, copy = Cells.read(csv), Cells.read(stored)
-    problems = _form(cells, figure) or _copy_form(copy, figure)
-    if problems:
+    if problems := _form(cells, figure) or _copy_form(copy, figure):
         return problems
     positions = [int(cell) for cell in copy.column(ROW)]
     before, now = positions[-1] + 1, len(cells.rows)
     if now != before:
-        return [Problem("", f"has {now} rows, the stored copy had {before}")]
-    for name in figure.text_columns:
-        problems += _compare_text(name, cells.column(name), copy.column(name), positions)
-    for name, tolerance in figure.number_columns.items():
-        problems += _compare_numbers(name, cells.column(name), copy.column(name), positions, tolerance)
-    return problems
+        return [f"has {now} rows, the stored copy had {before}"]
+    pairs = {name: ([cells.column(name)[i] for i in positions], copy.column(name)) for name in _columns(figure)}
+    found = [_compare_text(*pairs[name], positions) for name in figure.text_columns]
+    found += [_compare_numbers(*pairs[name], positions, limit) for name, limit in figure.number_columns.items()]
+    return [f"column {name}: {text}" for name, text in zip(_columns(figure), found) if text]
 
 
 def check_figures(
     results_dir: str | Path, stored_dir: str | Path, figures: Sequence[Figure], present: Mapping[str, bool]
 ) -> pd.DataFrame:
-    """Compare every figure with its stored copy.
+    """Compare every figure with its stored copy; `present`: whether this run had each dataset.
 
-    Args:
-        results_dir: folder of the results.
-        stored_dir: folder of one scale's copies, config/figures/<scale>.
-        present: whether this run had each dataset (`reading.read_present`).
-
-    Returns:
-        A row for each figure and dataset, sorted by name: figure, dataset, status (agrees, differs, error, or data not
-        present), finding.  Pictures without a record and unused copies are rows of status error.
+    Returns a row for each figure and dataset, sorted by name: figure, dataset, status (agrees, differs, error, or data
+    not present), finding.  Pictures without a record and unused copies are rows of status error.
     """
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     rows = []
@@ -122,10 +96,8 @@ def update_figures(
 ) -> list[str]:
     """Store the copies that are missing or no longer agree; return one line for each.
 
-    Copies that agree stay: this avoids noise in the history, and small drifts cannot add up unseen.
-
-    Raises:
-        UserError: some figures cannot be stored; all are listed, and nothing is written.
+    Copies that agree stay: this avoids noise in the history, and small drifts cannot add up unseen.  UserError, and
+    nothing is written, if some cannot be stored; all of these are listed.
     """
     results_dir, stored_dir = Path(results_dir), Path(stored_dir)
     todo, refused = [], []
@@ -134,7 +106,7 @@ def update_figures(
         status, finding = _check_one(results_dir / csv, copy, figure, dataset, present)
         if status not in (AGREES, NO_DATA):
             try:
-                refused += [f"{p.text}" for p in _form(Cells.read(results_dir / csv), figure)]
+                refused += _form(Cells.read(results_dir / csv), figure)
                 _known(dataset, present)
                 todo.append((results_dir / csv, copy, figure, finding if copy.is_file() else "new"))
             except UserError as error:
@@ -174,7 +146,7 @@ def _check_one(csv: Path, stored: Path, figure: Figure, dataset: str, present: M
         problems = check_figure(csv, stored, figure)
     except UserError as error:
         return ERROR, str(error)
-    return (DIFFERS, "; ".join(p.text for p in problems)) if problems else (AGREES, "")
+    return (DIFFERS, "; ".join(problems)) if problems else (AGREES, "")
 
 
 def _unknown_pictures(results_dir: Path, figures: Iterable[Figure]) -> list[tuple[str, str, str, str]]:
@@ -197,48 +169,38 @@ def _unused_copies(stored_dir: Path, figures: Iterable[Figure]) -> list[tuple[st
     ]
 
 
-def _form(cells: Cells, figure: Figure) -> list[Problem]:
+def _form(cells: Cells, figure: Figure) -> list[str]:
     """Mistakes in a figure's CSV itself."""
-    wanted = _columns(figure)
-    problems = [
-        Problem(name, f"column {name} is missing in {cells.path}") for name in wanted if name not in cells.columns
-    ]
-    problems += [
-        Problem(name, f"column {name} of {cells.path} has no tolerance and is no key")
-        for name in cells.columns
-        if name not in wanted
-    ]
+    wanted, path = _columns(figure), cells.path
+    problems = [f"column {name} is missing in {path}" for name in wanted if name not in cells.columns]
+    extra = [name for name in cells.columns if name not in wanted]
+    problems += [f"column {name} of {path} has no tolerance and is no key" for name in extra]
     if not cells.rows:
-        problems.append(Problem("", f"{cells.path} has no rows"))
-    if problems:
-        return problems
-    for name in figure.number_columns:
+        problems.append(f"{path} has no rows")
+    for name in () if problems else figure.number_columns:
         column = cells.column(name)
         bad = [i for i, cell in enumerate(column) if _number(cell) is None]
         if bad:
-            text = f"column {name} holds {column[bad[0]]!r} in row {bad[0]}, no number (make it a key?)"
-            problems.append(Problem(name, text))
+            problems.append(f"column {name} holds {column[bad[0]]!r} in row {bad[0]}, no number (make it a key?)")
         elif all(math.isnan(number(cell)) for cell in column):
-            problems.append(Problem(name, f"column {name} is NaN in every row"))
+            problems.append(f"column {name} is NaN in every row")
     return problems
 
 
-def _copy_form(copy: Cells, figure: Figure) -> list[Problem]:
+def _copy_form(copy: Cells, figure: Figure) -> list[str]:
     """Mistakes in a stored copy itself: wrong columns, text for numbers, or rows removed by hand."""
     wanted = [ROW, *_columns(figure)]
     if sorted(copy.columns) != sorted(wanted):
-        return [
-            Problem(
-                "", f"{copy.path} has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}; {REMEDY}"
-            )
-        ]
-    if any(_number(cell) is None for name in figure.number_columns for cell in copy.column(name)):
-        return [Problem("", f"{copy.path} holds text where a number is wanted; {REMEDY}")]
-    positions = copy.column(ROW)
-    whole = positions and all(cell.isdecimal() for cell in positions)
-    if not whole or list(map(int, positions)) != kept_rows(int(positions[-1]) + 1, figure.most_rows):
-        return [Problem("", f"{copy.path} is not the evenly spaced copy that would be stored; {REMEDY}")]
-    return []
+        mistake = f"has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}"
+    elif any(_number(cell) is None for name in figure.number_columns for cell in copy.column(name)):
+        mistake = "holds text where a number is wanted"
+    else:
+        positions = copy.column(ROW)
+        whole = positions and all(cell.isdecimal() for cell in positions)
+        if whole and list(map(int, positions)) == kept_rows(int(positions[-1]) + 1, figure.most_rows):
+            return []
+        mistake = "is not the evenly spaced copy that would be stored"
+    return [f"{copy.path} {mistake}; {REMEDY}"]
 
 
 def _number(cell: str) -> float | None:
@@ -248,20 +210,16 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _compare_text(name: str, ours: list[str], stored: list[str], positions: list[int]) -> list[Problem]:
-    bad = [(i, ours[i], cell) for i, cell in zip(positions, stored) if ours[i] != cell]
+def _compare_text(ours: list[str], stored: list[str], positions: list[int]) -> str:
+    bad = [difference for difference in zip(positions, ours, stored) if difference[1] != difference[2]]
     if not bad:
-        return []
+        return ""
     row, now, before = bad[0]
-    text = f"column {name}: {len(bad)} of {len(stored)} rows differ; row {row}: {now!r}, stored {before!r}"
-    return [Problem(name, text)]
+    return f"{len(bad)} of {len(stored)} rows differ; row {row}: {now!r}, stored {before!r}"
 
 
-def _compare_numbers(
-    name: str, ours: list[str], stored: list[str], positions: list[int], tolerance: Tolerance
-) -> list[Problem]:
-    a = np.array([number(ours[i]) for i in positions])
-    b = np.array([number(cell) for cell in stored])
+def _compare_numbers(ours: list[str], stored: list[str], positions: list[int], tolerance: Tolerance) -> str:
+    a, b = np.array(list(map(number, ours))), np.array(list(map(number, stored)))
     same = (a == b) | (np.isnan(a) & np.isnan(b))  # an infinity or NaN agrees only with itself
     with np.errstate(invalid="ignore"):
         # finite: otherwise an infinite stored value would allow everything
@@ -272,10 +230,9 @@ def _compare_numbers(
         excess = np.where(finite, difference - allowed, np.inf)
     bad = np.flatnonzero(~(same | near))
     if not len(bad):
-        return []
+        return ""
     worst = bad[np.argmax(excess[bad])]
-    text = (
-        f"column {name}: {len(bad)} of {len(a)} rows differ; worst in row {positions[worst]}: {a[worst]:.6g}, "
+    return (
+        f"{len(bad)} of {len(a)} rows differ; worst in row {positions[worst]}: {a[worst]:.6g}, "
         f"stored {b[worst]:.6g}, allowed ±{allowed[worst]:.2g}"
     )
-    return [Problem(name, text)]

@@ -41,48 +41,22 @@ claims:
 - A NaN or infinite value of ours is an error, never a pass (see `evaluate`).
 """
 
-import math
 import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, PlainValidator, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.settings import Section
 from thesis_lib.foundation.yaml_file import Key
-from thesis_lib.ledger.checks import (
-    Abs,
-    ArgMax,
-    ArgMin,
-    Check,
-    Interval,
-    IsTrue,
-    Ordering,
-    Rel,
-    Source,
-    Threshold,
-    cell,
-    cell_or_group,
-)
+from thesis_lib.ledger.checks import Check, Extreme, Interval, IsTrue, Ordering, Published, Source, Threshold, Within
 from thesis_lib.ledger.reading import Name, Text, line_of, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
 NAME = r"[A-Za-z0-9_-]+"
-
-
-def _published(value: Any) -> Any:
-    if isinstance(value, list):
-        return [cell_or_group(row) for row in value]
-    try:  # YAML 1.1 reads 1e-3 (without a dot) as text
-        value = float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError("a published number is finite")
-    return None if value is None else cell(value)
 
 
 class Claim(Section):
@@ -92,7 +66,7 @@ class Claim(Section):
     chapter: Chapter
     location: Text
     statement: Text = Field(description="one sentence that a stranger can read")
-    published: Annotated[Any, PlainValidator(_published)] = None
+    published: Published = None
     unit: Text = "1"
     source: Source
     check: Check
@@ -102,17 +76,15 @@ class Claim(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         check, number = self.check, type(self.published) in (int, float)
-        if isinstance(check, Abs | Rel | Interval) and not number:
+        if isinstance(check, Within | Interval) and not number:
             raise ValueError(f"published must be a number, since the check is of kind {check.kind}")
-        if isinstance(check, Rel) and self.published == 0:
+        if check.kind == "rel" and self.published == 0:
             raise ValueError("published is 0, so a relative tolerance admits nothing else: use kind abs")
         if isinstance(check, Threshold) and self.published is not None and not number:
             raise ValueError(f"published must be a number or left out, since the check is of kind {check.kind}")
-        if isinstance(check, Threshold) and check.reason is None:
-            stated_threshold = 0.0 if self.published is None else self.published
-            if check.threshold != stated_threshold:
-                raise ValueError(f"check.reason is missing: say why the threshold is {check.threshold:g}")
-        stated = {Ordering: "rows", ArgMax: "row", ArgMin: "row"}.get(type(check))
+        if isinstance(check, Threshold) and not check.reason and check.threshold != (self.published or 0.0):
+            raise ValueError(f"check.reason is missing: say why the threshold is {check.threshold:g}")
+        stated = "rows" if isinstance(check, Ordering) else "row" if isinstance(check, Extreme) else ""
         if stated and self.published is not None and self.published != getattr(check, stated):
             raise ValueError(f"published contradicts check.{stated}; leave it out")
         if isinstance(check, IsTrue) and self.published not in (None, True):
@@ -185,14 +157,10 @@ def _read_file(path: Path) -> Ledger:
         claims.append(claim)
     shared_keys: set[Key] = {(key, str(name)) for key in ("checks", "notes") for name in shared[key]}
     at = {place: f"line {line_of(place, document)}" for place in (*uses.values(), *shared_keys)}
+    ids = Counter(str(claim.get("id")) for claim in claims if isinstance(claim, dict))
     problems = [
         *(f"{at[uses[use]]}: none of the {use[0]} is called {use[1]}" for use in uses if use not in shared_keys),
         *(f"{at[use]}: no claim uses {use[1]} of the {use[0]}" for use in sorted(shared_keys - uses.keys(), key=str)),
-        *_repeated([claim.get("id") for claim in claims if isinstance(claim, dict)]),
+        *(f"claim {id}: this id stands more than once" for id, n in ids.items() if n > 1),
     ]
     return validate(Ledger, replace(document, content=content | {"claims": claims}), path, problems, copies)
-
-
-def _repeated(ids: list) -> list[str]:
-    counts = Counter(map(str, ids))
-    return [f"claim {name}: this id stands more than once" for name, count in counts.items() if count > 1]

@@ -5,7 +5,6 @@ white.
 """
 
 from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 
 from thesis_lib.foundation.files import write_text
@@ -14,12 +13,7 @@ from thesis_lib.pages import page
 
 TEMPLATE = Path(__file__).with_name("page.html")
 SIGNS = {Status.REPRODUCED: "✓", Status.DEVIATES: "≠", Status.NO_DATA: "○", Status.ERROR: "!"}
-CLASSES = {
-    Status.REPRODUCED: "reproduced",
-    Status.DEVIATES: "deviates",
-    Status.NO_DATA: "no-data",
-    Status.ERROR: "error",
-}
+CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "error")))
 MEANINGS = {
     Status.REPRODUCED: "our value agrees within the tolerance stated beside it",
     Status.DEVIATES: "it does not; by how much, and why if known, stands beside it",
@@ -38,15 +32,12 @@ HEADINGS = {  # heading: class that sets the column's width
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
     """The ledger as one self-contained HTML page, by chapter and in the ledger's order; `scale` is shown if given."""
-    chapters = [
-        {
-            "number": number,
-            "summary": summary_line(group),
-            "look": [r for r in group if r.status in (Status.DEVIATES, Status.ERROR)],
-            "rows": [_cells(result) for result in group],
-        }
-        for number, group in _by_chapter(results)
-    ]
+    chapters = []
+    for number in sorted({result.claim.chapter for result in results}):
+        group = [result for result in results if result.claim.chapter == number]
+        look = [result for result in group if result.status in (Status.DEVIATES, Status.ERROR)]
+        rows = [_cells(result) for result in group]
+        chapters.append({"number": number, "summary": summary_line(group), "look": look, "rows": rows})
     return page(
         TEMPLATE,
         "Claims ledger: what the thesis states, and what this program finds",
@@ -65,11 +56,6 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
 def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> None:
     """Write `render_page` to a file, atomically."""
     write_text(render_page(results, scale), path)
-
-
-def _by_chapter(results: Sequence[Result]) -> list[tuple[int, list[Result]]]:
-    ordered = sorted(results, key=lambda r: r.claim.chapter)  # stable: the ledger's order within a chapter
-    return [(number, list(group)) for number, group in groupby(ordered, key=lambda r: r.claim.chapter)]
 
 
 def _cells(result: Result) -> dict:

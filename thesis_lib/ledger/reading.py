@@ -50,8 +50,7 @@ Model = TypeVar("Model", bound=BaseModel)
 def load_yaml(path: str | Path) -> Document:
     """The content of a YAML file and the lines of its keys.
 
-    Raises:
-        UserError: the file is missing, is not plain YAML, or repeats a key (YAML would keep only the last).
+    UserError if the file is missing, is not plain YAML, or repeats a key (YAML would keep only the last).
     """
     document = read_yaml(path)
     document.refuse_repeated(path)
@@ -65,14 +64,10 @@ def validate(
     problems: Sequence[str] = (),
     elsewhere: Container[Key] = (),
 ) -> Model:
-    """The content of a document as an instance of `model`.
+    """The content of a document as an instance of `model`; UserError with a line for each mistake.
 
-    Args:
-        problems: mistakes already known to the caller; they join the same error.
-        elsewhere: places, e.g. ("claims", 3, "check"), whose mistakes are reported at another place.
-
-    Raises:
-        UserError: one line for each mistake.
+    problems: mistakes already known, which join the same error.  elsewhere: places, e.g. ("claims", 3, "check"), whose
+    mistakes are reported at another place.
     """
     mistakes = list(problems)
     try:
@@ -151,17 +146,12 @@ class Cells:
             raise CorruptFileError(f"{path} has two columns called {', '.join(twice)[:200]}; delete it and run again.")
         for i, row in enumerate(rows):
             if len(row) != len(columns):
-                raise CorruptFileError(
-                    f"{path}, data row {i}: {len(row)} cells under {len(columns)} columns; delete it and run again."
-                )
+                cells = f"{len(row)} cells under {len(columns)} columns"
+                raise CorruptFileError(f"{path}, data row {i}: {cells}; delete it and run again.")
         return cls(path, columns, rows)
 
     def column(self, name: str) -> list[str]:
-        """The cells of one column.
-
-        Raises:
-            UserError: there is no such column.
-        """
+        """The cells of one column; UserError if there is none of this name."""
         if name not in self.columns:
             raise UserError(f"{self.path} has no column {name!r}; it has {', '.join(self.columns)}.")
         index = self.columns.index(name)
@@ -169,24 +159,17 @@ class Cells:
 
 
 def number(cell: str) -> float:
-    """The number in a cell; an empty cell is NaN.
-
-    Raises:
-        ValueError: the cell holds something else.
-    """
+    """The number in a cell; an empty cell is NaN, ValueError for anything else."""
     return float(cell) if cell.strip() else math.nan
 
 
 def read_present(path: str | Path) -> dict[str, bool]:
     """Whether this run had each dataset, from a file like {"planar_impact": {"present": true, ...}, ...}.
 
-    Raises:
-        UserError: the file is missing or has another form.
+    UserError if the file is missing or has another form.
     """
     content = read_json(path)
     if not all(isinstance(entry, dict) and isinstance(entry.get("present"), bool) for entry in content.values()):
-        raise CorruptFileError(
-            f'{path} should look like {{"planar_impact": {{"present": true}}}}, one entry for each dataset; '
-            "delete it and run again."
-        )
+        wanted = '{"planar_impact": {"present": true}}, one entry for each dataset'
+        raise CorruptFileError(f"{path} should look like {wanted}; delete it and run again.")
     return {name: entry["present"] for name, entry in content.items()}

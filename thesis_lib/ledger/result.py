@@ -37,11 +37,8 @@ class Status(StrEnum):
 class Result:
     """One claim and what this run found.
 
-    Attributes:
-        published, ours: as shown, '' if there is none.
-        std: our standard error, NaN if unknown.
-        difference, relative_difference: defined in the module's head; NaN if they have no meaning.
-        finding: the measurement, or what went wrong, in words.
+    published, ours: as shown, '' if there is none.  std: our standard error.  Numbers are NaN where they have no
+    meaning.  finding: the measurement, or what went wrong, in words.
     """
 
     claim: Claim
@@ -64,19 +61,13 @@ class Result:
 
 
 COLUMNS = (  # explained in foundation/columns.yaml
-    *("id", "chapter", "location", "statement"),
-    *("published", "ours", "std", "unit"),
-    *("difference", "relative_difference", "status"),
-    *("reason", "tolerance"),
+    *("id", "chapter", "location", "statement", "published", "ours", "std", "unit"),
+    *("difference", "relative_difference", "status", "reason", "tolerance"),
 )
 
 
 def refuse_errors(results: Sequence[Result]) -> None:
-    """Raise if any claim could not be compared.
-
-    Raises:
-        UserError: lists each such claim and what is wrong with it.
-    """
+    """Raise a UserError that lists the claims that could not be compared, and why."""
     errors = [f"- {r.claim.id}: {r.finding}" for r in results if r.status is Status.ERROR]
     if errors:
         count = "1 claim" if len(errors) == 1 else f"{len(errors)} claims"
@@ -85,11 +76,15 @@ def refuse_errors(results: Sequence[Result]) -> None:
 
 def to_table(results: Sequence[Result]) -> pd.DataFrame:
     """The results as text cells (claims.csv)."""
+
+    def exact(value: float) -> str:
+        return "" if math.isnan(value) else FLOAT_FORMAT % value
+
     rows = [
         (
             *(r.claim.id, str(r.claim.chapter), r.claim.location, r.claim.statement),
-            *(r.published, r.ours, _exact(r.std), r.claim.unit),
-            *(_exact(r.difference), _exact(r.relative_difference), str(r.status)),
+            *(r.published, r.ours, exact(r.std), r.claim.unit),
+            *(exact(r.difference), exact(r.relative_difference), str(r.status)),
             *(r.reason, r.claim.check.text()),
         )
         for r in results
@@ -118,7 +113,3 @@ def summary_line(results: Sequence[Result]) -> str:
     if counts[Status.ERROR]:
         parts.append(f"{counts[Status.ERROR]} could not be compared")
     return f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
-
-
-def _exact(value: float) -> str:
-    return "" if math.isnan(value) else FLOAT_FORMAT % value
