@@ -8,8 +8,7 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
-from thesis_lib.records.claims import claims
-from thesis_lib.records.critique import OUTSIDE, PROVEN, QUIET, VERDICT, proof, verdict
+from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET, claims, proof, verdict
 
 
 def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: float | None = 0.1) -> dict:
@@ -118,7 +117,7 @@ def test_claims_are_counted_and_compared_by_chapter() -> None:
 
 def test_a_finding_reads_json_and_names_the_file_that_lacks_something(tmp_path: Path) -> None:
     write_json({"verdict": "adequate"}, tmp_path / "diagnosis.json")
-    plain = replace(VERDICT, finding=lambda read: read["verdict"])
+    plain = replace(verdict, finding=lambda read: read["verdict"])
     assert plain.found(tmp_path) == "adequate"
     with pytest.raises(UserError, match=r"diagnosis\.json lack 'error'"):
-        VERDICT.found(tmp_path)
+        verdict.found(tmp_path)

@@ -1,22 +1,35 @@
 """Figures 2-10 to 2-15: contact forces and impulses of wheel, arm and ellipse."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from thesis_lib.records.chapter2_mechanisms import SIMULATED
 from thesis_lib.records.record import Figure, Job, Table, Tolerance
-from thesis_lib.records.rows import FROM_ZERO, row_of
+from thesis_lib.records.rows import FROM_ZERO, DataFrame, Series, row_of
 from thesis_lib.statistics.wording import count, ends, estimate, listed, number, percent, side
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 THESIS_FORCES = 0.2  # section 2.4: contact forces of arm and disk are estimated to within about 20 %
 ARCS = "arcs"  # maximum likelihood over arcs, without a contact law
+ITERATED = "estimates by iterated least squares; a thousandth of a force cannot be seen"
 WHEEL = Job("ch2_wheel", "chapter2", group="forces")
 ARM = Job("ch2_arm", "chapter2", group="forces")
 IMPACT_FORCES = Job("ch2_impact_forces", "chapter2", group="forces")
 
 
-def figure_2_10(figure: "pd.DataFrame") -> str:
+@Figure.found_by(
+    job=WHEEL,
+    title="The motion of the rimless wheel for several masses at the same inertia about its hub",
+    caption="""Only the ratio m/I matters: wheels with the same ratio move alike. Wheel and masses are ours; the
+thesis gives none.""",
+    keys="mass",
+    tolerances={"t theta omega": SIMULATED},
+    columns={
+        "mass": ("kg", "mass of the wheel; its inertia is the same in all"),
+        "t": ("s", "time since the start"),
+        "theta": ("rad", "angle since the start"),
+        "omega": ("rad/s", "angular velocity"),
+    },
+)
+def figure_2_10(figure: DataFrame) -> str:
     """Angles through which wheels of different masses turn."""
     last = figure.sort_values("t").groupby("mass")["theta"].last().abs()
     rises, falls = last.is_monotonic_increasing, last.is_monotonic_decreasing
@@ -30,30 +43,26 @@ def figure_2_10(figure: "pd.DataFrame") -> str:
     )
 
 
-FIGURE_2_10 = Figure(
-    name="figure_2_10",
+@Figure.found_by(
     job=WHEEL,
-    title="The motion of the rimless wheel for several masses at the same inertia about its hub",
-    caption="""Only the ratio m/I matters: wheels with the same ratio move alike. Wheel and masses are ours; the
-thesis gives none.""",
-    finding=figure_2_10,
-    reads=("figure_2_10.csv",),
-    keys="mass",
-    tolerances={
-        "t theta omega": Tolerance(
-            ("a deterministic simulation in closed form per step; only rounding, which impacts multiply"), abs=1e-06
-        )
-    },
+    title="Normal force of the first three spokes of the rolling rimless wheel",
+    caption="""Truth, the estimate from noise-free states, and our estimate at 40 dB with its standard errors. Steps
+with an impact are marked apart, because their force is an impulse over one time step and would hide the rest.
+
+What to look for: whether the truth lies within the standard errors of our estimate.""",
+    reads=("figure_2_11.csv", "wheel_forces.csv"),
+    keys="spoke series kind",
+    tolerances={"t force_or_impulse std": Tolerance(ITERATED, abs=0.0001, rel=0.001)},
     columns={
-        "mass": ("kg", "mass of the wheel; its inertia is the same in all"),
-        "t": ("s", "time since the start"),
-        "theta": ("rad", "angle since the start"),
-        "omega": ("rad/s", "angular velocity"),
+        "spoke": ("1", "place of the spoke in the order of touching, from 1"),
+        "series": ("", "truth, noise_free, plain or fit, as in wheel_forces_rows"),
+        "kind": ("", "rolling or touchdown: normal force in a step; impulse: sum over a touchdown"),
+        "t": ("s", "middle of the step or of the touchdown"),
+        "force_or_impulse": ("N or N s", "normal force, or impulse where kind says so"),
+        "std": ("N or N s", "its standard error; only of fit"),
     },
 )
-
-
-def figure_2_11(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
+def figure_2_11(figure: DataFrame, summary: DataFrame) -> str:
     """Whether the true normal forces lie within the stated errors of the estimates."""
     rolling = figure[figure["kind"] == "rolling"]
     force = rolling.pivot_table(index=["spoke", "t"], columns="series", values="force_or_impulse")
@@ -70,35 +79,17 @@ def figure_2_11(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
     )
 
 
-FIGURE_2_11 = Figure(
-    name="figure_2_11",
+@Table.found_by(
     job=WHEEL,
-    title="Normal force of the first three spokes of the rolling rimless wheel",
-    caption="""Truth, the estimate from noise-free states, and our estimate at 40 dB with its standard errors.
-Steps with an impact are marked apart, because their force is an impulse over one time step and would hide the
-rest.
+    title="Errors of the contact forces of the rimless wheel's first three spokes",
+    caption="""Relative rms errors of the normal and tangential forces over contact steps, touchdowns apart: from
+exact states (eq. 2.12), from noisy states by the plain program, and by our maximum likelihood, with the records that
+its tests refuse.
 
-What to look for: whether the truth lies within the standard errors of our estimate.""",
-    finding=figure_2_11,
-    reads=("figure_2_11.csv", "wheel_forces.csv"),
-    keys="spoke series kind",
-    tolerances={
-        "t force_or_impulse std": Tolerance(
-            "estimates by iterated least squares; a thousandth of a force cannot be seen", abs=0.0001, rel=0.001
-        )
-    },
-    columns={
-        "spoke": ("1", "place of the spoke in the order of touching, from 1"),
-        "series": ("", "truth, noise_free, plain or fit, as in wheel_forces_rows"),
-        "kind": ("", "rolling or touchdown: normal force in a step; impulse: sum over a touchdown"),
-        "t": ("s", "middle of the step or of the touchdown"),
-        "force_or_impulse": ("N or N s", "normal force, or impulse where kind says so"),
-        "std": ("N or N s", "its standard error; only of fit"),
-    },
+What to look for: how far the errors of our maximum likelihood lie below those of the plain program on the same noisy
+states, and how many records its tests refuse.""",
 )
-
-
-def wheel_forces(table: "pd.DataFrame") -> str:
+def wheel_forces(table: DataFrame) -> str:
     """Errors of the spokes' forces, and refused motions."""
     fit, plain = (table[table["method"] == method] for method in ("fit", "plain"))
     errors = [
@@ -112,22 +103,26 @@ def wheel_forces(table: "pd.DataFrame") -> str:
     )
 
 
-WHEEL_FORCES = Table(
-    name="wheel_forces",
-    job=WHEEL,
-    title="Errors of the contact forces of the rimless wheel's first three spokes",
-    caption="""Relative rms errors of the normal and tangential forces over contact steps, touchdowns apart:
-from exact states (eq. 2.12), from noisy states by the plain program, and by our maximum likelihood, with the
-records that its tests refuse.
+@Figure.found_by(
+    job=ARM,
+    title="Estimated and true contact forces of the disk with arm and ground, at 40 dB",
+    caption="""Forces and inertial parameters are identified together. Arm, torques and friction are ours: the
+thesis gives no numbers. The thesis's estimates are within about 20 %.
 
-What to look for: how far the errors of our maximum likelihood lie below those of the plain program on the same
-noisy states, and how many records its tests refuse.""",
-    finding=wheel_forces,
-    reads=("wheel_forces.csv",),
+What to look for: whether the estimates follow the truth through every change of contact, and where they leave it.""",
+    keys="pair component",
+    tolerances={"t true estimate std plain": Tolerance(ITERATED, abs=0.001, rel=0.001)},
+    columns={
+        "pair": ("", "as in arm_forces"),
+        "component": ("", "normal or tangential force on the disk"),
+        "t": ("s", "time since release, start of the step"),
+        "true": ("N", "force in the simulation"),
+        "estimate": ("N", "maximum likelihood from noisy states"),
+        "std": ("N", "its standard error"),
+        "plain": ("N", "answer of the plain program on the same noisy states"),
+    },
 )
-
-
-def figure_2_12(figure: "pd.DataFrame") -> str:
+def figure_2_12(figure: DataFrame) -> str:
     """Errors of the forces at arm and ground on the trajectory shown."""
     errors = {
         str(pair): [_relative_rms(forces[name], forces["true"]) for name in ("estimate", "plain")]
@@ -146,36 +141,17 @@ def figure_2_12(figure: "pd.DataFrame") -> str:
     )
 
 
-FIGURE_2_12 = Figure(
-    name="figure_2_12",
+@Table.found_by(
     job=ARM,
-    title="Estimated and true contact forces of the disk with arm and ground, at 40 dB",
-    caption="""Forces and inertial parameters are identified together. Arm, torques and friction are ours: the
-thesis gives no numbers. The thesis's estimates are within about 20 %.
+    title="Errors of contact forces and base parameters of arm and disk",
+    caption="""Forces and parameters of a trajectory are identified together: from exact states (eq. 2.12), from
+noisy states by the plain program, and by our maximum likelihood from blind starts, whose refusals count as failures in
+the shares.
 
-What to look for: whether the estimates follow the truth through every change of contact, and where they leave
-it.""",
-    finding=figure_2_12,
-    reads=("figure_2_12.csv",),
-    keys="pair component",
-    tolerances={
-        "t true estimate std plain": Tolerance(
-            "estimates by iterated least squares; a thousandth of a force cannot be seen", abs=0.001, rel=0.001
-        )
-    },
-    columns={
-        "pair": ("", "as in arm_forces"),
-        "component": ("", "normal or tangential force on the disk"),
-        "t": ("s", "time since release, start of the step"),
-        "true": ("N", "force in the simulation"),
-        "estimate": ("N", "maximum likelihood from noisy states"),
-        "std": ("N", "its standard error"),
-        "plain": ("N", "answer of the plain program on the same noisy states"),
-    },
+What to look for: how far the errors of our maximum likelihood lie below those of the plain program on the same noisy
+states, and how many trajectories it refuses.""",
 )
-
-
-def arm_summary(table: "pd.DataFrame") -> str:
+def arm_summary(table: DataFrame) -> str:
     """Errors of forces and base parameters, and refused trajectories."""
     rows = table.set_index(["quantity", "method"])
     median = {key: float(value) for key, value in rows["error_median"].items()}
@@ -195,22 +171,27 @@ def arm_summary(table: "pd.DataFrame") -> str:
     )
 
 
-ARM_SUMMARY = Table(
-    name="arm_summary",
-    job=ARM,
-    title="Errors of contact forces and base parameters of arm and disk",
-    caption="""Forces and parameters of a trajectory are identified together: from exact states (eq. 2.12), from
-noisy states by the plain program, and by our maximum likelihood from blind starts, whose refusals count as
-failures in the shares.
-
-What to look for: how far the errors of our maximum likelihood lie below those of the plain program on the same
-noisy states, and how many trajectories it refuses.""",
-    finding=arm_summary,
-    reads=("arm_summary.csv",),
+@Figure.found_by(
+    job=IMPACT_FORCES,
+    title="An ellipse comes down, and the force of that impact",
+    caption="""Drake's compliant contact stands in for the force sensor, whose recordings are not public. What the
+250 Hz poses determine is the impulse; a peak force follows only with the declared contact duration, a choice of ours,
+and the half-sine drawn has that duration.""",
+    reads=("figure_2_15.csv", "impact_force_summary.csv"),
+    keys="panel series",
+    tolerances={
+        "t x y force z density": Tolerance(
+            "Drake controls its own step; 1 % of a force cannot be seen", abs=0.0001, rel=0.01
+        )
+    },
+    columns={
+        "t": ("s", "time since touch"),
+        "force": ("N", "normal force"),
+        "z": ("1", "error of an impulse over its stated standard deviation: centre of the bin"),
+        "density": ("1", "probability density of z"),
+    },
 )
-
-
-def figure_2_15(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
+def figure_2_15(figure: DataFrame, summary: DataFrame) -> str:
     """The peak of the impact shown, and the spread of the impulses' errors."""
     peak = figure[figure["panel"] == "b"].groupby("series")["force"].max().astype(float)
     normal, tangential = (row_of(summary, method=ARCS, reference=name) for name in ("true_c_n", "true_c_t"))
@@ -224,33 +205,17 @@ def figure_2_15(figure: "pd.DataFrame", summary: "pd.DataFrame") -> str:
     )
 
 
-FIGURE_2_15 = Figure(
-    name="figure_2_15",
+@Table.found_by(
     job=IMPACT_FORCES,
-    title="An ellipse comes down, and the force of that impact",
-    caption="""Drake's compliant contact stands in for the force sensor, whose recordings are not public. What
-the 250 Hz poses determine is the impulse; a peak force follows only with the declared contact duration, a
-choice of ours, and the half-sine drawn has that duration.""",
-    finding=figure_2_15,
-    reads=("figure_2_15.csv", "impact_force_summary.csv"),
-    keys="panel series",
-    tolerances={
-        "t x y force z density": Tolerance(
-            ("Drake integrates the contact with a step control of its own; 1 % of a force cannot be seen"),
-            abs=0.0001,
-            rel=0.01,
-        )
-    },
-    columns={
-        "t": ("s", "time since touch"),
-        "force": ("N", "normal force"),
-        "z": ("1", "error of an impulse over its stated standard deviation: centre of the bin"),
-        "density": ("1", "probability density of z"),
-    },
+    title="Impulse and peak force of an ellipse's impacts, against the simulated truth",
+    caption="""Impulses estimated from noisy 250 Hz poses, against the integral of the force in Drake's compliant
+contact and against a modelled force plate; and the peak of a half-sine of the declared contact duration against the
+true peak. The thesis's mean and standard deviation of the error in peak force stand beside it.
+
+What to look for: impulses against peaks. The impulse does not depend on the declared duration of the contact, the peak
+does.""",
 )
-
-
-def impact_force_summary(table: "pd.DataFrame") -> str:
+def impact_force_summary(table: DataFrame) -> str:
     """Impulses and peak forces against the simulation."""
     impulse, peak, plate = (
         row_of(table, method=ARCS, reference=name) for name in ("true_c_n", "peak_true", "peak_sensor")
@@ -269,23 +234,7 @@ def impact_force_summary(table: "pd.DataFrame") -> str:
     )
 
 
-IMPACT_FORCE_SUMMARY = Table(
-    name="impact_force_summary",
-    job=IMPACT_FORCES,
-    title="Impulse and peak force of an ellipse's impacts, against the simulated truth",
-    caption="""Impulses estimated from noisy 250 Hz poses, against the integral of the force in Drake's
-compliant contact and against a modelled force plate; and the peak of a half-sine of the declared contact
-duration against the true peak. The thesis's mean and standard deviation of the error in peak force stand beside
-it.
-
-What to look for: impulses against peaks. The impulse does not depend on the declared duration of the contact,
-the peak does.""",
-    finding=impact_force_summary,
-    reads=("impact_force_summary.csv",),
-)
-
-
-def _relative_rms(estimate: "pd.Series", truth: "pd.Series") -> float:
+def _relative_rms(estimate: Series, truth: Series) -> float:
     return float((((estimate - truth) ** 2).sum() / (truth**2).sum()) ** 0.5)
 
 

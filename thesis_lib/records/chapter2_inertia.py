@@ -1,13 +1,8 @@
 """Table 2.1, m/I and hidden effects: what follows from motion, and what is missing."""
 
-from typing import TYPE_CHECKING
-
 from thesis_lib.records.record import Figure, Job, Table, Tolerance
-from thesis_lib.records.rows import FROM_ZERO, row_of
+from thesis_lib.records.rows import FROM_ZERO, DataFrame, Series, row_of
 from thesis_lib.statistics.wording import count, ends, estimate, interval, listed, number, percent, side, times
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OUTSIDE = "cogging"  # the only hidden cause that no effect of the critique's library describes
 ARCS = "arcs"  # maximum likelihood over arcs, without a contact law
@@ -25,9 +20,8 @@ HIDDEN = Job("ch2_hidden", "chapter2", group="hidden effects")
 ESTIMATES = {  # shared by the table and its figure
     "title": "Estimates of m/I from noisy drops of block and ellipse",
     "caption": """The thesis's mean errors, a plain program (eq. 2.23), least squares at the true impact steps, and
-our maximum likelihood over arcs with free impulses, with gaps, and with the contact law, beside the Cramér-Rao
-bound. The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of
-0.8.
+our maximum likelihood over arcs with free impulses, with gaps, and with the contact law, beside the Cramér-Rao bound.
+The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.
 
 What to look for: bias, which does not fall with more drops, and how near our errors come to the bound.""",
 }
@@ -40,7 +34,16 @@ What to look for: the hypotheses whose interval holds the value of the header.""
 }
 
 
-def programs(table: "pd.DataFrame") -> str:
+@Table.found_by(
+    job=GATHER,
+    title="Starts from which each program finds parameters and contact forces",
+    caption="""Counted are random starts that end within 1e-6 of the truth, for each program of thesis section
+2.3.2, mechanism and window length, on noise-free windows. A solver's own claim of success does not count; claims that
+are wrong are counted beside it. The qp is our mode-wise quadratic program.
+
+What to look for: window lengths at which a program stops finding the truth, and claims of success that are wrong.""",
+)
+def programs(table: DataFrame) -> str:
     """Starts from which each program converges to the truth."""
     counts = table.groupby("name", sort=False)[["n_success", "n_starts"]].sum()
     parts = [f"{name} {ok:,} of {n:,}" for name, (ok, n) in zip(counts.index, counts.to_numpy())]
@@ -54,22 +57,17 @@ def programs(table: "pd.DataFrame") -> str:
     )
 
 
-PROGRAMS = Table(
-    name="programs",
-    job=GATHER,
-    title="Starts from which each program finds parameters and contact forces",
-    caption="""Counted are random starts that end within 1e-6 of the truth, for each program of thesis section
-2.3.2, mechanism and window length, on noise-free windows. A solver's own claim of success does not count;
-claims that are wrong are counted beside it. The qp is our mode-wise quadratic program.
-
-What to look for: window lengths at which a program stops finding the truth, and claims of success that are
-wrong.""",
-    finding=programs,
-    reads=("programs.csv",),
+@Figure.found_by(
+    job=NOISE,
+    **ESTIMATES,
+    keys="shape method snr",
+    tolerances={
+        "n mean_error mean_error_std error_over_bound thesis": Tolerance(
+            "a minimum that ends elsewhere in one noisy drop moves a mean by this much", abs=0.01, rel=0.02
+        )
+    },
 )
-
-
-def figure_table_2_1(table: "pd.DataFrame") -> str:
+def figure_table_2_1(table: DataFrame) -> str:
     """Errors of m/I against the Cramér-Rao bound."""
     arcs, plain = (table.loc[table["method"] == name, "error_over_bound"] for name in (ARCS, "plain"))
     share = (2.0 * table["n"]) ** -0.5  # standard error of the root mean square of n normal errors, relative
@@ -83,26 +81,11 @@ def figure_table_2_1(table: "pd.DataFrame") -> str:
     )
 
 
-def _span(values: "pd.Series") -> str:
+def _span(values: Series) -> str:
     return f"{number(float(values.min()), digits=2)} to {number(float(values.max()), digits=2)}"
 
 
-FIGURE_TABLE_2_1 = Figure(
-    name="figure_table_2_1",
-    job=NOISE,
-    **ESTIMATES,
-    finding=figure_table_2_1,
-    reads=("figure_table_2_1.csv",),
-    keys="shape method snr",
-    tolerances={
-        "n mean_error mean_error_std error_over_bound thesis": Tolerance(
-            "a minimum that ends elsewhere in one noisy drop moves a mean by this much", abs=0.01, rel=0.02
-        )
-    },
-)
-
-
-def table_2_1(table: "pd.DataFrame") -> str:
+def table_2_1(table: DataFrame) -> str:
     """Bias of m/I."""
     best = table[table["snr"] == table["snr"].max()]
     parts = []
@@ -127,7 +110,7 @@ def table_2_1(table: "pd.DataFrame") -> str:
 TABLE_2_1 = Table(name="table_2_1", job=NOISE, **ESTIMATES, finding=table_2_1, reads=("table_2_1.csv",))
 
 
-def measured_ratio(table: "pd.DataFrame") -> str:
+def measured_ratio(table: DataFrame) -> str:
     """m/I as measured, against the dataset's header."""
     table = table[table["status"] == "ok"]
     if table.empty:
@@ -135,7 +118,7 @@ def measured_ratio(table: "pd.DataFrame") -> str:
     return " ".join(_measured(str(name), rows) for name, rows in table.groupby("dataset", sort=False))
 
 
-def _measured(dataset: str, rows: "pd.DataFrame") -> str:
+def _measured(dataset: str, rows: DataFrame) -> str:
     header = float(rows["published"].iloc[0])
     # a dataset has one of these two misfits of the residuals
     rows = rows.assign(misfit=rows["scale"].fillna(rows["velocity_noise"])).sort_values("misfit")
@@ -160,7 +143,6 @@ MEASURED_RATIO = Table(
     name="measured_ratio", job=MEASURED_RATIOS, **RATIOS, finding=measured_ratio, reads=("measured_ratio.csv",)
 )
 
-
 FIGURE_MEASURED_RATIO = Figure(
     name="figure_measured_ratio",
     job=MEASURED_RATIOS,
@@ -176,7 +158,27 @@ FIGURE_MEASURED_RATIO = Figure(
 )
 
 
-def figure_hidden(summary: "pd.DataFrame") -> str:
+@Figure.found_by(
+    job=HIDDEN,
+    title="What was hidden in arm and wheel, and what the critique found",
+    caption="""Rows: what was hidden in simulated trials. Columns: what the critique of their residual forces found
+first, over datasets, mechanisms and noise levels. Also drawn: contact forces of one trial, computed without and with
+the effect that was found.
+
+What to look for: entries off the diagonal, which are wrong names; and computed forces that return to the truth with the
+effect.""",
+    reads=("hidden_summary.csv",),
+    keys="panel truth column",
+    tolerances={"t value": Tolerance("shares are counts; forces by one least squares", abs=0.001, rel=0.001)},
+    columns={
+        "panel": ("", "mechanism, or component of the force drawn"),
+        "truth": ("", "what was hidden; empty for forces"),
+        "column": ("", "what was found first or the verdict; of forces: true, without, with_effects"),
+        "t": ("s", "time; empty for shares"),
+        "value": ("1 or N", "share of datasets, or force"),
+    },
+)
+def figure_hidden(summary: DataFrame) -> str:
     """How often the hidden effect was found, and what adding it does to the forces."""
     datasets = summary["datasets"]
     right = (summary["right"] * datasets).round()
@@ -195,27 +197,3 @@ def figure_hidden(summary: "pd.DataFrame") -> str:
         f"contact forces {change} with the effect that was found from {percent(before)} to {percent(after)} (median of "
         "the hidden effects)."
     )
-
-
-FIGURE_HIDDEN = Figure(
-    name="figure_hidden",
-    job=HIDDEN,
-    title="What was hidden in arm and wheel, and what the critique found",
-    caption="""Rows: what was hidden in simulated trials. Columns: what the critique of their residual forces
-found first, over datasets, mechanisms and noise levels. Also drawn: contact forces of one trial, computed
-without and with the effect that was found.
-
-What to look for: entries off the diagonal, which are wrong names; and computed forces that return to the truth
-with the effect.""",
-    finding=figure_hidden,
-    reads=("hidden_summary.csv",),
-    keys="panel truth column",
-    tolerances={"t value": Tolerance("shares are counts; forces by one least squares", abs=0.001, rel=0.001)},
-    columns={
-        "panel": ("", "mechanism, or component of the force drawn"),
-        "truth": ("", "what was hidden; empty for forces"),
-        "column": ("", "what was found first or the verdict; of forces: true, without, with_effects"),
-        "t": ("s", "time; empty for shares"),
-        "value": ("1 or N", "share of datasets, or force"),
-    },
-)

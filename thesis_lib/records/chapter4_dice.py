@@ -1,17 +1,8 @@
 """Figure 4-8 and its tables: errors of each contact model in the resting position of dice."""
 
-# pandas' stubs do not type the cells of a row
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
 from thesis_lib.records.record import THROWN, Figure, Job, Table, Tolerance
-from thesis_lib.records.rows import compared, counted, row_of, share
-from thesis_lib.statistics.wording import interval, listed, number, percent, side
-
-if TYPE_CHECKING:
-    import pandas as pd
+from thesis_lib.records.rows import DataFrame, compared, counted, lies, row_of, share, value
+from thesis_lib.statistics.wording import listed, number, percent
 
 THROWERS = {  # as in the legend of figure 4-8
     "law": "law alone",
@@ -26,51 +17,18 @@ FEWEST = 3  # points for a slope with an interval
 # thesis, figure 4-8: mean and standard deviation of the error at rest; section 4.4: share of right sides
 PUBLISHED = {"law": (-0.97, 4.44, 0.23), "residual_wrench": (0.83, 1.83, 0.43)}
 THROWING = Job("ch4_dice", "chapter4/{dataset}", datasets=THROWN)
-PARTICLES = Tolerance(
-    (
-        "random particles of a seeded stream, each an exact solution; a contact that goes the "
-        "other way moves a few of them"
-    ),
-    abs=0.02,
-    rel=0.1,
-)
+PARTICLES = Tolerance("seeded particles; a contact that goes the other way moves a few of them", abs=0.02, rel=0.1)
 
 
-def figure_4_8(dice: "pd.DataFrame") -> str:
-    """Bias and scatter of each model's error at rest, against the thesis."""
-    mean, std = (dice[dice["quantity"] == name].set_index("model") for name in ("mean", "std"))
-    parts = [
-        f"{_error(mean, std, model)} (thesis {m:g} ± {s})".replace("-", "−") for model, (m, s, _) in PUBLISHED.items()
-    ]
-    least = str(std["value"].idxmin())
-    if least not in PUBLISHED:
-        parts.append(f"{_error(mean, std, least)}, the least scatter")
-    scatter = compared(std.loc["residual_wrench"], std.loc["law"])
-    words = ("biased", "", "biased")
-    biased = [THROWERS[str(name)] for name, row in mean.iterrows() if side(row["low"], row["high"], 0.0, words)]
-    return (
-        f"Mean error ± standard deviation, in sides: {'; '.join(parts)}. The scatter with the learned wrench residual "
-        f"is {scatter} that of the law alone; the intervals of the mean leave out zero for "
-        f"{listed(biased) if biased else 'no model'}."
-    )
-
-
-def _error(mean: "pd.DataFrame", std: "pd.DataFrame", model: str) -> str:
-    row = mean.loc[model]
-    return f"{THROWERS[model]} {interval(row['value'], row['low'], row['high'])} ± {number(std.loc[model, 'value'])}"
-
-
-FIGURE_4_8 = Figure(
-    name="figure_4_8",
+@Figure.found_by(
     job=THROWING,
     title="Densities of the error in resting position, for each contact model",
-    caption="""Over the held-out throws of all splits, with mean and standard deviation. The error is measured
-minus expected position, in sides of the die; the expected position is the mean of the belief. The thesis has
-750 throws, of which 500 are public.
+    caption="""Over the held-out throws of all splits, with mean and standard deviation. The error is measured minus
+expected position, in sides of the die; the expected position is the mean of the belief. The thesis has 750 throws, of
+which 500 are public.
 
-What to look for: a narrow peak at zero. A peak beside zero is a bias, a second one a side of the die that is
-taken for another.""",
-    finding=figure_4_8,
+What to look for: a narrow peak at zero. A peak beside zero is a bias, a second one a side of the die that is taken for
+another.""",
     reads=("dice.csv",),
     keys="model",
     tolerances={"error density mean std beyond": PARTICLES},
@@ -83,32 +41,36 @@ taken for another.""",
         "beyond": ("1", "share of errors beyond the axis"),
     },
 )
+def figure_4_8(dice: DataFrame) -> str:
+    """Bias and scatter of each model's error at rest, against the thesis."""
+    mean, std = (dice[dice["quantity"] == name].set_index("model") for name in ("mean", "std"))
+    parts = [
+        f"{_error(mean, std, model)} (thesis {m:g} ± {s})".replace("-", "−") for model, (m, s, _) in PUBLISHED.items()
+    ]
+    least = str(std["value"].idxmin())
+    if least not in PUBLISHED:
+        parts.append(f"{_error(mean, std, least)}, the least scatter")
+    scatter = compared(std.loc["residual_wrench"], std.loc["law"])
+    biased = [THROWERS[str(name)] for name, row in mean.iterrows() if lies(row, 0.0, ("biased", "", "biased"))]
+    return (
+        f"Mean error ± standard deviation, in sides: {'; '.join(parts)}. The scatter with the learned wrench residual "
+        f"is {scatter} that of the law alone; the intervals of the mean leave out zero for "
+        f"{listed(biased) if biased else 'no model'}."
+    )
 
 
-def figure_calibration(coverage: "pd.DataFrame") -> str:
-    """Which models' beliefs over resting positions are as wide as their errors."""
-    rolls = coverage[coverage["kind"] == "roll"]
-    right, narrow, wide = "as many as stated, at the other levels too", "too few", "too many"
-    uneven = "as many as stated, but not at every other level"
-    groups: dict[str, list[str]] = {right: [], uneven: [], narrow: [], wide: []}
-    for model, rows in rolls.groupby("model", sort=False):
-        row = row_of(rows, level=SHOWN_LEVEL)
-        group = side(row["low"], row["high"], SHOWN_LEVEL, (narrow, uneven, wide))
-        groups[right if rows["passes"].all() else group].append(f"{THROWERS[str(model)]} {share(row, 'coverage')}")
-    parts = [f"{word} ({', '.join(models)})" for word, models in groups.items() if models]
-    return f"Measured ends inside the central {percent(SHOWN_LEVEL)} of the belief: {'; '.join(parts)}."
+def _error(mean: DataFrame, std: DataFrame, model: str) -> str:
+    return f"{THROWERS[model]} {value(mean.loc[model])} ± {number(std.loc[model, 'value'])}"
 
 
-FIGURE_CALIBRATION = Figure(
-    name="figure_calibration",
+@Figure.found_by(
     job=THROWING,
     title="Calibration of the beliefs over resting positions on held-out throws",
-    caption="""Histogram of the probability integral transform with the band that chance allows a right belief,
-and coverage of central regions with 95 % intervals. dice_calibration.csv has the same for single contacts.
+    caption="""Histogram of the probability integral transform with the band that chance allows a right belief, and
+coverage of central regions with 95 % intervals. dice_calibration.csv has the same for single contacts.
 
-What to look for: bars within the band and coverage on the diagonal. Bars that rise at both ends are a belief
-that is too narrow, bars that fall there one that is too wide.""",
-    finding=figure_calibration,
+What to look for: bars within the band and coverage on the diagonal. Bars that rise at both ends are a belief that is
+too narrow, bars that fall there one that is too wide.""",
     reads=("dice_calibration.csv",),
     keys="panel model",
     tolerances={"at value low high": PARTICLES},
@@ -121,55 +83,32 @@ that is too narrow, bars that fall there one that is too wide.""",
         "high": ("1", "upper end of it"),
     },
 )
+def figure_calibration(coverage: DataFrame) -> str:
+    """Which models' beliefs over resting positions are as wide as their errors."""
+    rolls = coverage[coverage["kind"] == "roll"]
+    right, narrow, wide = "as many as stated, at the other levels too", "too few", "too many"
+    uneven = "as many as stated, but not at every other level"
+    groups: dict[str, list[str]] = {right: [], uneven: [], narrow: [], wide: []}
+    for model, rows in rolls.groupby("model", sort=False):
+        row = row_of(rows, level=SHOWN_LEVEL)
+        group = lies(row, SHOWN_LEVEL, (narrow, uneven, wide))
+        groups[right if rows["passes"].all() else group].append(f"{THROWERS[str(model)]} {share(row, 'coverage')}")
+    parts = [f"{word} ({', '.join(models)})" for word, models in groups.items() if models]
+    return f"Measured ends inside the central {percent(SHOWN_LEVEL)} of the belief: {'; '.join(parts)}."
 
 
-def figure_restitution(contacts: "pd.DataFrame") -> str:
-    """The slope of restitution along the surface, measured and modelled, over first contacts (one per throw)."""
-    first = contacts[contacts["first"] == 1]
-    if len(first) < FEWEST:
-        return f"There is too little for a slope: {counted(len(first), 'first contact')}."
-    measured, model = (_slope(first, name) for name in ("measured", "model"))
-    verb = side(measured["low"], measured["high"], 0.0, ("falls", "neither rises nor falls for sure", "rises"))
-    return (
-        f"Over {counted(len(first), 'first contact')} measured restitution, about {first['measured'].median():.2f}, "
-        f"{verb} along the surface: {_per_10_cm(measured)}. That of the compliant contact has a slope of "
-        f"{_per_10_cm(model)}, {compared(model, measured)} the measured one."
-    )
-
-
-def _slope(contacts: "pd.DataFrame", column: str) -> dict[str, float]:
-    """Least-squares slope of a column over x, per 10 cm, with its 95 % interval."""
-    from scipy.stats import linregress, t
-
-    line = linregress(contacts["x"], contacts[column])
-    half = float(t.ppf(0.975, len(contacts) - 2)) * line.stderr
-    return {"value": 0.1 * line.slope, "low": 0.1 * (line.slope - half), "high": 0.1 * (line.slope + half)}
-
-
-def _per_10_cm(slope: Mapping[str, float]) -> str:
-    return f"{interval(slope['value'], slope['low'], slope['high'])} per 10 cm"
-
-
-FIGURE_RESTITUTION = Figure(
-    name="figure_restitution",
+@Figure.found_by(
     job=THROWING,
     title="Restitution of held-out contacts against the place of the contact on the surface",
-    caption="""Measured, and by the compliant contact fitted to training contacts. Impact laws have one number
-for it.
+    caption="""Measured, and by the compliant contact fitted to training contacts. Impact laws have one number for
+it.
 
 What to look for: a slope along the surface, which an impact law with one number for all places cannot follow.""",
-    finding=figure_restitution,
-    reads=("figure_restitution.csv",),
     keys="first trial",
     tolerances={
-        "x": Tolerance(
-            ("place of the contact point of the fitted body, whose search is stopped before it has settled wholly"),
-            abs=0.002,
-        ),
+        "x": Tolerance("contact point of the fitted body, whose search stops before it has settled wholly", abs=0.002),
         "measured": Tolerance("measured velocities, at a contact point of the fitted body", abs=0.03, rel=0.05),
-        "model": Tolerance(
-            "contact fitted by a seeded search that is stopped before it has settled wholly", abs=0.05, rel=0.05
-        ),
+        "model": Tolerance("a seeded search that stops before it has settled wholly", abs=0.05, rel=0.05),
     },
     most_rows=80,
     columns={
@@ -179,18 +118,51 @@ What to look for: a slope along the surface, which an impact law with one number
         "model": ("1", "the same by the fitted compliant contact"),
     },
 )
+def figure_restitution(contacts: DataFrame) -> str:
+    """The slope of restitution along the surface, measured and modelled, over first contacts (one per throw)."""
+    first = contacts[contacts["first"] == 1]
+    if len(first) < FEWEST:
+        return f"There is too little for a slope: {counted(len(first), 'first contact')}."
+    measured, model = (_slope(first, name) for name in ("measured", "model"))
+    verb = lies(measured, 0.0, ("falls", "neither rises nor falls for sure", "rises"))
+    return (
+        f"Over {counted(len(first), 'first contact')} measured restitution, about {first['measured'].median():.2f}, "
+        f"{verb} along the surface: {value(measured)} per 10 cm. That of the compliant contact has a slope of "
+        f"{value(model)} per 10 cm, {compared(model, measured)} the measured one."
+    )
 
 
-def dice(table: "pd.DataFrame") -> str:
+def _slope(contacts: DataFrame, column: str) -> dict[str, float]:
+    """Least-squares slope of a column over x, per 10 cm, with its 95 % interval."""
+    from scipy.stats import linregress, t
+
+    line = linregress(contacts["x"], contacts[column])
+    half = float(t.ppf(0.975, len(contacts) - 2)) * line.stderr
+    return {"value": 0.1 * line.slope, "low": 0.1 * (line.slope - half), "high": 0.1 * (line.slope + half)}
+
+
+@Table.found_by(
+    job=THROWING,
+    title="Thrown dice: how far each contact model misses the end",
+    caption="""Each model is simulated to rest from the measured starts of held-out throws. Given are the error in
+resting position in sides (mean, standard deviation, median of its size), share of throws on the right side, log score
+of the true end, and continuous ranked probability score; the same without uncertainty (certain); and the limit, what
+the noise of the start alone does to the end. Intervals are bootstraps over the throws of a split; std_splits is the
+spread over random splits. 500 of the thesis's 750 throws are public; dice_counts.csv says how many are used and why the
+others are not.
+
+What to look for: how near a model comes to the limit, which no model can pass, and what it loses when its uncertainty
+is left out.""",
+)
+def dice(table: DataFrame) -> str:
     """How near the models come to the measured ends, and to the limit set by the noise of the start."""
 
     def right(model: str, quantity: str = "face_right") -> str:
         return share(row_of(table, model=model, quantity=quantity))
 
     def missed(model: str) -> str:
-        miss = row_of(table, model=model, quantity="median_abs")
-        ends = interval(miss["value"], miss["low"], miss["high"], "sides")
-        return f"misses the end by {ends} and names the right side in {right(model)}"
+        miss = value(row_of(table, model=model, quantity="median_abs"), unit="sides")
+        return f"misses the end by {miss} and names the right side in {right(model)}"
 
     misses = table[table["quantity"] == "median_abs"].set_index("model")
     best = str(misses["value"].idxmin())
@@ -205,21 +177,3 @@ def dice(table: "pd.DataFrame") -> str:
         f"The noise of the measured start alone moves its ends by {number(limit, digits=2)} sides and keeps "
         f"{percent(kept)} of them on their side."
     )
-
-
-DICE = Table(
-    name="dice",
-    job=THROWING,
-    title="Thrown dice: how far each contact model misses the end",
-    caption="""Each model is simulated to rest from the measured starts of held-out throws. Given are the error
-in resting position in sides (mean, standard deviation, median of its size), share of throws on the right side,
-log score of the true end, and continuous ranked probability score; the same without uncertainty (certain); and
-the limit, what the noise of the start alone does to the end. Intervals are bootstraps over the throws of a
-split; std_splits is the spread over random splits. 500 of the thesis's 750 throws are public; dice_counts.csv
-says how many are used and why the others are not.
-
-What to look for: how near a model comes to the limit, which no model can pass, and what it loses when its
-uncertainty is left out.""",
-    finding=dice,
-    reads=("dice.csv",),
-)

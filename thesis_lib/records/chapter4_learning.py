@@ -1,17 +1,10 @@
 """Figures 4-1, 4-2, 4-5 and 4-6: learned contact models, and what they add to named physics."""
 
-# pandas' stubs do not type the cells of a row
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import math
-from typing import TYPE_CHECKING
 
-from thesis_lib.records.record import DROPPED, Figure, Job, Tolerance
-from thesis_lib.records.rows import Row, compared, counted, row_of
-from thesis_lib.statistics.wording import interval, listed, number, percent, side, times
-
-if TYPE_CHECKING:
-    import pandas as pd
+from thesis_lib.records.record import DROPPED, GEOMETRY, Figure, Job, Tolerance
+from thesis_lib.records.rows import DataFrame, Row, compared, counted, row_of, value
+from thesis_lib.statistics.wording import listed, number, percent, side, times
 
 LEARNERS = {  # as in the legends of figures 4-5 and 4-6
     "rigid_x1": "rigid, X1",
@@ -29,21 +22,18 @@ SURE = 2.0  # standard errors over splits that count as a difference
 SCHEMATICS = Job("ch4_schematics", "chapter4/common", group="contact space")
 FIGURES = Job("ch4_figures", "chapter4/{dataset}", datasets=DROPPED)
 NAMED_FIGURE = Job("ch4_named_figure", "chapter4/{dataset}", datasets=DROPPED)
-GEOMETRY = Tolerance("closed-form geometry; only rounding", abs=1e-08)
 LEARNED = Tolerance(
-    ("hyperparameters end a search where its gradient is small; errors follow them to a per cent"), abs=0.0001, rel=0.05
+    "hyperparameters end a search where its gradient is small; errors follow them to a per cent", abs=0.0001, rel=0.05
 )
-
 
 FIGURE_4_1 = Figure(
     name="figure_4_1",
     job=SCHEMATICS,
     title="A planar body that touches a level surface, and the energy ellipse of that impact",
-    caption="""Impulses inside it neither penetrate nor gain energy.""",
+    caption="Impulses inside it neither penetrate nor gain energy.",
     keys="panel series",
     tolerances={"x y c_t c_n": GEOMETRY},
 )
-
 
 FIGURE_4_2 = Figure(
     name="figure_4_2",
@@ -51,8 +41,8 @@ FIGURE_4_2 = Figure(
     title="The energy ellipsoid of contact wrenches, with the ellipse of point impulses in it",
     caption="""A couple about the contact point adds a third axis.
 
-What to look for: the third axis: outcomes above and below the flat ellipse need a couple, which no point
-impulse can give.""",
+What to look for: the third axis: outcomes above and below the flat ellipse need a couple, which no point impulse can
+give.""",
     keys="series curve",
     tolerances={"c_t c_n tau_over_k": GEOMETRY},
     columns={
@@ -65,7 +55,32 @@ impulse can give.""",
 )
 
 
-def figure_4_5(ratios: "pd.DataFrame", errors: "pd.DataFrame") -> str:
+@Figure.found_by(
+    job=FIGURES,
+    title="Densities of held-out errors of the velocity after impact",
+    caption="""With the thesis's 450 training impacts: data-driven models above, models with an impact law below,
+beside Best Post Hoc and the IRB Bound.
+
+What to look for: which densities reach to the left of the IRB Bound. A rigid impulse cannot; a learned wrench can.""",
+    reads=("learning_ratios.csv", "learning_errors.csv"),
+    keys="variant panel model n",
+    tolerances={
+        "error": Tolerance(
+            "hyperparameters end a search where its gradient is small; errors follow them to a per cent",
+            abs=1e-05,
+            rel=0.01,
+        ),
+        "density": Tolerance(
+            "hyperparameters end a search where its gradient is small; errors follow them to a per cent",
+            abs=0.01,
+            rel=0.05,
+        ),
+        "share_below": Tolerance("a few of the first split's impacts may change sides of an error", abs=0.02),
+    },
+    most_rows=60,
+    columns={"variant": ("", "row of the figure"), "n": ("1", "training impacts")},
+)
+def figure_4_5(ratios: DataFrame, errors: DataFrame) -> str:
     """Which models err less than the IRB Bound, by how much, and on how many impacts."""
     over = {name: row_of(ratios, statement=statement) for statement, name in OVER_BOUND.items()}
     shown = [f"{LEARNERS[name]}: {_with_error(row)}" for name, row in over.items()]
@@ -98,37 +113,22 @@ def _ratio_side(row: Row, words: tuple[str, str, str]) -> str:
     return side(row["value"] - SURE * row["std"], row["value"] + SURE * row["std"], 1.0, words)
 
 
-FIGURE_4_5 = Figure(
-    name="figure_4_5",
+@Figure.found_by(
     job=FIGURES,
-    title="Densities of held-out errors of the velocity after impact",
-    caption="""With the thesis's 450 training impacts: data-driven models above, models with an impact law
-below, beside Best Post Hoc and the IRB Bound.
+    title="Mean held-out error against the number of training impacts",
+    caption="""Over random splits of the trials, with 95 % intervals of the mean.
 
-What to look for: which densities reach to the left of the IRB Bound. A rigid impulse cannot; a learned wrench
-can.""",
-    finding=figure_4_5,
-    reads=("learning_ratios.csv", "learning_errors.csv"),
-    keys="variant panel model n",
-    tolerances={
-        "error": Tolerance(
-            ("hyperparameters end a search where its gradient is small; errors follow them to a per cent"),
-            abs=1e-05,
-            rel=0.01,
-        ),
-        "density": Tolerance(
-            ("hyperparameters end a search where its gradient is small; errors follow them to a per cent"),
-            abs=0.01,
-            rel=0.05,
-        ),
-        "share_below": Tolerance("a few of the first split's impacts may change sides of an error", abs=0.02),
+What to look for: where each curve becomes level: more impacts teach that model nothing more.""",
+    reads=("learning_summary.csv", "learning_convergence.csv"),
+    keys="panel model n",
+    tolerances={"mean low high": LEARNED},
+    columns={
+        "n": ("1", "training impacts"),
+        "low": ("m/s", "lower end of the 95 % interval of the mean over splits"),
+        "high": ("m/s", "upper end of it"),
     },
-    most_rows=60,
-    columns={"variant": ("", "row of the figure"), "n": ("1", "training impacts")},
 )
-
-
-def figure_4_6(summary: "pd.DataFrame", convergence: "pd.DataFrame") -> str:
+def figure_4_6(summary: DataFrame, convergence: DataFrame) -> str:
     """How far errors fall with training impacts, and the number of impacts from which they are level."""
     curves = [_curve(summary, convergence, name) for name in ("rigid_x1", "wrench_x1", "residual_wrench")]
     first, last = summary["n"].min(), summary["n"].max()
@@ -138,7 +138,7 @@ def figure_4_6(summary: "pd.DataFrame", convergence: "pd.DataFrame") -> str:
     )
 
 
-def _curve(summary: "pd.DataFrame", convergence: "pd.DataFrame", model: str) -> str:
+def _curve(summary: DataFrame, convergence: DataFrame, model: str) -> str:
     rows = summary[summary["model"] == model].sort_values("n")
     level = row_of(convergence, model=model)
     first, last = rows.iloc[0], rows.iloc[-1]
@@ -149,26 +149,24 @@ def _curve(summary: "pd.DataFrame", convergence: "pd.DataFrame", model: str) -> 
     return f"of {LEARNERS[model]} {moves} from {number(first['mean'])} to {_speed(last)} and {still}"
 
 
-FIGURE_4_6 = Figure(
-    name="figure_4_6",
-    job=FIGURES,
-    title="Mean held-out error against the number of training impacts",
-    caption="""Over random splits of the trials, with 95 % intervals of the mean.
+@Figure.found_by(
+    job=NAMED_FIGURE,
+    title="What is left to learn once the effects that the critique named are in",
+    caption="""Held-out error of the best plain law, with a learned rigid residual and with a learned wrench, and
+the same on top of the law with its effects, beside the IRB Bound and the noise floor; and against the number of
+training impacts.
 
-What to look for: where each curve becomes level: more impacts teach that model nothing more.""",
-    finding=figure_4_6,
-    reads=("learning_summary.csv", "learning_convergence.csv"),
+What to look for: how much a learned residual still takes away once the named effects are in.""",
     keys="panel model n",
     tolerances={"mean low high": LEARNED},
+    most_rows=200,
     columns={
         "n": ("1", "training impacts"),
-        "low": ("m/s", "lower end of the 95 % interval of the mean over splits"),
+        "low": ("m/s", "lower end of the 95 % interval: panel a over held-out trials, panel b over draws"),
         "high": ("m/s", "upper end of it"),
     },
 )
-
-
-def figure_named_physics(drawn: "pd.DataFrame") -> str:
+def figure_named_physics(drawn: DataFrame) -> str:
     """How much a learned wrench lowers the error before and after the effects are named, and what remains."""
     rungs = drawn[drawn["panel"] == "a"]
     law, wrench, effects, both = (
@@ -186,27 +184,5 @@ def figure_named_physics(drawn: "pd.DataFrame") -> str:
     )
 
 
-FIGURE_NAMED_PHYSICS = Figure(
-    name="figure_named_physics",
-    job=NAMED_FIGURE,
-    title="What is left to learn once the effects that the critique named are in",
-    caption="""Held-out error of the best plain law, with a learned rigid residual and with a learned wrench,
-and the same on top of the law with its effects, beside the IRB Bound and the noise floor; and against the
-number of training impacts.
-
-What to look for: how much a learned residual still takes away once the named effects are in.""",
-    finding=figure_named_physics,
-    reads=("figure_named_physics.csv",),
-    keys="panel model n",
-    tolerances={"mean low high": LEARNED},
-    most_rows=200,
-    columns={
-        "n": ("1", "training impacts"),
-        "low": ("m/s", "lower end of the 95 % interval: panel a over held-out trials, panel b over draws"),
-        "high": ("m/s", "upper end of it"),
-    },
-)
-
-
 def _speed(row: Row) -> str:
-    return interval(row["mean"], row["low"], row["high"], "m/s")
+    return value(row, "mean", "m/s")

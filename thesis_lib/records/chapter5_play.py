@@ -1,18 +1,11 @@
 """Figures 5-5, 5-6 and 5-9: the tower, and how well each policy plays."""
 
-# pandas' stubs do not type the cells of a row
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Figure, Job, Tolerance
-from thesis_lib.records.rows import Row, counted, row_of, share
-from thesis_lib.statistics.wording import ends, interval, listed, number, percent, side
-
-if TYPE_CHECKING:
-    import pandas as pd
+from thesis_lib.records.rows import DataFrame, Row, counted, difference, lies, row_of, share, value
+from thesis_lib.statistics.wording import listed, number, percent
 
 POLICIES = {  # as in the legend of figure 5-5 B
     "hma": "HMA",
@@ -32,11 +25,18 @@ THRESHOLD = 1.0  # mm, fixed on development towers
 TOWERS = Job("ch5_towers", "chapter5")
 STUDY = Job("ch5_study", "chapter5")
 SHOWCASE = Job("ch5_showcase", "chapter5")
+INTERVAL = {"low": ("1", "lower end of its 95 % interval"), "high": ("1", "upper end of it")}
+POSE = {
+    "block": ("1", "number of the block, 3 layer + place, from the bottom"),
+    **{name: ("m", "centre of the block") for name in "xyz"},
+    "qw": ("1", "orientation, real part of the unit quaternion"),
+    **{name: ("1", "orientation") for name in ("qx", "qy", "qz")},
+}
+AT_REST = "a tower at rest, to a tenth of its height tolerance: contacts settle with rounding"
 STICK_SLIP = (
     "played in a simulation of stick and slip: rounding decides where a block slips, and with it every push that "
     "follows; config/reference has the study's numbers, tests/jenga holds what makes them"
 )
-
 
 FIGURE_5_5A = Figure(
     name="figure_5_5a",
@@ -44,58 +44,24 @@ FIGURE_5_5A = Figure(
     title="The simulated tower",
     caption="""54 blocks that differ in height only (drawn from the simulator's poses).""",
     keys="block",
-    tolerances={
-        "x y z": Tolerance(
-            "a tower at rest, to a tenth of its height tolerance: contacts settle with rounding", abs=2e-05
-        ),
-        "qw qx qy qz": Tolerance(
-            "a tower at rest, to a tenth of its height tolerance: contacts settle with rounding", abs=0.002
-        ),
-    },
+    tolerances={"x y z": Tolerance(AT_REST, abs=2e-05), "qw qx qy qz": Tolerance(AT_REST, abs=0.002)},
     most_rows=60,
-    columns={
-        "block": ("1", "number of the block, 3 layer + place, from the bottom"),
-        "x": ("m", "centre of the block"),
-        "y": ("m", "centre of the block"),
-        "z": ("m", "centre of the block"),
-        "qw": ("1", "orientation, real part of the unit quaternion"),
-        "qx": ("1", "orientation"),
-        "qy": ("1", "orientation"),
-        "qz": ("1", "orientation"),
-    },
+    columns=POSE,
 )
 
 
-def figure_movable(summary: "pd.DataFrame") -> str:
-    """The share of movable blocks on test towers, and how it depends on the threshold."""
-    test = summary[summary["set"] == "test"].sort_values("threshold_mm")
-    row = row_of(test, threshold_mm=THRESHOLD)
-    verdict = _known(row, MOVABLE, ("below", "not told apart from", "above"), "too few to compare with")
-    least, most = test.iloc[0], test.iloc[-1]
-    return (
-        f"On {counted(row['n'], 'test tower')} {share(row, 'mean')} of the blocks tried are movable at the threshold "
-        f"of {THRESHOLD:g} mm, {verdict} the thesis's {percent(MOVABLE)}. "
-        f"With a threshold of {least['threshold_mm']:g} mm they are {percent(least['mean'])}, with "
-        f"{most['threshold_mm']:g} mm {percent(most['mean'])}."
-    )
-
-
-FIGURE_MOVABLE = Figure(
-    name="figure_movable",
+@Figure.found_by(
     job=TOWERS,
     title="Share of reachable blocks that a straight trial push can move",
-    caption="""Of the 45 reachable blocks, those that move without moving others, on development and on test
-towers, and how their share depends on the threshold.
+    caption="""Of the 45 reachable blocks, those that move without moving others, on development and on test towers,
+and how their share depends on the threshold.
 
-What to look for: how little the share changes about the threshold that is used; if it changed much, the choice
-would make the result.""",
-    finding=figure_movable,
+What to look for: how little the share changes about the threshold that is used; if it changed much, the choice would
+make the result.""",
     reads=("movable_summary.csv",),
     keys="set tower threshold_mm",
     tolerances={
-        "share": Tolerance(
-            "two blocks of 45 that move by just the threshold; of the few of a quick run, none", abs=0.05
-        )
+        "share": Tolerance("two blocks of 45 that move by just the threshold; none of a quick run's few", abs=0.05)
     },
     most_rows=80,
     columns={
@@ -105,90 +71,62 @@ would make the result.""",
         "share": ("1", "share of the 45 reachable blocks that are movable"),
     },
 )
-
-
-def figure_5_5b(curve: "pd.DataFrame", needed: "pd.DataFrame") -> str:
-    """Extractions of the hierarchical model, of the models with as many samples, and of the best other policy."""
-    size = row_of(needed, of="hma")["size"]
-    hma = row_of(curve, policy="hma", size=size)
-    goal = _known(hma, GOAL, ("below", "not told apart from", "above"), "too few to compare with")
-    alike = (curve["size"] == size) & curve["policy"].isin(["mor", "network"])
-    rivals = [f"{POLICIES[row['policy']]} {_value(row, 'mean')}" for _, row in curve[alike].iterrows()]
-    rest = f"; with as many, {listed(rivals)}" if rivals else ""
-    others = curve[~alike & (curve["policy"] != "hma")]
-    if len(others):
-        best = others.loc[others["mean"].idxmax()]
-        rest += f"; most of the other policies, {_policy(best['policy'], [best['size']])}: {_value(best, 'mean')}"
+def figure_movable(summary: DataFrame) -> str:
+    """The share of movable blocks on test towers, and how it depends on the threshold."""
+    test = summary[summary["set"] == "test"].sort_values("threshold_mm")
+    row = row_of(test, threshold_mm=THRESHOLD)
+    verdict = _known(row, MOVABLE)
+    least, most = test.iloc[0], test.iloc[-1]
     return (
-        f"With {size:,.0f} samples HMA extracts {_value(hma, 'mean')} blocks in a row, the mean of "
-        f"{counted(hma['n'], 'tower')}, {goal} the {GOAL} that the thesis expects{rest}."
+        f"On {counted(row['n'], 'test tower')} {share(row, 'mean')} of the blocks tried are movable at the threshold "
+        f"of {THRESHOLD:g} mm, {verdict} the thesis's {percent(MOVABLE)}. "
+        f"With a threshold of {least['threshold_mm']:g} mm they are {percent(least['mean'])}, with "
+        f"{most['threshold_mm']:g} mm {percent(most['mean'])}."
     )
 
 
-def _value(row: Row, column: str = "value") -> str:
-    return interval(row[column], row["low"], row["high"])
-
-
-FIGURE_5_5B = Figure(
-    name="figure_5_5b",
+@Figure.found_by(
     job=STUDY,
     title="Consecutive extractions of each policy against its number of samples",
-    caption="""Mean over test towers with 95 % intervals; policies without training are level lines.
-study_curve.csv has the numbers, study_games.csv each game.
+    caption="""Mean over test towers with 95 % intervals; policies without training are level lines. study_curve.csv
+has the numbers, study_games.csv each game.
 
 What to look for: policies whose intervals do not overlap, and the number of samples from which on they do not.""",
-    finding=figure_5_5b,
     reads=("study_curve.csv", "study_needed.csv"),
     not_compared=STICK_SLIP,
     columns={
         "policy": ("", "who plays; thesis: the 21 extractions that the thesis expects"),
         "size": ("1", "samples (pushes of 1 mm) learned from; 0: does not learn"),
         "mean": ("1", "consecutive extractions, mean over towers"),
-        "low": ("1", "lower end of its 95 % interval"),
-        "high": ("1", "upper end of it"),
+        **INTERVAL,
         "n": ("1", "towers; 0: a published number"),
     },
 )
-
-
-def figure_5_6(success: "pd.DataFrame") -> str:
-    """Successful extractions before and after learning, and the thesis's shares outside our intervals."""
-    before, after = (
-        row_of(success, phase=phase, position="all", action="extract") for phase in ("exploration", "learned")
-    )
-    tried = success[(success["attempts"] > 0) & success["published"].notna()]
-    words = ("ours is lower for", "", "ours is higher for")
-    sides = tried.assign(word=[side(row["low"], row["high"], row["published"], words) for _, row in tried.iterrows()])
-    outside = sides[sides["word"] != ""]
-    of_all = [
-        f"{word} {listed([f'{action} ({phase})' for action, phase in zip(rows['action'], rows['phase'])])}"
-        for word, rows in outside[outside["position"] == "all"].groupby("word", sort=False)
-    ]
-    apart = f"{len(outside) or 'none'} of {counted(len(tried), 'share')} of the thesis's real robot lie"
-    apart += f" outside our intervals{'; over all blocks ' if of_all else ''}{', '.join(of_all)}"
-    if not min(before["attempts"], after["attempts"]) > 0:
-        return f"Not both phases came so far as to try an extraction. Of what was tried, {apart}."
-    change = side(
-        *ends(after["share"] - before["share"], (before["std"] ** 2 + after["std"] ** 2) ** 0.5),
-        0.0,
-        ("less often", "not told apart", "more often"),
-    )
+def figure_5_5b(curve: DataFrame, needed: DataFrame) -> str:
+    """Extractions of the hierarchical model, of the models with as many samples, and of the best other policy."""
+    size = row_of(needed, of="hma")["size"]
+    hma = row_of(curve, policy="hma", size=size)
+    goal = _known(hma, GOAL)
+    alike = (curve["size"] == size) & curve["policy"].isin(["mor", "network"])
+    rivals = [f"{POLICIES[row['policy']]} {value(row, 'mean')}" for _, row in curve[alike].iterrows()]
+    rest = f"; with as many, {listed(rivals)}" if rivals else ""
+    others = curve[~alike & (curve["policy"] != "hma")]
+    if len(others):
+        best = others.loc[others["mean"].idxmax()]
+        rest += f"; most of the other policies, {_policy(best['policy'], [best['size']])}: {value(best, 'mean')}"
     return (
-        f"Extraction succeeds in {share(after, 'share')} of the attempts with the learned model (thesis: "
-        f"{percent(after['published'])}) and in {share(before, 'share')} in exploration (thesis: "
-        f"{percent(before['published'])}): {change}. In all, {apart}."
+        f"With {size:,.0f} samples HMA extracts {value(hma, 'mean')} blocks in a row, the mean of "
+        f"{counted(hma['n'], 'tower')}, {goal} the {GOAL} that the thesis expects{rest}."
     )
 
 
-FIGURE_5_6 = Figure(
-    name="figure_5_6",
+@Figure.found_by(
     job=STUDY,
     title="Successes of push, extract and place, in exploration and with the learned model",
-    caption="""Exploration with supervisor against the learned model, side and middle blocks, with 95 %
-intervals; marks are the thesis's real robot.
+    caption="""Exploration with supervisor against the learned model, side and middle blocks, with 95 % intervals;
+marks are the thesis's real robot.
 
 What to look for: marks of the real robot that lie outside our intervals.""",
-    finding=figure_5_6,
     reads=("study_success.csv",),
     not_compared=STICK_SLIP,
     columns={
@@ -198,14 +136,54 @@ What to look for: marks of the real robot that lie outside our intervals.""",
         "attempts": ("1", "how often it was tried"),
         "successes": ("1", "of these, successes by the thesis's criterion"),
         "share": ("1", "successes over attempts"),
-        "low": ("1", "lower end of its 95 % interval"),
-        "high": ("1", "upper end of it"),
+        **INTERVAL,
         "published": ("1", "share in the thesis, real robot"),
     },
 )
+def figure_5_6(success: DataFrame) -> str:
+    """Successful extractions before and after learning, and the thesis's shares outside our intervals."""
+    before, after = (
+        row_of(success, phase=phase, position="all", action="extract") for phase in ("exploration", "learned")
+    )
+    tried = success[(success["attempts"] > 0) & success["published"].notna()]
+    words = ("ours is lower for", "", "ours is higher for")
+    sides = tried.assign(word=[lies(row, row["published"], words) for _, row in tried.iterrows()])
+    outside = sides[sides["word"] != ""]
+    of_all = [
+        f"{word} {listed([f'{action} ({phase})' for action, phase in zip(rows['action'], rows['phase'])])}"
+        for word, rows in outside[outside["position"] == "all"].groupby("word", sort=False)
+    ]
+    apart = f"{len(outside) or 'none'} of {counted(len(tried), 'share')} of the thesis's real robot lie"
+    apart += f" outside our intervals{'; over all blocks ' if of_all else ''}{', '.join(of_all)}"
+    if not min(before["attempts"], after["attempts"]) > 0:
+        return f"Not both phases came so far as to try an extraction. Of what was tried, {apart}."
+    change = difference(after, before, ("less often", "not told apart", "more often"), "share")
+    return (
+        f"Extraction succeeds in {share(after, 'share')} of the attempts with the learned model (thesis: "
+        f"{percent(after['published'])}) and in {share(before, 'share')} in exploration (thesis: "
+        f"{percent(before['published'])}): {change}. In all, {apart}."
+    )
 
 
-def figure_paired(pairs: "pd.DataFrame", needed: "pd.DataFrame") -> str:
+@Figure.found_by(
+    job=STUDY,
+    title="Extractions of the hierarchical model minus those of every other policy",
+    caption="""On the same towers, block orders and noise, with 95 % intervals.
+
+What to look for: intervals that leave out zero; the others are no differences that these games can show.""",
+    reads=("study_paired.csv", "study_needed.csv"),
+    not_compared=STICK_SLIP,
+    columns={
+        "policy": ("", "who plays"),
+        "rival": ("", "whom it is compared with on the same towers, blocks in the same order"),
+        "size": ("1", "samples that the policy learned from; 0: does not learn"),
+        "rival_size": ("1", "samples that the rival learned from; 0: does not learn"),
+        "difference": ("1", "consecutive extractions of the policy minus those of the rival, mean over towers"),
+        **INTERVAL,
+        "n": ("1", "towers that count"),
+    },
+)
+def figure_paired(pairs: DataFrame, needed: DataFrame) -> str:
     """On the same towers: policies that the hierarchical model beats, that beat it, or that are not told apart."""
     size = row_of(needed, of="hma")["size"]
     comparisons = pairs[(pairs["policy"] == "hma") & (pairs["size"] == size)]
@@ -220,7 +198,7 @@ def figure_paired(pairs: "pd.DataFrame", needed: "pd.DataFrame") -> str:
             f"each other policy are: {', '.join(parts)}.".replace("-", "−")
         )
     words = ("fewer blocks than", "a number not told apart from that of", "more blocks than")
-    judged = comparisons.assign(word=[side(row["low"], row["high"], 0.0, words) for _, row in comparisons.iterrows()])
+    judged = comparisons.assign(word=[lies(row, 0.0, words) for _, row in comparisons.iterrows()])
     parts = []
     for word, group in judged.groupby("word", sort=False):
         names = []
@@ -235,30 +213,28 @@ def figure_paired(pairs: "pd.DataFrame", needed: "pd.DataFrame") -> str:
     return f"On the same {towers} HMA with {size:,.0f} samples extracts {'; '.join(parts)}."
 
 
-FIGURE_PAIRED = Figure(
-    name="figure_paired",
-    job=STUDY,
-    title="Extractions of the hierarchical model minus those of every other policy",
-    caption="""On the same towers, block orders and noise, with 95 % intervals.
-
-What to look for: intervals that leave out zero; the others are no differences that these games can show.""",
-    finding=figure_paired,
-    reads=("study_paired.csv", "study_needed.csv"),
+@Figure.found_by(
+    job=SHOWCASE,
+    title="A block that was pushed off its centre on purpose and then steered",
+    caption="""Contact locations and headings chosen by model predictive control on the learned model, from above;
+below, the same push gone on straight. Shown is the pair whose straight push strayed most; `showcase_steering.csv` has
+them all.""",
+    reads=("showcase_steering.csv",),
     not_compared=STICK_SLIP,
     columns={
-        "policy": ("", "who plays"),
-        "rival": ("", "whom it is compared with on the same towers, blocks in the same order"),
-        "size": ("1", "samples that the policy learned from; 0: does not learn"),
-        "rival_size": ("1", "samples that the rival learned from; 0: does not learn"),
-        "difference": ("1", "consecutive extractions of the policy minus those of the rival, mean over towers"),
-        "low": ("1", "lower end of its 95 % interval"),
-        "high": ("1", "upper end of it"),
-        "n": ("1", "towers that count"),
+        "steered": ("1", "1: model predictive control after the disturbance, 0: straight on at the centre"),
+        "controlled": ("1", "1: after the disturbance, 0: pushed off the centre on purpose"),
+        "step": ("1", "step of 1 mm within the push"),
+        "advance": ("mm", "advance of the arm since first contact"),
+        "x": ("mm", "block's displacement along the push"),
+        "y": ("mm", "the same, across the push"),
+        "yaw": ("mm", "its rotation times the radius of gyration (23 mm)"),
+        "offset": ("mm", "contact location chosen for the next step, from the centre of the end face"),
+        "heading": ("rad", "heading chosen for the next step, 0 along the block"),
+        "shown": ("1", "1: drawn from above"),
     },
 )
-
-
-def figure_5_9(pairs: "pd.DataFrame") -> str:
+def figure_5_9(pairs: DataFrame) -> str:
     """Distances of the blocks' ends from the goal, steered and straight: the pair shown, and all pairs."""
     wide = pairs.pivot(index=["block", "edge"], columns="steered", values=["stray", "out"])
     straight, steered = (wide["stray"][name] for name in (0, 1))
@@ -278,53 +254,18 @@ def _mm(value: float) -> str:
     return number(value, 2, "mm")
 
 
-FIGURE_5_9 = Figure(
-    name="figure_5_9",
-    job=SHOWCASE,
-    title="A block that was pushed off its centre on purpose and then steered",
-    caption="""Contact locations and headings chosen by model predictive control on the learned model, from
-above; below, the same push gone on straight. Shown is the pair whose straight push strayed most;
-`showcase_steering.csv` has them all.""",
-    finding=figure_5_9,
-    reads=("showcase_steering.csv",),
-    not_compared=STICK_SLIP,
-    columns={
-        "steered": ("1", "1: model predictive control after the disturbance, 0: straight on at the centre"),
-        "controlled": ("1", "1: after the disturbance, 0: pushed off the centre on purpose"),
-        "step": ("1", "step of 1 mm within the push"),
-        "advance": ("mm", "advance of the arm since first contact"),
-        "x": ("mm", "block's displacement along the push"),
-        "y": ("mm", "the same, across the push"),
-        "yaw": ("mm", "its rotation times the radius of gyration (23 mm)"),
-        "offset": ("mm", "contact location chosen for the next step, from the centre of the end face"),
-        "heading": ("rad", "heading chosen for the next step, 0 along the block"),
-        "shown": ("1", "1: drawn from above"),
-    },
-)
-
-
 FIGURE_GAME = Figure(
     name="figure_game",
     job=SHOWCASE,
     title="Frames of a recorded game of the hierarchical model on a development tower",
     not_compared=STICK_SLIP,
-    columns={
-        "block": ("1", "number of the block, 3 layer + place, from the bottom"),
-        "x": ("m", "centre of the block"),
-        "y": ("m", "centre of the block"),
-        "z": ("m", "centre of the block"),
-        "qw": ("1", "orientation, real part of the unit quaternion"),
-        "qx": ("1", "orientation"),
-        "qy": ("1", "orientation"),
-        "qz": ("1", "orientation"),
-        "frame": ("1", "number of the picture, from 0"),
-    },
+    columns=POSE | {"frame": ("1", "number of the picture, from 0")},
 )
 
 
-def _known(row: Row, of: float, words: tuple[str, str, str], unknown: str) -> str:
-    """Where a row's interval lies relative to a value; `unknown` if it has none (a single tower)."""
-    return unknown if math.isnan(row["low"]) else side(row["low"], row["high"], of, words)
+def _known(row: Row, of: float) -> str:
+    """Where a row's interval lies relative to a value; a single tower has no interval."""
+    return "too few to compare with" if math.isnan(row["low"]) else lies(row, of)
 
 
 def _policy(name: str, sizes: Sequence[float]) -> str:

@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Self
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file, read_bytes
@@ -51,6 +52,9 @@ class Tolerance:
     rel: float = 0.0
 
 
+GEOMETRY = Tolerance("closed-form geometry; only rounding", abs=1e-08)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Record:
     """A figure, table or page of a run, with its text.
@@ -72,6 +76,21 @@ class Record:
     reads: tuple[str, ...] = ()
 
     suffix = ".html"
+
+    @classmethod
+    def found_by(cls, **fields: Any) -> "Callable[[Callable[..., str]], Self]":
+        """Decorator: a finding's function becomes its record, with its name; by default it reads the table so named."""
+
+        def record(finding: Callable[..., str]) -> Self:
+            name = finding.__name__
+            return cls(**{"name": name, "finding": finding, "reads": (f"{name}.csv",)} | fields)
+
+        return record
+
+    def __call__(self, *tables: Any) -> str:
+        """The finding from tables."""
+        assert self.finding is not None, f"{self.name} has no finding"
+        return self.finding(*tables)
 
     @property
     def chapter(self) -> int:
@@ -117,9 +136,8 @@ class Record:
         from thesis_lib.foundation.files import read_json, read_table  # late: loads pandas
 
         tables = [(read_json if name.endswith(".json") else read_table)(folder / name) for name in self.reads]
-        assert self.finding is not None, f"{self.name} has no finding"
         try:
-            return self.finding(*tables)
+            return self(*tables)
         except (KeyError, IndexError) as error:
             names = ", ".join(str(folder / name) for name in self.reads)
             raise UserError(f"{names} lack {error}, from which the finding is read; run the pipeline again.") from error

@@ -1,19 +1,23 @@
-"""Rows of a run's tables: finding one, counting, and comparing two that have 95 % intervals."""
+"""What findings say of a run's tables: rows with 95 % intervals, counts, and names of laws."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from thesis_lib.statistics.wording import interval
+from thesis_lib.statistics.wording import ends, interval, listed, number, side
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from pandas import DataFrame, Series
+else:  # pandas is loaded with the first table
+    DataFrame = Series = Any
 
 Row = Mapping[Any, Any]  # or a row of a table
 FROM_ZERO = ("below zero", "not told apart from zero", "above zero")
 THAN = ("less than", "not told apart from", "more than")
+ABOUT = ("below", "not told apart from", "above")
+PUBLISHED = "_as_published"
 
 
-def row_of(table: "pd.DataFrame", **where: object) -> Any:
+def row_of(table: DataFrame, **where: object) -> Any:
     """The first row in which the named columns have these values.
 
     Raises:
@@ -33,6 +37,21 @@ def compared(row: Row, other: Row, words: tuple[str, str, str] = THAN) -> str:
     return below if row["high"] < other["low"] else above if row["low"] > other["high"] else around
 
 
+def lies(row: Row, of: float, words: tuple[str, str, str] = ABOUT) -> str:
+    """The word for a row whose interval lies below, around or above the value `of`."""
+    return side(row["low"], row["high"], of, words)
+
+
+def difference(a: Row, b: Row, words: tuple[str, str, str], column: str = "value") -> str:
+    """The word for a − b below, not told apart from, or above zero; both have a `std` and are assumed independent."""
+    return side(*ends(a[column] - b[column], (a["std"] ** 2 + b["std"] ** 2) ** 0.5), 0.0, words)
+
+
+def value(row: Row, column: str = "value", unit: str = "") -> str:
+    """A value with its interval: 81.1 (77.4 to 84.5) m/s."""
+    return interval(row[column], row["low"], row["high"], unit)
+
+
 def share(row: Row, column: str = "value") -> str:
     """A share with its interval: 81.1 (77.4 to 84.5) %."""
     return interval(100.0 * row[column], 100.0 * row["low"], 100.0 * row["high"], "%")
@@ -41,3 +60,26 @@ def share(row: Row, column: str = "value") -> str:
 def counted(n: float, noun: str, ending: str = "s") -> str:
     """1 tower, 3 towers, 1,000 impacts."""
     return f"{n:,.0f} {noun}{'' if n == 1 else ending}"
+
+
+def studied(table: DataFrame, variant: str, weighting: str) -> DataFrame:
+    """Rows of one variant of the laws and one weighting, by law."""
+    return table[(table["variant"] == variant) & (table["weighting"] == weighting)].set_index("law")
+
+
+def ends_of(values: Series, written: Callable[[float], str] = number) -> str:
+    """Smallest and largest value with the names of their laws."""
+    parts = []
+    for value in dict.fromkeys([float(values.min()), float(values.max())]):
+        laws = [title_of(str(law)) for law in values.index[values == value]]
+        parts.append(f"{written(value)} ({listed(laws)})")
+    return " to ".join(parts)
+
+
+def title_of(law: str) -> str:
+    """The title as in the figures, but "published Mirtich" instead of "Mirtich (as published)", to fit in brackets."""
+    from thesis_lib.contact import LAWS  # late: loads every law
+
+    base = law.removesuffix(PUBLISHED)
+    title = LAWS[base].title if base in LAWS else base
+    return title if base == law else f"published {title}"

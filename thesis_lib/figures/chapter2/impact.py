@@ -70,8 +70,7 @@ def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactF
         out.append(pd.DataFrame({"t": sample.t - row["t"], "x": x, "y": y}))
     ax.axhline(0.0, color=INK, linewidth=1.2)
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel("$x$ (mm)")
-    ax.set_ylabel("$y$ (mm)")
+    ax.set(xlabel="$x$ (mm)", ylabel="$y$ (mm)")
     return pd.concat(out).assign(panel="a", series="outline")
 
 
@@ -92,8 +91,7 @@ def _forces(ax: Axes, row: pd.Series, history: ForceHistory, settings: ImpactFor
     top = max(force.max(), response.max(), peaks[2])
     ax.set_ylim(1.1 * response.min(), 1.75 * top)
     ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
-    ax.set_xlabel("time since touch (ms)")
-    ax.set_ylabel("normal force (N)")
+    ax.set(xlabel="time since touch (ms)", ylabel="normal force (N)")
     ax.legend(loc="upper right")
     parts = {
         "contact_force": (t, force),
@@ -119,9 +117,7 @@ def _impulse_errors(ax: Axes, rows: pd.DataFrame) -> pd.DataFrame:
     normal = np.exp(-0.5 * fine**2) / np.sqrt(2.0 * np.pi)
     ax.plot(fine, normal, color=INK, linewidth=0.8, linestyle=(0, (4, 1.5)), label="N(0, 1)")
     out.append(pd.DataFrame({"series": "N(0, 1)", "z": fine, "density": normal}))
-    ax.set_xlabel("error of impulse / its stated $\\sigma$")
-    ax.set_ylabel("density")
-    ax.set_ylim(0.0, 1.35 * ax.get_ylim()[1])
+    ax.set(xlabel="error of impulse / its stated $\\sigma$", ylabel="density", ylim=(0.0, 1.35 * ax.get_ylim()[1]))
     ax.legend(loc="upper left")
     return pd.concat(out).assign(panel="c")
 
@@ -150,8 +146,7 @@ def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
         ax.axvline(group["published"].iloc[0], color=ORANGE, linestyle=(0, (4, 1.5)), label="1/k² of the header")
         labels = [" + ".join(NAMES[part] for part in variant.split("+")) for variant in group["variant"]]
         ax.set_yticks(y, labels)
-        ax.set_ylim(-0.7, len(group) - 0.3)
-        ax.set_title(name)
+        ax.set(ylim=(-0.7, len(group) - 0.3), title=name)
         for height, row in zip(y, group.itertuples()):
             has_noise = np.isfinite(row.scale)
             text = rf"misfit {row.scale:.1f} $\sigma$" if has_noise else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"

@@ -75,10 +75,7 @@ def figure_2_2(fall: RodFall) -> Drawn:
     time.set_yticks([1.0, 0.0], ["left\nend", "right\nend"])
     time.tick_params(axis="y", length=0)
     time.spines["left"].set_visible(False)
-    time.set_xlim(0.0, t[settled])
-    time.set_ylim(-0.5, 1.6)
-    time.set_box_aspect(0.45)
-    time.set_xlabel("time (s)")
+    time.set(xlim=(0.0, t[settled]), ylim=(-0.5, 1.6), box_aspect=0.45, xlabel="time (s)")
     handles = [Line2D([], [], color=color, label=name, linewidth=3) for color, name in MODE_LOOK.values()]
     time.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.05), ncols=3)
 

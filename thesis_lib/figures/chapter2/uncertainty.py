@@ -81,8 +81,7 @@ def _one_pose(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
     text = rf"measured $\phi_n$ = {1e3 * gaps[step]:.0f} mm"
     sketch.label(corner + near * np.array([-0.12, 0.12]), text, NOISY, ha="right", fontsize=8)
     ax.legend(loc="upper left")
-    ax.set_xlim(corner[0] - 1.3 * near, corner[0] + 0.9 * near)
-    ax.set_ylim(-0.12 * near, 1.4 * near)
+    ax.set(xlim=(corner[0] - 1.3 * near, corner[0] + 0.9 * near), ylim=(-0.12 * near, 1.4 * near))
     return sketch.table()
 
 
@@ -102,8 +101,7 @@ def _manifold(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
     ax.plot(k_g * measured[:, 2], measured[:, 1], ".", color=NOISY, label="measured")
     ax.plot(k_g * moved[:, 2], moved[:, 1], ".", color=MOVED, label="projected")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel(r"$k\,\theta$ (m)")
-    ax.set_ylabel("$y$ (m)")
+    ax.set(xlabel=r"$k\,\theta$ (m)", ylabel="$y$ (m)")
     ax.legend(loc="upper left")
     curves = {"manifold": (theta, height), "measured": (measured[:, 2], measured[:, 1])}
     curves["projected"] = moved[:, 2], moved[:, 1]

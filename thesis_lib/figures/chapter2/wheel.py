@@ -40,9 +40,7 @@ def figure_2_10(motions: pd.DataFrame) -> Drawn:
         below.plot(motion["t"], motion["omega"], **look)
         parts.append(motion.assign(theta=turned))
     above.set_ylabel(r"$\theta-\theta_0$ (rad)")
-    below.set_ylabel(r"$\omega$ (rad/s)")
-    below.set_xlabel("time (s)")
-    below.set_xlim(0.0, motions["t"].max())
+    below.set(ylabel=r"$\omega$ (rad/s)", xlabel="time (s)", xlim=(0.0, motions["t"].max()))
     above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(parts), title="mass, at equal inertia")
     return figure, pd.concat(parts, ignore_index=True)[["mass", "t", "theta", "omega"]]
 
@@ -78,9 +76,7 @@ def figure_2_11(forces: WheelForces) -> Drawn:
                 for a, b, s, on in zip(t, c_n[name][:, pair], std, rolling)
             ]
         _shade(ax, impacts, truth.h)
-        ax.set_ylim(0.0, top)
-        ax.set_xlim(0.0, t[-1])
-        ax.set_ylabel(f"spoke {i + 1}\n$c_n$ (N)")
+        ax.set(ylim=(0.0, top), xlim=(0.0, t[-1]), ylabel=f"spoke {i + 1}\n$c_n$ (N)")
         ax.tick_params(labelbottom=False)
         rows += _impulses(figure.add_subplot(grid[i, 1]), forces, i, pair)
     ax = figure.add_subplot(grid[-1, 0], sharex=ax)
@@ -93,8 +89,7 @@ def figure_2_11(forces: WheelForces) -> Drawn:
         ax.fill_between(t, -band, band, color=color, alpha=0.25, linewidth=0.0)
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     _shade(ax, impacts, truth.h)
-    ax.set_ylabel("maximum like-\nlihood − truth\n(mN)")
-    ax.set_xlabel("time (s)")
+    ax.set(ylabel="maximum like-\nlihood − truth\n(mN)", xlabel="time (s)")
     beside = figure.add_subplot(grid[-1, 1])
     beside.set_axis_off()
     beside.text(0.0, 0.5, f"band: ±{BAND:g}\nstandard errors", va="center", transform=beside.transAxes)
@@ -128,6 +123,5 @@ def _impulses(side: Axes, forces: WheelForces, i: int, pair: int) -> list[tuple]
         if name == "fit":
             side.errorbar(x, impulse, BAND * std, color=INK, linewidth=1.0, capsize=2.0)
         rows.append((i + 1, name, "impulse", h * 0.5 * (impact.start + impact.stop), impulse, std))
-    side.set_xlim(-0.7, 3.7)
-    side.set_ylabel("impulse (N s)")
+    side.set(xlim=(-0.7, 3.7), ylabel="impulse (N s)")
     return rows

@@ -69,8 +69,10 @@ def figure_3_11(
                 clip_on=False,
             )
             part.append(pd.DataFrame({"series": [name], "c_t": [c_t], "c_n": [c_n]}))
-        ax.set_title(f"({letter}) {title}: trial {impacts.trial[row]}, impact {impacts.impact[row]}")
-        ax.set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
+        ax.set(
+            title=f"({letter}) {title}: trial {impacts.trial[row]}, impact {impacts.impact[row]}",
+            xlabel=f"tangential impulse $c_t$ ({unit.unit})",
+        )
         parts.append(pd.concat(part).assign(panel=letter, trial=impacts.trial[row], impact=impacts.impact[row]))
     axes[0].set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
     handles, labels = axes[0].get_legend_handles_labels()

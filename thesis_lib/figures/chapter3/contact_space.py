@@ -208,9 +208,7 @@ def draw_ellipse(ax: Axes, space: ContactSpace, unit: ImpulseAxis, *, labels: bo
     for name, (points, look) in curves.items():
         ax.plot(*(unit.factor * points.T), label=name if labels else None, **look)
     ax.plot(*(unit.factor * ellipse.centre[0]), "+", color=INK, markersize=6, label="centre" if labels else None)
-    ax.set_xlim(unit.factor * c_t)
-    ax.set_ylim(unit.factor * c_n)
-    ax.set_aspect("equal")
+    ax.set(xlim=unit.factor * c_t, ylim=unit.factor * c_n, aspect="equal")
     parts = {"admissible set": shade, **{name: points for name, (points, _) in curves.items()}}
     parts["centre"] = ellipse.centre
     return pd.concat(
@@ -220,8 +218,7 @@ def draw_ellipse(ax: Axes, space: ContactSpace, unit: ImpulseAxis, *, labels: bo
 
 
 def _impulse_axes(ax: Axes, unit: ImpulseAxis) -> None:
-    ax.set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
-    ax.set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
+    ax.set(xlabel=f"tangential impulse $c_t$ ({unit.unit})", ylabel=f"normal impulse $c_n$ ({unit.unit})")
 
 
 def _label(ax: Axes, at: np.ndarray, text: str, color: str = INK) -> None:

@@ -60,8 +60,7 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
                     variant=variant, model=name
                 ),
             ]
-        row[0].set_title(f"({'ab'[list(VARIANTS).index(variant)]}) {PANELS[variant]}")
-        row[0].set_ylabel("density (s/m)")
+        row[0].set(title=f"({'ab'[list(VARIANTS).index(variant)]}) {PANELS[variant]}", ylabel="density (s/m)")
         row[1].set_ylabel("share of impacts below")
     table = pd.concat(parts, ignore_index=True)
     _limits(axes, table)
@@ -87,9 +86,7 @@ def _limits(axes: np.ndarray, table: pd.DataFrame) -> None:
     axes[0, 0].set_xlim(0.0, float(table.loc[table["panel"] == "density", "error"].max()))
     low = table.loc[table["share_below"].between(0.03, 0.06), "error"].min()
     high = table.loc[table["panel"] == "cumulative", "error"].max()
-    axes[0, 1].set_xscale("log")
-    axes[0, 1].set_xlim(max(float(low), 1e-4 * high), high)
-    axes[0, 1].set_ylim(0.0, 1.0)
+    axes[0, 1].set(xscale="log", xlim=(max(float(low), 1e-4 * high), high), ylim=(0.0, 1.0))
 
 
 @house_style
@@ -135,10 +132,12 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
     )
     ax.plot(*(unit.factor * momentum.T), ".", color="black", markersize=1.2, alpha=0.5, linestyle="none")
     ax.axvline(0.0, color="white", linewidth=0.8, linestyle=(0, (4, 2)))
-    ax.set_xlim(unit.factor * axis_t[[0, -1]])
-    ax.set_ylim(unit.factor * axis_n[[0, -1]])
-    ax.set_xlabel(f"tangential contact momentum before impact ({unit.unit})")
-    ax.set_ylabel(f"normal contact momentum before impact ({unit.unit})")
+    ax.set(
+        xlim=unit.factor * axis_t[[0, -1]],
+        ylim=unit.factor * axis_n[[0, -1]],
+        xlabel=f"tangential contact momentum before impact ({unit.unit})",
+        ylabel=f"normal contact momentum before impact ({unit.unit})",
+    )
     bar = figure.colorbar(mesh, ax=ax, aspect=30, extend="max" if np.nanmax(mean) > top else "neither")
     bar.set_label(f"mean error of the {min(NEIGHBOURS, len(error))} nearest impacts (m/s)")
     bar.outline.set_visible(False)

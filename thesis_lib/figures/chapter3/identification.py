@@ -50,8 +50,7 @@ def figure_3_7(topography: pd.DataFrame, convergence: pd.DataFrame, *, mass_know
                 marker="o" if curve["k"].nunique() < 3 else None,
                 label=LAWS[law].title if subset == 0 else None,
             )
-        ax.set_xscale("log")
-        ax.set_ylabel(label)
+        ax.set(xscale="log", ylabel=label)
     axes[0].set_title("(b)", pad=22)
     axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0, ncols=1)
     axes[-1].set_xlabel("impacts identified from, $k$")
@@ -75,8 +74,7 @@ def _topography(ax: Axes, topography: pd.DataFrame, unit: ImpulseAxis) -> None:
         ax.contour(mu, epsilon, cost.to_numpy(), levels=levels, colors="white", linewidths=0.6)
     best = topography.loc[topography["cost"].idxmin()]
     ax.plot(best["mu"], best["epsilon"], "*", color="#D55E00", markersize=9, label="least cost", clip_on=False)
-    ax.set_xlabel(r"coefficient of friction $\mu$")
-    ax.set_ylabel(r"coefficient of restitution $\epsilon$")
+    ax.set(xlabel=r"coefficient of friction $\mu$", ylabel=r"coefficient of restitution $\epsilon$")
     title = LAWS[topography["law"].iloc[0]].title
     ax.set_title(f"(a) {title}, {topography['n'].iloc[0]} impacts", pad=22)
     ax.legend(loc="lower left", bbox_to_anchor=(-0.05, 1.01), borderaxespad=0.0)
@@ -121,10 +119,9 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
         clip_on=True,
     )
     ax.plot(fit["mu"], fit["epsilon"], "*", color="#D55E00", markersize=10, markeredgecolor="white")
-    ax.set_xlim(-0.02 * mu_max, mu_max)
-    ax.set_ylim(-0.02, 1.03)
-    ax.set_xlabel(r"individual $\mu$")
-    ax.set_ylabel(r"individual $\epsilon$")
+    ax.set(
+        xlim=(-0.02 * mu_max, mu_max), ylim=(-0.02, 1.03), xlabel=r"individual $\mu$", ylabel=r"individual $\epsilon$"
+    )
     beyond = int((impacts["mu"] > mu_max).sum())
     note = f", {beyond} beyond the axis" if beyond else ""
     ax.set_title(f"(a) {LAWS[law].title}, {len(impacts)} impacts{note}")
@@ -147,10 +144,7 @@ def figure_3_10(individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, m
         ax.plot(grid, density, color="#009E73")
         ax.axvline(fit[name], color="#D55E00", linestyle=(0, (5, 1.5)), label="ensemble")
         ax.axvline(impacts[name].mean(), color=INK, linestyle=(0, (1, 1.2)), label="mean of individual")
-        ax.set_xlabel(f"${symbol}$")
-        ax.set_ylabel("density")
-        ax.set_ylim(bottom=0.0)
-        ax.set_xlim(grid[0], grid[-1])
+        ax.set(xlabel=f"${symbol}$", ylabel="density", ylim=(0.0, None), xlim=(grid[0], grid[-1]))
         parts.append(pd.DataFrame({"panel": "b", "series": name, "parameter": grid, "density": density}))
     axes["mu"].set_title("(b)", pad=22)
     axes["mu"].legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), borderaxespad=0.0)

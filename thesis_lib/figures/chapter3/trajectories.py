@@ -92,10 +92,12 @@ def figure_3_6(dataset: Dataset, arcs: pd.DataFrame) -> Drawn:
             label=label,
         )
         rows += [(name, "sample", a, b) for a, b in zip(t[shown], energy[:, i])]
-    ax.set_ylim(bottom=min(0.0, factor * float(np.nanmin(energy))))
-    ax.set_xlim(t[0], t[shown][-1])
-    ax.set_xlabel("time (s)")
-    ax.set_ylabel(f"energy ({unit})")
+    ax.set(
+        ylim=(min(0.0, factor * float(np.nanmin(energy))), None),
+        xlim=(t[0], t[shown][-1]),
+        xlabel="time (s)",
+        ylabel=f"energy ({unit})",
+    )
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5)
     table = pd.DataFrame(rows, columns=["series", "kind", "t", "energy"])
     return figure, table.assign(trial=trial)[["trial", "series", "kind", "t", "energy"]]

@@ -46,9 +46,7 @@ def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, conta
         draw_outline(ax, shape, pose, color=GREY, linewidth=0.6)
     rows += [(trial, "measured", *row) for row in measured[["t", "x", "y", "theta"]].to_numpy()]
     ax.axhline(0.0, color=INK, linewidth=1.0)
-    ax.set_aspect("equal")
-    ax.set_xlabel("$x$ (m)")
-    ax.set_ylabel("$y$ (m)")
+    ax.set(aspect="equal", xlabel="$x$ (m)", ylabel="$y$ (m)")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return figure, pd.DataFrame(rows, columns=["trial", "series", "t", "x", "y", "theta"])
 
@@ -72,8 +70,7 @@ def figure_4_4(samples: pd.DataFrame, rest: np.ndarray, side: float) -> Drawn:
         density = reflected_density(x, grid)
         ax.fill_between(grid, density, color=color, alpha=0.3, linewidth=0.0)
         ax.plot(grid, density, color=color)
-        ax.set_ylim(bottom=0.0)
-        ax.set_yticks([])
+        ax.set(ylim=(0.0, None), yticks=[])
         ax.annotate(
             f"{name}\nstd {x.std():.2g} sides", (0.01, 0.9), xycoords="axes fraction", va="top", fontsize="x-small"
         )
@@ -104,9 +101,11 @@ def figure_4_10(beliefs: pd.DataFrame, marks: pd.DataFrame) -> Drawn:
         mark = marks[marks["case"] == case].iloc[0]
         ax.axvline(mark["law"], color="#0072B2", linestyle=(0, (5, 1.5)), label="law alone")
         ax.axvline(mark["measured"], color=INK, label="measured")
-        ax.set_title(f"{case} to predict: std {x.std():.2f} sides")
-        ax.set_ylim(bottom=0.0)
-        ax.set_xlabel("resting position from the start (sides)")
+        ax.set(
+            title=f"{case} to predict: std {x.std():.2f} sides",
+            ylim=(0.0, None),
+            xlabel="resting position from the start (sides)",
+        )
         rows += [(case, a, b, mark["law"], mark["measured"], x.std()) for a, b in zip(grid, density)]
     axes[0].set_ylabel("density")
     axes[1].legend(loc="best")
@@ -132,13 +131,10 @@ def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Draw
         levels = coverage[coverage["model"] == model]
         error = np.abs(levels[["low", "high"]].to_numpy().T - levels["coverage"].to_numpy())
         right.errorbar(levels["level"], levels["coverage"], error, color=color, linestyle=dash, marker=".", label=label)
-    left.set_xlabel("PIT of the measured resting position")
-    left.set_ylabel("share of throws")
-    left.set_ylim(bottom=0.0)
+    left.set(xlabel="PIT of the measured resting position", ylabel="share of throws", ylim=(0.0, None))
     left.legend(loc="upper center")
     right.plot([0.4, 1.0], [0.4, 1.0], color=GREY, linewidth=0.8, zorder=0)
-    right.set_xlabel("nominal level of the central region")
-    right.set_ylabel("share of outcomes inside")
+    right.set(xlabel="nominal level of the central region", ylabel="share of outcomes inside")
     right.legend(loc="lower right", fontsize="x-small")
     table = pd.concat(
         [

@@ -67,10 +67,12 @@ def figure_4_8(throws: pd.DataFrame) -> Drawn:
         beyond = float(np.mean(np.abs(error) > SHOWN))
         rows += [(model, x, d, error.mean(), error.std(), beyond) for x, d in zip(grid, density)]
     ax.axvline(0.0, color=GREY, linewidth=0.7, zorder=0)
-    ax.set_xlim(-SHOWN, SHOWN)
-    ax.set_ylim(bottom=0.0)
-    ax.set_xlabel("measured minus expected resting position (sides)")
-    ax.set_ylabel("density")
+    ax.set(
+        xlim=(-SHOWN, SHOWN),
+        ylim=(0.0, None),
+        xlabel="measured minus expected resting position (sides)",
+        ylabel="density",
+    )
     ax.legend(loc="upper left", title="mean ± standard deviation", fontsize="x-small", title_fontsize="x-small")
     return figure, pd.DataFrame(rows, columns=["model", "error", "density", "mean", "std", "beyond"])
 
@@ -112,10 +114,7 @@ def figure_4_9(
 def _ground(ax: Axes) -> None:
     low, high = ax.get_xlim()
     ax.axhline(0.0, color=INK, linewidth=1.0)
-    ax.set_xlim(low, high)
-    ax.set_aspect("equal")
-    ax.set_xlabel("$x$ (m)")
-    ax.set_ylabel("$y$ (m)")
+    ax.set(xlim=(low, high), aspect="equal", xlabel="$x$ (m)", ylabel="$y$ (m)")
 
 
 @house_style
@@ -130,9 +129,7 @@ def figure_restitution(table: pd.DataFrame) -> Drawn:
         part = table[table["first"] == first]
         ax.plot(100.0 * part["x"], part["measured"], "o", color="#0072B2", markersize=2.2, alpha=0.6, label="measured")
         ax.plot(100.0 * part["x"], part["model"], "x", color="#D55E00", markersize=2.8, label="compliant contact")
-        ax.set_title(title)
-        ax.set_xlabel("place of the contact $x$ (cm)")
-    axes[0].set_ylabel("restitution $e_n$")
-    axes[0].set_ylim(0.1, 0.8)
+        ax.set(title=title, xlabel="place of the contact $x$ (cm)")
+    axes[0].set(ylabel="restitution $e_n$", ylim=(0.1, 0.8))
     axes[0].legend(loc="lower left")
     return figure, table[["first", "trial", "x", "measured", "model"]]

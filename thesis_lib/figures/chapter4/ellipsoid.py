@@ -32,9 +32,9 @@ def figure_4_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     outline = _draw_body(left, body, example)
     left.set_title("(a)")
     ellipse = draw_ellipse(right, example.space(body), unit, labels=True)
-    right.set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
-    right.set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
-    right.set_title("(b)")
+    right.set(
+        xlabel=f"tangential impulse $c_t$ ({unit.unit})", ylabel=f"normal impulse $c_n$ ({unit.unit})", title="(b)"
+    )
     figure.legend(loc="outside lower center", ncols=3)
     table = pd.concat([outline.assign(panel="a"), ellipse.assign(panel="b")], ignore_index=True)
     return figure, table[["panel", "series", "x", "y", "c_t", "c_n"]]
@@ -67,8 +67,9 @@ def _draw_body(ax: Axes, body: Body, example: Example) -> pd.DataFrame:
         ax.text(*(start + 0.6 * vector + 0.16 * size * side), name, color=color, ha="center", va="center")
     ax.plot(*np.stack([centre, contact], axis=1), "o", color=INK, markersize=4)
     ax.text(*(contact + size * np.array([-0.17, 0.12])), "$C$", ha="center", va="center")
-    ax.set_xlim(edge)
-    ax.set_ylim(min(-0.2 * size, (contact + scale * v_c)[1] - 0.1 * size), outline[:, 1].max() + 0.15 * size)
+    ax.set(
+        xlim=edge, ylim=(min(-0.2 * size, (contact + scale * v_c)[1] - 0.1 * size), outline[:, 1].max() + 0.15 * size)
+    )
     rows = [("outline", *point) for point in outline]
     rows += [(name.strip("$"), *point) for name, (start, v, _) in arrows.items() for point in (start, start + v)]
     return pd.DataFrame(rows, columns=["series", "x", "y"])
@@ -96,14 +97,10 @@ def figure_4_2(body: Body, example: Example = EXAMPLE) -> Drawn:
     disc = unit.factor * curves.loc[curves["series"] == "maximum compression", ["c_t", "tau_over_k", "c_n"]]
     _fill(figure, disc.to_numpy())
     ax.plot([0.0], [0.0], [0.0], "o", color=INK, markersize=4, label="no impulse")
-    ax.set_xlabel(f"$c_t$ ({unit.unit})")
-    ax.set_ylabel(rf"$\tau/k$ ({unit.unit})")
-    ax.set_zlabel(f"$c_n$ ({unit.unit})")
+    ax.set(xlabel=f"$c_t$ ({unit.unit})", ylabel=rf"$\tau/k$ ({unit.unit})", zlabel=f"$c_n$ ({unit.unit})")
     xyz = unit.factor * curves[["c_t", "tau_over_k", "c_n"]].to_numpy()
     low, high = xyz.min(axis=0), xyz.max(axis=0)
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
-    ax.set_zlim(low[2], high[2])
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.set_box_aspect(high - low, zoom=0.9)
     ax.view_init(elev=18.0, azim=-50.0)
     ax.locator_params(nbins=4)

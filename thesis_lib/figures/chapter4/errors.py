@@ -81,16 +81,13 @@ def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
                 {"panel": "cumulative", "error": quantile, "share_below": shares},
             )
             parts += [pd.DataFrame(curve).assign(variant=title, model=name) for curve in curves]
-        row[0].set_title(title)
-        row[0].set_ylabel("density (s/m)")
+        row[0].set(title=title, ylabel="density (s/m)")
         row[1].set_ylabel("share of impacts below")
         row[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    axes[0, 0].set_xlim(0.0, top)
-    axes[0, 0].set_ylim(bottom=0.0)
+    axes[0, 0].set(xlim=(0.0, top), ylim=(0.0, None))
     axes[0, 1].set_xscale("log")
     low = min(float(np.nanquantile(values[name], 0.03)) for name in (*drawn, *everywhere))
-    axes[0, 1].set_xlim(low, 1.5 * top)
-    axes[0, 1].set_ylim(0.0, 1.0)
+    axes[0, 1].set(xlim=(low, 1.5 * top), ylim=(0.0, 1.0))
     for ax in axes[-1]:
         ax.set_xlabel("error of the velocity after impact (m/s)")
     table = pd.concat(parts, ignore_index=True)
@@ -151,9 +148,11 @@ def figure_named_physics(
     named = ["law", "+ rigid residual", "+ wrench residual"]
     left.set_yticks(list(places.values()), [*named, "law + effects", *named[1:]])
     left.invert_yaxis()
-    left.set_xlim(0.0, 1.18 * float(at["high"].max()))
-    left.set_xlabel("mean error of the velocity after impact (m/s)")
-    left.set_title(f"(a) {int(at['n'].iloc[0])} training impacts")
+    left.set(
+        xlim=(0.0, 1.18 * float(at["high"].max())),
+        xlabel="mean error of the velocity after impact (m/s)",
+        title=f"(a) {int(at['n'].iloc[0])} training impacts",
+    )
     left.legend(loc="upper center", bbox_to_anchor=(0.3, -0.16), ncols=2)
     if effects:
         text = "effects:  " + ",\n".join(", ".join(effects[i : i + 2]) for i in range(0, len(effects), 2))
@@ -162,8 +161,7 @@ def figure_named_physics(
     for name, look in NAMED_STYLE.items():
         _band(right, summary[summary["model"] == name].sort_values("n"), look)
     _log_axes(right, summary[summary["model"].isin(NAMED_STYLE)])
-    right.set_xlabel("training impacts")
-    right.set_title("(b) what remains to be learned")
+    right.set(xlabel="training impacts", title="(b) what remains to be learned")
     right.legend(loc="upper center", bbox_to_anchor=(0.45, -0.16), ncols=1)
     columns = ["panel", "model", "n", "mean", "low", "high"]
     table = [rungs.assign(panel="a")[columns], summary.assign(panel="b")[columns]]
@@ -183,8 +181,7 @@ def _log_axes(ax: Axes, drawn: pd.DataFrame) -> None:
     """Logarithmic axes with plain numbers; the error axis spans the mean errors drawn."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log")
     ends = drawn["mean"].min(), drawn["mean"].max()
     ax.set_ylim(0.85 * ends[0], 1.15 * ends[1])
     for axis, subs in ((ax.xaxis, (1.0, 3.0)), (ax.yaxis, _ticks(ends))):

@@ -80,10 +80,12 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
         left.plot(part["f_n"], part["f_t"], ".", color=styles[name][0], markersize=3, alpha=0.6, label=share)
     left.set_xlim(min(0.0, float(cone["f_n"].min())) - 0.02 * far, far)
     widest = 1.05 * max(MU_RANGE[1] * far, float(cone["f_t"].abs().max()))
-    left.set_ylim(-widest, widest)
-    left.set_xlabel("normal force $f_n$ (N)")
-    left.set_ylabel("tangential force $f_t$ (N)")
-    left.set_title("A  predicted forces over the friction cone")
+    left.set(
+        ylim=(-widest, widest),
+        xlabel="normal force $f_n$ (N)",
+        ylabel="tangential force $f_t$ (N)",
+        title="A  predicted forces over the friction cone",
+    )
     for mu, side in ((MU, 1.0), *((mu, -1.0) for mu in MU_RANGE)):
         beside = {"xytext": (2, 0), "textcoords": "offset points", "va": "center", "fontsize": 7}
         left.annotate(f"μ = {mu:g}", (far, side * mu * far), **beside)
@@ -96,9 +98,11 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
         if value == "f_n_pred":
             mean = part.groupby("height_mm")["f_n"].mean()
             right.plot(mean.index, mean, "o", color=color, markersize=3.5, markerfacecolor="white")
-    right.set_ylim(bottom=min(0.0, float(height["f_n"].min())))
-    right.set_xlabel("height of the block above the base (mm)")
-    right.set_ylabel("normal force $f_n$ (N)")
+    right.set(
+        ylim=(min(0.0, float(height["f_n"].min())), None),
+        xlabel="height of the block above the base (mm)",
+        ylabel="normal force $f_n$ (N)",
+    )
     meaning = "rings: measured" if "f_n_pred" in height else "lines: mean"
     right.set_title(f"B  resistance ({meaning})")
     handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
@@ -226,9 +230,7 @@ def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[object, str]) -> p
         layer, place = divmod(block, PER_LAYER)
         face = colors.get(block, "white")
         ax.add_patch(Rectangle((place, layer), 1, 1, facecolor=face, edgecolor=INK, linewidth=0.5))
-    ax.set_xlim(0, PER_LAYER)
-    ax.set_ylim(0, LAYERS - 3)
-    ax.set_box_aspect(1.6)
+    ax.set(xlim=(0, PER_LAYER), ylim=(0, LAYERS - 3), box_aspect=1.6)
     ax.set_xticks([0.5, 1.5, 2.5], ["side", "middle", "side"])
     ax.set_yticks([0.5, 4.5, 9.5, 14.5], ["0", "4", "9", "14"])
     ax.tick_params(length=0)

@@ -49,8 +49,7 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
         for ax, name in zip(column, ("f_n", "x")):
             ax.plot(readings["step"], readings[name], ".", color=INK, markersize=3.5, zorder=3)
         column[0].set_title(CASES[case])
-        column[2].set_ylim(-0.04, 1.04)
-        column[2].set_xlabel("step of 1 mm")
+        column[2].set(ylim=(-0.04, 1.04), xlabel="step of 1 mm")
     for ax, text in zip(axes[:, 0], ("force $f_n$ (N)", "displacement $x$ (mm)", "probability")):
         ax.set_ylabel(text)
     figure.align_ylabels(axes[:, 0])
@@ -113,9 +112,11 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
     bottom = ax.get_ylim()[0]
     places = controlled.loc[chosen, "advance"]
     ax.plot(places, np.full(len(chosen), bottom), "^", color=INK, clip_on=False)
-    ax.set_ylim(bottom=bottom)
-    ax.set_xlabel("advance (mm); grey: pushed off centre on purpose; triangles: steps above")
-    ax.set_ylabel("across, turn (mm)")
+    ax.set(
+        ylim=(bottom, None),
+        xlabel="advance (mm); grey: pushed off centre on purpose; triangles: steps above",
+        ylabel="across, turn (mm)",
+    )
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)
     columns = ["steered", "step", "advance", "x", "y", "yaw", "offset", "heading", "controlled"]
     return figure, steering[columns].assign(shown=steering.index.isin(chosen).astype(int))

@@ -93,11 +93,14 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
         ax.axhline(row.mean, color=color, linewidth=1.0, linestyle=dash, zorder=1)
         ax.axhspan(row.low, row.high, color=color, alpha=0.12, linewidth=0, zorder=0)
         marks.append((label, row.mean, color))
-    ax.set_xlim(sizes[0] / 1.6, sizes[-1] * 1.6)
-    ax.set_ylim(0.0, 1.08 * np.nanmax([GOAL, curve["mean"].max(), curve["high"].max()]))
+    ax.set(
+        xlim=(sizes[0] / 1.6, sizes[-1] * 1.6),
+        ylim=(0.0, 1.08 * np.nanmax([GOAL, curve["mean"].max(), curve["high"].max()])),
+    )
     _beside(ax, marks)
-    ax.set_xlabel("samples (pushes of 1 mm)")
-    ax.set_ylabel(f"consecutive extractions\n(mean over {_counted(curve['n'])}, 95 %)")
+    ax.set(
+        xlabel="samples (pushes of 1 mm)", ylabel=f"consecutive extractions\n(mean over {_counted(curve['n'])}, 95 %)"
+    )
     if names:
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(5, len(names)), columnspacing=1.2)
     goal = pd.DataFrame([("thesis", 0, float(GOAL), np.nan, np.nan, 0)], columns=list(_CURVE))
@@ -184,9 +187,7 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=3)
     ax.set_yticks([place for place, _ in ticks], [text for _, text in ticks])
     ax.tick_params(axis="y", length=0)
-    ax.set_xlim(0.0, 100.0)
-    ax.set_ylim(y - 0.4, -0.4)
-    ax.set_xlabel("success (%)")
+    ax.set(xlim=(0.0, 100.0), ylim=(y - 0.4, -0.4), xlabel="success (%)")
     return figure, success.reset_index(drop=True)
 
 
@@ -222,8 +223,7 @@ def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: fl
         right.errorbar(i + 0.32, mean, mean - low, fmt="D", color=color, markersize=4, capsize=2)
         right.text(i + 0.38, mean + 0.004, f" {100 * mean:.0f} %", fontsize=7, color=color)
     left.axvline(threshold, color=INK, linewidth=0.8, linestyle=(0, (2, 2)), label="fixed")
-    left.set_xlabel("other blocks move at most (mm)")
-    left.set_ylabel("share of 45 blocks movable")
+    left.set(xlabel="other blocks move at most (mm)", ylabel="share of 45 blocks movable")
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper left", ncols=3, columnspacing=1.2)
     right.set_xticks(range(fractions["set"].nunique()), sorted(fractions["set"].unique()))
     right.set_xlim(-0.4, fractions["set"].nunique() - 0.3)

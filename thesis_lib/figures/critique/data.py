@@ -64,8 +64,7 @@ def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
     for i, count in enumerate(counts):
         ax.annotate(f"{count}", (count, i), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7)
     ax.set_yticks(range(len(names)), names)
-    ax.set_xlabel("impacts detected")
-    ax.set_xlim(0, 1.1 * counts.max())
+    ax.set(xlabel="impacts detected", xlim=(0, 1.1 * counts.max()))
     return [("impacts", name, np.nan, np.nan, float(n), np.nan) for name, n in zip(names, counts)]
 
 
@@ -138,8 +137,7 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     wide = max(right - left, PANEL * (high - low))
     ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
     ax.axhline(o.rig.height, color=GREY, linewidth=0.8, zorder=0)
-    ax.set_xlim(0.5 * (left + right - wide), 0.5 * (left + right + wide))
-    ax.set_ylim(low, low + wide / PANEL)
+    ax.set(xlim=(0.5 * (left + right - wide), 0.5 * (left + right + wide)), ylim=(low, low + wide / PANEL))
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlabel("position $x$ (m)")
     ax.set_title(f"trial {trial}", fontsize=7.5)

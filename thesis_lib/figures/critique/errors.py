@@ -137,9 +137,7 @@ def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
             error_dots(ax, *(table[name].iloc[[i]] for name in names), y[[i]], color=color)
     base = critique.discovery.base
     left.set_yticks(y, [law_title(name) + ("  (base)" if name == base else "") for name in table["model"]])
-    left.set_ylim(len(table) - 0.5, -0.5)
-    left.set_xlim(left=0.0)
-    left.set_xlabel("held-out error (m/s)")
+    left.set(ylim=(len(table) - 0.5, -0.5), xlim=(0.0, None), xlabel="held-out error (m/s)")
     right.axvline(0.0, color=GREY, linewidth=0.8)
     right.set_xlabel("log score above the base law\n(nats an impact)")
     right.tick_params(axis="y", left=False)
@@ -199,8 +197,7 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
                 bbox=box,
             )
         left += share
-    ax.set_yticks([])
-    ax.set_xlim(0, 100)
+    ax.set(yticks=[], xlim=(0, 100))
     ax.spines["left"].set_visible(False)
     ax.set_xlabel(f"share of the mean square, {number(total)} (m/s)², of the base law's held-out error (%)")
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -314,8 +311,7 @@ def readable_log(ax: Axes, low, high) -> None:
     if not len(low) or not len(high):
         return
     first, last = low.min() / 1.25, high.max() * 1.25
-    ax.set_xscale("log")
-    ax.set_xlim(first, last)
+    ax.set(xscale="log", xlim=(first, last))
     digits = (1.0, 2.0, 5.0) if last / first < 3000 else (1.0,)
     ticks = [d * 10.0**k for k in range(-9, 9) for d in digits]
     ax.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if first <= tick <= last]))

@@ -138,8 +138,7 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
                     zorder=3,
                 )
                 rows.append(binned.assign(component=component, feature=name, series=kind))
-            ax.set_ylim(-1.25 * spread, 1.25 * spread)
-            ax.set_xlim(*np.quantile(x, [0.005, 0.995]))
+            ax.set(ylim=(-1.25 * spread, 1.25 * spread), xlim=np.quantile(x, [0.005, 0.995]))
             ax.annotate(
                 f"explains {100 * shares.loc[component, name]:.0f} %",
                 (0.98, 0.97),

@@ -107,8 +107,7 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
         ax = axes[0, column]
         shown = _tiles(ax, x, y, error, top)
         _outline(ax, regions, over)
-        ax.set_xlabel(axis_label(over[0]))
-        ax.set_title(f"{names[kind]}: held-out mean {number(means[kind])} m/s")
+        ax.set(xlabel=axis_label(over[0]), title=f"{names[kind]}: held-out mean {number(means[kind])} m/s")
         ax = axes[1, column]
         _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
         turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -130,12 +129,14 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
                 zorder=5,
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.75},
             )
-        ax.set_aspect("equal")
-        ax.set_xlim(-1.3, 1.3)
-        ax.set_ylim(-1.3, 1.3)
-        ax.set_xlabel("less ←  impulse against the slip  → more")
-        ax.set_xticks([-1, 0, 1])
-        ax.set_yticks([-1, 0, 1])
+        ax.set(
+            aspect="equal",
+            xlim=(-1.3, 1.3),
+            ylim=(-1.3, 1.3),
+            xlabel="less ←  impulse against the slip  → more",
+            xticks=[-1, 0, 1],
+            yticks=[-1, 0, 1],
+        )
         if len(errors) == 1:
             ax.set_title("energy disc")
     axes[0, 0].set_ylabel(axis_label(over[1]))
@@ -225,8 +226,7 @@ def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> Non
                 fontweight="bold",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
             )
-    ax.set_xlim(x_low, x_high)
-    ax.set_ylim(y_low, y_high)
+    ax.set(xlim=(x_low, x_high), ylim=(y_low, y_high))
 
 
 def axis_label(feature: str) -> str:

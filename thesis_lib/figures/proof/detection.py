@@ -65,13 +65,11 @@ def _panels(table: pd.DataFrame, along: str, label: str, title: str) -> Drawn:
     for ax in axes.flat[len(effects) :]:
         ax.set_axis_off()
     first = axes[0, 0]
-    first.set_xscale("log")
-    first.set_xlim(ticks[0] / 1.25, ticks[-1] * 1.25)
+    first.set(xscale="log", xlim=(ticks[0] / 1.25, ticks[-1] * 1.25))
     first.xaxis.set_major_locator(FixedLocator(ticks))
     first.xaxis.set_minor_locator(NullLocator())
     first.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
-    first.set_ylim(-4, 104)
-    first.set_yticks([0, 50, 100])
+    first.set(ylim=(-4, 104), yticks=[0, 50, 100])
     for ax in axes.flat[max(len(effects) - COLUMNS, 0) : len(effects)]:
         ax.tick_params(labelbottom=True)
         ax.set_xlabel(label, fontsize=7)

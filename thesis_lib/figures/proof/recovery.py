@@ -60,8 +60,7 @@ def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
                 markerfacecolor="white" if series == "before" else colour,
                 label=f"{series} the effects were added",
             )
-        ax.set_title(SOURCE_TITLE[name])
-        ax.set_xlabel("misfit over its floor")
+        ax.set(title=SOURCE_TITLE[name], xlabel="misfit over its floor")
     _rows(axes[0], effects)
     _log(axes[0], table["low"].min(), table["high"].max(), (0.5, 1, 2, 3, 5, 10, 20, 50, 100))
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
@@ -97,8 +96,7 @@ def draw_parameters(recovered: pd.DataFrame) -> Drawn:
     left.axvline(95, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
     left.hlines(y, 100 * table["coverage_low"], 100 * table["coverage_high"], color=INK, linewidth=0.8)
     left.plot(100 * table["coverage"], y, "o", color=INK)
-    left.set_xlabel("within their 95 % interval (%)")
-    left.set_xlim(min(95 * table["coverage_low"].min(), 60), 102)
+    left.set(xlabel="within their 95 % interval (%)", xlim=(min(95 * table["coverage_low"].min(), 60), 102))
     right.axvline(1.0, color=GREY, linewidth=0.9)
     right.axvline(WIDEST, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
     right.hlines(y, table["width_low"], table["width_high"], color=INK, linewidth=0.8)
@@ -120,8 +118,7 @@ def _rows(ax: Axes, labels: list[str]) -> None:
 
 
 def _log(ax: Axes, low: float, high: float, ticks: tuple[float, ...]) -> None:
-    ax.set_xscale("log")
-    ax.set_xlim(low / 1.15, high * 1.15)
+    ax.set(xscale="log", xlim=(low / 1.15, high * 1.15))
     ax.xaxis.set_major_locator(FixedLocator([x for x in ticks if low / 1.15 <= x <= high * 1.15]))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter(lambda x, _: f"{x:g}")

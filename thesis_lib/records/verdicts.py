@@ -1,17 +1,10 @@
-"""The critique's verdict on a dataset, and how often it is right where the truth is known."""
-
-# pandas' stubs do not type the cells of a row
-# pyright: reportArgumentType=false
+"""The critique's verdict on a dataset, how often it is right where the truth is known, and how many claims hold."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from thesis_lib.records.record import Job, Record
-from thesis_lib.records.rows import Row, compared, counted, share
+from thesis_lib.records.rows import DataFrame, Row, compared, counted, share
 from thesis_lib.statistics.wording import interval, listed, number, percent, side, times
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PROVEN = {  # figure and source in summary.csv of the proof: where the effect was hidden
     ("right effect first or in the named group, laws injected, 150 drops", "law"): "with its own law injected",
@@ -20,10 +13,20 @@ PROVEN = {  # figure and source in summary.csv of the proof: where the effect wa
 }
 QUIET = "nothing hidden, verdict adequate, per source"
 OUTSIDE = ("outside the library: unexplained", "mechanism + drake")
+REPRODUCED, DEVIATES, NO_DATA = "reproduced", "deviates", "data not present"
 MUCH_LEFT_OUT = 0.2  # larger shares of impacts left out are mentioned
 WITHIN = ("falls", "goes, within its interval,", "rises")
 
 
+@Record.found_by(
+    job=Job("critique_dataset", "critique/{dataset}"),
+    title="How far contact models are from measurements, and which effect is missing",
+    caption="""The page shows where the models fail, and how far the error falls when the missing effect is added.
+
+What to look for: the verdict in the first lines of the page; then how near the error comes to the noise floor when the
+named effects are added (step 4).""",
+    reads=("diagnosis.json",),
+)
 def verdict(diagnosis: Mapping) -> str:
     """Which effects are missing, how far the error falls with them, and how much remains."""
     error, clearing = diagnosis["error"], [effect for effect in diagnosis["effects"] if effect["clears"]]
@@ -75,7 +78,18 @@ def _fall(error: Mapping, named: bool) -> str:
     return f"{sentence}, not told apart from the noise floor of {number(floor, unit='m/s')}."
 
 
-def proof(summary: "pd.DataFrame") -> str:
+@Record.found_by(
+    job=Job("critique_proof", "critique/proof"),
+    title="How often the critique is right on data in which an effect was hidden",
+    caption="""It was hidden by injecting its own law, by integrating contact with its cause in continuous time, and
+by Drake. Truths that were named in a group count as right; a frame marks the effect that describes the truth best.
+Intervals are 95 %, of Wilson for shares.
+
+What to look for: entries off the diagonal of the matrices, which are wrong names, and sizes at which an effect begins
+to be found.""",
+    reads=("summary.csv",),
+)
+def proof(summary: DataFrame) -> str:
     """Shares of hidden effects named right, of clean data found adequate, and of unknown causes left unexplained."""
     rows = {(row["figure"], row["source"]): row for _, row in summary.iterrows() if row["n"] > 0}
     sentences = []
@@ -95,27 +109,20 @@ def _right(row: Row) -> str:
     return f"{share(row, 'measured')} of {counted(row['n'], 'dataset')}"
 
 
-VERDICT = Record(
-    name="verdict",
-    job=Job("critique_dataset", "critique/{dataset}"),
-    title="How far contact models are from measurements, and which effect is missing",
-    caption="""The page shows where the models fail, and how far the error falls when the missing effect is added.
-
-What to look for: the verdict in the first lines of the page; then how near the error comes to the noise floor when
-the named effects are added (step 4).""",
-    finding=verdict,
-    reads=("diagnosis.json",),
+@Record.found_by(
+    job=Job("claims", ""),
+    title="What the thesis states against what this run finds",
+    caption="Number by number and sentence by sentence: reproduced, deviates (by how much, and why if that is "
+    "known), or data not present.",
 )
-PROOF = Record(
-    name="proof",
-    job=Job("critique_proof", "critique/proof"),
-    title="How often the critique is right on data in which an effect was hidden",
-    caption="""It was hidden by injecting its own law, by integrating contact with its cause in continuous time, and by
-Drake. Truths that were named in a group count as right; a frame marks the effect that describes the truth best.
-Intervals are 95 %, of Wilson for shares.
-
-What to look for: entries off the diagonal of the matrices, which are wrong names, and sizes at which an effect begins
-to be found.""",
-    finding=proof,
-    reads=("summary.csv",),
-)
+def claims(table: DataFrame) -> str:
+    """Claims by status, and how many of those compared each chapter reproduces."""
+    number = {status: int((table["status"] == status).sum()) for status in (REPRODUCED, DEVIATES, NO_DATA)}
+    compared = table[table["status"].isin([REPRODUCED, DEVIATES])]
+    chapters = [
+        f"{int((rows['status'] == REPRODUCED).sum())} of {len(rows)} in chapter {chapter}"
+        for chapter, rows in compared.groupby("chapter")
+    ]
+    sentence = f"Of {counted(len(table), 'claim')}: {number[REPRODUCED]} reproduced, {number[DEVIATES]} deviating"
+    sentence += f", {number[NO_DATA]} without the data." if number[NO_DATA] else "."
+    return sentence + (f" Of those compared, reproduced are {listed(chapters)}." if chapters else "")
