@@ -19,6 +19,7 @@ from pathlib import Path
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.isolated import Outcome, Task, run_isolated
+from thesis_lib.foundation.progress import duration
 from thesis_lib.report.batch_index import INDEX_FILES, plain, row_of_failure, row_of_verdict, write_index
 
 STATE = ".batch"
@@ -106,8 +107,7 @@ def run_batch(
         say: called with a line for each dataset that ends.
         work: run for each dataset; takes the arguments of `criticise_folder`.
 
-    Raises:
-        UserError: names collide, an effect is unknown, or another batch writes into `out`.
+    UserError if names collide, an effect is unknown, or another batch writes into `out`.
     """
     from thesis_lib.datasets.recordings.recording import is_recording
     from thesis_lib.effects import require_known
@@ -165,19 +165,11 @@ def _row(out: Path, name: str) -> dict:
 
 def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: float, ended: int) -> str:
     """[ 3/100] my_drops: effects (com_offset), 21 s; about 12 min left"""
-    what = row["reason"] if row["status"] == "failed" else row["verdict"]
+    what = f"FAILED: {row['reason']}" if row["status"] == "failed" else row["verdict"]
     named = f" ({row['effects']})" if row["effects"] else ""
-    remaining = (total - count) * spent / ended
-    rest = (
-        ""
-        if count == total
-        else f"; about {remaining / 60:.0f} min left"
-        if remaining > 90
-        else f"; about {remaining:.0f} s left"
-    )
-    failed = "FAILED: " if row["status"] == "failed" else ""
+    rest = "" if count == total else f"; about {duration((total - count) * spent / ended)} left"
     name = f"[{count:{len(str(total))}d}/{total}] {plain(row['dataset'])}"
-    return f"{name}: {failed}{what}{named}, {outcome.wall_s:.0f} s{rest}"
+    return f"{name}: {what}{named}, {outcome.wall_s:.0f} s{rest}"
 
 
 def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:

@@ -62,22 +62,15 @@ def _parser() -> Parser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="check | update | page")
     for name, text in COMMANDS.items():
         of_page = name == "page"
-        subparser = commands.add_parser(
-            name,
-            help=text,
-            description=text[0].upper() + text[1:] + ".",
-            epilog=f"example:\n  python -m thesis_lib claims {name}{'' if of_page else ' --scale quick'}",
-        )
+        example = f"example:\n  python -m thesis_lib claims {name}{'' if of_page else ' --scale quick'}"
+        description = text[0].upper() + text[1:] + "."
+        subparser = commands.add_parser(name, help=text, description=description, epilog=example)
         for option, (default, meaning) in (PATHS | ({} if of_page else STORED)).items():
             subparser.add_argument(option, type=Path, default=Path(default), help=meaning)
         subparser.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
-        subparser.add_argument(
-            "--scale",
-            choices=("quick", "default", "full"),
-            required=not of_page,
-            default="" if of_page else None,
-            help="scale at which the pipeline ran" + (" (shown on the page)" if of_page else ""),
-        )
+        meaning = "scale at which the pipeline ran" + (" (shown on the page)" if of_page else "")
+        choice = {"choices": ("quick", "default", "full"), "default": "" if of_page else None}
+        subparser.add_argument("--scale", **choice, required=not of_page, help=meaning)
         if name == "check":
             subparser.add_argument("--json", action="store_true", help="print JSON instead of text")
     return parser
@@ -123,10 +116,10 @@ def _print_text(options: argparse.Namespace, results: list, changes: list, figur
     from thesis_lib.ledger.result import Status, summary_line
 
     print(f"Claims at scale {options.scale}\n{summary_line(results)}")
-    for result in results:
-        if result.status in (Status.DEVIATES, Status.ERROR):
-            print(f"  {SIGNS[result.status]} {result.claim.id} ({result.claim.location})")
-            print(f"      published {result.published}, ours {result.ours or '–'}: {result.reason}")
+    for r in results:
+        if r.status in (Status.DEVIATES, Status.ERROR):
+            print(f"  {SIGNS[r.status]} {r.claim.id} ({r.claim.location})")
+            print(f"      published {r.published}, ours {r.ours or '–'}: {r.reason}")
     print(f"\nAgainst {options.expected}: " + (f"{len(changes)} changed" if changes else "no change"))
     for change in changes:
         print(f"  {change.id}: {change.text}")

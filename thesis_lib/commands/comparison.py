@@ -70,19 +70,11 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
         _text("law with the effects", _law(a, "augmented_model"), _law(b, "augmented_model")),
         _text("effects", _effects(a) or "none", _effects(b) or "none"),
     ]
+    in_a, in_b = a["error"], b["error"]
     for key in ("base", "augmented", "noise_floor", "irb_bound", "irb_bound_augmented"):
-        in_a, in_b = a["error"], b["error"]
-        ends = f"{key}_interval"
-        rows.append(
-            _measured(
-                f"error, {key.replace('_', ' ')}",
-                in_a.get(key),
-                in_b.get(key),
-                in_a.get("unit", "m/s"),
-                in_a.get(ends),
-                in_b.get(ends),
-            )
-        )
+        ends = in_a.get(f"{key}_interval"), in_b.get(f"{key}_interval")
+        name = f"error, {key.replace('_', ' ')}"
+        rows.append(_measured(name, in_a.get(key), in_b.get(key), in_a.get("unit", "m/s"), *ends))
     in_a, in_b = _own(a), _own(b)
     for name in dict.fromkeys([*in_a, *in_b]):
         comparable = same_law or name not in a["base_model"]["parameters"]
@@ -98,29 +90,19 @@ def comparison_text(table: pd.DataFrame, a: str, b: str) -> str:
     cells = [["", a, b, "difference", "in std errors"]]
     for row in table.to_dict("records"):
         unit = "" if row["unit"] in ("", "1") else f" ({row['unit']})"
-        cells.append(
-            [
-                row["quantity"] + unit,
-                _with_ends(row, "a"),
-                _with_ends(row, "b"),
-                _cell(row["difference"]),
-                _cell(row["sigmas"], 2),
-            ]
-        )
+        values = [*(_with_ends(row, run) for run in "ab"), _cell(row["difference"]), _cell(row["sigmas"], 2)]
+        cells.append([row["quantity"] + unit, *values])
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
     said = table.set_index("quantity")
     law, then, effects = (tuple(said.loc[name, ["a", "b"]]) for name in ("base law", "law with the effects", "effects"))
     lines.append("")
-    if law[0] != law[1]:
+    which, pair = ("The base laws", law) if law[0] != law[1] else ("With the effects the laws", then)
+    if pair[0] != pair[1]:
+        rows = " and ".join(f"“{name}{ALONE}”" for name in dict.fromkeys(law))
         lines.append(
-            f"The base laws differ: {a} has {law[0]}, {b} has {law[1]}. μ and ε of different laws mean different "
-            f"things; like is compared with like in the rows “{law[0]}{ALONE}” and “{law[1]}{ALONE}”."
-        )
-    elif then[0] != then[1]:
-        lines.append(
-            f"With the effects the laws differ: {a} has {then[0]}, {b} has {then[1]}. μ and ε of different laws mean "
-            f"different things; like is compared with like in the rows “{law[0]}{ALONE}”."
+            f"{which} differ: {a} has {pair[0]}, {b} has {pair[1]}. μ and ε of different laws mean different things; "
+            f"like is compared with like in the rows {rows}."
         )
     if effects[0] != effects[1]:
         lines.append(
@@ -147,10 +129,9 @@ def _alone(law: str, a: Mapping, b: Mapping) -> list[dict]:
     if in_a is None or in_b is None:
         return []
     ends = in_a.get("interval"), in_b.get("interval")
-    rows = [_measured(f"{law}{ALONE}, error", in_a["error"], in_b["error"], "m/s", *ends)]
-    for name, p in in_a["parameters"].items():
-        rows.append(_parameter(f"{law}{ALONE}, {name}", p, in_b["parameters"].get(name)))
-    return rows
+    error = _measured(f"{law}{ALONE}, error", in_a["error"], in_b["error"], "m/s", *ends)
+    parameters = in_a["parameters"].items()
+    return [error, *(_parameter(f"{law}{ALONE}, {name}", p, in_b["parameters"].get(name)) for name, p in parameters)]
 
 
 def _law(content: Mapping, key: str = "base_model") -> str:
@@ -181,20 +162,12 @@ def _text(quantity: str, a: str, b: str) -> dict:
     return dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": ""}
 
 
-def _measured(
-    quantity: str,
-    a: float | None,
-    b: float | None,
-    unit: str,
-    a_ends: Sequence[float] | None = None,
-    b_ends: Sequence[float] | None = None,
-) -> dict:
-    """A row of two numbers, with their 95 % intervals if known."""
+def _measured(quantity: str, a: float | None, b: float | None, unit: str, *ends: Sequence[float] | None) -> dict:
+    """A row of two numbers, with the `ends` of their 95 % intervals if known."""
     row: dict = dict.fromkeys(COLUMNS) | {"quantity": quantity, "a": a, "b": b, "unit": unit}
-    if a_ends and None not in a_ends:
-        row |= {"a_low": a_ends[0], "a_high": a_ends[1]}
-    if b_ends and None not in b_ends:
-        row |= {"b_low": b_ends[0], "b_high": b_ends[1]}
+    for run, of_run in zip("ab", ends):
+        if of_run and None not in of_run:
+            row |= {f"{run}_low": of_run[0], f"{run}_high": of_run[1]}
     if a is None or b is None:
         return row
     row["difference"] = b - a
@@ -205,9 +178,9 @@ def _measured(
     return row
 
 
-def _with_ends(row: Mapping, one: str) -> str:
-    low, high = _cell(row[f"{one}_low"]), _cell(row[f"{one}_high"])
-    return _cell(row[one]) + (f" [{low}, {high}]" if "-" not in (low, high) else "")
+def _with_ends(row: Mapping, run: str) -> str:
+    low, high = _cell(row[f"{run}_low"]), _cell(row[f"{run}_high"])
+    return _cell(row[run]) + (f" [{low}, {high}]" if "-" not in (low, high) else "")
 
 
 def _cell(value: object, digits: int = 4) -> str:

@@ -59,31 +59,21 @@ examples:
 
 def build_parser() -> Parser:
     parser = Parser(prog="python -m thesis_lib critique", description=DESCRIPTION, epilog=EXAMPLES)
-    parser.add_argument(
-        "paths",
-        nargs="+",
-        metavar="PATH",
-        help="folder of a dataset (dataset.yaml and trajectories.csv or impacts.csv) or of a recording (recording.yaml "
-        "and states.csv); with --batch also a folder of them",
+    paths = (
+        "folder of a dataset (dataset.yaml and trajectories.csv or impacts.csv) or of a recording (recording.yaml and "
+        "states.csv); with --batch also a folder of them"
     )
-    parser.add_argument(
-        "-o",
-        "--out",
-        metavar="DIR",
-        help="folder to write; default: results/critique/<name of the dataset>, of a batch results/critique",
+    out = "folder to write; default: results/critique/<name of the dataset>, of a batch results/critique"
+    effect = (
+        "switch this effect on instead of the automatic choice; of a recording, try no other; may be given several "
+        "times"
     )
-    parser.add_argument(
-        "--effect",
-        action="append",
-        dest="effects",
-        metavar="NAME",
-        help="switch this effect on instead of the automatic choice; of a recording, try no other; may be given "
-        "several times",
-    )
+    printed = "print diagnosis.json (of a batch batch.json) instead of text"
+    parser.add_argument("paths", nargs="+", metavar="PATH", help=paths)
+    parser.add_argument("-o", "--out", metavar="DIR", help=out)
+    parser.add_argument("--effect", action="append", dest="effects", metavar="NAME", help=effect)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
-    parser.add_argument(
-        "--json", action="store_true", help="print diagnosis.json (of a batch batch.json) instead of text"
-    )
+    parser.add_argument("--json", action="store_true", help=printed)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
     batch = parser.add_argument_group(
         "many datasets",
@@ -92,9 +82,8 @@ def build_parser() -> Parser:
     )
     batch.add_argument("--batch", action="store_true", help="criticise each dataset on its own")
     batch.add_argument("--jobs", type=int, metavar="N", help="datasets at a time; default: the number of cores")
-    batch.add_argument(
-        "--time-limit", type=float, default=3600.0, metavar="S", help="seconds a dataset; default: %(default)g"
-    )
+    limit = "seconds a dataset; default: %(default)g"
+    batch.add_argument("--time-limit", type=float, default=3600.0, metavar="S", help=limit)
     batch.add_argument("--memory-limit", type=float, metavar="GB", help="of a dataset; default: none but the machine's")
     return parser
 
@@ -104,6 +93,7 @@ def critique(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     if args.seed < 0:
         raise UserError(f"--seed must be 0 or more, got {args.seed}.")
+    args.effects = args.effects and tuple(dict.fromkeys(args.effects))
     if args.batch:
         return _batch(args)
     if len(args.paths) > 2:
@@ -118,11 +108,10 @@ def _one(args: argparse.Namespace) -> int:
     from thesis_lib.commands.comparison import is_run
     from thesis_lib.commands.printed import diagnosis_text
 
-    if is_run(args.paths[0]):
-        raise UserError(
-            f"{args.paths[0]} was written by a critique; give the dataset, or a second run to compare it with."
-        )
-    content, folder = _run(args.paths[0], args.out, args)
+    path = args.paths[0]
+    if is_run(path):
+        raise UserError(f"{path} was written by a critique; give the dataset, or a second run to compare it with.")
+    content, folder = _run(path, args.out, args)
     if args.json:
         print(json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False))
     else:
@@ -140,11 +129,7 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
-        return criticise_path(path, folder, args.seed, effects=_chosen(args), say=say), folder
-
-
-def _chosen(args: argparse.Namespace) -> tuple[str, ...] | None:
-    return None if args.effects is None else tuple(dict.fromkeys(args.effects))
+        return criticise_path(path, folder, args.seed, effects=args.effects, say=say), folder
 
 
 def _batch(args: argparse.Namespace) -> int:
@@ -163,10 +148,10 @@ def _batch(args: argparse.Namespace) -> int:
     if others:
         say(f"no datasets, passed over: {', '.join(map(str, others))}")
     out = Path(args.out or "results/critique")
-    options = {"effects": _chosen(args), "jobs": args.jobs or len(os.sched_getaffinity(0)), "say": say}
     memory = None if args.memory_limit is None else args.memory_limit * 1e9
+    options = {"effects": args.effects, "jobs": args.jobs or len(os.sched_getaffinity(0)), "memory_limit": memory}
     try:
-        batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, memory_limit=memory, **options)
+        batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, say=say, **options)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return INTERRUPTED
@@ -184,15 +169,13 @@ def _compare(args: argparse.Namespace) -> int:
     names = [Path(path).resolve().name for path in args.paths]
     if names[0] == names[1]:
         names = [f"{name}_{letter}" for name, letter in zip(names, "ab")]
-    contents = []
-    for path, name in zip(args.paths, names):
-        if is_run(path):
-            contents.append(read_run(path))
-        else:
-            contents.append(_run(path, Path(args.out or "results/critique") / name, args)[0])
+    out = Path(args.out or "results/critique")
+    contents = [
+        read_run(path) if is_run(path) else _run(path, out / name, args)[0] for path, name in zip(args.paths, names)
+    ]
     table = compare(*contents)
     if args.out:
-        write_result(table, Path(args.out) / "compare.csv")
+        write_result(table, out / "compare.csv")
     if args.json:
         print(table.to_json(orient="records", indent=1, force_ascii=False))
         return 0

@@ -101,9 +101,8 @@ def build_parser() -> Parser:
     init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
     init.add_argument("--units", default="m,rad,s", help="m|mm|cm, rad|deg, s|ms|us; default: %(default)s")
     init.add_argument("--columns", default="", help="OURS=YOURS,…; a minus sign before YOURS flips an axis")
-    init.add_argument(
-        "--shape", required=True, help="ellipse:A,B | disk:R | square:SIDE | polygon:'x1,y1;x2,y2;…' in m"
-    )
+    shape = "ellipse:A,B | disk:R | square:SIDE | polygon:'x1,y1;x2,y2;…' in m"
+    init.add_argument("--shape", required=True, help=shape)
     init.add_argument("--mass", type=float, help="kg; optional")
     init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")
     init.add_argument("--rate", type=float, help="Hz; needed if the log has no time column")
@@ -121,9 +120,8 @@ def build_parser() -> Parser:
     )
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
-    example.add_argument(
-        "--hidden", metavar="NAME", help="see below; default: com_offset_x, in a mechanism rolling_resistance"
-    )
+    hidden = "see below; default: com_offset_x, in a mechanism rolling_resistance"
+    example.add_argument("--hidden", metavar="NAME", help=hidden)
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
     example.add_argument("--drops", type=int, help="releases; default: 150, of a mechanism 16 trials")
     example.add_argument("--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s")
@@ -147,6 +145,8 @@ class _ExampleHelp(argparse.Action):
 @command
 def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
+    if args.command in ("init", "example"):
+        _refuse_existing(Path(args.out), args.force)
     return {"fetch": _fetch, "check": _check, "init": _init, "example": _example}[args.command](args)
 
 
@@ -169,21 +169,19 @@ def _check(args: argparse.Namespace) -> int:
 
     moves = is_recording(args.folder)
     as_text, as_facts = (recording_text, recording_facts) if moves else (summary_text, summarise)
-
-    def read() -> tuple:
-        return (read_recording(args.folder),) if moves else check_dataset(args.folder)
-
-    if not args.json:
-        print(as_text(*read()))
-        return 0
     try:
-        facts = as_facts(*read())
-        print(json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False))
-        return 0
+        read: tuple = (read_recording(args.folder),) if moves else check_dataset(args.folder)
     except DatasetError as error:
+        if not args.json:
+            raise
         problems = [vars(problem) for problem in error.problems]
         print(json.dumps({"valid": False, "dataset": error.name, "problems": problems}, ensure_ascii=False))
         return WRONG
+    if args.json:
+        print(json.dumps({"valid": True, "problems": [], **as_facts(*read)}, ensure_ascii=False, allow_nan=False))
+    else:
+        print(as_text(*read))
+    return 0
 
 
 def _init(args: argparse.Namespace) -> int:
@@ -192,30 +190,17 @@ def _init(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.summary import check_dataset, summary_text
 
     out = Path(args.out)
-    _refuse_existing(out, args.force)
-    text: str = args.delimiter
-    delimiter = {"\\t": "\t", "tab": "\t"}.get(text, text)
+    delimiter = "\t" if args.delimiter in ("\\t", "tab") else args.delimiter
     if len(delimiter) != 1:
         raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
-    conversion = convert_logs(
-        args.files,
-        out.resolve().name,
-        parse_units(args.units),
-        parse_columns(args.columns),
-        parse_shape(args.shape),
-        mass=args.mass,
-        k_g=args.k_g,
-        rate=args.rate,
-        gravity=args.gravity,
-        surface_height=args.surface_height,
-        delimiter=delimiter,
-        per_trial_files=args.per_trial_files,
-    )
+    parsed = parse_units(args.units), parse_columns(args.columns), parse_shape(args.shape)
+    same = ("mass", "k_g", "rate", "gravity", "surface_height", "per_trial_files")
+    given: dict = {name: getattr(args, name) for name in same} | {"delimiter": delimiter}
+    conversion = convert_logs(args.files, out.resolve().name, *parsed, **given)
     write_dataset(conversion.dataset, out, float_format=None)
-    for note in conversion.notes:
-        print(f"note: {note}")
-    for warning in conversion.warnings:
-        print(f"warning: {warning}")
+    for kind, texts in (("note", conversion.notes), ("warning", conversion.warnings)):
+        for text in texts:
+            print(f"{kind}: {text}")
     try:
         print(summary_text(*check_dataset(out)))
     except UserError as error:
@@ -232,16 +217,10 @@ def _example(args: argparse.Namespace) -> int:
     from thesis_lib.simulate.compliant.example import NEW_IMPACTS, simulate_example, write_example
 
     out = Path(args.out)
-    _refuse_existing(out, args.force)
     if args.mechanism:
         return _example_recording(args, out)
-    example = simulate_example(
-        out.resolve().name,
-        args.hidden or "com_offset_x",
-        size=args.size,
-        drops=150 if args.drops is None else args.drops,
-        seed=args.seed,
-    )
+    name, hidden, drops = out.resolve().name, args.hidden or "com_offset_x", 150 if args.drops is None else args.drops
+    example = simulate_example(name, hidden, size=args.size, drops=drops, seed=args.seed)
     write_example(example, out)
     print(summary_text(*check_dataset(out)))
     print(

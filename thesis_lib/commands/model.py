@@ -4,14 +4,10 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PREDICT = """\
 Predict the velocity after impact with the law and the effects in a model.json.
@@ -50,11 +46,8 @@ def predict(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("states", metavar="STATES.csv")
     parser.add_argument("-o", "--out", metavar="OUT.csv", help="default: print to stdout")
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print model, number of rows and of each status as JSON; without -o the predictions, too",
-    )
+    printed = "print model, number of rows and of each status as JSON; without -o the predictions, too"
+    parser.add_argument("--json", action="store_true", help=printed)
     args = parser.parse_args(argv)
     from thesis_lib.critique.results.saved_model import load_model, predict, read_states
     from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
@@ -65,23 +58,17 @@ def predict(argv: Sequence[str] | None = None) -> int:
         write_table(table, args.out)
         print(f"{len(table)} predictions written to {args.out}", file=sys.stderr)
     if args.json:
-        content = {
-            "law": model.law,
-            "effects": list(model.effects),
-            "n": len(table),
-            "status": {name: int(count) for name, count in sorted(table["status"].value_counts().items())},
-        }
-        content |= {"written": args.out} if args.out else {"predictions": _predictions(table)}
+        status = {name: int(count) for name, count in sorted(table["status"].value_counts().items())}
+        content = {"law": model.law, "effects": list(model.effects), "n": len(table), "status": status}
+        if args.out:
+            content["written"] = args.out
+        else:  # null if there is no solution
+            after = table[["vx_post", "vy_post", "omega_post", "status"]]
+            content["predictions"] = json.loads(after.to_json(orient="records", double_precision=9))
         print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
     elif not args.out:
         table.to_csv(sys.stdout, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
     return 0
-
-
-def _predictions(table: "pd.DataFrame") -> list[dict]:
-    """Velocities after impact and status, row by row; null if there is no solution."""
-    kept = table[["vx_post", "vy_post", "omega_post", "status"]]
-    return json.loads(kept.to_json(orient="records", double_precision=9))
 
 
 @command

@@ -15,6 +15,7 @@ examples:
   python -m thesis_lib effects
   python -m thesis_lib effects --json | jq '.[].name'
 """
+STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad"}
 
 
 def diagnosis_text(content: Mapping) -> str:
@@ -24,21 +25,21 @@ def diagnosis_text(content: Mapping) -> str:
     width = max((14, *(len(key) + 2 for key in content["augmented_model"]["parameters"])))
     for key, p in content["augmented_model"]["parameters"].items():
         lines.append(f"    {key:<{width}}{_value(p)}")
+    case, score = ("a window", "window") if "mechanism" in content else ("an impact", "impact")
     for effect in content["effects"]:
-        for key, p in effect["parameters"].items():
-            lines.append(f"    {effect['name']}.{key} = {_value(p)}")
-        gain = effect["gain"]
-        low, high = gain["interval"]
-        unit = next(unit for unit in ("impact", "window") if f"held_out_log_score_per_{unit}" in gain)
+        lines += [f"    {effect['name']}.{key} = {_value(p)}" for key, p in effect["parameters"].items()]
+        gain, (low, high) = effect["gain"], effect["gain"]["interval"]
         lines.append(
-            f"      gains {gain[f'held_out_log_score_per_{unit}']:.3g} nats {'an' if unit == 'impact' else 'a'} {unit} "
-            f"(95 %: {low:.3g} to {high:.3g}), p = {gain['p_value']:.2g}"
+            f"      gains {gain[f'held_out_log_score_per_{score}']:.3g} nats {case} (95 %: {low:.3g} to {high:.3g}), "
+            f"p = {gain['p_value']:.2g}"
         )
     step = content["next_experiment"]
     if step["why"] or "mechanism" not in content:
         lines += ["", f"  next experiment: {step['why']}"]
     for state, sigmas in zip(step["states"], step.get("sigmas", ())):
-        values = ", ".join(f"{name} {state[name]:g}{unit}" for name, unit in _state_units(content, state))
+        # the names of a mechanism's states tell the units
+        units = dict.fromkeys(state, "") if "mechanism" in content else STATE_UNITS
+        values = ", ".join(f"{name} {state[name]:g}{unit}" for name, unit in units.items())
         lines.append(f"    {values} ({sigmas:.2g} sigma)")
     return "\n".join(lines)
 
@@ -60,13 +61,6 @@ def _mechanism_errors(content: Mapping) -> list[str]:
         "held-out misfit in standard deviations of noise:",
         *(f"    {name:<16}{content['error'][key]:.4g}" for key, name in names.items()),
     ]
-
-
-def _state_units(content: Mapping, state: Mapping) -> list[tuple[str, str]]:
-    """Names of the state in the order shown, with units unless the names tell them."""
-    if "mechanism" in content:
-        return [(name, "") for name in state]
-    return [("vx", " m/s"), ("vy", " m/s"), ("omega", " rad/s"), ("theta", " rad")]
 
 
 def _value(p: Mapping) -> str:

@@ -3,6 +3,7 @@
 python -m thesis_lib tables chapter2 [--results results]
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,78 @@ examples:
 """
 
 
+# title, and below it the file below the results and the columns that are printed
+TABLES = """\
+What contact identifies of a body's m and I (section 2.3.3)
+    chapter2/identifiability: case sigma_1 sigma_2 rank not_identified
+Success of the programs from random starts, no noise (sections 2.3.2 and 2.4)
+    chapter2/programs: mechanism n_steps name n_starts n_success n_false_claims theta_error_max force_error_max
+m/I from noisy drops (table 2.1)
+    chapter2/table_2_1: shape snr method n n_failed mean_error mean_error_std std bound error_over_bound
+        error_over_law_bound thesis
+Forces of the rimless wheel's first three spokes (figure 2-11)
+    chapter2/wheel_forces: method order n n_failed error_n_median error_n_90 error_t_median impulse_error_n_median
+Forces and base parameters of arm and disk (figure 2-12)
+    chapter2/arm_summary: quantity method n_trajectories n_failed error_median error_90 share_1_percent
+        share_5_percent
+Impulse and peak force at impact (section 2.5, figure 2-15)
+    chapter2/impact_force_summary: method quantity reference unit n mean mean_error std std_stated coverage_95
+        thesis_mean_error thesis_std
+m/I from measured impacts (section 2.5)
+    chapter2/measured_ratio: dataset variant ratio std low high published n status
+Forces that the models of arm and wheel lack: hidden, found, added
+    chapter2/hidden_summary: mechanism truth snr_db datasets right misfit_before misfit_after force_error_before
+        force_error_after theta_error_before theta_error_after
+Ensemble parameters, best and worst, measured ellipse (table 3.1)
+    chapter3/planar_impact/table_3_1: variant weighting law mu mu_std epsilon epsilon_std best best_std worst
+        worst_std n_train n_held_out
+Share of the outcomes that each law can predict, measured ellipse (table 3.2)
+    chapter3/planar_impact/table_3_2: variant weighting law tolerance fraction fraction_std n
+Held-out error of laws and bounds, measured ellipse (figure 3-8)
+    chapter3/planar_impact/error_summary: model mean mean_std median quantile_90 n n_failed
+Learned contact models against the IRB Bound and the laws, 450 training impacts (figure 4-5)
+    chapter4/planar_impact/learning_ratios: statement n value std
+Training impacts until learned models have converged (figure 4-6)
+    chapter4/planar_impact/learning_convergence: model n_converged n_converged_low n_converged_high n_learned
+        n_learned_low n_learned_high
+Named physics, then what is left to learn: ellipse
+    chapter4/planar_impact/named_rungs: model n mean low high n_failed
+Named physics, then what is left to learn: dice
+    chapter4/planar_dice/named_rungs: model n mean low high n_failed
+Thrown dice: where they come to rest (figures 4-8 and section 4.4)
+    chapter4/planar_dice/dice: model quantity value std low high std_splits splits
+Beliefs after the first contact: Gaussian mixture and particles
+    chapter4/planar_dice/dice_first_contact: model belief quantity value std low high
+Calibration of beliefs over resting positions and contacts
+    chapter4/planar_dice/dice_calibration: model kind level coverage low high passes n
+Movable blocks, development and test towers (section 5.4.4: 47 %)
+    chapter5/movable_summary: set threshold_mm mean low high n refused
+Agreement with half the time step, with the reduced tower, and with real extraction
+    chapter5/fidelity: comparison quantity value n
+Consecutive extractions against samples (figure 5-5 B)
+    chapter5/study_curve: policy size mean low high n refused
+The same towers: extractions of hma minus those of the others
+    chapter5/study_paired: policy size rival rival_size difference low high n
+Samples that the mixture of regressions needs for the same
+    chapter5/study_needed: policy of size needed needed_low needed_high
+Successes of push, extract and place (figure 5-6)
+    chapter5/study_success: phase position action attempts successes share low high published
+Stuck or free after five steps, without truth in learning
+    chapter5/model_agreement: size set balanced_accuracy low high n_stuck n_free n_abstractions
+What each abstraction looks like
+    chapter5/model_abstractions: size set abstraction share force move lag drag stuck stuck_share
+Figure 5-7 in numbers
+    chapter5/model_summary: quantity value low high n
+The No-U-Turn sampler against the filter (figure 5-8)
+    chapter5/showcase_runs: case step r_hat ess divergences belief_apart state_apart
+Effects that the learner has never seen
+    chapter5/unseen_summary: effect p_value new_abstraction failing_abstraction relearned_samples pushes_affected
+        failing_affected pushes_others failing_others
+Error on other towers with the effect, before and after relearning
+    chapter5/unseen_errors: effect stage group error low high n
+"""
+
+
 @dataclass(frozen=True)
 class Shown:
     """A table to print: file below the results, title, and columns."""
@@ -26,169 +99,9 @@ class Shown:
     columns: tuple[str, ...]
 
 
-def _shown(file: str, title: str, columns: str) -> Shown:
-    return Shown(file, title, tuple(columns.split()))
-
-
-CHAPTERS: dict[str, tuple[Shown, ...]] = {
-    "chapter2": (
-        _shown(
-            "chapter2/identifiability.csv",
-            "What contact identifies of a body's m and I (section 2.3.3)",
-            "case sigma_1 sigma_2 rank not_identified",
-        ),
-        _shown(
-            "chapter2/programs.csv",
-            "Success of the programs from random starts, no noise (sections 2.3.2 and 2.4)",
-            "mechanism n_steps name n_starts n_success n_false_claims theta_error_max force_error_max",
-        ),
-        _shown(
-            "chapter2/table_2_1.csv",
-            "m/I from noisy drops (table 2.1)",
-            "shape snr method n n_failed mean_error mean_error_std std bound error_over_bound "
-            "error_over_law_bound thesis",
-        ),
-        _shown(
-            "chapter2/wheel_forces.csv",
-            "Forces of the rimless wheel's first three spokes (figure 2-11)",
-            "method order n n_failed error_n_median error_n_90 error_t_median impulse_error_n_median",
-        ),
-        _shown(
-            "chapter2/arm_summary.csv",
-            "Forces and base parameters of arm and disk (figure 2-12)",
-            "quantity method n_trajectories n_failed error_median error_90 share_1_percent share_5_percent",
-        ),
-        _shown(
-            "chapter2/impact_force_summary.csv",
-            "Impulse and peak force at impact (section 2.5, figure 2-15)",
-            "method quantity reference unit n mean mean_error std std_stated coverage_95 thesis_mean_error thesis_std",
-        ),
-        _shown(
-            "chapter2/measured_ratio.csv",
-            "m/I from measured impacts (section 2.5)",
-            "dataset variant ratio std low high published n status",
-        ),
-        _shown(
-            "chapter2/hidden_summary.csv",
-            "Forces that the models of arm and wheel lack: hidden, found, added",
-            "mechanism truth snr_db datasets right misfit_before misfit_after force_error_before "
-            "force_error_after theta_error_before theta_error_after",
-        ),
-    ),
-    "chapter3": (
-        _shown(
-            "chapter3/planar_impact/table_3_1.csv",
-            "Ensemble parameters, best and worst, measured ellipse (table 3.1)",
-            "variant weighting law mu mu_std epsilon epsilon_std best best_std worst worst_std n_train n_held_out",
-        ),
-        _shown(
-            "chapter3/planar_impact/table_3_2.csv",
-            "Share of the outcomes that each law can predict, measured ellipse (table 3.2)",
-            "variant weighting law tolerance fraction fraction_std n",
-        ),
-        _shown(
-            "chapter3/planar_impact/error_summary.csv",
-            "Held-out error of laws and bounds, measured ellipse (figure 3-8)",
-            "model mean mean_std median quantile_90 n n_failed",
-        ),
-    ),
-    "chapter4": (
-        _shown(
-            "chapter4/planar_impact/learning_ratios.csv",
-            "Learned contact models against the IRB Bound and the laws, 450 training impacts (figure 4-5)",
-            "statement n value std",
-        ),
-        _shown(
-            "chapter4/planar_impact/learning_convergence.csv",
-            "Training impacts until learned models have converged (figure 4-6)",
-            "model n_converged n_converged_low n_converged_high n_learned n_learned_low n_learned_high",
-        ),
-        _shown(
-            "chapter4/planar_impact/named_rungs.csv",
-            "Named physics, then what is left to learn: ellipse",
-            "model n mean low high n_failed",
-        ),
-        _shown(
-            "chapter4/planar_dice/named_rungs.csv",
-            "Named physics, then what is left to learn: dice",
-            "model n mean low high n_failed",
-        ),
-        _shown(
-            "chapter4/planar_dice/dice.csv",
-            "Thrown dice: where they come to rest (figures 4-8 and section 4.4)",
-            "model quantity value std low high std_splits splits",
-        ),
-        _shown(
-            "chapter4/planar_dice/dice_first_contact.csv",
-            "Beliefs after the first contact: Gaussian mixture and particles",
-            "model belief quantity value std low high",
-        ),
-        _shown(
-            "chapter4/planar_dice/dice_calibration.csv",
-            "Calibration of beliefs over resting positions and contacts",
-            "model kind level coverage low high passes n",
-        ),
-    ),
-    "chapter5": (
-        _shown(
-            "chapter5/movable_summary.csv",
-            "Movable blocks, development and test towers (section 5.4.4: 47 %)",
-            "set threshold_mm mean low high n refused",
-        ),
-        _shown(
-            "chapter5/fidelity.csv",
-            "Agreement with half the time step, with the reduced tower, and with real extraction",
-            "comparison quantity value n",
-        ),
-        _shown(
-            "chapter5/study_curve.csv",
-            "Consecutive extractions against samples (figure 5-5 B)",
-            "policy size mean low high n refused",
-        ),
-        _shown(
-            "chapter5/study_paired.csv",
-            "The same towers: extractions of hma minus those of the others",
-            "policy size rival rival_size difference low high n",
-        ),
-        _shown(
-            "chapter5/study_needed.csv",
-            "Samples that the mixture of regressions needs for the same",
-            "policy of size needed needed_low needed_high",
-        ),
-        _shown(
-            "chapter5/study_success.csv",
-            "Successes of push, extract and place (figure 5-6)",
-            "phase position action attempts successes share low high published",
-        ),
-        _shown(
-            "chapter5/model_agreement.csv",
-            "Stuck or free after five steps, without truth in learning",
-            "size set balanced_accuracy low high n_stuck n_free n_abstractions",
-        ),
-        _shown(
-            "chapter5/model_abstractions.csv",
-            "What each abstraction looks like",
-            "size set abstraction share force move lag drag stuck stuck_share",
-        ),
-        _shown("chapter5/model_summary.csv", "Figure 5-7 in numbers", "quantity value low high n"),
-        _shown(
-            "chapter5/showcase_runs.csv",
-            "The No-U-Turn sampler against the filter (figure 5-8)",
-            "case step r_hat ess divergences belief_apart state_apart",
-        ),
-        _shown(
-            "chapter5/unseen_summary.csv",
-            "Effects that the learner has never seen",
-            "effect p_value new_abstraction failing_abstraction relearned_samples pushes_affected "
-            "failing_affected pushes_others failing_others",
-        ),
-        _shown(
-            "chapter5/unseen_errors.csv",
-            "Error on other towers with the effect, before and after relearning",
-            "effect stage group error low high n",
-        ),
-    ),
-}
+CHAPTERS: dict[str, list[Shown]] = {}
+for _title, _name, _columns in re.findall(r"^(\S.*)\n {4}(\S+): (.*\n(?: {8}.*\n)*)", TABLES, re.MULTILINE):
+    CHAPTERS.setdefault(_name.split("/")[0], []).append(Shown(f"{_name}.csv", _title, tuple(_columns.split())))
 
 
 def as_text(shown: Shown, results: Path) -> str:
@@ -200,8 +113,7 @@ def as_text(shown: Shown, results: Path) -> str:
 
     path = results / shown.file
     if not path.is_file():
-        chapter = shown.file.split("/")[0]
-        raise UserError(f"{path} does not exist yet; make it with: snakemake --cores 2 {chapter}")
+        raise UserError(f"{path} does not exist yet; make it with: snakemake --cores 2 {shown.file.split('/')[0]}")
     table = read_table(path, shown.columns)[list(shown.columns)]
     meanings = explain(path.stem, shown.columns)
     with pd.option_context("display.width", 250, "display.max_colwidth", 60):

@@ -14,21 +14,14 @@ examples:
 """
 
 
-def build_parser() -> Parser:
-    parser = Parser(
-        prog="python -m thesis_lib.docs",
-        description="Write the parts of the pages in docs/ that come from the code.",
-        epilog=EPILOG,
-    )
+@command
+def main(argv: Sequence[str] | None = None) -> int:
+    description = "Write the parts of the pages in docs/ that come from the code."
+    parser = Parser(prog="python -m thesis_lib.docs", description=description, epilog=EPILOG)
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is out of step")
     parser.add_argument("--pictures", action="store_true", help="draw the pictures again, too")
     parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the pages; default: %(default)s")
-    return parser
-
-
-@command
-def main(argv: Sequence[str] | None = None) -> int:
-    args = build_parser().parse_args(argv)
+    args = parser.parse_args(argv)
     from thesis_lib.docs.pages import stale_pages
 
     stale = stale_pages(args.docs)

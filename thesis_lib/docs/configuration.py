@@ -13,7 +13,10 @@ from thesis_lib.docs.markdown import code, table
 from thesis_lib.foundation.settings import Section
 
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false", Any: "anything"}
-SIGNS = {Ge: ("≥", "ge"), Gt: (">", "gt"), Le: ("≤", "le"), Lt: ("<", "lt")}
+LIMITS = {
+    **{Ge: ("≥", "ge"), Gt: (">", "gt"), Le: ("≤", "le"), Lt: ("<", "lt")},
+    **{MinLen: ("at least", "min_length"), MaxLen: ("at most", "max_length")},
+}
 LONGEST = 120  # characters of a default that can still be read in a table
 HEAD = ("key", "default", "kind", "meaning")
 
@@ -55,9 +58,7 @@ def _sections(path: str, section: type[Section], values: Section | None) -> Iter
 
 def _section_of(annotation: Any) -> type[Section] | None:
     """The section that a key holds; no key holds sections in lists or under names."""
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        return annotation
-    return None
+    return annotation if isinstance(annotation, type) and issubclass(annotation, Section) else None
 
 
 def _default(value: Any) -> str:
@@ -81,8 +82,8 @@ def _readable(value: Any) -> Any:
 def _kind(annotation: Any) -> str:
     if annotation in PLAIN:
         return PLAIN[annotation]
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        return "a section: " + ", ".join(code(name) for name in annotation.model_fields)
+    if section := _section_of(annotation):
+        return "a section: " + ", ".join(map(code, section.model_fields))
     origin, inner = get_origin(annotation), get_args(annotation)
     if annotation is type(None):
         return "null"
@@ -105,13 +106,9 @@ def _kind(annotation: Any) -> str:
 
 
 def _limits(metadata: Any) -> str:
-    parts = []
-    for limit in metadata:
-        for kind_of, (sign, attribute) in SIGNS.items():
-            if isinstance(limit, kind_of):
-                parts.append(f"{sign} {getattr(limit, attribute):g}")
-        if isinstance(limit, MinLen):
-            parts.append(f"at least {limit.min_length}")
-        if isinstance(limit, MaxLen):
-            parts.append(f"at most {limit.max_length}")
-    return ", ".join(parts)
+    return ", ".join(
+        f"{sign} {getattr(limit, attribute):g}"
+        for limit in metadata
+        for of_kind, (sign, attribute) in LIMITS.items()
+        if isinstance(limit, of_kind)
+    )

@@ -22,13 +22,11 @@ def recording_text() -> str:
     from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, StateNoise, Wheel
 
     rows: list[tuple[str, str, str, str]] = []
+    nested = {"mechanism": (Arm, Wheel), "noise": (StateNoise,)}
     for name, field in RecordingHeader.model_fields.items():
-        if name == "mechanism":
-            for section in (Arm, Wheel):
-                rows += _rows("mechanism.", section)
-        elif name == "noise":
-            rows += _rows("noise.", StateNoise)
-        else:
+        for section in nested.get(name, ()):
+            rows += _rows(f"{name}.", section)
+        if name not in nested:
             rows.append(_row("", name, field))
     return table(("key", "needed", "kind", "meaning"), rows)
 

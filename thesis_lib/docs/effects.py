@@ -40,15 +40,10 @@ def _overview(family: str) -> tuple[str, str]:
 def _entry(effect: Effect) -> str:
     changes = "; ".join(CHANNELS[channel] for channel in effect.channels)
     needs = " Needs trajectories." if effect.needs_trajectories else ""
-    return "\n\n".join(
-        (
-            f"### {effect.name}",
-            docstring(import_module(f"thesis_lib.effects.{effect.name}")),
-            table(HEAD, map(_parameter, effect.parameters)),
-            f"Changes: {changes}.{needs}",
-            f"![{picture_text(effect)}](pictures/effects/{effect.name}.png)",
-        )
-    )
+    about = docstring(import_module(f"thesis_lib.effects.{effect.name}"))
+    parameters = table(HEAD, map(_parameter, effect.parameters))
+    picture = f"![{picture_text(effect)}](pictures/effects/{effect.name}.png)"
+    return f"### {effect.name}\n\n{about}\n\n{parameters}\n\nChanges: {changes}.{needs}\n\n{picture}"
 
 
 def _parameter(p: Parameter) -> tuple[str, str, str, str, str]:
@@ -63,22 +58,16 @@ def size_that_matters(p: Parameter) -> float:
 
 def sizes_text(effect: Effect) -> str:
     """The parameter values of the picture in words."""
-    units = {"1": ""}
-    return ", ".join(
-        f"{p.name} = {size_that_matters(p):g} {units.get(p.unit, p.unit)}".rstrip() for p in effect.parameters
-    )
+    sizes = [f"{p.name} = {size_that_matters(p):g}{'' if p.unit == '1' else f' {p.unit}'}" for p in effect.parameters]
+    return ", ".join(sizes)
 
 
 def picture_text(effect: Effect) -> str:
     """Alternative text of the picture."""
+    what, panels = "gap at impact", " over the angle of the body"
     if "impact" in effect.channels:
-        return (
-            f"Change of the velocity after impact by {effect.title} ({sizes_text(effect)}): left over the contact "
-            "velocity before impact, right against what else it depends on most"
-        )
-    if "flight" in effect.channels:
-        return (
-            f"Change of the flight by {effect.title} ({sizes_text(effect)}): left of the acceleration, right of the "
-            "path over half a second"
-        )
-    return f"Change of the gap at impact by {effect.title} ({sizes_text(effect)}) over the angle of the body"
+        over = "left over the contact velocity before impact, right against what else it depends on most"
+        what, panels = "velocity after impact", f": {over}"
+    elif "flight" in effect.channels:
+        what, panels = "flight", ": left of the acceleration, right of the path over half a second"
+    return f"Change of the {what} by {effect.title} ({sizes_text(effect)}){panels}"

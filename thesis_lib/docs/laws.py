@@ -19,10 +19,8 @@ def published_twin(law: Law) -> Law | None:
 
 def promises_table() -> str:
     """A row for each promise, a column for each law: kept, or the share of random impacts that break it."""
-    laws = list(LAWS.values())
-    head = ["promise", *(law.title for law in laws)]
-    rows = [[promise.value, *(_kept(law, promise) for law in laws)] for promise in Promise]
-    return table(head, rows)
+    rows = [[promise.value, *(_kept(law, promise) for law in LAWS.values())] for promise in Promise]
+    return table(["promise", *(law.title for law in LAWS.values())], rows)
 
 
 def _kept(law: Law, promise: Promise) -> str:
@@ -36,16 +34,6 @@ def _entry(law: Law) -> str:
     published = published_twin(law)
     names = f"`{law.name}`" + (f" and `{published.name}`" if published else "")
     unit = f" μ of the latter has the unit {published.mu_unit}." if published and published.mu_unit != "1" else ""
-    return "\n\n".join(
-        (
-            f"## {law.title}",
-            docstring(module),
-            f"In code: {names}.{unit}",
-            f"![{picture_text(law)}](pictures/laws/{law.name}.png)",
-        )
-    )
-
-
-def picture_text(law: Law) -> str:
-    """Alternative text of the picture."""
-    return f"Impulses that {law.title} can give to one impact, inside the energy ellipse, for all μ and ε from 0 to 1"
+    shown = f"Impulses that {law.title} can give to one impact, inside the energy ellipse, for all μ and ε from 0 to 1"
+    picture = f"![{shown}](pictures/laws/{law.name}.png)"
+    return f"## {law.title}\n\n{docstring(module)}\n\nIn code: {names}.{unit}\n\n{picture}"

@@ -10,8 +10,26 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from thesis_lib.docs import columns, configuration, dataset_keys, effects, laws
+from thesis_lib.docs import configuration, dataset_keys, effects, laws
+from thesis_lib.docs.markdown import code, table
+from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
+
+COLUMN_HEAD = ("column", "unit", "meaning")
+
+
+def columns_text() -> str:
+    """Every column under results/: those with the same meaning everywhere, then those of single tables."""
+    everywhere, tables = meanings()
+    parts = ["## In every table", table(COLUMN_HEAD, _column_rows(everywhere)), "## In one table only"]
+    for name in sorted(tables):
+        parts += [f"### `{name}.csv`", table(COLUMN_HEAD, _column_rows(tables[name]))]
+    return "\n\n".join(parts)
+
+
+def _column_rows(columns: dict[str, list[str]]) -> list[tuple[str, str, str]]:
+    return [(code(name), unit, meaning) for name, (unit, meaning) in sorted(columns.items())]
+
 
 BLOCKS: dict[str, Callable[[], str]] = {
     "configuration": configuration.text,
@@ -19,7 +37,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "laws": laws.text,
     "dataset keys": dataset_keys.text,
     "recording keys": dataset_keys.recording_text,
-    "columns": columns.text,
+    "columns": columns_text,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S

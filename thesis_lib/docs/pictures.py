@@ -107,11 +107,10 @@ def draw_reach(law: Law) -> Figure:
     ax = figure.add_subplot()
     draw_ellipse(ax, space, unit, labels=True)
     published = published_twin(law)
-    for variant, look in ((law, {"color": "#0072B2"}), (published, {"color": "#D55E00", "linestyle": (0, (5, 1.5))})):
-        if variant is not None:
-            outline = unit.factor * region_outline(variant, space)
-            ax.plot(*outline.T, **look, label="as published" if variant is published else law.title)
-            ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * float(outline[:, 1].max())))
+    for variant, look in zip((law, published) if published else (law,), LOOKS):
+        outline = unit.factor * region_outline(variant, space)
+        ax.plot(*outline.T, **look, label="as published" if variant is published else law.title)
+        ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * float(outline[:, 1].max())))
     ax.set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
     ax.set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
     figure.legend(loc="outside right upper")

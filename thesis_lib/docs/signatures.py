@@ -12,6 +12,7 @@ One ellipse (a square where an effect needs corners) hits the surface once, by M
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,8 +25,7 @@ from thesis_lib.effects.effect import Effect, Rig, State
 
 LAW = LAWS["mirtich"]
 COEFFICIENTS = {"mu": 0.15, "epsilon": 0.55}
-K_G = 0.0192  # m, of the published ellipse
-ELLIPSE = Rig(Ellipse(semi_axes=(0.035, 0.025)), K_G, 9.81, 0.0)
+ELLIPSE = Rig(Ellipse(semi_axes=(0.035, 0.025)), 0.0192, 9.81, 0.0)  # as published
 _CORNERS = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
 SQUARE = Rig(Polygon(vertices=_CORNERS), 0.0286, 9.81, 0.0)
 # an impact away from every symmetry, at an angle at which it can stick: x (m), θ (rad), v_t, v_n (m/s), ω (rad/s),
@@ -37,6 +37,7 @@ PLANE_T, PLANE_N = np.linspace(-2.0, 2.0, 41), np.linspace(-3.5, -0.25, 27)
 POINTS = 121
 SPAN = 0.5  # s
 COLUMNS = ["effect", "panel", "over", "at", "at_n", "series", "value"]
+Change = Callable[[Effect, State], np.ndarray]
 
 
 def rig_for(effect: Effect) -> Rig:
@@ -59,17 +60,9 @@ def states(rig: Rig, **changed: np.ndarray) -> State:
     """States that touch the surface: BASE with some values replaced by arrays (n,)."""
     n = len(next(iter(changed.values())))
     s = {name: changed.get(name, np.full(n, value)) for name, value in BASE.items()}
-    r = rig.shape.contact_point(s["theta"])
-    return State(
-        x=s["x"],
-        y=rig.height - r[:, 1],
-        theta=s["theta"],
-        vx=s["v_t"] + r[:, 1] * s["omega"],
-        vy=s["v_n"] - r[:, 0] * s["omega"],
-        omega=s["omega"],
-        trial=s["trial"],
-        t=s["t"],
-    )
+    r_x, r_y = rig.shape.contact_point(s["theta"]).T
+    same = {name: s[name] for name in ("x", "theta", "omega", "trial", "t")}
+    return State(y=rig.height - r_y, vx=s["v_t"] + r_y * s["omega"], vy=s["v_n"] - r_x * s["omega"], **same)
 
 
 def impact_change(effect: Effect, state: State) -> np.ndarray:
@@ -102,16 +95,17 @@ def _plane(effect: Effect) -> pd.DataFrame:
     v_t, v_n = (grid.ravel() for grid in np.meshgrid(PLANE_T, PLANE_N))
     change = impact_change(effect, states(rig_for(effect), v_t=v_t, v_n=v_n))
     columns = {"size": np.linalg.norm(change, axis=1), "v_x": change[:, 0], "v_y": change[:, 1]}
-    parts = [pd.DataFrame({"at": v_t, "at_n": v_n, "series": name, "value": c}) for name, c in columns.items()]
-    return pd.concat(parts).assign(panel="plane", over="v_t, v_n")
+    return _table("plane", "v_t, v_n", v_t, columns, v_n)
+
+
+def _table(panel: str, over: str, at: np.ndarray, columns: dict[str, np.ndarray], at_n: Any = np.nan) -> pd.DataFrame:
+    """A row for each series and value of the variable `over`."""
+    parts = [pd.DataFrame({"at": at, "at_n": at_n, "series": name, "value": c}) for name, c in columns.items()]
+    return pd.concat(parts).assign(panel=panel, over=over)
 
 
 def _curve(
-    effect: Effect,
-    panel: str,
-    ranges: dict[str, tuple[float, float]],
-    change: Callable[[Effect, State], np.ndarray],
-    series: tuple[str, ...],
+    effect: Effect, panel: str, ranges: dict[str, tuple[float, float]], change: Change, series: tuple[str, ...]
 ) -> pd.DataFrame:
     """Changes against the variable over whose range they vary most; the first variable if none matters."""
     best, most = None, -1.0
@@ -122,8 +116,7 @@ def _curve(
         if spread > most + 1e-9:
             best, most = (over, at, changes), spread
     over, at, changes = best
-    parts = [pd.DataFrame({"at": at, "series": name, "value": c}) for name, c in zip(series, changes.T)]
-    return pd.concat(parts).assign(panel=panel, over=over, at_n=np.nan)
+    return _table(panel, over, at, dict(zip(series, changes.T)))
 
 
 def _path(effect: Effect) -> pd.DataFrame:
@@ -131,8 +124,7 @@ def _path(effect: Effect) -> pd.DataFrame:
     t = np.linspace(0.0, SPAN, POINTS)
     paths = [_flown(model, values, rig, t) for model in (with_it, Model(LAW))]
     change = (paths[0] - paths[1]) * [1.0, 1.0, rig.k_g]
-    parts = [pd.DataFrame({"at": t, "series": name, "value": c}) for name, c in zip(("x", "y", "k θ"), change.T)]
-    return pd.concat(parts).assign(panel="path", over="t", at_n=np.nan)
+    return _table("path", "t", t, dict(zip(("x", "y", "k θ"), change.T)))
 
 
 def _flown(model: Model, values: dict[str, float], rig: Rig, t: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigm
 
 def paragraph(*sentences: str, kind: str = "") -> Markup:
     """Sentences as one paragraph; empty without any."""
-    text = " ".join(sentence.strip() for sentence in sentences if sentence and sentence.strip())
+    text = " ".join(filter(None, map(str.strip, sentences)))
     return element("paragraph", _bound(text), kind) if text else Markup()
 
 
@@ -51,17 +51,11 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], n
 
 def picture(figure: Figure, caption: str) -> Markup:
     """A figure as an embedded PNG; its title and the caption form the alternative text."""
-    title = " ".join(figure.get_suptitle().split())
-    data = base64.b64encode(_png(figure)).decode("ascii")
+    title, png = " ".join(figure.get_suptitle().split()), io.BytesIO()
+    house_style(figure.savefig)(png, format="png", metadata={"Software": None})
+    data = base64.b64encode(png.getvalue()).decode("ascii")
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
     return element("picture", data, f"{title}. {caption}" if title else caption, width, height, caption)
-
-
-@house_style
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def amount(value: float | None, unit: str = "", digits: int = 3) -> str:
@@ -76,9 +70,8 @@ def interval(low: float | None, high: float | None, unit: str = "") -> str:
     """A 95 % interval in brackets, to the digits in which its ends differ; '' if it is unknown."""
     if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
         return ""
-    unit = "" if unit in ("", "1") else f" {unit}"
     digits = _digits(low, high)
-    return f"[{number(low, digits)}, {number(high, digits)}]{unit}"
+    return f"[{number(low, digits)}, {number(high, digits)}]{'' if unit in ('', '1') else f' {unit}'}"
 
 
 def estimate(value: float, std: float, unit: str = "") -> str:
@@ -88,9 +81,7 @@ def estimate(value: float, std: float, unit: str = "") -> str:
     low, high = value - Z95 * std, value + Z95 * std
     scale, unit = handy_unit(max(abs(low), abs(high)), unit)
     value, low, high = scale * value, scale * low, scale * high
-    digits = _digits(low, high)
-    unit = "" if unit in ("", "1") else f" {unit}"
-    return f"{number(value, digits)} [{number(low, digits)}, {number(high, digits)}]{unit}"
+    return f"{number(value, _digits(low, high))} {interval(low, high, unit)}"
 
 
 def plus_minus(value: float, std: float) -> str:

@@ -59,8 +59,8 @@ def list_text(results: Path) -> str:
     lines, chapter = [], None
     for figure in figures():
         if figure.chapter != chapter:
-            lines += ["", f"chapter {figure.chapter}"] if lines else [f"chapter {figure.chapter}"]
             chapter = figure.chapter
+            lines += [*[""] * bool(lines), f"chapter {chapter}"]
         datasets = ",".join(figure.files)
         path = figure.file.replace("{dataset}", f"{{{datasets}}}" if "," in datasets else datasets)
         missing = [name for name, file in figure.files.items() if not (results / file).is_file()]
@@ -73,8 +73,8 @@ def figure_text(figure: Figure, results: Path, dataset: str) -> str:
     """Files and commands of one figure, and its caption for one dataset."""
     lines = []
     for path in figure.files.values():
-        lines.append(f"{results / path}{'' if (results / path).is_file() else '   not made yet'}")
-        lines.append(f"    snakemake --cores 2 results/{path}")
+        note = "" if (results / path).is_file() else "   not made yet"
+        lines += [f"{results / path}{note}", f"    snakemake --cores 2 results/{path}"]
     lines.append("beside each picture: the same as .pdf, its numbers as .csv")
     for text in figure.text(dataset, results).split("\n\n"):
         lines += ["", *textwrap.wrap(text, WIDTH)]

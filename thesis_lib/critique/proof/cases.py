@@ -71,11 +71,7 @@ class Case:
 
     @property
     def kind(self) -> str:
-        """One of "single", "pair", "outside" (a cause that no effect of the library describes) or "nothing".
-
-        Raises:
-            KeyError: there is no such effect or cause.
-        """
+        """One of "single", "pair", "outside" (no effect of the library describes the cause) or "nothing"."""
         if len(self.expected) != 1:
             return "pair" if self.expected else NOTHING
         return "single" if self.expected[0] else "outside"
@@ -84,11 +80,9 @@ class Case:
     def expected(self) -> tuple[tuple[str, ...], ...]:
         """For each hidden effect or cause the effects that describe it, the best first; () if outside the library.
 
-        Raises:
-            KeyError: there is no such effect or cause.
+        KeyError if there is no such effect or cause.
         """
-        names = self.hidden
-        return tuple((EFFECTS[name].name,) if self.source == "law" else CAUSES[name].effects for name in names)
+        return tuple((EFFECTS[n].name,) if self.source == "law" else CAUSES[n].effects for n in self.hidden)
 
     @property
     def body(self) -> Body:

@@ -31,12 +31,9 @@ def compare(stored: Row, again: Row) -> tuple[str, str]:
     verdicts = [f"{row.verdict}, {row.named or row.why or 'nothing named'}" for row in (stored, again)]
     if verdicts[0] != verdicts[1]:
         return DIFFERS, f"stored {verdicts[0]}; now {verdicts[1]}"
-    before, after = _numbers(stored), _numbers(again)
-    moved = [
-        f"{name} {before.get(name, math.nan):.4g} → {after.get(name, math.nan):.4g}"
-        for name in sorted(before.keys() | after.keys())
-        if not _close(name, before.get(name, math.nan), after.get(name, math.nan))
-    ]
+    numbers = [_numbers(row) for row in (stored, again)]
+    pairs = {name: [of_row.get(name, math.nan) for of_row in numbers] for name in sorted(set().union(*numbers))}
+    moved = [f"{name} {was:.4g} → {now:.4g}" for name, (was, now) in pairs.items() if not _close(name, was, now)]
     return (MOVES if moved else AGREES), ", ".join(moved)
 
 
@@ -83,17 +80,15 @@ def ages(store: Path = STORE) -> str:
 def rerun(names: Sequence[str], store: Path = STORE) -> pd.DataFrame:
     """Compute the first dataset of each "source/truth" again: columns source, truth, verdict, agrees (1).
 
-    Raises:
-        UserError: a result is not stored, or differs now.
+    UserError if a result is not stored, or differs now.
     """
     cases = [Case(source, truth, SEEDS) for source, truth in (name.split("/") for name in names)]
-    missing = [f"{case.source}/{case.truth}" for case in cases if case not in read_rows(case.source, store)]
-    if missing:
-        source, truth = missing[0].split("/")
+    if missing := [case for case in cases if case not in read_rows(case.source, store)]:
+        named = ", ".join(f"{case.source}/{case.truth}" for case in missing)
         raise UserError(
-            f"The proof holds no result of {', '.join(missing)} to compare with. Make it with python -m "
-            f"thesis_lib.critique.proof run --source {source} --truths {truth}, or leave it out of critique.proof in "
-            "the configuration."
+            f"The proof holds no result of {named} to compare with. Make it with python -m "
+            f"thesis_lib.critique.proof run --source {missing[0].source} --truths {missing[0].truth}, or leave it out "
+            "of critique.proof in the configuration."
         )
     lines: list[str] = []
     if not check(cases, store, tell=lines.append):

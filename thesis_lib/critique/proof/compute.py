@@ -75,23 +75,17 @@ def compute(case: Case) -> Row:
         critique = criticise(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     except UserError as error:
         return Row(case, "refused", why=str(error).splitlines()[0][:200], code=code_hash())
-    first, last = critique.ladder[0][2], critique.ladder[-1][2]
+    judged = {"base": critique.ladder[0][2], "augmented": critique.ladder[-1][2]}
+    errors = {when: float(of.error.mean()) for when, of in judged.items()} | {"floor": judged["augmented"].floor}
+    for channel in ("flight", "touch"):
+        errors |= {f"{channel}_{when}": float(np.sqrt(of.sigmas[channel])) for when, of in judged.items()}
     return Row(
         case,
         critique.verdict,
         law=critique.discovery.fitted.model.law.name,
         groups=tuple((step.effect.name, *step.alternatives) for step in critique.discovery.steps),
         n_impacts=len(critique.observations),
-        errors={
-            "base": float(first.error.mean()),
-            "augmented": float(last.error.mean()),
-            "floor": last.floor,
-            **{
-                f"{channel}_{when}": float(np.sqrt(judged.sigmas[channel]))
-                for channel in ("flight", "touch")
-                for when, judged in (("base", first), ("augmented", last))
-            },
-        },
+        errors=errors,
         remaining_p=critique.remaining.p_value,
         parameters=_parameters(critique, true) if len(case.hidden) == 1 else {},
         code=code_hash(),
@@ -101,11 +95,8 @@ def compute(case: Case) -> Row:
 def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recovered]:
     """Continuous parameters of the hidden effect by short name."""
     fitted = critique.discovery.fitted
-    names = [
-        key
-        for key in true
-        if key in fitted.values and key not in ("mu", "epsilon") and fitted.model.parameters[key].discrete is None
-    ]
+    continuous = {name for name, p in fitted.model.parameters.items() if "." in name and p.discrete is None}
+    names = [name for name in true if name in continuous]
     if not names:
         return {}
     effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in names))

@@ -65,21 +65,15 @@ def outcomes(store: Path = STORE) -> pd.DataFrame:
     """A row per stored dataset, columns `OUTCOMES`, sorted; missing group_size and misfits are NaN.
 
     `effect` describes a single truth best, "" if none does.  `named` joins effects of a group by "/" and groups by " +
-    ".  `group_size` is that of the first group; for a pair the mean over groups.
-
-    Raises:
-        CorruptFileError: a stored result cannot be read.
+    ".  `group_size` is that of the first group; for a pair the mean over groups.  CorruptFileError, here and in what
+    uses it, if a stored result cannot be read.
     """
     rows = [_outcome(row) for source in SOURCES for row in read_rows(source, store).values()]
     return _sorted(pd.DataFrame(rows, columns=list(OUTCOMES)), ["source", "kind", *CELL[1:], "seed"])
 
 
 def recovered(store: Path = STORE) -> pd.DataFrame:
-    """A row per parameter with a true value in a model with the hidden effect; columns `RECOVERED`.
-
-    Raises:
-        CorruptFileError: a stored result cannot be read.
-    """
+    """A row per parameter with a true value in a model with the hidden effect; columns `RECOVERED`."""
     rows = [
         {
             **_cell(row.case),
@@ -136,10 +130,6 @@ def _misfit(row: Row, effects: Sequence[str], when: str) -> float:
     """The largest misfit over its floor in the channels of `effects`; NaN if unknown."""
     channels = {channel for name in effects for channel in EFFECTS[name].channels} or {"impact"}
     floor = row.errors["floor"]
-    over_floor = {
-        "impact": row.errors[when] / floor if floor else np.nan,
-        "flight": row.errors[f"flight_{when}"],
-        "touch": row.errors[f"touch_{when}"],
-    }
-    values = [value for name, value in over_floor.items() if name in channels and np.isfinite(value)]
-    return max(values, default=np.nan)
+    over_floor = {name: row.errors[f"{name}_{when}"] for name in ("flight", "touch")}
+    over_floor["impact"] = row.errors[when] / floor if floor else np.nan
+    return max((v for name, v in over_floor.items() if name in channels and np.isfinite(v)), default=np.nan)

@@ -29,11 +29,7 @@ LAW = "wang_mason"  # an exact path-wise law
 
 
 def require_checkout() -> None:
-    """Raise an error if there is no config/.
-
-    Raises:
-        UserError: the package was installed without its checkout.
-    """
+    """UserError if the package was installed without its checkout, so that there is no config/."""
     if not SIZES.is_file():
         raise UserError(
             "The proof needs a checkout of the project, whose config/ holds the sizes of what is hidden and the stored "
@@ -42,11 +38,7 @@ def require_checkout() -> None:
 
 
 def stored_factor(name: str) -> float:
-    """Factor on the scales of an effect in config/proof_sizes.json.
-
-    Raises:
-        UserError: there is no checkout.
-    """
+    """Factor on the scales of an effect in config/proof_sizes.json."""
     require_checkout()
     return json.loads(SIZES.read_text(encoding="utf-8"))["law"][name]
 

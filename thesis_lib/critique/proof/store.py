@@ -41,10 +41,9 @@ COLUMNS = (
 
 
 def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
-    """The stored rows of a source; empty if there is no table.
+    """The stored rows of a source, empty if there is no table.
 
-    Raises:
-        CorruptFileError: a row is unreadable or duplicate, or its truth is unknown.
+    CorruptFileError if a row is unreadable or duplicate, or its truth unknown.
     """
     path = Path(store) / f"{source}.csv"
     rows: dict[Case, Row] = {}

@@ -35,18 +35,8 @@ WIDEST = 1.3  # largest interval width over the Cramér-Rao bound
 SEEDS_ASKED = {NOTHING: 200, "single": 10}  # datasets planned per truth and source at 150 drops
 ASKED = {"pair": 10 * 10, "outside": 3 * 10, "small": 8 * 3}  # in all; "small": per source, at 50 drops
 SUMMARY = (
-    "figure",
-    "source",
-    "at_least",
-    "aim",
-    "measured",
-    "low",
-    "high",
-    "n",
-    "n_asked",
-    "met",
-    "group_size",
-    "note",
+    *("figure", "source", "at_least", "aim", "measured", "low", "high"),
+    *("n", "n_asked", "met", "group_size", "note"),
 )
 Measure = Literal["right", "coverage", "misfit"]
 
@@ -81,40 +71,23 @@ class Target:
 
 _EACH = (MECHANISMS, ("mechanism",), ("drake",))
 _ALL = (SOURCES, ("law",), ("mechanism",), ("drake",))
+_FIRST = "right effect first or in the named group, laws injected, 150 drops"
+_INSIDE = f"parameter inside its 95 % interval (laws injected), width over the Fisher bound ≤ {WIDEST:g}"
+_AFTER = "held-out error after, over the noise floor (single effects)"
 TARGETS = (
-    Target(
-        "right effect first or in the named group, laws injected, 150 drops",
-        "right",
-        "single",
-        (0.95, 1.0),
-        (0.99, 1.0),
-        (("law",),),
-    ),
+    Target(_FIRST, "right", "single", (0.95, 1.0), (0.99, 1.0), (("law",),)),
     Target("the same, mechanisms, 150 drops", "right", "single", (0.85, 1.0), (0.95, 1.0), _EACH),
     Target("the same, mechanisms, 50 drops", "right", "single", (0.70, 1.0), (0.90, 1.0), _EACH, 50),
     Target("nothing hidden, verdict adequate, per source", "right", NOTHING, (0.95, 1.0), (0.99, 1.0), _ALL[1:]),
     Target("both effects of a pair", "right", "pair", (0.80, 1.0), (0.95, 1.0), _ALL),
     Target("outside the library: unexplained", "right", "outside", (0.80, 1.0), (0.95, 1.0), _EACH),
-    Target(
-        f"parameter inside its 95 % interval (laws injected), width over the Fisher bound ≤ {WIDEST:g}",
-        "coverage",
-        "single",
-        (0.90, 1.0),
-        (0.94, 0.96),
-        (("law",),),
-    ),
-    Target(
-        "held-out error after, over the noise floor (single effects)", "misfit", "single", (0.0, 1.2), (0.0, 1.05), _ALL
-    ),
+    Target(_INSIDE, "coverage", "single", (0.90, 1.0), (0.94, 0.96), (("law",),)),
+    Target(_AFTER, "misfit", "single", (0.0, 1.2), (0.0, 1.05), _ALL),
 )
 
 
 def summary(store: Path = STORE) -> pd.DataFrame:
-    """The proof against its targets: columns `SUMMARY`; `met` is aim, at least, missed, or not run (nothing stored).
-
-    Raises:
-        CorruptFileError: a stored result cannot be read.
-    """
+    """The proof against its targets: columns `SUMMARY`; `met` is aim, at least, missed, or not run (nothing stored)."""
     datasets, parameters = outcomes(store), recovered(store)
     rows = []
     for target in TARGETS:
@@ -152,33 +125,22 @@ def _right(target: Target, rows: pd.DataFrame) -> dict:
 def _coverage(target: Target, values: pd.DataFrame) -> dict:
     share, width = float(values["inside"].mean()), float(values["width"].median())
     low, high = wilson(int(values["inside"].sum()), len(values))
-    return {
-        "n": len(values.drop_duplicates(["source", "truth", "seed"])),
-        "measured": share,
-        "low": low,
-        "high": high,
-        # an unknown width does not meet the target
-        "met": target.met(share) if width <= WIDEST else "missed",
-        "note": f"{len(values)} parameters, median width over the bound {width:.2f}",
-    }
+    n = len(values.drop_duplicates(["source", "truth", "seed"]))
+    met = target.met(share) if width <= WIDEST else "missed"  # so is an unknown width
+    note = f"{len(values)} parameters, median width over the bound {width:.2f}"
+    return {"n": n, "measured": share, "low": low, "high": high, "met": met, "note": note}
 
 
 def _misfit(target: Target, rows: pd.DataFrame) -> dict:
     values = rows["after_over_floor"].to_numpy(float)
-    median = float(np.median(values))
-    low, high = median_interval(values)
-    by_truth = rows.groupby("truth")["after_over_floor"].median()
-    enough = np.mean(values <= target.at_least[1])
+    median, (low, high) = float(np.median(values)), median_interval(values)
+    by_truth, most = rows.groupby("truth")["after_over_floor"].median(), target.at_least[1]
     impacts = (rows["error_after"] / rows["floor"]).median()
-    return {
-        "n": len(rows),
-        "measured": median,
-        "low": low,
-        "high": high,
-        "met": target.met(median),
-        "note": f"{100 * enough:.0f} % of datasets ≤ {target.at_least[1]:g}; worst {by_truth.idxmax()} "
-        f"{by_truth.max():.2f}; impacts alone {impacts:.2f}",
-    }
+    note = (
+        f"{100 * np.mean(values <= most):.0f} % of datasets ≤ {most:g}; worst {by_truth.idxmax()} "
+        f"{by_truth.max():.2f}; impacts alone {impacts:.2f}"
+    )
+    return {"n": len(rows), "measured": median, "low": low, "high": high, "met": target.met(median), "note": note}
 
 
 _MEASURES = {"right": _right, "coverage": _coverage, "misfit": _misfit}
@@ -204,16 +166,12 @@ def _said(target: Target, limits: tuple[float, float]) -> str:
 
 
 def tables(store: Path = STORE) -> dict[str, pd.DataFrame]:
-    """The tables `summary`, `misses` and `confusion` of a store."""
+    """The tables `summary`, `misses` and `confusion` of a store; CorruptFileError if it cannot be read."""
     return {"summary": summary(store), "misses": misses(store), "confusion": confusion(store)}
 
 
 def report(store: Path = STORE, folder: Path | None = None) -> str:
-    """All tables as text; with a `folder` they are also written there as CSV, named as in `tables`.
-
-    Raises:
-        CorruptFileError: a stored result cannot be read.
-    """
+    """All tables as text; with a `folder` they are also written there as CSV, named as in `tables`."""
     content = tables(store)
     for name, table in content.items() if folder else ():
         write_result(table, Path(folder) / f"{name}.csv")
@@ -262,13 +220,8 @@ def _confusion_lines(row: tuple) -> list[str]:
     if row.named_first:
         verdicts += "; first "
         verdicts += _fitting(row.named_first.split(";"), 120 - 14 - len(verdicts))
-    # names of pairs may be longer than the column
-    first = (
-        [f"{row.source:<10}{row.truth:<35}{values}".rstrip()]
-        if len(row.truth) < 35
-        else [f"{row.source:<10}{row.truth}", f"{'':<45}{values}".rstrip()]
-    )
-    return [*first, f"{'':<14}{verdicts}"]
+    gap = " " * (35 - len(row.truth)) or f"\n{'':<45}"  # names of pairs may be longer than the column
+    return [f"{row.source:<10}{row.truth}{gap}{values}".rstrip(), f"{'':<14}{verdicts}"]
 
 
 def _fitting(names: Sequence[str], width: int) -> str:

@@ -31,38 +31,22 @@ def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
 
 
 def confusion(store: Path = STORE) -> pd.DataFrame:
-    """A row per source, truth, ratio, drops and noise; Wilson intervals of shares, medians of misfits, |z| and widths.
-
-    Raises:
-        CorruptFileError: a stored result cannot be read.
-    """
+    """A row per cell of datasets: shares with Wilson's intervals, medians of misfits, |z| and widths."""
     datasets, parameters = outcomes(store), recovered(store)
     by_cell = dict(list(parameters.groupby(list(CELL)))) if len(parameters) else {}
     rows = []
     for cell, group in datasets.groupby(list(CELL), sort=False):
         values = by_cell.get(cell, parameters.iloc[:0])
-        low, high = wilson(int(group["right"].sum()), len(group))
-        inside_low, inside_high = wilson(int(values["inside"].sum()), len(values))
-        rows.append(
-            dict(zip(CELL, cell))
-            | {
-                "kind": group["kind"].iloc[0],
-                "n": len(group),
-                "right": group["right"].mean(),
-                "right_low": low,
-                "right_high": high,
-                "group_size": group["group_size"].mean(),
-                "named_first": _counts(group.loc[group["named_first"] != "", "named_first"]),
-                "verdicts": _counts(group["verdict"], VERDICTS),
-                **{name: group[name].median() for name in MISFITS},
-                "n_parameters": len(values),
-                "z": values["z"].abs().median(),
-                "coverage": values["inside"].mean() if len(values) else np.nan,
-                "coverage_low": inside_low,
-                "coverage_high": inside_high,
-                "width": values["width"].median(),
-            }
-        )
+        row = dict(zip(CELL, cell)) | {name: group[name].median() for name in MISFITS}
+        row |= {"kind": group["kind"].iloc[0], "n": len(group)}
+        row |= {"right": group["right"].mean(), "group_size": group["group_size"].mean()}
+        row["right_low"], row["right_high"] = wilson(int(group["right"].sum()), len(group))
+        row["named_first"] = _counts(group.loc[group["named_first"] != "", "named_first"])
+        row["verdicts"] = _counts(group["verdict"], VERDICTS)
+        row |= {"n_parameters": len(values), "z": values["z"].abs().median(), "width": values["width"].median()}
+        row["coverage"] = values["inside"].mean() if len(values) else np.nan
+        row["coverage_low"], row["coverage_high"] = wilson(int(values["inside"].sum()), len(values))
+        rows.append(row)
     return pd.DataFrame(rows, columns=list(CONFUSION))
 
 
@@ -75,10 +59,6 @@ def _counts(values: pd.Series, order: Sequence[str] | None = None) -> str:
 
 
 def misses(store: Path = STORE) -> pd.DataFrame:
-    """Every dataset of `TABLE` with a wrong verdict; columns `MISSES`.
-
-    Raises:
-        CorruptFileError: a stored result cannot be read.
-    """
+    """Every dataset of `TABLE` with a wrong verdict; columns `MISSES`."""
     datasets = of_table(outcomes(store))
     return datasets.loc[~datasets["right"].astype(bool), list(MISSES)].reset_index(drop=True)

@@ -37,7 +37,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
 
     `rng` draws intervals and trial states; `rungs` is the table of the ladder, None: made here.
     """
-    discovery = critique.discovery
+    discovery, remaining = critique.discovery, critique.remaining
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     content = {
         "schema": 1,
@@ -45,17 +45,17 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "n_impacts": len(critique.observations),
         "n_trials": len(np.unique(critique.observations.trial)),
         "verdict": critique.verdict,
-        "base_model": {"name": discovery.base, "parameters": _parameters(base, ("mu", "epsilon"))},
-        "augmented_model": {"name": final.model.law.name, "parameters": _parameters(final, ("mu", "epsilon"))},
+        "base_model": {"name": discovery.base, "parameters": _parameters(base)},
+        "augmented_model": {"name": final.model.law.name, "parameters": _parameters(final)},
         "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,
             "channels": list(critique.misfit_channels),
-            "p_value": critique.remaining.p_value,
-            "depends_on": list(critique.remaining.depends_on) if critique.is_structured else [],
-            "error": critique.remaining.error_before,
-            "error_without_it": critique.remaining.error_after,
+            "p_value": remaining.p_value,
+            "depends_on": list(remaining.depends_on) if critique.is_structured else [],
+            "error": remaining.error_before,
+            "error_without_it": remaining.error_after,
         },
         "not_testable": [{"name": name, "why": why} for name, why in discovery.not_testable.items()],
         "left_out": _left_out(critique),
@@ -73,10 +73,12 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     return six_digits(content)
 
 
-def _parameters(fitted: Fit, names: tuple[str, ...]) -> dict:
-    declared = fitted.model.parameters
+def _parameters(fitted: Fit, of: str = "") -> dict:
+    """Parameters of an effect (`of`: its name and a dot) by short name; without one, those of the law."""
     return {
-        name: {"value": fitted.values[name], "std": fitted.std[name], "unit": declared[name].unit} for name in names
+        name.removeprefix(of): {"value": fitted.values[name], "std": fitted.std[name], "unit": p.unit}
+        for name, p in fitted.model.parameters.items()
+        if (name.startswith(of) if of else "." not in name)
     }
 
 
@@ -85,7 +87,7 @@ def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
     fitted, _ = critique.discovery.bases[name]
     judged = critique.laws[name]
     return {
-        "parameters": _parameters(fitted, ("mu", "epsilon")),
+        "parameters": _parameters(fitted),
         "error": float(judged.error.mean()),
         "interval": list(bootstrap_mean(judged.error, judged.trial, DRAWS, rng)),
         "unit": "m/s",
@@ -93,42 +95,29 @@ def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
 
 
 def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
-    step, final = critique.discovery.steps[i], critique.ladder[-1][1]
+    step, (_, final, judged) = critique.discovery.steps[i], critique.ladder[-1]
     name = step.effect.name
     gain, low, high = gain_of(critique, name, rng)
-    prefix = f"{name}."
-    parameters = _parameters(final, tuple(prefix + p.name for p in step.effect.parameters))
+    without, s = critique.without[name], critique.settings
     return {
         "name": name,
         "family": step.effect.family,
-        "parameters": {key.removeprefix(prefix): value for key, value in parameters.items()},
+        "parameters": _parameters(final, f"{name}."),
         "clears": step.clears,
-        "material_in": _material_in(critique, name),
+        "material_in": [channel for channel in CHANNELS if is_material(judged, without, (channel,), s)],
         "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
         "indistinguishable_from": list(step.alternatives),
     }
 
 
-def _material_in(critique: Critique, effect: str) -> list[str]:
-    """Channels whose held-out misfit the effect lowers by an amount that counts."""
-    last, without, s = critique.ladder[-1][2], critique.without[effect], critique.settings
-    return [c for c in CHANNELS if is_material(last, without, (c,), s)]
-
-
 def _error(critique: Critique) -> dict:
     (_, _, before), (_, _, after) = critique.ladder[0], critique.ladder[-1]
     base, augmented, floor = float(before.error.mean()), float(after.error.mean()), after.floor
-    misfits = {
-        name: {
-            "unit": "sigma",
-            "base": np.sqrt(before.sigmas[name]),
-            "augmented": np.sqrt(after.sigmas[name]),
-            "noise_floor": 1.0,
-        }
-        if np.isfinite(before.sigmas[name])
-        else None
-        for name in CHANNELS[1:]
-    }
+    misfits: dict = dict.fromkeys(CHANNELS[1:])
+    for name in misfits:
+        if np.isfinite(before.sigmas[name]):
+            ends = {"base": np.sqrt(before.sigmas[name]), "augmented": np.sqrt(after.sigmas[name])}
+            misfits[name] = {"unit": "sigma", **ends, "noise_floor": 1.0}
     return {
         "unit": "m/s",
         "base": base,

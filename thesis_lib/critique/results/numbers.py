@@ -37,15 +37,13 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
     """
     base = critique.laws[critique.discovery.base]
     trials = np.unique(np.concatenate([base.trial, base.flight_trial]))
-    n = len(base.score)
+    n, m = len(base.score), len(trials)
     rows = []
     for name, judged in critique.laws.items():
-        mean, low, high = clustered_mean(judged.error, judged.trial)
         difference = judged.by_trial(trials) - base.by_trial(trials)
         gain = float(difference.sum() / n)
-        m = len(trials)
         half = Z95 * np.sqrt(m * difference.var(ddof=1)) / n if m > 1 else np.nan
-        rows.append((name, mean, low, high, gain, gain - half, gain + half))
+        rows.append((name, *clustered_mean(judged.error, judged.trial), gain, gain - half, gain + half))
     table = pd.DataFrame(rows, columns=["model", "error", "error_low", "error_high", "gain", "gain_low", "gain_high"])
     best = np.min(np.stack([judged.error for judged in critique.laws.values()]), axis=0)
     return table.sort_values("error", kind="stable", ignore_index=True), best
@@ -53,11 +51,11 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
 
 def parameter_table(critique: Critique) -> pd.DataFrame:
     """Each parameter at each rung of the ladder: columns label, parameter, unit, value, std."""
-    rows = []
-    for label, fitted, _ in critique.ladder:
-        declared = fitted.model.parameters
-        for name, p in declared.items():
-            rows.append((label, name, p.unit, fitted.values[name], fitted.std[name]))
+    rows = [
+        (label, name, p.unit, fitted.values[name], fitted.std[name])
+        for label, fitted, _ in critique.ladder
+        for name, p in fitted.model.parameters.items()
+    ]
     return pd.DataFrame(rows, columns=["label", "parameter", "unit", "value", "std"])
 
 
@@ -68,9 +66,7 @@ def compensations(critique: Critique) -> pd.DataFrame:
     """
     first, last = critique.ladder[0][1], critique.ladder[-1][1]
     rows = []
-    if first.model.law.name != last.model.law.name:
-        return pd.DataFrame(rows, columns=["parameter", "before", "after", "sigmas"])
-    for name in first.values:
+    for name in first.values if first.model.law.name == last.model.law.name else ():
         if name in last.values:
             std = float(np.hypot(first.std[name], last.std[name]))
             moved = last.values[name] - first.values[name]
@@ -78,17 +74,8 @@ def compensations(critique: Critique) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameter", "before", "after", "sigmas"])
 
 
-def compensated(critique: Critique) -> pd.DataFrame:
-    """The rows of `compensations` with a significant and material change."""
+def compensated(critique: Critique, material: bool = True) -> pd.DataFrame:
+    """The rows of `compensations` with a significant change that is material, or is not."""
     table = compensations(critique)
-    return table[(table["sigmas"].abs() > MOVED) & (_share_moved(table) > MATERIAL)]
-
-
-def moved_little(critique: Critique) -> pd.DataFrame:
-    """The rows of `compensations` with a significant but immaterial change."""
-    table = compensations(critique)
-    return table[(table["sigmas"].abs() > MOVED) & (_share_moved(table) <= MATERIAL)]
-
-
-def _share_moved(table: pd.DataFrame) -> pd.Series:
-    return (table["after"] - table["before"]).abs() / table["before"].abs()
+    share = (table["after"] - table["before"]).abs() / table["before"].abs()
+    return table[(table["sigmas"].abs() > MOVED) & ((share > MATERIAL) if material else (share <= MATERIAL))]

@@ -17,34 +17,29 @@ import numpy as np
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple, velocity_error
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
+from thesis_lib.critique.drops.questions.class_tests import velocities
+from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.statistics.spread import robust_std
 
 
 def impact_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     """Kinetic error (n,) in m/s of each impact."""
-    R = impact_residuals(fitted.model, fitted.values, observations)[:, :3]
-    return velocity_error(R, observations.rig.k_g)
+    return velocity_error(impact_residuals(fitted.model, fitted.values, observations)[:, :3], observations.rig.k_g)
 
 
 def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
     """Error (n, 3) in m/s of the contact-frame velocity after impact, measured minus predicted."""
-    o = observations
-    R = impact_residuals(fitted.model, fitted.values, o)[:, :3]
-    before, _ = states_at_impact(fitted.model, fitted.values, o)
-    r = o.rig.shape.contact_point(before.theta) + o.offset
-    couple = residual_couple(R, r, mass=1.0, k_g=o.rig.k_g) / o.rig.k_g
+    R, k_g = impact_residuals(fitted.model, fitted.values, observations)[:, :3], observations.rig.k_g
+    *_, r = velocities(fitted, observations)
+    couple = residual_couple(R, r, mass=1.0, k_g=k_g) / k_g
     return np.stack([R[:, 0] - r[:, 1] * R[:, 2], R[:, 1] + r[:, 0] * R[:, 2], couple], axis=1)
 
 
 def energy_disc(fitted: Fit, observations: Observations) -> np.ndarray:
     """Measured impulses (n, 2) in the unit disc of the energy ellipse."""
-    o = observations
-    before, after = states_at_impact(fitted.model, fitted.values, o)
-    v_pre = np.stack([before.vx, before.vy, before.omega], axis=1)
-    v_post = np.stack([after.vx, after.vy, after.omega], axis=1)
-    r = o.rig.shape.contact_point(before.theta) + o.offset
-    space = contact_space(v_pre, r, mass=1.0, k_g=o.rig.k_g)
+    v_pre, v_post, r = velocities(fitted, observations)
+    size = {"mass": 1.0, "k_g": observations.rig.k_g}
+    space = contact_space(v_pre, r, **size)
     l_tt = np.sqrt(space.K_tt)
     l_nt, l_nn = space.K_tn / l_tt, np.sqrt(space.det) / l_tt
 
@@ -52,7 +47,7 @@ def energy_disc(fitted: Fit, observations: Observations) -> np.ndarray:
         return np.stack([l_tt * c_t + l_nt * c_n, l_nn * c_n], axis=-1)
 
     centre = mapped(*space.impulse_to(0.0, 0.0))
-    away = mapped(*measured_impulse(v_post - v_pre, r, mass=1.0, k_g=o.rig.k_g)) - centre
+    away = mapped(*measured_impulse(v_post - v_pre, r, **size)) - centre
     radius = np.linalg.norm(centre, axis=1)
     up = centre / radius[:, None]
     along = np.sum(away * up, axis=1)

@@ -87,40 +87,20 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
         }
         for name, p in fitted.model.parameters.items()
     }
-    return SavedModel.model_validate(
-        six_digits(
-            {
-                "schema": 1,
-                "dataset": dataset,
-                "law": fitted.model.law.name,
-                "effects": [effect.name for effect in fitted.model.effects],
-                "parameters": parameters,
-                "scatter": fitted.sigma_m,
-            }
-        )
-        # values of the user are not rounded
-        | {
-            "rig": {
-                "shape": rig.shape.model_dump(mode="json"),
-                "radius_of_gyration": rig.k_g,
-                "gravity": rig.gravity,
-                "height": rig.height,
-            }
-        }
-    )
+    effects = [effect.name for effect in fitted.model.effects]
+    model = {"schema": 1, "dataset": dataset, "law": fitted.model.law.name, "effects": effects}
+    rounded = six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
+    # values of the user are not rounded
+    user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
+    return SavedModel.model_validate(rounded | {"rig": user | {"gravity": rig.gravity, "height": rig.height}})
 
 
 def save_model(model: SavedModel, path: str | Path) -> None:
-    """Write model.json."""
     write_json(model.model_dump(mode="json", by_alias=True), path)
 
 
 def load_model(path: str | Path) -> SavedModel:
-    """Read model.json.
-
-    Raises:
-        UserError: the file is missing or invalid, or names an unknown law, effect or parameter.
-    """
+    """Read model.json; UserError if it is missing or invalid, or names an unknown law, effect or parameter."""
     try:
         regular_size(path, MAX_MODEL)
         model = SavedModel.model_validate(read_json(path))
@@ -151,11 +131,7 @@ def load_model(path: str | Path) -> SavedModel:
 
 
 def read_states(path: str | Path) -> pd.DataFrame:
-    """Read the states for `predict` from a CSV file.
-
-    Raises:
-        UserError: the file is missing, or is no table of numbers with column names.
-    """
+    """Read the states for `predict` from a CSV file; UserError if it is missing or no table with column names."""
     content = read_bytes(path, MAX_STATES)
     try:
         names = next(csv.reader(content.decode("utf-8-sig").splitlines()[:1]), [])
@@ -167,22 +143,14 @@ def read_states(path: str | Path) -> pd.DataFrame:
 
 
 def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.DataFrame:
-    """Velocity after impact for each row.
+    """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
 
-    Args:
-        states: measured x, y, theta, vx, vy, omega just before impact (m, rad, m/s, rad/s); `trial` and `t` if an
-            effect depends on them; further columns are kept.
-        source: name of their file for messages.
-
-    Returns:
-        The table with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
-
-    Raises:
-        UserError: a column is missing, or a value is not a finite number.
+    `states` are x, y, theta, vx, vy, omega just before impact, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
+    effect depends on them, and any further columns.  UserError, which begins with `source`, the name of their file, if
+    a column is missing or a value is not a finite number.
     """
     prefix = f"{source}: " if source else ""
-    missing = [name for name in STATE if name not in states]
-    if missing:
+    if missing := [name for name in STATE if name not in states]:
         raise UserError(
             f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
             "(m, rad, m/s, rad/s) just before impact."
@@ -200,17 +168,13 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
                     f"{prefix}The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
                     "below the header."
                 )
-    n = len(states)
-    state = State(**{name: columns.get(name, np.zeros(n)) for name in (*STATE, *OPTIONAL)})
+    state = State(**{name: columns.get(name, np.zeros(len(states))) for name in (*STATE, *OPTIONAL)})
     after = _after(model, state)
-    for name in OPTIONAL:
-        if name not in columns:
-            moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
-            if not np.array_equal(after, moved, equal_nan=True):
-                raise UserError(
-                    f"{prefix}This model depends on {name} ({', '.join(model.effects)}): "
-                    f"add the column {name} to the states."
-                )
+    for name in (name for name in OPTIONAL if name not in columns):
+        moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
+        if not np.array_equal(after, moved, equal_nan=True):
+            effects = ", ".join(model.effects)
+            raise UserError(f"{prefix}This model depends on {name} ({effects}): add the column {name} to the states.")
     status = np.where((after == state.v).all(axis=1), "not_approaching", "ok")
     status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
     return states.assign(**dict(zip(POST, after.T)), status=status)

@@ -31,8 +31,7 @@ def possible_faults(effect: Mapping) -> list[str]:
     """Measurement effects that the data cannot tell from `effect`; none if it is one itself."""
     if effect["family"] == "measurement":
         return []
-    others = effect["indistinguishable_from"]
-    return [name for name in others if name in EFFECTS and EFFECTS[name].family == "measurement"]
+    return [n for n in effect["indistinguishable_from"] if n in EFFECTS and EFFECTS[n].family == "measurement"]
 
 
 def _faults(found: Sequence[Mapping], faults: Sequence[Mapping]) -> list[str]:
@@ -44,11 +43,11 @@ def _faults(found: Sequence[Mapping], faults: Sequence[Mapping]) -> list[str]:
             "correct the camera or its calibration before reading anything else here as physics."
         )
     for effect in found:
-        if possible_faults(effect):
-            names = alternatives_listed([EFFECTS[name].title for name in possible_faults(effect)])
+        if names := possible_faults(effect):
             sentences.append(
                 f"The measurements may be faulty: these data cannot tell “{EFFECTS[effect['name']].title}” from "
-                f"“{names}”; rule that out before reading it as physics."
+                f"“{alternatives_listed([EFFECTS[name].title for name in names])}”; rule that out before reading it "
+                "as physics."
             )
     return sentences
 
@@ -81,26 +80,19 @@ def _adequate(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequ
 
 def _effects(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
     law, then = _law(content, "base_model"), _law(content, "augmented_model")
-    physics = [e for e in found if e not in faults]
-    most = "describes most impacts" if content["error"]["worst"] else "is enough"
-    if not physics:
-        first = f"With this put right, {then} {most}: {_fall(content, found)}."
-    elif any(len(e["indistinguishable_from"]) > NAMED for e in physics):
-        first = (
-            f"{law} leaves something out, and these data cannot tell what: "
-            f"{listed([_named(e) for e in physics])}; {_with(content, found)} {_fall(content, found)}."
-        )
+    physics, fall = [e for e in found if e not in faults], _fall(content, found)
+    if physics:
+        many = any(len(e["indistinguishable_from"]) > NAMED for e in physics)
+        lacks = "leaves something out, and these data cannot tell what" if many else "leaves out"
+        first = f"{law} {lacks}: {listed([_named(e) for e in physics])}; {_with(content, found)} {fall}."
     else:
-        first = (
-            f"{law} leaves out: {listed([_named(e) for e in physics])}; {_with(content, found)} "
-            f"{_fall(content, found)}."
-        )
-    if any(e["indistinguishable_from"] for e in found):
-        if not content["next_experiment"]["states"]:
-            return [first, "What would tell the named candidates apart stands under the next experiment."]
-        last = "To tell the named candidates apart, measure at the states listed under the next experiment."
-        return [first, last]
-    return [first, "Use model.json, which holds all of this, for predictions."]
+        most = "describes most impacts" if content["error"]["worst"] else "is enough"
+        first = f"With this put right, {then} {most}: {fall}."
+    if not any(e["indistinguishable_from"] for e in found):
+        return [first, "Use model.json, which holds all of this, for predictions."]
+    if content["next_experiment"]["states"]:
+        return [first, "To tell the named candidates apart, measure at the states listed under the next experiment."]
+    return [first, "What would tell the named candidates apart stands under the next experiment."]
 
 
 def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
@@ -127,24 +119,17 @@ def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mappi
         return []
     names = listed([EFFECTS[e["name"]].title for e in by_hand])
     it, error = "them" if len(by_hand) > 1 else "it", content["error"]
-    # other effects share in the change of the error
-    change = (
-        ""
-        if found
-        else f": with {it} the held-out error is {_speed(error['augmented'])}, without {_speed(error['base'])}"
-    )
+    change = f": with {it} the held-out error is {_speed(error['augmented'])}, without {_speed(error['base'])}"
+    if found:  # other effects share in the change of the error
+        change = ""
     return [f"Switched on by you: {names}; these data do not ask for {it}{change}."]
 
 
 def _worst(error: Mapping) -> list[str]:
     if not error["worst"]:
         return []
-    rows = [
-        f"trial {r['trial']}"
-        + ("" if r["t"] is None or np.isnan(r["t"]) else f" at {r['t']:.4g} s")
-        + f" ({_speed(r['error'])})"
-        for r in error["worst"]
-    ]
+    at = ["" if r["t"] is None or np.isnan(r["t"]) else f" at {r['t']:.4g} s" for r in error["worst"]]
+    rows = [f"trial {r['trial']}{when} ({_speed(r['error'])})" for r, when in zip(error["worst"], at)]
     times = error["augmented"] / error["noise_floor"]
     return [
         f"The mean held-out error is {times:.2g} times the noise floor though half of the impacts lie near it: single "

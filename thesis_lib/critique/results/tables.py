@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
-from thesis_lib.contact.space import residual_couple, velocity_error
+from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
@@ -29,6 +29,7 @@ from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
 from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance
 from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.search import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain
@@ -42,15 +43,10 @@ MOST_IN_RANGE = 400  # held-out impacts fitted one by one: a share then has an e
 RANGE_FLOORS = 2.0  # noise floors: an outcome is in range if some (μ, ε) comes this near
 RANGE_UNKNOWN = 0.1  # m/s, the same if the noise is unknown
 TRIM = 0.02  # share of the impacts, largest errors first, that the budget excludes
-PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
 def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    """All tables by file stem; columns.yaml explains every column.
-
-    Raises:
-        KeyError: a column is not explained.
-    """
+    """All tables by file stem; KeyError if columns.yaml does not explain a column."""
     content = {
         "comparison": comparison(critique),
         "errors": errors(critique),
@@ -69,20 +65,18 @@ def comparison(critique: Critique) -> pd.DataFrame:
     """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
     o = critique.held_out
     bases = critique.discovery.bases
-    residuals = {name: _errors(fitted, o) for name, (fitted, _) in bases.items()}
+    errors = {name: impact_errors(fitted, o) for name, (fitted, _) in bases.items()}
     base = critique.ladder[0][1]
     share, tolerance = _shares_in_range(critique)
-    rows = []
-    for name, (fitted, _) in bases.items():
-        judged = critique.laws[name]
-        rows.append(
-            _row(name, "law", residuals[name], fitted, judged) | {"share_in_range": share[name], "tolerance": tolerance}
-        )
+    rows = [
+        _row(name, "law", errors[name], fitted, critique.laws[name])
+        | {"share_in_range": share[name], "tolerance": tolerance}
+        for name, (fitted, _) in bases.items()
+    ]
     if critique.discovery.steps:
         _, fitted, judged = critique.ladder[-1]
-        rows.append(_row("augmented", "augmented", _errors(fitted, o), fitted, judged))
-    table = np.stack(list(residuals.values()), axis=1)
-    rows.append(_row("best_post_hoc", "bound", best_post_hoc(table)[1]))
+        rows.append(_row("augmented", "augmented", impact_errors(fitted, o), fitted, judged))
+    rows.append(_row("best_post_hoc", "bound", best_post_hoc(np.stack(list(errors.values()), axis=1))[1]))
     v_pre, v_post, _ = velocities(base, o)
     rows.append(_row("irb_bound", "bound", irb_errors(base, o)))
     rows.append(_row("no_impact", "baseline", velocity_error(v_post - v_pre, o.rig.k_g)))
@@ -105,23 +99,14 @@ def errors(critique: Critique) -> pd.DataFrame:
     models = {"base": critique.ladder[0][1]}
     if critique.discovery.steps:
         models["augmented"] = critique.ladder[-1][1]
-    k_g, parts = o.rig.k_g, []
-    held_out = np.isin(o.trial, critique.held_out.trial)
+    held_out = np.isin(o.trial, critique.held_out.trial).astype(int)
+    of_impact = {"trial": o.trial, "impact": o.found.impacts.impact}
+    parts = []
     for name, fitted in models.items():
-        R = impact_residuals(fitted.model, fitted.values, o)[:, :3]
-        *_, r = velocities(fitted, o)
-        table = pd.DataFrame(
-            {
-                "trial": o.trial,
-                "impact": o.found.impacts.impact,
-                "model": name,
-                "held_out": held_out.astype(int),
-                "error": velocity_error(R, k_g),
-                "error_normal": R[:, 1] + r[:, 0] * R[:, 2],
-                "error_tangential": R[:, 0] - r[:, 1] * R[:, 2],
-                "error_couple": residual_couple(R, r, mass=1.0, k_g=k_g) / k_g,
-            }
-        )
+        tangential, normal, couple = contact_residuals(fitted, o).T
+        errors = {"error_normal": normal, "error_tangential": tangential, "error_couple": couple}
+        judged = {"model": name, "held_out": held_out, "error": impact_errors(fitted, o)}
+        table = pd.DataFrame(of_impact | judged | errors)
         parts.append(pd.concat([table, features(fitted, o).drop(columns="trial")], axis=1))
     return pd.concat(parts, ignore_index=True).sort_values(
         ["model", "trial", "impact"], key=lambda c: c if c.name != "model" else c != "base", ignore_index=True
@@ -154,10 +139,8 @@ def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
 def impacts(critique: Critique) -> pd.DataFrame:
     """Impacts used, with covariance, and those left out, with the reason."""
     o = critique.observations
-    used = o.found.impacts.to_table()
-    used["used"], used["reason"], used["detail"] = 1, "", ""
-    left_out = left_out_impacts(o)
-    left_out["used"] = 0
+    used = o.found.impacts.to_table().assign(used=1, reason="", detail="")
+    left_out = left_out_impacts(o).assign(used=0)
     table = pd.concat([used, left_out], ignore_index=True) if len(left_out) else used
     table["held_out"] = np.isin(table["trial"], critique.held_out.trial).astype(int)
     first = ["trial", "impact", "used", "held_out", "reason", "detail"]
@@ -190,7 +173,7 @@ def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
     noise, made_irb, made_gap = 0.0, np.nan, np.nan
     if o.noise_known:
         S = residual_covariance(base.model, base.values, o, o.t_std)
-        noise = float(np.einsum("nii,i->n", S[:, :3, :3], weights)[_kept(_errors(base, o))].mean())
+        noise = float(np.einsum("nii,i->n", S[:, :3, :3], weights)[_kept(impact_errors(base, o))].mean())
         drawn = [_bounds(base, laws, synthesise(base.model, base.values, o, rng)) for _ in range(SYNTHETIC)]
         _, made_irb, made_gap = np.mean(drawn, axis=0)
     goals = {
@@ -198,31 +181,21 @@ def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
         "parameters": _parameter_square(base, o, weights),
         "rigid_point_contact": irb - np.nan_to_num(made_irb),
         "choice_of_law": gap - np.nan_to_num(made_gap),
+        "rest": np.inf,
     }
     remainder, rows = squares, []
     for part, goal in goals.items():
         amount = float(np.clip(goal, 0.0, remainder))
         remainder -= amount
         rows.append({"part": part, "mean_square": amount, "share": amount / squares})
-    rows.append({"part": "rest", "mean_square": remainder, "share": remainder / squares})
     return pd.DataFrame(rows)
-
-
-def _errors(fitted: Fit, o: Observations) -> np.ndarray:
-    return velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], o.rig.k_g)
 
 
 def _row(model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, judged: Judgement | None = None) -> dict:
     solved = error[np.isfinite(error)]
-    row = {
-        "model": model,
-        "kind": kind,
-        "mean": float(solved.mean()) if len(solved) else np.nan,
-        "median": float(np.median(solved)) if len(solved) else np.nan,
-        "quantile_90": float(np.quantile(solved, 0.9)) if len(solved) else np.nan,
-        "n_failed": int(len(error) - len(solved)),
-        "n_held_out": len(error),
-    }
+    row = {"model": model, "kind": kind, "n_failed": int(len(error) - len(solved)), "n_held_out": len(error)}
+    if len(solved):
+        row |= {"mean": solved.mean(), "median": np.median(solved), "quantile_90": np.quantile(solved, 0.9)}
     if fitted is not None:
         for name in ("mu", "epsilon"):
             row |= {name: fitted.values[name], f"{name}_std": fitted.std[name]}
@@ -248,10 +221,9 @@ def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
 
 def _bounds(base: Fit, laws: list[Fit], o: Observations) -> tuple[float, float, float]:
     """Trimmed mean squares, (m/s)²: of the base law, of the IRB bound, and of the base law less Best Post Hoc."""
-    error = _errors(base, o)
+    error = impact_errors(base, o)
     keep = _kept(error)
-    table = np.stack([_errors(fitted, o)[keep] for fitted in laws], axis=1)
-    best = best_post_hoc(table)[1] ** 2
+    best = best_post_hoc(np.stack([impact_errors(fitted, o)[keep] for fitted in laws], axis=1))[1] ** 2
     square = error[keep] ** 2
     return float(square.mean()), float(np.mean(irb_errors(base, o)[keep] ** 2)), float(np.mean(square - best))
 
@@ -264,14 +236,13 @@ def _kept(error: np.ndarray) -> np.ndarray:
 
 def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> float:
     """Mean of trace(J Cov Jᵀ) in the kinetic metric, (m/s)², with secants J over a standard error."""
-    free = [name for name, p in fitted.model.parameters.items() if p.discrete is None]
     columns = []
-    for name in free:
-        step = max(fitted.std[name], 1e-6)
-        ends = [
-            impact_residuals(fitted.model, {**fitted.values, name: fitted.values[name] + sign * step}, o)[:, :3]
-            for sign in (0.5, -0.5)
-        ]
-        columns.append((ends[0] - ends[1]) / step)
+    for name in (name for name, p in fitted.model.parameters.items() if p.discrete is None):
+        value, step = fitted.values[name], max(fitted.std[name], 1e-6)
+        high, low = (
+            impact_residuals(fitted.model, {**fitted.values, name: value + offset}, o)[:, :3]
+            for offset in (0.5 * step, -0.5 * step)
+        )
+        columns.append((high - low) / step)
     J = np.stack(columns, axis=-1)  # (n, 3, parameters)
     return float(np.einsum("nij,jk,nik,i->n", J, fitted.covariance, J, weights).mean())

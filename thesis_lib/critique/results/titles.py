@@ -15,22 +15,8 @@ FEATURE_LABEL = {
     "trial": "number of the release",
     "t": "time $t$",
 }
-GREEK = {
-    "mu": "μ",
-    "epsilon": "ε",
-    "eps": "ε",
-    "phi": "φ",
-    "theta": "θ",
-    "omega": "ω",
-    "eta": "η",
-    "zeta": "ζ",
-    "rho": "ρ",
-    "tau": "τ",
-    "alpha": "α",
-    "beta": "β",
-    "gamma": "γ",
-    "kappa": "κ",
-}
+_NAMES = "mu epsilon eps phi theta omega eta zeta rho tau alpha beta gamma kappa"
+GREEK: dict[str, str] = dict(zip(_NAMES.split(), "μεεφθωηζρταβγκ"))
 
 
 def handy_unit(size: float, unit: str) -> tuple[float, str]:

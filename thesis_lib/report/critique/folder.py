@@ -39,10 +39,9 @@ def criticise_path(
     effects: Sequence[str] | None = None,
     say: Say = lambda text: None,
 ) -> dict:
-    """Criticise the drops or the recording in the folder `path`, write everything into `folder`, return diagnosis.json.
+    """Criticise the drops or the recording in the folder `path`; UserError if the data cannot be read or criticised.
 
-    The other arguments are those of `critique_folder` and `recording_folder`.  UserError if the data cannot be read or
-    criticised.
+    The other arguments, and what is returned, are those of `critique_folder` and `recording_folder`.
     """
     if is_recording(path):
         from thesis_lib.datasets.recordings.read import read_recording
@@ -51,35 +50,6 @@ def criticise_path(
     from thesis_lib.datasets.read import read_dataset
 
     return critique_folder(read_dataset(path), folder, seed, effects=effects, say=say)
-
-
-def recording_folder(
-    recording: Recording,
-    folder: str | Path,
-    seed: int,
-    *,
-    effects: Sequence[str] | None = None,
-    say: Say = lambda text: None,
-) -> dict:
-    """Criticise a recording, write everything into `folder`, and return the content of diagnosis.json.
-
-    Args:
-        folder: made if needed; files of an earlier critique are replaced.
-        seed: of the configuration; the stream also depends on the recording's content.
-        effects: the only ones tried; None tries all of the mechanism.
-        say: called with a line on each step.
-
-    Raises:
-        UserError: the recording is too short, or an effect is unknown.
-    """
-    from thesis_lib.critique.mechanisms.critique import criticise_recording
-    from thesis_lib.report.critique.mechanisms import write_mechanism_critique
-
-    rng = generator(seed, "critique", recording.digest())
-    say("fitting the equations of motion")
-    critique = criticise_recording(recording, rng, effects=effects)
-    say("writing tables, pictures and report")
-    return write_mechanism_critique(critique, recording.name, folder, rng)
 
 
 def critique_folder(
@@ -101,13 +71,34 @@ def critique_folder(
         settings, arcs: thresholds, and detection of impacts.
         say: called with a line on each step.
 
-    Raises:
-        UserError: the dataset is too small, or an effect is unknown or cannot be tested with it.
+    UserError if the dataset is too small, or if an effect is unknown or cannot be tested with it.
     """
     rng = generator(seed, "critique", dataset.digest())
     critique = criticise(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
     say("writing tables, pictures and report")
     return write_critique(critique, folder, rng)
+
+
+def recording_folder(
+    recording: Recording,
+    folder: str | Path,
+    seed: int,
+    *,
+    effects: Sequence[str] | None = None,
+    say: Say = lambda text: None,
+) -> dict:
+    """The same for a recording: `effects` are the only ones tried, None tries all of the mechanism.
+
+    UserError if the recording is too short, or an effect is unknown.
+    """
+    from thesis_lib.critique.mechanisms.critique import criticise_recording
+    from thesis_lib.report.critique.mechanisms import write_mechanism_critique
+
+    rng = generator(seed, "critique", recording.digest())
+    say("fitting the equations of motion")
+    critique = criticise_recording(recording, rng, effects=effects)
+    say("writing tables, pictures and report")
+    return write_mechanism_critique(critique, recording.name, folder, rng)
 
 
 def write_critique(critique: Critique, folder: str | Path, rng: np.random.Generator) -> dict:

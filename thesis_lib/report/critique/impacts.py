@@ -61,8 +61,7 @@ def explorer(critique: Critique, where: Mapping) -> Markup:
     over = map_axes(list(where.get("regions", [])))
     table = features(base, o)
     x, y = (table[name].to_numpy(float)[shown] for name in over)
-    finding = _finding(errors, known)
-    numbers = _numbers(critique, base, residuals, errors, shown)
+    finding, numbers = _finding(errors, known), _numbers(critique, base, residuals, errors, shown)
     labels = [
         f"trial {impact['trial']}, impact {impact['impact']}, error {number(impact['errors'][0])} m/s"
         for impact in numbers["impacts"]
@@ -88,8 +87,7 @@ def drawn_impacts(error: np.ndarray, known: np.ndarray) -> np.ndarray:
 def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
     """How the base law's errors are distributed, and for how many impacts the effects reduce them."""
     base = np.sort(errors["base"][known])
-    worst = max(round(WORST * len(base)), 1)
-    total = float(base.sum())
+    worst, total = max(round(WORST * len(base)), 1), float(base.sum())
     share = percent(float(base[-worst:].sum()) / total if total else None)
     few = percent(worst / len(base))
     text = f"The {few} of impacts with the largest errors hold {share} of the sum of all errors of the base law."
@@ -101,11 +99,11 @@ def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
 
 def _reading(shown: int, total: int) -> str:
     """How to read both panels, and which impacts are drawn."""
-    rule = f"all {total} impacts"
+    which = f"all {total} impacts"
     if shown < total:
-        rule = f"{shown} of {total} impacts, evenly spaced in the order of their errors from smallest to largest"
+        which = f"{shown} of {total} impacts, evenly spaced in the order of their errors from smallest to largest"
     return (
-        f"Map: {rule}; larger and darker points are larger errors, and what lies beyond the map is drawn on its edge. "
+        f"Map: {which}; larger and darker points are larger errors, and what lies beyond the map is drawn on its edge. "
         "Ellipse: impulses of one impact. Those inside the ellipse add no energy; its centre is the dead stop. On the "
         "dashed line the contact point stops sliding, on the dotted line compression ends. The impulse measured is "
         "the point impulse nearest to the measured velocity change, at the believed contact point; predictions stand "
@@ -113,14 +111,8 @@ def _reading(shown: int, total: int) -> str:
     )
 
 
-def _numbers(
-    critique: Critique,
-    base: Fit,
-    residuals: Mapping[str, np.ndarray],
-    errors: Mapping[str, np.ndarray],
-    rows: np.ndarray,
-) -> dict:
-    """What the script draws; see the module's table."""
+def _numbers(critique: Critique, base: Fit, residuals: Mapping, errors: Mapping, rows: np.ndarray) -> dict:
+    """What the script draws (see the module's table) of the impacts `rows`; residuals and errors by model."""
     o = critique.observations
     mass = None if critique.source is None else critique.source.mass
     axis = ImpulseAxis.of(mass is not None)
@@ -130,9 +122,6 @@ def _numbers(
     ellipse = energy_ellipse(space)
     dv = v_post - v_pre
     changes = {"measured": dv} | {name: dv - R[rows] for name, R in residuals.items()}
-    impulses = {
-        name: axis.factor * np.stack(measured_impulse(change, r, **size), axis=-1) for name, change in changes.items()
-    }
     per_impact = {
         "centre": axis.factor * ellipse.centre,
         "axes": axis.factor * ellipse.semi_axes,
@@ -140,19 +129,16 @@ def _numbers(
         # along v_t⁺ = 0 the impulse moves by (−K_tn, K_tt), along v_n⁺ = 0 by (K_nn, −K_tn)
         "sticking": np.degrees(np.arctan2(space.K_tt, -space.K_tn)),
         "compression": np.degrees(np.arctan2(-space.K_tn, space.K_nn)),
-        **impulses,
+        **{name: axis.factor * np.stack(measured_impulse(c, r, **size), axis=-1) for name, c in changes.items()},
         "errors": np.stack([error[rows] for error in errors.values()], axis=-1),
     }
-    held_out = np.isin(o.trial[rows], critique.held_out.trial)
-    of_trial = o.found.impacts.impact[rows]
-    return {
-        "unit": axis.unit,
-        "impacts": [
-            {"trial": int(o.trial[row]), "impact": int(of_trial[i]), "held_out": bool(held_out[i])}
-            | {name: _rounded(values[i]) for name, values in per_impact.items()}
-            for i, row in enumerate(rows)
-        ],
-    }
+    of_trial = zip(o.trial[rows], o.found.impacts.impact[rows], np.isin(o.trial[rows], critique.held_out.trial))
+    impacts = [
+        {"trial": int(trial), "impact": int(impact), "held_out": bool(held_out)}
+        | {name: _rounded(values[i]) for name, values in per_impact.items()}
+        for i, (trial, impact, held_out) in enumerate(of_trial)
+    ]
+    return {"unit": axis.unit, "impacts": impacts}
 
 
 def _rounded(value: np.ndarray) -> list | float:
@@ -169,26 +155,19 @@ def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> 
     px, x_ticks = _scale(x, LEFT, right)
     py, y_ticks = _scale(y, low, TOP)
     share = np.sqrt(np.clip(error / top, 0.0, 1.0))
-    steps = ((0.0, "0"), (0.5, number(0.5 * top, 2)), (1.0, f"≥ {number(top, 2)} m/s"))
-    return {
-        "width": WIDTH,
-        "height": HEIGHT,
-        "left": LEFT,
-        "top": TOP,
-        "right": right,
-        "low": low,
+    steps = ((138, 0.0, "0"), (180, 0.5, number(0.5 * top, 2)), (245, 1.0, f"≥ {number(top, 2)} m/s"))
+    frame = {"width": WIDTH, "height": HEIGHT, "left": LEFT, "top": TOP, "right": right, "low": low}
+    return frame | {
         "x_ticks": x_ticks,
         "y_ticks": y_ticks,
-        "key": [
-            (at, _radius(s**0.5), _color(s**0.5), text)
-            for at, (s, text) in zip((LEFT + 138, LEFT + 180, LEFT + 245), steps)
-        ],
-        "points": [(a, b, _radius(s), _color(s), label) for a, b, s, label in zip(px, py, share, labels)],
+        "key": [(LEFT + at, *_look(s**0.5), text) for at, s, text in steps],
+        "points": [(a, b, *_look(s), label) for a, b, s, label in zip(px, py, share, labels)],
     }
 
 
-def _radius(share: float) -> float:
-    return SMALL + (LARGE - SMALL) * share
+def _look(share: float) -> tuple[float, str]:
+    """Radius and colour of a point."""
+    return SMALL + (LARGE - SMALL) * share, to_hex(COLORS(float(share)))
 
 
 def _scale(values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, list[tuple[float, str]]]:
@@ -203,10 +182,6 @@ def _scale(values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, li
     ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
     inside = ticks[(ticks >= low) & (ticks <= high)]
     return place(values), [(float(place(t)), f"{t:.6g}".replace("-", "−")) for t in inside]
-
-
-def _color(share: float) -> str:
-    return to_hex(COLORS(float(share)))
 
 
 def _plain(label: str) -> str:

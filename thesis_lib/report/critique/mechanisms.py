@@ -26,16 +26,11 @@ RESIDUALS = (
     "Left: residual generalised forces of held-out windows in units of their noise, with the believed model and with "
     "what was found. Right: what each candidate alone would gain."
 )
-WORDS = {
-    "adequate": "✓ adequate: no force is missing that these data could show",
-    "effects": "+ effects found: named effects explain what was missing",
-    "unexplained": "? unexplained: structure remains that no named effect explains",
-}
 
 
 def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str:
     """report.html from the content of diagnosis.json and the pictures with their captions."""
-    shown = {name: picture(drawn[0], caption) for name, (drawn, caption) in pictures.items()}
+    shown = [picture(drawn[0], caption) for drawn, caption in pictures.values()]
     error, lost = d["error"], d["left_out"]
     compare = paragraph(
         f"{d['n_windows']} windows of {d['n_trials']} trials are used, {percent(lost['share'])} of the steps are left "
@@ -59,20 +54,19 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
         numeric=(2, 3, 4),
     )
     untold = bullets(
-        f"{e['title']}, or {listed([n.replace('_', ' ') for n in e['indistinguishable_from']], 'or')}: on these data "
-        "they predict the same within the noise."
+        f"{e['title']}, or {_others(e)}: on these data they predict the same within the noise."
         for e in d["effects"]
         if e["indistinguishable_from"]
     ) + paragraph(d["next_experiment"]["why"])
-    sections = [
-        ("compare", "1. How far the believed model is from the measurements", [compare]),
-        ("where", "2. Where it fails", [where, shown.get("residuals", Markup())]),
-        ("which", "3. Which effect is missing", [_effects(d)]),
-        ("added", "4. What adding it does" if d["effects"] else "4. Nothing was added", [_added(d)]),
-        ("untold", "What could not be told, and what would tell", [untold]),
-        ("power", "What these data could have shown", [_detectable(d)]),
-    ]
-    return critique_page(d, sections, WORDS[d["verdict"]])
+    contents = {
+        "1. How far the believed model is from the measurements": ("compare", compare),
+        "2. Where it fails": ("where", where, *shown),
+        "3. Which effect is missing": ("which", _effects(d)),
+        "4. What adding it does" if d["effects"] else "4. Nothing was added": ("added", _added(d)),
+        "What could not be told, and what would tell": ("untold", untold),
+        "What these data could have shown": ("power", _detectable(d)),
+    }
+    return critique_page(d, contents, "force")
 
 
 def write_mechanism_critique(
@@ -104,6 +98,11 @@ def _reasons(left: Mapping) -> str:
     return f" ({'; '.join(words)} {left['unit']})" if words else ""
 
 
+def _others(effect: Mapping) -> str:
+    """Names of the effects that the data cannot tell from `effect`."""
+    return listed([name.replace("_", " ") for name in effect["indistinguishable_from"]], "or")
+
+
 def _effects(d: Mapping) -> Markup:
     if not d["effects"]:
         return paragraph(
@@ -113,17 +112,9 @@ def _effects(d: Mapping) -> Markup:
     rows = []
     for e in d["effects"]:
         sizes = [f"{symbol(k)} = {estimate(p['value'], p['std'], p['unit'])}" for k, p in e["parameters"].items()]
-        gain = e["gain"]
-        rows.append(
-            (
-                e["title"],
-                e["equation"],
-                "; ".join(sizes),
-                f"{number(gain['held_out_log_score_per_window'])} {interval(*gain['interval'])}",
-                number(gain["p_value"], 2),
-                listed([n.replace("_", " ") for n in e["indistinguishable_from"]], "or") or "–",
-            )
-        )
+        gain = f"{number(e['gain']['held_out_log_score_per_window'])} {interval(*e['gain']['interval'])}"
+        others = _others(e) or "–"
+        rows.append((e["title"], e["equation"], "; ".join(sizes), gain, number(e["gain"]["p_value"], 2), others))
     columns = ("effect", "equation", "size", "gain (nats a window)", "p", "cannot be told from")
     return table("Effects, in the order in which they were found", columns, rows)
 
@@ -137,19 +128,16 @@ def _added(d: Mapping) -> Markup:
         f"The held-out misfit goes from {rungs[0]} to {listed(rungs[1:])} standard deviations (noise alone: 1). Base "
         "inertial parameters identified without the effects stand in for them; with the effects on they return."
     )
-    rows = []
     after = d["augmented_model"]["parameters"]
-    for name, p in d["base_model"]["parameters"].items():
-        if name in after:
-            a = after[name]
-            rows.append(
-                (
-                    name,
-                    amount(p["believed"], p["unit"], 4),
-                    estimate(p["value"], p["std"], p["unit"]),
-                    estimate(a["value"], a["std"], a["unit"]),
-                )
-            )
+    rows = [
+        (
+            name,
+            amount(p["believed"], p["unit"], 4),
+            *(estimate(q["value"], q["std"], q["unit"]) for q in (p, after[name])),
+        )
+        for name, p in d["base_model"]["parameters"].items()
+        if name in after
+    ]
     columns = ("base parameter", "believed", "identified without effects", "with the effects")
     return text + table("Base inertial parameters", columns, rows, numeric=(1, 2, 3))
 

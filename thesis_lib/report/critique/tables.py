@@ -14,17 +14,10 @@ from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, rea
 from thesis_lib.critique.results.numbers import parameter_table
 from thesis_lib.critique.results.titles import effect_title, law_title, symbol
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Parameter
 from thesis_lib.report.elements import amount, estimate, interval, percent, plus_minus, table
 from thesis_lib.statistics.wording import listed, number
 
-FAMILY_WORDS = {
-    "contact_law": "law of contact",
-    "geometry": "geometry",
-    "inertia": "inertia",
-    "surface": "surface",
-    "flight": "flight",
-    "measurement": "measurement",
-}
 BOUND_WORDS = {
     "best_post_hoc": "Best Post Hoc",
     "irb_bound": "IRB bound",
@@ -51,6 +44,10 @@ def captions(critique: Critique) -> dict[str, str]:
     states = f"{'h' if paths else 'H'}istograms of the states before impact, training and held-out trials stacked"
     out = "; the bars count impacts used and left out, by reason." if len(critique.observations.found.left_out) else "."
     two = "left of the base law, right with the effects" if len(critique.ladder) > 1 else "of the base law"
+    misfits = ""
+    if critique.observations.arcs:
+        parts = "flights, of poses before against after impact, and of the gap at impact"
+        misfits = f" Right: misfit of {parts}, in units of noise."
     return {
         "data": paths + states + out,
         "laws": "Left: mean held-out error of each law with its 95 % interval, and the bounds. Right: held-out log "
@@ -67,46 +64,38 @@ def captions(critique: Critique) -> dict[str, str]:
         "velocities are those of the centre of mass. Grey: single flights of the base law; lines: means in eight bins "
         "with 95 % intervals. Long flights show what the noise of short ones hides.",
         "ladder": "Mean held-out error with its 95 % interval after each added effect, on a logarithmic axis, with "
-        "noise floor and bounds as lines."
-        + (
-            " Right: misfit of flights, of poses before against after impact, and of the gap at impact, in units "
-            "of noise."
-            if critique.observations.arcs
-            else ""
-        ),
+        f"noise floor and bounds as lines.{misfits}",
         "parameters": "Each parameter with its 95 % interval, from top to bottom as effects are added.",
     }
 
 
 def sizes(effect: Mapping) -> list[str]:
     """Each parameter of an effect with its 95 % interval; effects that are on or off have no size."""
-    declared = {p.name: p for p in EFFECTS[effect["name"]].parameters} if effect["name"] in EFFECTS else {}
+    switches = [name for name, p in _declared(effect["name"]).items() if p.discrete is not None]
     return [
-        "on"
-        if name in declared and declared[name].discrete is not None
-        else f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}"
+        "on" if name in switches else f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}"
         for name, p in effect["parameters"].items()
     ]
+
+
+def _declared(effect: str) -> dict[str, Parameter]:
+    """The parameters of an effect by name; none if the library does not hold it."""
+    return {p.name: p for p in EFFECTS[effect].parameters} if effect in EFFECTS else {}
+
+
+def _family(name: str) -> str:
+    return "law of contact" if name == "contact_law" else name
 
 
 def effects_table(d: Mapping) -> Markup:
     """The effects found, with sizes and gains."""
     rows = []
     for e in d["effects"]:
-        low, high = e["gain"]["interval"]
-        gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(low, high)}"
+        title = effect_title(e["name"]) + ("" if e["clears"] else " (switched on by you)")
+        gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(*e['gain']['interval'])}"
         others = alternatives_listed([effect_title(name) for name in e["indistinguishable_from"]]) or "–"
-        family = FAMILY_WORDS.get(e["family"], e["family"])
-        rows.append(
-            (
-                effect_title(e["name"]) + ("" if e["clears"] else " (switched on by you)"),
-                family,
-                "; ".join(sizes(e)),
-                gain,
-                number(e["gain"]["p_value"], 2),
-                others,
-            )
-        )
+        size = "; ".join(sizes(e))
+        rows.append((title, _family(e["family"]), size, gain, number(e["gain"]["p_value"], 2), others))
     columns = ("effect", "family", "size [95 % interval]", "gain (nats an impact)", "p", "could also be")
     return table("Effects in the order in which they were selected", columns, rows, numeric=(3, 4))
 
@@ -114,24 +103,15 @@ def effects_table(d: Mapping) -> Markup:
 def regions_table(where: Mapping) -> Markup:
     """Regions in which the base law fails, and regions that remain with the effects."""
     rows = []
-    after = where.get("after") or {"regions": []}
-    for model, regions in (("base law", where.get("regions", [])), ("with the effects", after["regions"])):
-        for r in regions:
-            inside, outside = number(r["error_inside"]), number(r["error_outside"])
-            over = [number(r[key], 2) for key in ("sigmas_inside", "sigmas_outside")]
+    for model, of_model in (("base law", where), ("with the effects", where.get("after") or {})):
+        for r in of_model.get("regions", []):
+            errors = [number(r[key]) for key in ("error_inside", "error_outside")]
+            over = [number(r[key], 2) for key in ("sigmas_inside", "sigmas_outside", "p_value")]
             errors_of = "held-out" if r["on"] == "held_out" else "all impacts"
-            shown = (percent(r["support"]), inside, outside, *over, number(r["p_value"], 2), errors_of)
-            rows.append((plain_rule(r), model, *shown))
+            rows.append((plain_rule(r), model, percent(r["support"]), *errors, *over, errors_of))
     columns = (
-        "region",
-        "model",
-        "impacts",
-        "error inside (m/s)",
-        "outside (m/s)",
-        "inside over expected",
-        "outside over expected",
-        "p",
-        "errors of",
+        *("region", "model", "impacts", "error inside (m/s)", "outside (m/s)"),
+        *("inside over expected", "outside over expected", "p", "errors of"),
     )
     caption = (
         "Regions in which the error is larger than elsewhere. Expected is what noise and the mean scatter of the model "
@@ -190,14 +170,13 @@ def comparison_table(tables: Mapping[str, pd.DataFrame]) -> Markup:
         return Markup()
     rows = []
     for r in tables["comparison"].itertuples():
-        name = BOUND_WORDS.get(r.model) or law_title(r.model)
-        mu, epsilon = (
-            "–" if pd.isna(v) else plus_minus(v, s) for v, s in ((r.mu, r.mu_std), (r.epsilon, r.epsilon_std))
-        )
+        fitted = ((r.mu, r.mu_std), (r.epsilon, r.epsilon_std))
+        parameters = ["–" if pd.isna(value) else plus_minus(value, std) for value, std in fitted]
         score = "–" if pd.isna(r.score) else number(r.score)
         share = "–" if pd.isna(r.share_in_range) else percent(r.share_in_range)
         errors = (number(r.mean), number(r.median), number(r.quantile_90))
-        rows.append((name, mu, epsilon, *errors, score, str(int(r.n_failed)), share))
+        name = BOUND_WORDS.get(r.model) or law_title(r.model)
+        rows.append((name, *parameters, *errors, score, str(int(r.n_failed)), share))
     columns = ("model", "μ", "ε", "mean", "median", "90 %", "score", "failed", "in range")
     caption = (
         "Held-out error (m/s), log score an impact (nats), failed solves, and share of the outcomes that a law reaches "
@@ -208,11 +187,10 @@ def comparison_table(tables: Mapping[str, pd.DataFrame]) -> Markup:
 
 def left_out_table(d: Mapping) -> Markup:
     """Impacts left out, by reason."""
-    reasons = d["left_out"]["reasons"]
-    total = sum(reasons.values()) + d["n_impacts"]
-    rows = [(reason_text(name), str(n), percent(n / total)) for name, n in sorted(reasons.items(), key=lambda i: -i[1])]
-    if rows:
-        rows.append(("used", str(d["n_impacts"]), percent(d["n_impacts"] / total)))
+    reasons = sorted(d["left_out"]["reasons"].items(), key=lambda reason: -reason[1])
+    counts = [*((reason_text(name), n) for name, n in reasons), ("used", d["n_impacts"])] if reasons else []
+    total = sum(n for _, n in counts)
+    rows = [(name, str(n), percent(n / total)) for name, n in counts]
     return table("Impacts detected, left out and used", ("reason", "impacts", "share"), rows, numeric=(1, 2))
 
 
@@ -220,8 +198,7 @@ def detectable_table(d: Mapping) -> Markup:
     """Smallest detectable size of each effect."""
     rows = []
     for e in d["detectable"]:
-        declared = {p.name: p for p in EFFECTS[e["name"]].parameters} if e["name"] in EFFECTS else {}
-        parts = []
+        declared, parts = _declared(e["name"]), []
         for name, size in e["smallest"].items():
             p = declared.get(name)
             if p is not None and p.discrete is not None:
@@ -231,7 +208,7 @@ def detectable_table(d: Mapping) -> Markup:
             else:
                 parts.append(f"{symbol(name)} = {amount(size, p.unit if p else '', 2)}")
         family = EFFECTS[e["name"]].family if e["name"] in EFFECTS else ""
-        rows.append((effect_title(e["name"]), FAMILY_WORDS.get(family, family), "; ".join(parts), *_set_by(e)))
+        rows.append((effect_title(e["name"]), _family(family), "; ".join(parts), *_set_by(e)))
     columns = ("effect", "family", "smallest size", "set by", "drops for half of it")
     return table("Smallest effects that would have been found", columns, rows, numeric=(4,))
 
@@ -246,19 +223,15 @@ def _set_by(entry: Mapping) -> tuple[str, str]:
 
 def states_table(following: Mapping) -> Markup:
     """Proposed states before impact."""
-    sigmas = following.get("sigmas") or []
-    rows = []
-    for i, state in enumerate(following.get("states", [])):
-        row = [str(i + 1), *(number(state[name]) for name in ("vx", "vy", "omega", "theta"))]
-        rows.append([*row, number(sigmas[i], 2)] if sigmas else row)
-    misfit = following.get("shows") == "misfit"
+    what, which = "difference", "at which the two predictions differ most"
+    if following.get("shows") == "misfit":
+        what, which = "misfit", "around which the misfit is largest"
+    names = ("vx", "vy", "omega", "theta")
     columns = ["state", "v_x (m/s)", "v_y (m/s)", "ω (rad/s)", "θ (rad)"]
-    columns += ["misfit (sigma)" if misfit else "difference (sigma)"] * bool(sigmas)
-    return table(
-        "States just before impact around which the misfit is largest"
-        if misfit
-        else "States just before impact at which the two predictions differ most",
-        columns,
-        rows,
-        numeric=range(1, 6),
-    )
+    rows = [
+        [str(i), *(number(state[name]) for name in names)] for i, state in enumerate(following.get("states", []), 1)
+    ]
+    if sigmas := following.get("sigmas"):
+        columns.append(f"{what} (sigma)")
+        rows = [[*row, number(sigma, 2)] for row, sigma in zip(rows, sigmas)]
+    return table(f"States just before impact {which}", columns, rows, numeric=range(1, 6))

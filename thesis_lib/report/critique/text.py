@@ -26,6 +26,9 @@ METHOD_SOURCES = (
 )
 
 
+PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
+
+
 def data(critique: Critique, d: Mapping) -> Markup:
     train, held = critique.training, critique.held_out
     share = d["left_out"]["share"]
@@ -39,8 +42,7 @@ def data(critique: Critique, d: Mapping) -> Markup:
         "looks at all impacts, because a region needs many."
     )
     noise = critique.observations.found.noise
-    known = np.isfinite(noise.used[:2]).all() and np.isfinite(noise.used[2])
-    if critique.observations.arcs and known:
+    if critique.observations.arcs and np.isfinite(noise.used[:3]).all():
         sources = [
             "as dataset.yaml states" if np.isfinite(stated) else NOISE_SOURCES.get(noise.source, "estimated")
             for stated in (noise.stated[:2].mean(), noise.stated[2])
@@ -57,27 +59,23 @@ def data(critique: Critique, d: Mapping) -> Markup:
     return paragraph(first, second, third) + bullets(critique.observations.found.warnings)
 
 
-def laws(critique: Critique, d: Mapping, tables: Mapping[str, pd.DataFrame], ladder: pd.DataFrame) -> Markup:
+def laws(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     errors, best = law_errors(critique)
     base, unit, error = d["base_model"], d["error"]["unit"], d["error"]
-    values = listed(
-        [f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}" for name, p in base["parameters"].items()]
-    )
+    parameters, floor = base["parameters"].items(), error["noise_floor"]
+    values = listed([f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}" for name, p in parameters])
     ends = interval(ladder["error_low"].iloc[0], ladder["error_high"].iloc[0])
-    floor = error["noise_floor"]
-    compared = (
-        f"that is {number(error['base'] / floor, 2)} times the noise floor of {amount(floor, unit)}"
-        if floor
-        else "the noise floor is unknown"
-    )
+    compared = "the noise floor is unknown"
+    if floor:
+        compared = f"that is {number(error['base'] / floor, 2)} times the noise floor of {amount(floor, unit)}"
     return paragraph(
         f"The base law, chosen by its score on unseen trials, is {law_title(base['name'])} with {values}. Its held-out "
         f"error is {number(error['base'])} {ends} {unit}; {compared}.",
         f"{laws_sentence(errors)}.",
         f"The best of the six laws for each impact, picked after the fact, would err by "
         f"{amount(float(best.mean()), unit)}; any rigid impulse at the believed contact point by at least "
-        f"{amount(critique.irb, unit)} (IRB bound, after the fact); "
-        f"and if nothing happened at the impact, by {amount(critique.no_impact, unit)}.",
+        f"{amount(critique.irb, unit)} (IRB bound, after the fact); and if nothing happened at the impact, by "
+        f"{amount(critique.no_impact, unit)}.",
     )
 
 
@@ -85,28 +83,28 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
     if "budget" not in tables:
         return Markup()
     share = tables["budget"].set_index("part")["share"]
-    noise = (
-        f"{percent(share['noise'])} is noise and {percent(share['parameters'])} the uncertainty of its parameters. "
-        if share["noise"] > 0
-        else f"{percent(share['parameters'])} is the uncertainty of its parameters; how much is noise is unknown. "
-    )
+    noise, parameters, rigid, law, rest = (percent(share[name]) for name in PARTS)
+    known = f"{noise} is noise and {parameters} the uncertainty of its parameters."
+    if not share["noise"] > 0:
+        known = f"{parameters} is the uncertainty of its parameters; how much is noise is unknown."
     return paragraph(
-        f"Of the mean square error of the base law, {noise}"
-        f"{percent(share['rigid_point_contact'])} lies beyond any rigid impulse at "
-        f"the believed contact point, so that no friction or restitution can remove it; "
-        f"{percent(share['choice_of_law'])} would go with another of the six laws; {percent(share['rest'])} is left."
+        f"Of the mean square error of the base law, {known} {rigid} lies beyond any rigid impulse at the believed "
+        f"contact point, so that no friction or restitution can remove it; {law} would go with another of the six "
+        f"laws; {rest} is left."
     )
 
 
 def where_it_fails(where: Mapping) -> Markup:
-    regions = where.get("regions", [])
-    if not regions:
-        text = "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
-    else:
-        r = regions[0] | {"rule": plain_rule(regions[0])}
+    regions, flights, after = where.get("regions", []), where.get("flight_regions"), where.get("after")
+    text, in_flight = (
+        "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives.",
+        "",
+    )
+    if regions:
+        r = regions[0]
         times = f" ({number(r['ratio'], 2)} times)" if r["ratio"] else ""
         text = (
-            f"The base law errs most where {r['rule']}: {amount(r['error_inside'], 'm/s')} there against "
+            f"The base law errs most where {plain_rule(r)}: {amount(r['error_inside'], 'm/s')} there against "
             f"{amount(r['error_outside'], 'm/s')} elsewhere{times}, in {percent(r['support'])} of the impacts "
             f"(p = {number(r['p_value'], 2)}, counting all rules that were tried)."
         )
@@ -114,9 +112,6 @@ def where_it_fails(where: Mapping) -> Markup:
         "Maps, residuals and rules of this section use all impacts, those of training too; the errors told of a region "
         "are those of held-out impacts where at least 30 lie inside and outside it (column “errors of” of the table)."
     )
-    after = where.get("after")
-    flights = where.get("flight_regions")
-    in_flight = ""
     if flights:
         r = flights[0]
         in_flight = (
@@ -136,7 +131,7 @@ def where_it_fails(where: Mapping) -> Markup:
     return paragraph(text, in_flight, then) + paragraph(used)
 
 
-def residuals(critique: Critique) -> Markup:
+def residuals() -> Markup:
     return paragraph(
         "The pictures below show what the error depends on: measured minus predicted velocity of the contact point, "
         "and the couple about it that the error needs. A point contact cannot give a couple; one that depends on the "
