@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.figures.chapter2.wheel import figure_2_10, figure_2_11
+from thesis_lib.figures.chapter2.forces import figure_2_10, figure_2_11
 from thesis_lib.identify.wheel.study import WheelStudy, identify, motion_by_mass, wheel_record
 from thesis_lib.simulate.chapter2.motions import DEFAULT, releases, wheel
 

@@ -7,17 +7,8 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 
-from thesis_lib.figures.chapter5.render import PLACED, PUSHED, WOOD
-from thesis_lib.figures.chapter5.study import (
-    GOAL,
-    figure_5_5a,
-    figure_5_5b,
-    figure_5_6,
-    figure_game,
-    figure_movable,
-    figure_paired,
-    policy_style,
-)
+from thesis_lib.figures.chapter5.render import PLACED, PUSHED, WOOD, figure_5_5a, figure_game
+from thesis_lib.figures.chapter5.study import GOAL, figure_5_5b, figure_5_6, figure_movable, figure_paired, policy_style
 
 THESIS = {  # figure 5-6: attempts and successes
     ("exploration", "all"): (403, 172, 97, 85),
@@ -118,9 +109,9 @@ def names_of_colours(ax) -> set[str]:
 
 def test_the_pushed_block_stands_out_and_placed_ones_are_found_by_their_height():
     sizes = tower()[1]
-    figure, table = figure_5_5a(tower()[0], sizes, 22)
+    figure, table = figure_5_5a(tower()[0], sizes)
     assert len(table) == 54
-    assert names_of_colours(figure.axes[0]) == {"wood", "pushed"}
+    assert names_of_colours(figure.axes[0]) == {"wood"}
     pictures, blocks = frames()
     figure, table = figure_game(pictures, sizes, ["start", "extracted", "pushed"], blocks)
     seen = [names_of_colours(ax) for ax in figure.axes]

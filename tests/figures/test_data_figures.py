@@ -9,7 +9,7 @@ from small_study import BODY, TRUTH, made_impacts
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import beyond_sticking, contact_space
-from thesis_lib.figures.chapter3.cases import figure_3_11
+from thesis_lib.figures.chapter3.contact_space import figure_3_11
 from thesis_lib.figures.chapter3.errors import figure_3_8, figure_3_9
 from thesis_lib.figures.chapter3.identification import figure_3_7, figure_3_10
 from thesis_lib.figures.style import save_figure

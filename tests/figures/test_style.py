@@ -82,7 +82,7 @@ def test_laws_and_bounds_differ_in_colour_and_within_a_panel_also_without():
 
 def test_figures_do_not_need_pyplot():
     code = (
-        "import sys; import thesis_lib.figures.chapter3.cases, thesis_lib.figures.chapter3.errors, "
+        "import sys; import thesis_lib.figures.chapter3.contact_space, thesis_lib.figures.chapter3.errors, "
         "thesis_lib.figures.chapter3.identification, thesis_lib.figures.chapter3.trajectories; "
         "print([m for m in ('matplotlib.pyplot', 'scipy', 'pydrake') if m in sys.modules])"
     )

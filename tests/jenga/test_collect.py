@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.figures.chapter5.render import colours_of, strip_figure, tower_figure
+from thesis_lib.figures.chapter5.render import figure_5_5a, figure_game
 from thesis_lib.jenga.robot.movable import fractions, hidden_label, is_movable, scan, trial_push, try_to_extract
 from thesis_lib.jenga.robot.reduced import compare, faithfulness, reduce
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, Samples, as_table
@@ -130,11 +130,11 @@ def test_the_reduced_tower_agrees_with_the_full_one_on_force_and_label():
 def test_the_tower_is_drawn_with_its_blocks_where_they_are():
     tower = Settled.get()
     poses = tower.poses()
-    figure, table = tower_figure(poses, tower.sizes, colours_of({3: (1.0, 0.0, 0.0)}))
+    figure, table = figure_5_5a(poses, tower.sizes)
     polygons = figure.axes[0].collections[0].get_paths()
     assert len(polygons) == 3 * BLOCKS  # three sides of a box are seen
     assert np.allclose(table[["x", "y", "z"]], poses[:, :3])
     poses[5] = np.nan
-    strip, frames = strip_figure([tower.poses(), poses], tower.sizes, ["before", "after"])
+    strip, frames = figure_game([tower.poses(), poses], tower.sizes, ["before", "after"], [-1, 3])
     assert [len(each.collections[0].get_paths()) for each in strip.axes] == [3 * BLOCKS, 3 * (BLOCKS - 1)]
     assert frames["frame"].nunique() == 2

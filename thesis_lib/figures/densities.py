@@ -32,11 +32,9 @@ def reflected_density(
 
 
 def error_curves(error: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Density and quantiles of errors (n,) ≥ 0, in their unit; a failed solve (NaN) counts as infinite.
+    """Density (G,) of finite errors (n,) ≥ 0 at `grid` (G,), and quantiles (G,) with the shares (G,) of errors below.
 
-    Returns:
-        density (G,) of the finite errors at `grid` (G,); quantiles (G,), NaN beyond the share that was solved; and the
-        shares (G,) of all errors below them.
+    A failed solve (NaN) counts as infinite: quantiles are NaN beyond the share that was solved.
 
     Raises:
         ValueError: no error is finite.
@@ -58,14 +56,10 @@ def bandwidth(values: np.ndarray) -> float:
 def local_mean(
     points: np.ndarray, values: np.ndarray, nodes: np.ndarray, neighbours: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of the `neighbours` nearest values at each node, and the scaled distance to the nearest of them.
+    """Mean (G,) of the nearest finite `values` (n,) at each node (G, 2), and the distance (G,) to the nearest of them.
 
-    Args:
-        points: (n, 2), values: (n,) finite, nodes: (G, 2); axes are scaled by the standard deviation of points.
-        neighbours: number of values averaged; all of them if there are fewer.
-
-    Returns:
-        mean (G,) in the unit of values, distance (G,) in standard deviations.
+    Averaged are `neighbours` values, or all if there are fewer.  Distances to `points` (n, 2) are in their standard
+    deviations along each axis.
     """
     from scipy.spatial import cKDTree
 

@@ -7,19 +7,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.style import GREY, INK
+from thesis_lib.figures.marks import arrow, turned, unit
+from thesis_lib.figures.style import GREY, INK, SHADE
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
-SHADE = "#DCE6F0"
-COLORS = {"blue": "#0072B2", "red": "#D55E00", "green": "#009E73", "violet": "#CC79A7"}
 FONT = 9
-
-
-def turned(points: np.ndarray, theta: float) -> np.ndarray:
-    """Points (n, 2) turned counter-clockwise by theta (rad) about the origin."""
-    cos, sin = np.cos(theta), np.sin(theta)
-    return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]])
 
 
 def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
@@ -32,13 +25,7 @@ def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
 
 
 class Sketch:
-    """One panel without axes, true to scale, that keeps the points it draws.
-
-    Args:
-        ax: the panel.
-        panel: its name in the table.
-        tilt: rad; turns everything drawn about the origin.
-    """
+    """One panel without axes, true to scale, that keeps the points it draws; `tilt` (rad) turns everything."""
 
     def __init__(self, ax: Axes, panel: str = "", tilt: float = 0.0) -> None:
         ax.set_axis_off()
@@ -49,8 +36,7 @@ class Sketch:
     def keep(self, series: str, points: np.ndarray, **columns: object) -> np.ndarray:
         """Add points (n, 2) to the table, in the panel's axes after the tilt; returns them."""
         points = turned(np.atleast_2d(points), self.tilt)
-        part = pd.DataFrame(points, columns=["x", "y"]).assign(panel=self.panel, series=series, **columns)
-        self._parts.append(part)
+        self._parts.append(pd.DataFrame(points, columns=["x", "y"]).assign(panel=self.panel, series=series, **columns))
         return points
 
     def table(self) -> pd.DataFrame:
@@ -86,8 +72,7 @@ class Sketch:
     def arc(self, series: str, centre: np.ndarray, radius: float, start: float, end: float, color: str = INK) -> None:
         """Arc with an arrow head at its end, from angle `start` to `end` in rad."""
         angle = np.linspace(start, end, 40)
-        points = np.asarray(centre) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        points = self.keep(series, points)
+        points = self.keep(series, np.asarray(centre) + radius * unit(angle).T)
         self.ax.plot(*points[:-1].T, color=color, linewidth=0.9)
         self._arrow(points[-3], points[-1], "-|>", color, 0.9)
 
@@ -98,8 +83,7 @@ class Sketch:
 
     def ground(self, left: float, right: float, depth: float) -> None:
         """The surface y = 0 from `left` to `right`, hatched down to `depth` below it."""
-        corners = np.array([[left, 0.0], [right, 0.0], [right, -depth], [left, -depth]])
-        corners = turned(corners, self.tilt)
+        corners = turned(np.array([[left, 0.0], [right, 0.0], [right, -depth], [left, -depth]]), self.tilt)
         self.ax.fill(*corners.T, fill=False, linewidth=0, hatch="/////", edgecolor=GREY)
         self.line("ground", np.array([[left, 0.0], [right, 0.0]]))
 
@@ -111,7 +95,6 @@ class Sketch:
             self.label(np.add(at, vector) + 0.3 * length * np.array(vector[::-1]) / length, f"${name}$")
 
     def _arrow(self, start: np.ndarray, end: np.ndarray, style: str, color: str, width: float) -> None:
-        look = {"arrowstyle": style, "color": color, "linewidth": width, "shrinkA": 0, "shrinkB": 0}
-        self.ax.annotate("", end, start, arrowprops=look | {"mutation_scale": 8})
+        arrow(self.ax, start, end, color, style, linewidth=width, mutation_scale=8)
         # an annotation does not widen the panel's limits
         self.ax.update_datalim(np.stack([start, end]))

@@ -15,7 +15,9 @@ from typing import ParamSpec, TypeVar
 
 import matplotlib
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from thesis_lib.foundation.columns import explain
@@ -24,8 +26,9 @@ from thesis_lib.foundation.files import atomic, write_table
 SHEET = Path(__file__).with_name("thesis.mplstyle")
 WIDTH = 6.3  # inches: the text width of an A4 or letter page
 PANELS = {"as_published": "as published", "as_defined": "as defined"}
-GREY = "0.55"
-INK = "0.15"
+GREY, INK, SHADE = "0.55", "0.15", "#DCE6F0"
+SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#9ecae1", "#0072B2"])
+DARK = 0.55  # of `SHADES`; from there on a number is written in white
 Drawn = tuple[Figure, pd.DataFrame]
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -42,6 +45,13 @@ class ImpulseAxis:
     def of(cls, mass_known: bool) -> "ImpulseAxis":
         """mN s for hand-sized bodies of known mass, else N s per kg."""
         return cls(1e3, "mN s") if mass_known else cls(1.0, "N s/kg")
+
+    def label(self, ax: Axes, *, x: bool = True, y: bool = True) -> None:
+        """Name the axes of tangential (x) and normal (y) impulse."""
+        if x:
+            ax.set_xlabel(f"tangential impulse $c_t$ ({self.unit})")
+        if y:
+            ax.set_ylabel(f"normal impulse $c_n$ ({self.unit})")
 
 
 def _settings() -> dict:

@@ -10,6 +10,7 @@ from thesis_lib.statistics.wording import count, ends, estimate, listed, number,
 THESIS_FORCES = 0.2  # section 2.4: contact forces of arm and disk are estimated to within about 20 %
 ARCS = "arcs"  # maximum likelihood over arcs, without a contact law
 ITERATED = "estimates by iterated least squares; a thousandth of a force cannot be seen"
+INTEGRATED = Tolerance("Drake controls its own step; 1 % of a force cannot be seen", abs=0.0001, rel=0.01)
 WHEEL = Job("ch2_wheel", "chapter2", group="forces")
 ARM = Job("ch2_arm", "chapter2", group="forces")
 IMPACT_FORCES = Job("ch2_impact_forces", "chapter2", group="forces")
@@ -179,11 +180,7 @@ def arm_summary(table: DataFrame) -> str:
 and the half-sine drawn has that duration.""",
     reads=("figure_2_15.csv", "impact_force_summary.csv"),
     keys="panel series",
-    tolerances={
-        "t x y force z density": Tolerance(
-            "Drake controls its own step; 1 % of a force cannot be seen", abs=0.0001, rel=0.01
-        )
-    },
+    tolerances={"t x y force z density": INTEGRATED},
     columns={
         "t": ("s", "time since touch"),
         "force": ("N", "normal force"),

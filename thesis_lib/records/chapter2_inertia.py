@@ -13,6 +13,8 @@ HYPOTHESES = {  # as in the figure of the measured m/I
     "rounded_corners": "rounded corners",
     "earlier_vy_post": "earlier v_y⁺",
 }
+MEANS = Tolerance("a minimum that ends elsewhere in one noisy drop moves a mean by this much", abs=0.01, rel=0.02)
+WEIGHTED = Tolerance("iterated weights; bootstrap draws are seeded", abs=1e-06, rel=0.001)
 GATHER = Job("ch2_gather", "chapter2", group="programs")
 NOISE = Job("ch2_table_2_1", "chapter2", group="noise")
 MEASURED_RATIOS = Job("ch2_measured_ratios", "chapter2", group="measured data")
@@ -61,11 +63,7 @@ def programs(table: DataFrame) -> str:
     job=NOISE,
     **ESTIMATES,
     keys="shape method snr",
-    tolerances={
-        "n mean_error mean_error_std error_over_bound thesis": Tolerance(
-            "a minimum that ends elsewhere in one noisy drop moves a mean by this much", abs=0.01, rel=0.02
-        )
-    },
+    tolerances={"n mean_error mean_error_std error_over_bound thesis": MEANS},
 )
 def figure_table_2_1(table: DataFrame) -> str:
     """Errors of m/I against the Cramér-Rao bound."""
@@ -150,11 +148,7 @@ FIGURE_MEASURED_RATIO = Figure(
     finding=measured_ratio,
     reads=("measured_ratio.csv",),
     keys="dataset variant",
-    tolerances={
-        "ratio std low high published lower upper scale velocity_noise": Tolerance(
-            "iterated weights; bootstrap draws are seeded", abs=1e-06, rel=0.001
-        )
-    },
+    tolerances={"ratio std low high published lower upper scale velocity_noise": WEIGHTED},
 )
 
 

@@ -4,18 +4,19 @@ from thesis_lib.records.record import GEOMETRY, Figure, Job, Tolerance
 from thesis_lib.records.rows import DataFrame
 from thesis_lib.statistics.wording import number, times
 
-SCHEMATICS = Job("ch2_schematics", "chapter2", group="mechanisms")
+SCHEMATIC = {"job": Job("ch2_schematics", "chapter2", group="mechanisms"), "keys": "panel series"}
 MOTIONS = Job("ch2_motions", "chapter2", group="motions")
+MOTION = {"job": MOTIONS, "keys": "panel series"}
+PROJECTED = Tolerance("projections iterate to 1e-9; the rest is simulated in closed form", abs=1e-06)
 SIMULATED = Tolerance("simulated in closed form per step; only rounding, which impacts multiply", abs=1e-06)
 
 FIGURE_2_1 = Figure(
     name="figure_2_1",
-    job=SCHEMATICS,
+    **SCHEMATIC,
     title="A two-link arm that pushes a disk over the ground",
     caption="""Angles q₁ and q₂, torques τ₁ and τ₂, pose (x, y, θ) of the disk, and the frames (n, t) of both
 contacts. Drawn from the simulated mechanism, in a configuration in which both contacts are closed. The thesis gives no
 dimensions; lengths and radius are ours.""",
-    keys="panel series",
     tolerances={"x y": GEOMETRY},
 )
 
@@ -57,12 +58,11 @@ def figure_2_2(figure: DataFrame) -> str:
 
 FIGURE_2_3 = Figure(
     name="figure_2_3",
-    job=SCHEMATICS,
+    **SCHEMATIC,
     title="Distance to contact",
     caption="""The point P of a falling body that is closest to the ground, and its distances φ_n and φ_t from the
 origin O of the fixed frame; β and l place P in the body. The thesis shows some planar object, here a pentagon of
 ours.""",
-    keys="panel series",
     tolerances={"x y phi_n phi_t": GEOMETRY},
     columns={"phi_t": ("m", "x of the body's closest point from the origin")},
 )
@@ -80,7 +80,7 @@ touchdown. Size, throw, window and noise (20 dB by default, the third level of T
 
 
 @Figure.found_by(
-    job=MOTIONS,
+    **MOTION,
     title="Projection of a noisy pose to the contact manifold, and what a landing determines",
     caption="""(a) A noisy pose of a block that rocks over its corner, and its projection. (b) The same for many
 poses, in the plane of kθ (k the radius of gyration) and y, in which the kinetic metric is distance; poses near the kink
@@ -89,12 +89,7 @@ and with the mass known still nothing, as for a point particle; landing tilted i
 Squares are shifted to the right in time.
 
 The tolerances of the projection come from the noise that was added: a picture of the projection, not an estimate.""",
-    keys="panel series",
-    tolerances={
-        "x y k_theta t rank sigma_1 sigma_2 rank_mass_known": Tolerance(
-            "projections iterate to 1e-9; the rest is simulated in closed form", abs=1e-06
-        )
-    },
+    tolerances={"x y k_theta t rank sigma_1 sigma_2 rank_mass_known": PROJECTED},
     columns={
         "x": ("m", "horizontal position; panels c and d: shifted to the right in time"),
         "t": ("s", "time since release"),
@@ -122,38 +117,35 @@ def figure_2_5(figure: DataFrame) -> str:
 
 FIGURE_2_6 = Figure(
     name="figure_2_6",
-    job=SCHEMATICS,
+    **SCHEMATIC,
     title="Block of side a in free fall",
     caption="""Its lowest corner P lies at l = a/√2 and β = π/4 from its own downward axis, as equations 2.19 and
 2.20 have it. The side a = 1 m follows from the thesis's m/I = 6 for a uniform square.""",
-    keys="panel series",
     tolerances={"x y phi_n": GEOMETRY},
 )
 
 FIGURE_2_7 = Figure(
     name="figure_2_7",
-    job=SCHEMATICS,
+    **SCHEMATIC,
     title="Ellipse in free fall, its radii a and b, and its lowest point P at distance l(β)",
     caption="""β is drawn as the polar angle from the major axis, which l(β) of equation 2.22 needs; the β of
 equation 2.21 is the parameter of (a cos β, b sin β) instead. Radii of 2 and 1 m follow from the thesis's m/I = 0.8 for
 a uniform ellipse.""",
-    keys="panel series",
     tolerances={"x y phi_n beta": GEOMETRY},
     columns={"beta": ("rad", "polar angle of the touching point from the ellipse's major axis")},
 )
 
 FIGURE_2_8 = Figure(
     name="figure_2_8",
-    job=SCHEMATICS,
+    **SCHEMATIC,
     title="Rimless wheel on a slope γ, with the contact forces of two spokes that touch at once",
     caption="Eight spokes as in the thesis's figure; length, inertia and slope are ours.",
-    keys="panel series",
     tolerances={"x y": GEOMETRY},
 )
 
 
 @Figure.found_by(
-    job=MOTIONS,
+    **MOTION,
     title="Simulated motions at regular times, later ones darker, with the path of the centre",
     caption="""(a) Block, (b) ellipse, (c) rimless wheel with high (top) and low friction (bottom), over the same
 time and on the same stretch of slope. With high friction its feet stick and it walks; with low friction it slides, here
@@ -161,7 +153,6 @@ also for a while upright on one spoke.
 
 Block and ellipse have the thesis's m, μ, ε and m/I. Of the first random drops the one that travels farthest is shown,
 so that the outlines lie apart. Wheel, slope and the low coefficient of friction are ours.""",
-    keys="panel series",
     tolerances={"x y t": SIMULATED},
     columns={"t": ("s", "time since release")},
 )
@@ -181,11 +172,10 @@ def figure_2_9(figure: DataFrame) -> str:
 
 FIGURE_2_14 = Figure(
     name="figure_2_14",
-    job=MOTIONS,
+    **MOTION,
     title="A falling ellipse up to its third impact",
     caption="""A sparse sub-sample of its tracked poses at 250 Hz; later ones are darker. The thesis's recordings
 are not public (its authors publish single impacts of the ellipse, without trajectories): this is the first trial of the
 simulated dataset *drops*, with an ellipse of the same size and simulated tracking noise.""",
-    keys="panel series",
     tolerances={"x y t": SIMULATED},
 )

@@ -47,11 +47,7 @@ Whittaker have the same slanted edges as the laws of panel (b). Drumwright-Shell
 impulse here, so that its region is a line; as published it leaves the ellipse, which means that it gains energy.""",
     reads=("../drops/coverage.csv",),
     keys="variant panel series",
-    tolerances={
-        "c_t c_n": Tolerance(
-            "closed-form laws on a parameter grid; a corner of the outline may move by one cell's rounding", abs=1e-06
-        )
-    },
+    tolerances={"c_t c_n": Tolerance("a corner of the outline may move by the rounding of one cell", abs=1e-06)},
 )
 def figure_3_3(coverage: DataFrame) -> str:
     """Shares of the admissible set covered by the laws."""

@@ -30,12 +30,8 @@ what a wrong law costs with the right parameters of its own.
     reads=("error_summary.csv", "statements.csv"),
     keys="variant panel model",
     tolerances={
-        "error": Tolerance(
-            "the axis ends at a quantile of the errors; these follow the fitted parameters", abs=1e-06, rel=0.001
-        ),
-        "density": Tolerance(
-            "the kernel's bandwidth follows the errors; 1 % of a density cannot be seen", abs=0.001, rel=0.01
-        ),
+        "error": Tolerance("the axis ends at a quantile of errors, which follow the parameters", abs=1e-06, rel=0.001),
+        "density": Tolerance("its bandwidth follows the errors; 1 % of it cannot be seen", abs=0.001, rel=0.01),
         "share_below": Tolerance("one impact of the quick scale's 150 may change sides of an error", abs=0.007),
     },
 )
@@ -72,12 +68,8 @@ Near the line the laws differ in how slip stops or reverses; elsewhere they agre
     reads=("figure_3_9.csv", "statements.csv"),
     keys="series",
     tolerances={
-        "momentum_t momentum_n": Tolerance(
-            "closed form of the impacts, which the arc fits give to 1e-6", abs=1e-08, rel=1e-05
-        ),
-        "error": Tolerance(
-            "mean of a few neighbours, one of which may change where two are equally near", abs=1e-06, rel=0.01
-        ),
+        "momentum_t momentum_n": Tolerance("closed form; the arc fits give impacts to 1e-6", abs=1e-08, rel=1e-05),
+        "error": Tolerance("one of a few neighbours may change where two are equally near", abs=1e-06, rel=0.01),
         "n": Tolerance("a count", abs=0.5),
     },
     columns={

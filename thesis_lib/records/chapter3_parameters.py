@@ -91,9 +91,7 @@ than it came.
     tolerances={
         "mu epsilon": Tolerance("where two pairs fit equally well rounding decides; elsewhere 1e-8", abs=0.001),
         "misfit": Tolerance("the least misfit is known to the width of the final pattern", abs=1e-06, rel=0.0001),
-        "density": Tolerance(
-            "the kernel's bandwidth follows the parameters; 1 % of a density cannot be seen", abs=0.01, rel=0.01
-        ),
+        "density": Tolerance("its bandwidth follows the parameters; 1 % of it cannot be seen", abs=0.01, rel=0.01),
     },
 )
 def figure_3_10(figure: DataFrame, statements: DataFrame) -> str:

@@ -22,9 +22,8 @@ SURE = 2.0  # standard errors over splits that count as a difference
 SCHEMATICS = Job("ch4_schematics", "chapter4/common", group="contact space")
 FIGURES = Job("ch4_figures", "chapter4/{dataset}", datasets=DROPPED)
 NAMED_FIGURE = Job("ch4_named_figure", "chapter4/{dataset}", datasets=DROPPED)
-LEARNED = Tolerance(
-    "hyperparameters end a search where its gradient is small; errors follow them to a per cent", abs=0.0001, rel=0.05
-)
+SEARCHED = "hyperparameters end a search where its gradient is small; errors follow them to a per cent"
+LEARNED = Tolerance(SEARCHED, abs=0.0001, rel=0.05)
 
 FIGURE_4_1 = Figure(
     name="figure_4_1",
@@ -65,16 +64,8 @@ What to look for: which densities reach to the left of the IRB Bound. A rigid im
     reads=("learning_ratios.csv", "learning_errors.csv"),
     keys="variant panel model n",
     tolerances={
-        "error": Tolerance(
-            "hyperparameters end a search where its gradient is small; errors follow them to a per cent",
-            abs=1e-05,
-            rel=0.01,
-        ),
-        "density": Tolerance(
-            "hyperparameters end a search where its gradient is small; errors follow them to a per cent",
-            abs=0.01,
-            rel=0.05,
-        ),
+        "error": Tolerance(SEARCHED, abs=1e-05, rel=0.01),
+        "density": Tolerance(SEARCHED, abs=0.01, rel=0.05),
         "share_below": Tolerance("a few of the first split's impacts may change sides of an error", abs=0.02),
     },
     most_rows=60,

@@ -4,42 +4,33 @@
 found first, or the verdict (columns).  Below are the contact force of one trial and the errors of its estimates
 without and with the effect.  `figure_residuals` shows one critique: whitened residual generalised forces of held-out
 trials, and the gain of each candidate against the largest gain expected by chance.
-
-| column                          | unit  | meaning                                               |
-|---------------------------------|-------|-------------------------------------------------------|
-| `truth`, `column`, `value`      | 1     | share of datasets with a truth in which it was found  |
-| `true`, `without`, `with_effects` | N   | contact force, and its estimates                      |
-| `before`, `after`               | sigma | size of a whitened residual                           |
-| `gain`                          | nats  | score test of a candidate on the training trials      |
 """
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.proof.matrix import SHADES
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import BLUE, RED
+from thesis_lib.figures.style import DARK, GREY, INK, SHADES, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95
 
-WITHOUT, WITH = "#D55E00", "#0072B2"
-DARK = 0.55  # share above which a number is written in white
+WITHOUT = {"color": RED, "marker": "^", "linestyle": ""}
+WITH = {"color": BLUE, "marker": ".", "linestyle": ""}
 SMALLEST = 1e-2  # sigma; smaller residuals (of exact data) are drawn at this value
 
 
 @house_style
 def figure_hidden(effects: pd.DataFrame, forces: pd.DataFrame, pair: str = "arm") -> Drawn:
-    """Truth against finding, and contact forces without and with the effect.
+    """Truth against finding, and contact forces of one contact pair without and with the effect.
 
-    Args:
-        effects: table `effects` of the study, or its rows of some noise levels.
-        forces: table `forces` of the study; may be empty.
-        pair: contact pair whose forces are drawn.
+    `effects`, `forces` (in N): tables of the study, or rows of them; `forces` may be empty.
     """
     figure = new_figure(height=5.9 if len(forces) else 3.1)
     grid = figure.add_gridspec(3 if len(forces) else 1, 2, height_ratios=[2.3, 1, 1] if len(forces) else [1])
-    tables = []
-    for i, (mechanism, rows) in enumerate(effects.groupby("mechanism", sort=False)):
-        tables.append(_matrix(figure.add_subplot(grid[0, i]), str(mechanism), rows))
+    tables = [
+        _matrix(figure.add_subplot(grid[0, i]), str(mechanism), rows)
+        for i, (mechanism, rows) in enumerate(effects.groupby("mechanism", sort=False))
+    ]
     if len(forces):
         for i, component in enumerate(("normal", "tangential")):
             rows = forces[(forces["pair"] == pair) & (forces["component"] == component)]
@@ -50,15 +41,13 @@ def figure_hidden(effects: pd.DataFrame, forces: pd.DataFrame, pair: str = "arm"
     return figure, table[["panel", "truth", "column", "t", "value"]]
 
 
-def _matrix(ax: Axes, mechanism: str, own: pd.DataFrame) -> pd.DataFrame:
+def _matrix(ax: Axes, mechanism: str, trials: pd.DataFrame) -> pd.DataFrame:
     """Shares of one mechanism; returns the plotted numbers."""
-    finding = np.where(own["first_effect"] != "", own["first_effect"], own["verdict"])
-    own = own.assign(column=finding)
-    truths = list(dict.fromkeys(own["truth"]))
-    library = [t for t in truths if t not in ("nothing", "cogging")]
-    columns = ["adequate", *library, "unexplained"]
-    columns += sorted(set(own["column"]) - set(columns))
-    counts = own.groupby(["truth", "column"]).size().unstack(fill_value=0)
+    trials = trials.assign(column=np.where(trials["first_effect"] != "", trials["first_effect"], trials["verdict"]))
+    truths = list(dict.fromkeys(trials["truth"]))
+    columns = ["adequate", *(t for t in truths if t not in ("nothing", "cogging")), "unexplained"]
+    columns += sorted(set(trials["column"]) - set(columns))
+    counts = trials.groupby(["truth", "column"]).size().unstack(fill_value=0)
     shares = counts.reindex(index=truths, columns=columns, fill_value=0)
     shares = shares.div(shares.sum(axis=1), axis=0)
     values = shares.to_numpy(float)
@@ -70,25 +59,22 @@ def _matrix(ax: Axes, mechanism: str, own: pd.DataFrame) -> pd.DataFrame:
     ax.set_yticks(range(len(truths)), [_words(t) for t in truths], fontsize=6)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-    noise = ", ".join("exact" if np.isinf(db) else f"{db:g} dB" for db in sorted(set(own["snr_db"]), reverse=True))
-    ax.set_title(f"{mechanism}: % of {len(own) // len(truths)} datasets\n({noise})", fontsize=7.5)
+    noise = ", ".join("exact" if np.isinf(db) else f"{db:g} dB" for db in sorted(set(trials["snr_db"]), reverse=True))
+    ax.set_title(f"{mechanism}: % of {len(trials) // len(truths)} datasets\n({noise})", fontsize=7.5)
     ax.set(xlabel="found first, or verdict", ylabel="hidden")
     flat = shares.stack().rename("value").rename_axis(["truth", "column"]).reset_index()
     return flat.assign(panel=mechanism, t=np.nan)
 
 
-def _forces(top: Axes, bottom: Axes, own: pd.DataFrame, title: str) -> None:
+def _forces(top: Axes, bottom: Axes, force: pd.DataFrame, title: str) -> None:
     """A force, and the errors of its two estimates."""
-    top.plot(own["t"], own["true"], ".", color=INK, markersize=2)
+    top.plot(force["t"], force["true"], ".", color=INK, markersize=2)
     top.set_title(f"contact force, {title}", fontsize=7.5)
     top.set_ylabel("true (N)")
     top.tick_params(labelbottom=False)
     bottom.axhline(0.0, color=GREY, linewidth=0.6)
-    for name, color, marker, label in (
-        ("without", WITHOUT, "^", "without the effect"),
-        ("with_effects", WITH, ".", "with it"),
-    ):
-        bottom.plot(own["t"], own[name] - own["true"], marker, color=color, markersize=2.2, label=label)
+    for name, look, label in (("without", WITHOUT, "without the effect"), ("with_effects", WITH, "with it")):
+        bottom.plot(force["t"], force[name] - force["true"], markersize=2.2, label=label, **look)
     bottom.set(ylabel="error (N)", xlabel="time (s)")
     bottom.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, markerscale=1.8)
     bottom.sharex(top)
@@ -98,19 +84,15 @@ def _forces(top: Axes, bottom: Axes, own: pd.DataFrame, title: str) -> None:
 def figure_residuals(residuals: pd.DataFrame, gains: pd.DataFrame, limit: float) -> Drawn:
     """Whitened residuals of held-out windows before and after, and gains of the candidates.
 
-    Args:
-        residuals: window, coordinate, before, after (in standard deviations, signed).
-        gains: candidate, gain (nats).
-        limit: gain that the best candidate exceeds by chance in 1 % of draws, nats.
+    `residuals`: window, coordinate, before, after (in standard deviations, signed); `gains`: candidate, gain (nats);
+    `limit`: gain in nats that the best candidate exceeds by chance in 1 % of draws.
     """
     figure = new_figure(height=2.6)
     left, right = figure.subplots(1, 2, width_ratios=[1.5, 1])
-    for name, color, marker, label in (
-        ("before", WITHOUT, "^", "believed model"),
-        ("after", WITH, ".", "with the effects"),
-    ):
-        size = np.maximum(residuals[name].abs(), SMALLEST)
-        left.semilogy(residuals["window"], size, marker, color=color, markersize=2.5, label=label)
+    for name, look, label in (("before", WITHOUT, "believed model"), ("after", WITH, "with the effects")):
+        left.semilogy(
+            residuals["window"], np.maximum(residuals[name].abs(), SMALLEST), markersize=2.5, label=label, **look
+        )
     left.axhline(Z95, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)), label="95 % of noise below")
     left.set(xlabel="held-out window", ylabel="|residual force| (σ)")
     left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, handlelength=1.6, columnspacing=1.0)

@@ -1,4 +1,4 @@
-"""Figure 2-15, the force at one impact, and m/I (1/m²) from measured impacts against the authors' values.
+"""Figure 2-15, the force at one impact, and m/I (1/m²): table 2.1, and from measured impacts.
 
 Normal forces in N: `force` (s,) on the body in Drake, `reading` (p,) of the sensor at 1000 Hz, and the half-sine of the
 estimated impulse over the declared duration.  Equations and sources: `thesis_lib.identify.impacts.forces`,
@@ -10,16 +10,25 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.figures.marks import BLUE, GREEN, RED, VIOLET
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
 from thesis_lib.statistics.intervals import Z95
 
-BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 APPROACH = 7  # samples drawn before the hit
 BEFORE, AFTER = 1e-3, 15e-3  # s drawn before and after the touch
 THIN = 20  # steps between the drawn points of the sensor's continuous response: 0.1 ms
 BINS, BINS_TO = 16, 4.0  # of errors over σ; larger errors go into the last bin
+METHODS = {  # color, marker, label
+    "plain": (GREY, "s", "plain program, eq. 2.23"),
+    "least_squares": (VIOLET, "v", "least squares at true impacts"),
+    "arcs": (BLUE, "o", "arcs, free impulses"),
+    "arcs_gap": (GREEN, "^", "arcs, with gaps"),
+    "arcs_law": (RED, "D", "arcs, with contact law"),
+}
+LINEAR = 0.1  # %; the axis of the bias is linear below this size, because the bias has both signs
+APART = 0.5  # dB, between the methods of one noise level
 MISFIT = ("scale", "velocity_noise")
 NAMES = {
     "as_published": "as published",
@@ -36,27 +45,20 @@ def figure_2_15(
 ) -> Drawn:
     """An ellipse before an impact, the force of that impact, and the errors of all impulses.
 
-    Args:
-        row: the impact shown, as `impact_forces.shown_impact` returns it.
-        history: its force.
-        samples: trial, t, x, y, theta, as tracked.
-        rows: all impacts, from `impact_forces.study_impact_forces`.
-        settings: shape and sensor.
+    `row`: the impact shown, as `shown_impact` returns it, with its force, `history`; `samples`: trial, t, x, y, theta,
+    as tracked; `rows`: all impacts, from `study_impact_forces`.
     """
     figure = new_figure(height=2.6)
     left, middle, right = figure.subplots(1, 3, width_ratios=(0.8, 1.3, 1.1))
-    table = pd.concat(
-        [
-            _approach(left, row, samples, settings),
-            _forces(middle, row, history, settings),
-            _impulse_errors(right, rows[rows["method"] == row["method"]]),
-        ]
-    )
-    for ax, title in zip(
-        (left, middle, right), ("(a) samples", "(b) force", f"(c) {len(rows) // rows['method'].nunique()} impulses")
-    ):
-        ax.set_title(title)
-    return figure, table[["panel", "series", "t", "x", "y", "force", "z", "density"]]
+    parts = [
+        _approach(left, row, samples, settings),
+        _forces(middle, row, history, settings),
+        _impulse_errors(right, rows[rows["method"] == row["method"]]),
+    ]
+    left.set_title("(a) samples")
+    middle.set_title("(b) force")
+    right.set_title(f"(c) {len(rows) // rows['method'].nunique()} impulses")
+    return figure, pd.concat(parts)[["panel", "series", "t", "x", "y", "force", "z", "density"]]
 
 
 def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactForces) -> pd.DataFrame:
@@ -83,8 +85,8 @@ def _forces(ax: Axes, row: pd.Series, history: ForceHistory, settings: ImpactFor
     low, half_sine, high = (peak * np.sin(np.pi * tau / T) for peak in peaks)
     ax.plot(1e3 * t, force, color=INK, label="contact force (Drake)")
     response_t, response = history.response_t[::THIN], history.response[::THIN]
-    ax.plot(1e3 * response_t, response, color=ORANGE, linewidth=0.6, alpha=0.8)
-    ax.plot(1e3 * history.sensor_t, history.reading, "o", color=ORANGE, label="sensor, 1000 Hz")
+    ax.plot(1e3 * response_t, response, color=RED, linewidth=0.6, alpha=0.8)
+    ax.plot(1e3 * history.sensor_t, history.reading, "o", color=RED, label="sensor, 1000 Hz")
     ax.plot(1e3 * (start + tau), half_sine, color=BLUE, linestyle=(0, (4, 1.5)), label="estimate, $T_c$ declared")
     ax.fill_between(1e3 * (start + tau), low, high, color=BLUE, alpha=0.25, linewidth=0)
     ax.set_xlim(-1e3 * BEFORE, 1e3 * AFTER)
@@ -143,7 +145,7 @@ def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
         ax.hlines(y, group["lower"], group["upper"], color=BLUE, alpha=0.3, linewidth=5, label="any ratio of noises")
         errors = np.abs(group[["low", "high"]].to_numpy().T - group["ratio"].to_numpy())
         ax.errorbar(group["ratio"], y, xerr=errors, fmt="o", color=BLUE, capsize=2, label="estimate, 95 %")
-        ax.axvline(group["published"].iloc[0], color=ORANGE, linestyle=(0, (4, 1.5)), label="1/k² of the header")
+        ax.axvline(group["published"].iloc[0], color=RED, linestyle=(0, (4, 1.5)), label="1/k² of the header")
         labels = [" + ".join(NAMES[part] for part in variant.split("+")) for variant in group["variant"]]
         ax.set_yticks(y, labels)
         ax.set(ylim=(-0.7, len(group) - 0.3), title=name)
@@ -151,7 +153,46 @@ def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
             has_noise = np.isfinite(row.scale)
             text = rf"misfit {row.scale:.1f} $\sigma$" if has_noise else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"
             ax.annotate(text, (1.01, height), xycoords=("axes fraction", "data"), va="center", fontsize=7)
-    handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=3)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     axes[-1].set_xlabel("m/I (1/m²)")
     return figure, drawn[["dataset", "variant", "ratio", "std", "low", "high", "published", "lower", "upper", *MISFIT]]
+
+
+@house_style
+def figure_table_2_1(table: pd.DataFrame) -> Drawn:
+    """Table 2.1: mean error of m/I with its standard error (above), error over the bound without contact law (below).
+
+    `table`: as `identify.mass_ratio.table_2_1` returns it, by method and noise.
+    """
+    shapes = list(dict.fromkeys(table["shape"]))
+    figure = new_figure(height=4.6)
+    axes = figure.subplots(2, len(shapes), sharex=True, sharey="row", squeeze=False)
+    for column, shape in enumerate(shapes):
+        above, below = axes[:, column]
+        errors = table[table["shape"] == shape]
+        for i, (method, (color, marker, label)) in enumerate(METHODS.items()):
+            rows = errors[errors["method"] == method].sort_values("snr")
+            snr = rows["snr"] + APART * (i - 2.0)
+            style = {"color": color, "marker": marker, "ms": 4, "lw": 0.9, "capsize": 2}
+            above.errorbar(snr, rows["mean_error"], 2.0 * rows["mean_error_std"], label=label, **style)
+            relative = 1.0 / np.sqrt(2.0 * rows["n"])  # of the root mean square of n normal errors
+            over = rows["error_over_bound"]
+            below.errorbar(snr, over, 2.0 * relative * over, label=label, **style)
+        thesis = errors[errors["method"] == "plain"].sort_values("snr")
+        above.plot(thesis["snr"], thesis["thesis"], "x", color=INK, ms=6, label="thesis")
+        above.axhline(0.0, color=INK, lw=0.6)
+        above.set_title(shape)
+        above.set_yscale("symlog", linthresh=LINEAR)
+        below.axhline(1.0, color=INK, lw=0.8, ls="--")
+        below.text(
+            0.98, 1.4, "Cramér-Rao bound", ha="right", va="bottom", transform=below.get_yaxis_transform(), fontsize=7
+        )
+        below.set(yscale="log", xlabel="signal-to-noise ratio (dB)")
+        below.set_xticks(sorted(errors["snr"].unique()))
+        below.minorticks_off()
+    axes[0, 0].set_ylabel("mean error of $m/I$ (%)")
+    axes[1, 0].set_ylabel("error over bound")
+    axes[0, 0].invert_xaxis()
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncol=3)
+    columns = ["shape", "method", "snr", "n", "mean_error", "mean_error_std", "error_over_bound", "thesis"]
+    return figure, table[table["method"].isin(METHODS)][columns].reset_index(drop=True)

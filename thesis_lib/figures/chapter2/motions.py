@@ -7,12 +7,13 @@ m = `stop - start` steps.
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap
 from matplotlib.lines import Line2D
 
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.figures.planar_drawing import COLORS, Sketch, outline_at
+from thesis_lib.figures.marks import BLUE, RED
+from thesis_lib.figures.planar_drawing import Sketch, outline_at
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.chapter2.scenes import Mode, NoisyMotion, RodFall
@@ -20,7 +21,7 @@ from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import Record
 
-MODE_LOOK = {Mode.OPEN: (GREY, "open"), Mode.STICKS: (COLORS["blue"], "sticks"), Mode.SLIDES: (COLORS["red"], "slides")}
+MODE_LOOK = {Mode.OPEN: (GREY, "open"), Mode.STICKS: (BLUE, "sticks"), Mode.SLIDES: (RED, "slides")}
 ROD_EVERY, DISK_EVERY = 0.04, 0.13  # s between the configurations drawn
 TRACE_SHOWN = {"block": 0.2, "ellipse": 0.25, "wheel": 0.25}  # s; outlines remain distinct
 OBSERVED_EVERY = 2  # samples between the dots of figure 2-4
@@ -42,32 +43,22 @@ def figure_2_2(fall: RodFall) -> Drawn:
         color = MODE_LOOK[_leading_mode(fall, step)][0]
         event = step in (left, right)
         ends = outline_at(fall.body, record.q[step])
-        sketch.line(
-            "rod",
-            ends,
-            t=record.t[step],
-            color=color,
-            linewidth=2.4 if event else 1.0,
-            solid_capstyle="round",
-            zorder=4 if event else 2,
-        )
+        look = {"linewidth": 2.4, "zorder": 4} if event else {"linewidth": 1.0, "zorder": 2}
+        sketch.line("rod", ends, t=record.t[step], color=color, solid_capstyle="round", **look)
         sketch.ax.plot(*ends[0], "o", color=color, markersize=2.5, zorder=4)
     poses = outline_at(fall.body, record.q[0]), outline_at(fall.body, record.q[settled])
     sketch.ground(poses[0][:, 0].min() - 0.35, poses[1][:, 0].max() + 0.35, 0.06)
-    for number, step, end in ((1, left, 0), (2, right, 1)):
-        at = outline_at(fall.body, record.q[step])[end]
+    first, second = (outline_at(fall.body, record.q[step])[end] for end, step in enumerate((left, right)))
+    for number, at in ((1, first), (2, second)):
         sketch.point(f"event {number}", at, markersize=5, zorder=6)
-    at = outline_at(fall.body, record.q[left])[0]
-    sketch.label(at + [-0.08, 0.12], "1: left end lands\nand sticks", ha="right", fontsize=7.5)
-    at, rests = outline_at(fall.body, record.q[right])[1], outline_at(fall.body, record.q[settled])[1]
-    slides = f"2: right end lands\nand slides {100.0 * (rests[0] - at[0]):.0f} cm"
-    sketch.label(at + [-0.03, 0.3], slides, ha="left", fontsize=7.5)
+    sketch.label(first + [-0.08, 0.12], "1: left end lands\nand sticks", ha="right", fontsize=7.5)
+    slides = f"2: right end lands\nand slides {100.0 * (poses[1][1, 0] - second[0]):.0f} cm"
+    sketch.label(second + [-0.03, 0.3], slides, ha="left", fontsize=7.5)
 
     t = record.t
     for row in range(2):
         for mode, (color, _) in MODE_LOOK.items():
-            on = fall.modes[:, row] == mode
-            bars = [(t[k], record.h) for k in np.flatnonzero(on)]
+            bars = [(t[k], record.h) for k in np.flatnonzero(fall.modes[:, row] == mode)]
             time.broken_barh(bars, (0.8 - row, 0.4), color=color, linewidth=0)
     for number, step in ((1, left), (2, right)):
         time.axvline(t[step], ymax=0.93, color=INK, linewidth=0.8)
@@ -81,19 +72,11 @@ def figure_2_2(fall: RodFall) -> Drawn:
 
     steps = np.arange(settled + 1)
     outline = np.stack([outline_at(fall.body, q) for q in record.q[steps]])
-    rows = [
-        pd.DataFrame(
-            {
-                "panel": "modes",
-                "series": pair,
-                "t": t[steps],
-                "x": outline[:, end, 0],
-                "y": outline[:, end, 1],
-                "mode": [MODE_LOOK[Mode(mode)][1] for mode in fall.modes[np.minimum(steps, len(t) - 2), end]],
-            }
-        )
-        for end, pair in enumerate(("left end", "right end"))
-    ]
+    rows = []
+    for end, series in enumerate(("left end", "right end")):
+        modes = [MODE_LOOK[Mode(mode)][1] for mode in fall.modes[np.minimum(steps, len(t) - 2), end]]
+        path = pd.DataFrame(outline[:, end], columns=["x", "y"])
+        rows.append(path.assign(panel="modes", series=series, t=t[steps], mode=modes))
     return figure, pd.concat([sketch.table(), *rows], ignore_index=True)
 
 
@@ -116,7 +99,7 @@ def figure_2_4(motion: NoisyMotion) -> Drawn:
     inside[motion.start : motion.stop] = True
     every = np.arange(record.steps + 1) % OBSERVED_EVERY == 0
     for series, mask, color in (
-        ("observations in the window", every & inside, COLORS["red"]),
+        ("observations in the window", every & inside, RED),
         ("observations outside", every & ~inside, GREY),
     ):
         look = {"color": color, "marker": ".", "linestyle": "", "markersize": 3.5, "zorder": 4}
@@ -125,20 +108,14 @@ def figure_2_4(motion: NoisyMotion) -> Drawn:
     first, last = record.q[motion.start, :2], record.q[motion.stop - 1, :2]
     top = record.q[0, 1] + 1.4 * radius
     for name, at in (("start", first), ("end", last)):
-        sketch.line(
-            f"{name} of the window",
-            np.array([[at[0], 0.0], [at[0], top]]),
-            color=COLORS["red"],
-            linewidth=0.8,
-            linestyle=(0, (4, 2)),
-        )
-    sketch.dimension("window", np.array([first[0], top - 0.06]), np.array([last[0], top - 0.06]), COLORS["red"])
+        look = {"color": RED, "linewidth": 0.8, "linestyle": (0, (4, 2))}
+        sketch.line(f"{name} of the window", np.array([[at[0], 0.0], [at[0], top]]), **look)
+    sketch.dimension("window", np.array([first[0], top - 0.06]), np.array([last[0], top - 0.06]), RED)
     m = motion.stop - motion.start
-    sketch.label((0.5 * (first[0] + last[0]), top + 0.07), f"window of length $m$ = {m}", COLORS["red"])
+    sketch.label((0.5 * (first[0] + last[0]), top + 0.07), f"window of length $m$ = {m}", RED)
     sketch.label((0.5 * (record.q[0, 0] + first[0]), top - 0.06), "free flight", fontsize=8)
     sketch.label((0.5 * (record.q[-1, 0] + last[0]), top - 0.06), "rolling", fontsize=8)
-    table = sketch.table()
-    return figure, table.assign(m=m)
+    return figure, sketch.table().assign(m=m)
 
 
 @house_style
@@ -155,8 +132,7 @@ def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, Record]]) -> Drawn:
         "wheel, high friction": ("c) rimless wheel, high friction", grid[1, :]),
         "wheel, low friction": ("c) rimless wheel, low friction", grid[2, :]),
     }
-    missing = sorted(set(panels) - set(shown))
-    if missing:
+    if missing := sorted(set(panels) - set(shown)):
         raise UserError(f"Figure 2-9 shows four motions; {', '.join(missing)} is missing.")
     # the two wheels share their limits, so that their paths can be compared
     far = max(float(shown[name][1].q[:, 0].max()) for name in panels if name.startswith("wheel"))
@@ -190,9 +166,8 @@ def figure_2_14(dataset: Dataset, trial: int | None = None) -> Drawn:
     body = PlanarFreeBody(dataset.shape, 1.0, dataset.k_g**2)
     q = q - [0.0, dataset.height, 0.0]
     figure = new_figure(3.6, 3.6)
-    ax = figure.add_subplot()
     every = max(1, round(FALL_EVERY / float(np.median(np.diff(t)))))
-    return figure, _trace(ax, f"trial {trial}", body, q[:end], t[:end], every)
+    return figure, _trace(figure.add_subplot(), f"trial {trial}", body, q[:end], t[:end], every)
 
 
 def _trace(
@@ -201,25 +176,17 @@ def _trace(
     """Outlines of a body at every `every`-th pose, light to dark, and the path of its centre; q: (n, 3), t: (n,) s."""
     sketch = Sketch(ax, panel, tilt=-body.tilt)
     shown = np.arange(0, len(q), every)
-    colors = _darkening(len(shown))
+    colors = colormaps["Blues"](np.linspace(0.3, 1.0, len(shown)))
     wheel = isinstance(body, RimlessWheel)
     for color, step in zip(colors, shown):
         look = {"color": color, "linewidth": 0.9 if wheel else 1.0, "zorder": 2}
         sketch.line("outline", outline_at(body, q[step]), t=t[step], **look)
-    sketch.line("path of the centre", q[:, :2], t=t, color=COLORS["red"], linewidth=0.9, zorder=3)
+    sketch.line("path of the centre", q[:, :2], t=t, color=RED, linewidth=0.9, zorder=3)
     size = body.length if wheel else body.shape.extent
-    right = float(q[:, 0].max()) if far is None else far
-    left, right = float(q[:, 0].min()) - 1.25 * size, right + 1.25 * size
+    left = float(q[:, 0].min()) - 1.25 * size
+    right = (float(q[:, 0].max()) if far is None else far) + 1.25 * size
     sketch.ground(left, right, 0.025 * (right - left))
     return sketch.table()
-
-
-def _darkening(n: int) -> np.ndarray:
-    """Colours (n, 4), from light to dark blue."""
-    from matplotlib import colormaps
-
-    ramp: Colormap = colormaps["Blues"]
-    return ramp(np.linspace(0.3, 1.0, n))
 
 
 def _leading_mode(fall: RodFall, step: int) -> Mode:

@@ -8,35 +8,30 @@ is φ_n = y + r_y, and its distance along the surface from the origin O is φ_t 
 P = (x, y) - l (sin(β - θ), cos(β - θ)).  For the ellipse it is the polar angle from the major axis to P, as in l(β)
 (2.22); the angle in (2.21) is instead the parameter of (a cos β, b sin β).
 
-| on paper   | in code | unit | shape  |                                                         |
-|------------|---------|------|--------|---------------------------------------------------------|
-| q          | `q`     | m, rad | (nv,) | the configuration shown                                |
-| P          | `P`     | m    | (2,)   | contact point, or the point closest to the surface      |
-| φ_n, φ_t   |         | m    |        | height of P above the surface, its x from the origin O  |
-| l          |         | m    |        | distance of P from the centre of mass                   |
+l is the distance of P from the centre of mass in m.  Configurations q (nv,) are in m and rad.
 """
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
-from thesis_lib.figures.planar_drawing import COLORS, FONT, Sketch, outline_at, turned
+from thesis_lib.figures.marks import BLUE, GREEN, RED, turned, unit, white_box
+from thesis_lib.figures.planar_drawing import Sketch, outline_at
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
-BLUE, RED, GREEN = COLORS["blue"], COLORS["red"], COLORS["green"]
 DASHED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (5, 3))}
 
 
 def closest_point(body: PlanarFreeBody, q: np.ndarray) -> tuple[np.ndarray, float, int]:
     """Point P (2,) in m of a body at pose q (3,) closest to the surface, its gap φ_n in m, and its pair's number."""
-    contacts = body.contacts_of(np.asarray(q, dtype=float)[None])
+    q = np.asarray(q, dtype=float)
+    contacts = body.contacts_of(q[None])
     pair = int(np.argmin(contacts.phi[0]))
     # J_n = [0, 1, r_x], J_t = [1, 0, -r_y]
-    r = np.array([contacts.J_n[0, pair, 2], -contacts.J_t[0, pair, 2]])
-    return np.asarray(q, dtype=float)[:2] + r, float(contacts.phi[0, pair]), pair
+    return q[:2] + [contacts.J_n[0, pair, 2], -contacts.J_t[0, pair, 2]], float(contacts.phi[0, pair]), pair
 
 
 @house_style
@@ -50,8 +45,7 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
     sketch = Sketch(figure.add_subplot())
     left, right = arm.base[0] - 0.35, centre[0] + 3.0 * R
     sketch.ground(left, right, 0.07)
-    circle = np.linspace(0.0, 2.0 * np.pi, 121)
-    sketch.fill("disk", centre + R * np.stack([np.cos(circle), np.sin(circle)], axis=1))
+    sketch.fill("disk", centre + R * unit(np.linspace(0.0, 2.0 * np.pi, 121)).T)
     sketch.line("foot", np.array([[arm.base[0], 0.0], arm.base]), color=GREY, linewidth=4.0, zorder=1)
     for name, points in (("link 1", (arm.base, elbow)), ("link 2", (elbow, tip))):
         sketch.line(name, np.array(points), linewidth=3.0, color=INK, solid_capstyle="round", zorder=3)
@@ -59,15 +53,9 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
     angles = ((arm.base, 0.0, "1", 0.38), (elbow, q[0], "2", 0.28))
     for joint, (origin, start, name, at) in enumerate(angles):
         sketch.point(f"joint {name}", origin, markersize=6, markerfacecolor="white", zorder=4)
-        sketch.line(
-            f"zero of q_{name}",
-            np.array([origin, origin + 1.15 * at * np.array([np.cos(start), np.sin(start)])]),
-            **DASHED,
-        )
-        end = start + q[joint]
-        sketch.arc(f"q_{name}", origin, 0.75 * at, start, end, BLUE)
-        part = start + 0.4 * q[joint]
-        sketch.label(origin + at * np.array([np.cos(part), np.sin(part)]), f"$q_{name}$", BLUE)
+        sketch.line(f"zero of q_{name}", np.array([origin, origin + 1.15 * at * unit(start)]), **DASHED)
+        sketch.arc(f"q_{name}", origin, 0.75 * at, start, start + q[joint], BLUE)
+        sketch.label(origin + at * unit(start + 0.4 * q[joint]), f"$q_{name}$", BLUE)
         # the torque acts on the joint, whatever its sign
         sketch.arc(f"torque {name}", origin, 0.11, start + 2.0, start + 5.2, RED)
         sketch.label(origin + np.array([-0.17, 0.1]), rf"$\tau_{name}$", RED)
@@ -86,11 +74,10 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
         sketch.label(C + 0.9 * length * t + along, rf"$\mathbf{{t}}_{pair + 1}$", GREEN)
     sketch.point("centre", centre)
     sketch.label(centre + np.array([0.03, -0.06]), r"$(x,\ y)$", ha="left")
-    spoke = np.array([np.cos(q[4]), np.sin(q[4])])
-    sketch.line("mark on the disk", np.array([centre, centre + R * spoke]), linewidth=0.8)
+    sketch.line("mark on the disk", np.array([centre, centre + R * unit(q[4])]), linewidth=0.8)
     sketch.line("zero of theta", np.array([centre, centre + [1.45 * R, 0.0]]), **DASHED)
     sketch.arc("theta", centre, 1.25 * R, 0.0, q[4], BLUE)
-    sketch.label(centre + 1.42 * R * np.array([np.cos(0.5 * q[4]), np.sin(0.5 * q[4])]), r"$\theta$", BLUE)
+    sketch.label(centre + 1.42 * R * unit(0.5 * q[4]), r"$\theta$", BLUE)
     sketch.axes_cross(np.array([left + 0.08, 0.0]), 0.16)
     return figure, sketch.table()
 
@@ -106,16 +93,14 @@ def figure_2_3(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     """
     if body.corners is None:
         raise UserError("Figure 2-3 marks β at a corner; draw a body with corners, not an ellipse or a disk.")
-    figure = new_figure(3.9, 3.0)
-    sketch = Sketch(figure.add_subplot())
-    P, gap = _falling_body(sketch, body, q, origin=True)
+    sketch, P, gap = _falling_body(3.9, body, q, origin=True)
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
     sketch.line("above O", np.array([[0.0, 0.0], [0.0, 1.1 * P[1]]]), **DASHED)
     sketch.dimension("phi_t", np.array([0.0, P[1]]), P, RED)
     sketch.label((0.5 * P[0], P[1] + 0.12 * size), r"$\phi_t$", RED)
     _corner_angle(sketch, body, q, P)
     sketch.label(centre + size * np.array([-0.06, 0.16]), r"$(x,\ y)$")
-    return figure, sketch.table().assign(phi_n=gap, phi_t=P[0])
+    return sketch.ax.figure, sketch.table().assign(phi_n=gap, phi_t=P[0])
 
 
 @house_style
@@ -129,9 +114,7 @@ def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     """
     if not isinstance(body.shape, Polygon):
         raise UserError("Figure 2-6 shows a block: give it a free body whose shape is a polygon.")
-    figure = new_figure(3.6, 3.0)
-    sketch = Sketch(figure.add_subplot())
-    P, gap = _falling_body(sketch, body, q)
+    sketch, P, gap = _falling_body(3.6, body, q)
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
     _corner_angle(sketch, body, q, P)
     # the side that looks up and to the left
@@ -143,7 +126,7 @@ def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     sketch.dimension("side", a + shift, b + shift)
     sketch.label(0.5 * (a + b) + 1.9 * shift, "$a$")
     sketch.label(centre + size * np.array([-0.14, 0.16]), r"$m,\ I$", ha="right")
-    return figure, sketch.table().assign(phi_n=gap)
+    return sketch.ax.figure, sketch.table().assign(phi_n=gap)
 
 
 @house_style
@@ -157,11 +140,9 @@ def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     """
     if not isinstance(body.shape, Ellipse):
         raise UserError("Figure 2-7 shows an ellipse: give it a free body whose shape is one.")
-    figure = new_figure(4.0, 3.0)
-    sketch = Sketch(figure.add_subplot())
-    P, gap = _falling_body(sketch, body, q)
+    sketch, P, gap = _falling_body(4.0, body, q)
     centre, theta = np.asarray(q[:2], dtype=float), float(q[2])
-    major = np.array([np.cos(theta), np.sin(theta)])
+    major = unit(theta)
     minor = np.array([-major[1], major[0]])
     a, b = body.shape.semi_axes
     sketch.dimension("a", centre, centre - a * major)
@@ -172,11 +153,10 @@ def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     to_P = P - centre
     beta = np.arctan2(to_P @ minor, to_P @ major)
     sketch.arc("beta", centre, 0.38 * b, theta, theta + beta, GREEN)
-    half = theta + 0.5 * beta
-    sketch.label(centre + 0.56 * b * np.array([np.cos(half), np.sin(half)]), r"$\beta$", GREEN)
+    sketch.label(centre + 0.56 * b * unit(theta + 0.5 * beta), r"$\beta$", GREEN)
     sketch.line("l", np.stack([centre, P]), color=GREEN)
     sketch.label(centre + 0.75 * to_P - 0.24 * b * np.array([1.0, -0.1]), r"$l(\beta)$", GREEN)
-    return figure, sketch.table().assign(phi_n=gap, beta=beta)
+    return sketch.ax.figure, sketch.table().assign(phi_n=gap, beta=beta)
 
 
 @house_style
@@ -217,52 +197,47 @@ def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
     angles = sorted(float(np.arctan2(along[i, 1], along[i, 0])) for i in up)
     sketch.arc("angle between spokes", hub, 0.55 * l, *angles, BLUE)
     middle = 0.5 * sum(angles)
-    sketch.label(hub + 0.74 * l * np.array([np.cos(middle), np.sin(middle)]), rf"$2\pi/{wheel.spokes}$", BLUE)
+    sketch.label(hub + 0.74 * l * unit(middle), rf"$2\pi/{wheel.spokes}$", BLUE)
     back = int(np.argmin(along[:, 0]))
     across = np.array([along[back, 1], -along[back, 0]])
     sketch.dimension("length", hub + 0.1 * l * across, tips[back] + 0.1 * l * across)
     sketch.label(0.5 * (hub + tips[back]) + 0.22 * l * across, "$l$")
-    beside = middle - 2.0 * np.pi / wheel.spokes
-    sketch.label(hub + 0.55 * l * np.array([np.cos(beside), np.sin(beside)]), r"$m,\ I$")
+    sketch.label(hub + 0.55 * l * unit(middle - 2.0 * np.pi / wheel.spokes), r"$m,\ I$")
     # the angle of a spoke marked 0 against the slope
     sketch.line("zero of theta", np.array([hub, hub + [1.45 * l, 0.0]]), **DASHED)
     zero = float(np.arctan2(along[0, 1], along[0, 0]))
     sketch.arc("theta", hub, 1.15 * l, 0.0, zero, BLUE)
-    half = 0.5 * zero
-    sketch.label(hub + 1.3 * l * np.array([np.cos(half), np.sin(half)]), r"$\theta$", BLUE)
+    sketch.label(hub + 1.3 * l * unit(0.5 * zero), r"$\theta$", BLUE)
     # the slope against the horizontal, at its lower end
     foot = np.array([right, 0.0])
-    level = foot + 1.6 * l * np.array([-np.cos(wheel.slope), -np.sin(wheel.slope)])
+    level = foot - 1.6 * l * unit(wheel.slope)
     sketch.line("level", np.stack([foot, level]), **DASHED)
     sketch.arc("slope", foot, 1.15 * l, np.pi + wheel.slope, np.pi, BLUE)
-    halfway = np.pi + 0.5 * wheel.slope
-    at = foot + 1.3 * l * np.array([np.cos(halfway), np.sin(halfway)])
-    sketch.label(at, r"$\gamma$", BLUE, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8})
+    sketch.label(foot + 1.3 * l * unit(np.pi + 0.5 * wheel.slope), r"$\gamma$", BLUE, bbox=white_box(0.8))
     sketch.axes_cross(np.array([left + 0.15 * l, 0.0]), 0.4 * l)
     return figure, sketch.table()
 
 
 def _falling_body(
-    sketch: Sketch, body: PlanarFreeBody, q: np.ndarray, *, origin: bool = False
-) -> tuple[np.ndarray, float]:
-    """Draw a body above the surface with θ, P and φ_n; returns P (2,) and its gap in m."""
+    width: float, body: PlanarFreeBody, q: np.ndarray, *, origin: bool = False
+) -> tuple[Sketch, np.ndarray, float]:
+    """A body above the surface with θ, P and φ_n, drawn `width` inches wide; also returns P (2,) and its gap in m."""
     q = np.asarray(q, dtype=float)
     P, gap, _ = closest_point(body, q)
     if gap <= 0.0 or (origin and P[0] <= 0.0):
         raise UserError(f"The schematic shows a body above the surface, right of the origin; its P is {P} m.")
     centre, size = q[:2], body.shape.extent
     outline = outline_at(body, q)
+    sketch = Sketch(new_figure(width, 3.0).add_subplot())
     left = min(outline[:, 0].min() - 0.3 * size, -0.45 * size if origin else np.inf)
     right = outline[:, 0].max() + 0.45 * size
     sketch.ground(left, right, 0.12 * size)
     sketch.fill("outline", outline)
     # body and surface axes, and the angle between them
-    e = np.array([np.cos(q[2]), np.sin(q[2])])
-    sketch.line("body axis x", np.array([centre, centre + 1.3 * size * e]), **DASHED)
+    sketch.line("body axis x", np.array([centre, centre + 1.3 * size * unit(q[2])]), **DASHED)
     sketch.line("zero of theta", np.array([centre, centre + [1.3 * size, 0.0]]), **DASHED)
     sketch.arc("theta", centre, 1.15 * size, 0.0, q[2], BLUE)
-    half = 0.5 * q[2]
-    sketch.label(centre + 1.28 * size * np.array([np.cos(half), np.sin(half)]), r"$\theta$", BLUE)
+    sketch.label(centre + 1.28 * size * unit(0.5 * q[2]), r"$\theta$", BLUE)
     foot = np.array([P[0], 0.0])
     sketch.dimension("phi_n", foot, P, RED)
     sketch.label(0.5 * (foot + P) + size * np.array([0.14, 0.0]), r"$\phi_n$", RED)
@@ -273,7 +248,7 @@ def _falling_body(
         sketch.axes_cross(np.zeros(2), 0.4 * size)
         sketch.point("O", np.zeros(2))
         sketch.label((-0.13 * size, 0.1 * size), "$O$")
-    return P, gap
+    return sketch, P, gap
 
 
 def _corner_angle(sketch: Sketch, body: PlanarFreeBody, q: np.ndarray, P: np.ndarray) -> None:
@@ -281,13 +256,10 @@ def _corner_angle(sketch: Sketch, body: PlanarFreeBody, q: np.ndarray, P: np.nda
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
     down = float(q[2]) - 0.5 * np.pi
     to_P = P - centre
-    direction = float(np.arctan2(to_P[1], to_P[0]))
-    beta = (down - direction) % (2.0 * np.pi)
-    foot = 0.85 * size * np.array([np.cos(down), np.sin(down)])
-    sketch.line("body axis -y", np.array([centre, centre + foot]), **DASHED)
+    beta = (down - float(np.arctan2(to_P[1], to_P[0]))) % (2.0 * np.pi)
+    sketch.line("body axis -y", np.array([centre, centre + 0.85 * size * unit(down)]), **DASHED)
     sketch.arc("beta", centre, 0.4 * size, down, down - beta, GREEN)
-    half = down - 0.5 * beta
-    sketch.label(centre + 0.53 * size * np.array([np.cos(half), np.sin(half)]), r"$\beta$", GREEN)
+    sketch.label(centre + 0.53 * size * unit(down - 0.5 * beta), r"$\beta$", GREEN)
     sketch.line("l", np.stack([centre, P]), color=GREEN)
     across = np.array([to_P[1], -to_P[0]]) / np.linalg.norm(to_P)
-    sketch.label(centre + 0.5 * to_P + 0.1 * size * across, "$l$", GREEN, fontsize=FONT)
+    sketch.label(centre + 0.5 * to_P + 0.1 * size * across, "$l$", GREEN)

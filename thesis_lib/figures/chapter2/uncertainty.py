@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.planar_drawing import COLORS, Sketch, outline_at
+from thesis_lib.figures.marks import BLUE, RED
+from thesis_lib.figures.planar_drawing import Sketch, outline_at
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.identifiability import identifiability
@@ -26,7 +27,7 @@ from thesis_lib.simulate.stepping.stepping import Record
 
 SAMPLE_EVERY = 3  # poses between the dots of panel (a)
 LANDING_SHOWN = 5  # squares drawn of each landing, at equal intervals
-NOISY, MOVED = COLORS["red"], COLORS["blue"]
+NOISY, MOVED = RED, BLUE
 
 
 @house_style
@@ -35,19 +36,16 @@ def figure_2_5(
 ) -> Drawn:
     """Projection of noisy poses to the contact manifold (a, b), and flat against tilted landing as excitation (c, d).
 
-    Args:
-        motion: a body that stays in contact, with its noisy states.
-        projected: the same motion, projected to the contact manifold.
-        landings: "flat" and "tilted": motion of a square and its window in unknown (m, I), as from
-            `excitation_table.excitation_cases`.
+    `motion`, `projected`: noisy states of a body that stays in contact, and their projection to the contact manifold;
+    `landings`: "flat" and "tilted", motion of a square and its window in unknown (m, I), as from
+    `excitation_table.excitation_cases`.
 
     Raises:
         UserError: a landing is missing, or no noisy pose is near the manifold.
     """
     if set(landings) != {"flat", "tilted"}:
         raise UserError(f"Figure 2-5 compares a flat and a tilted landing; got {sorted(landings)}.")
-    steps = np.flatnonzero(projected.closed.any(axis=1))
-    if not len(steps):
+    if not projected.closed.any():
         raise UserError("No noisy pose lies near enough to the surface to be projected; lower the noise.")
     figure = new_figure(height=4.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.6, 1.0))
@@ -55,8 +53,8 @@ def figure_2_5(
         _one_pose(figure.add_subplot(grid[0, 0]), motion, projected),
         _manifold(figure.add_subplot(grid[0, 1]), motion, projected),
     ]
-    for place, (letter, name) in zip((grid[1, 0], grid[1, 1]), (("c", "flat"), ("d", "tilted"))):
-        parts.append(_landing(figure.add_subplot(place), letter, name, motion.body, *landings[name]))
+    for i, (letter, name) in enumerate((("c", "flat"), ("d", "tilted"))):
+        parts.append(_landing(figure.add_subplot(grid[1, i]), letter, name, motion.body, *landings[name]))
     return figure, pd.concat(parts, ignore_index=True)
 
 
@@ -69,11 +67,8 @@ def _one_pose(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
     sketch = Sketch(ax, "a")
     ax.set_title("(a) pose off the contact manifold")
     near = 0.3 * body.shape.extent
-    for name, poses, color, dash in (
-        ("measured", motion.observed.q, NOISY, (0, (4, 2))),
-        ("projected", projected.q, MOVED, "-"),
-    ):
-        q = poses[step]
+    looks = ((motion.observed.q[step], "measured", NOISY, (0, (4, 2))), (projected.q[step], "projected", MOVED, "-"))
+    for q, name, color, dash in looks:
         corner = q[:2] + body.contact_points(q[2:])[0, pair]
         sketch.line(name, outline_at(body, q), color=color, linestyle=dash, label=name)
         sketch.point(f"corner, {name}", corner, color=color, zorder=4)
@@ -103,15 +98,9 @@ def _manifold(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel=r"$k\,\theta$ (m)", ylabel="$y$ (m)")
     ax.legend(loc="upper left")
-    curves = {"manifold": (theta, height), "measured": (measured[:, 2], measured[:, 1])}
-    curves["projected"] = moved[:, 2], moved[:, 1]
-    return pd.concat(
-        [
-            pd.DataFrame({"panel": "b", "series": name, "k_theta": k_g * angle, "y": y})
-            for name, (angle, y) in curves.items()
-        ],
-        ignore_index=True,
-    )
+    curves = {"manifold": (theta, height), "measured": measured.T[[2, 1]], "projected": moved.T[[2, 1]]}
+    parts = [pd.DataFrame({"series": name, "k_theta": k_g * angle, "y": y}) for name, (angle, y) in curves.items()]
+    return pd.concat(parts, ignore_index=True).assign(panel="b")
 
 
 def _landing(
@@ -132,18 +121,8 @@ def _landing(
     sketch.ground(-1.1 * size, 1.65 * size * (len(shown) - 1) + 1.1 * size, 0.12 * size)
     verdict = {0: "nothing, not even $m/I$", 1: "$m/I$ only", 2: "$m$ and $I$"}[free_mass.rank]
     verdict_known_mass = "$I$" if fixed_mass.rank else "still nothing"
-    ax.text(
-        0.0,
-        -0.05,
-        f"identifiable without known force: {verdict}\nif the mass is known: {verdict_known_mass}",
-        transform=ax.transAxes,
-        va="top",
-        fontsize=7.5,
-    )
-    columns = {
-        "rank": free_mass.rank,
-        "sigma_1": free_mass.singular_values[0],
-        "sigma_2": free_mass.singular_values[1],
-        "rank_mass_known": fixed_mass.rank,
-    }
-    return sketch.table().assign(**columns)
+    text = f"identifiable without known force: {verdict}\nif the mass is known: {verdict_known_mass}"
+    ax.text(0.0, -0.05, text, transform=ax.transAxes, va="top", fontsize=7.5)
+    sigma_1, sigma_2 = free_mass.singular_values[:2]
+    ranks = {"rank": free_mass.rank, "sigma_1": sigma_1, "sigma_2": sigma_2, "rank_mass_known": fixed_mass.rank}
+    return sketch.table().assign(**ranks)

@@ -1,10 +1,4 @@
-"""Figures 3-1, 3-2 and 3-3: the body on the surface, the energy ellipse, and the region that each law reaches.
-
-| on paper   | in code      | unit | shape  |                                                             |
-|------------|--------------|------|--------|-------------------------------------------------------------|
-| θ, v       | `Example`    | rad, m/s | (3,) | state of the impact shown in the schematic figures          |
-| r          | `r`          | m    | (1, 2) | contact point, from the shape                               |
-| c          | `c_t`, `c_n` | N s  |        | impulse; outlines of sets are closed curves in this plane   |
+"""Figures 3-1 to 3-3 and 3-11: the body on the surface, the energy ellipse, the region that each law reaches in it.
 
 All geometry comes from the functions used for computing (thesis section 3.3.1).  The outline of a law's region is the
 image of the edge of the box 0 ≤ μ < ∞, 0 ≤ ε ≤ 1.
@@ -27,17 +21,27 @@ from thesis_lib.contact.space import (
     line_of_maximum_compression,
     line_of_sticking,
 )
+from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.law_style import style_of
-from thesis_lib.figures.style import GREY, INK, PANELS, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.figures.marks import BLUE, GREEN, RED, arrow, turned, unit
+from thesis_lib.figures.style import GREY, INK, PANELS, SHADE, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.predictive_range import admissible_outline, region
+from thesis_lib.impact_study.shown_impacts import spin_reversal_case, zero_friction_case
 from thesis_lib.impact_study.tables import VARIANTS
 
-SHADE = "#DCE6F0"
 # the thesis's grouping of figure 3-3
 GROUPS = {
     "a": ("drumwright_shell", "anitescu_potra_poisson"),
     "b": ("anitescu_potra_newton", "mirtich", "wang_mason"),
     "c": ("whittaker",),
+}
+
+HOLLOW = {"markerfacecolor": "none", "markeredgewidth": 1.3}
+MARKS = {
+    "measured impulse": {"marker": "X", "markersize": 7, "color": INK, "markeredgewidth": 0.6},
+    "best of this impact": {"marker": "o", "markersize": 6, "color": RED} | HOLLOW,
+    "ensemble prediction": {"marker": "s", "markersize": 5, "color": BLUE} | HOLLOW,
 }
 
 
@@ -66,11 +70,10 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     """Planar body that touches the surface: pose, velocity, contact point C and contact frame."""
     r = example.contact_point(body)[0]
     centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
-    cos, sin = np.cos(example.theta), np.sin(example.theta)
-    outline = centre + body.shape.outline() @ np.array([[cos, sin], [-sin, cos]])
+    outline = centre + turned(body.shape.outline(), example.theta)
     size = body.shape.extent
     speed = 0.55 * size / np.hypot(*example.v[:2])
-    axis = centre + np.array([[-1.0], [1.35]]) * size * np.array([cos, sin])
+    axis = centre + np.array([[-1.0], [1.35]]) * size * unit(example.theta)
     vectors = {
         "r": (centre, contact - centre),
         "t": (contact, np.array([0.75 * size, 0.0])),
@@ -80,25 +83,19 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
 
     figure = new_figure(4.0, 2.3)
     ax = figure.add_subplot()
-    ax.set_axis_off()
-    ax.set_aspect("equal")
-    ax.fill(*outline.T, facecolor=SHADE, edgecolor=INK, linewidth=1.2)
     left, right = outline[:, 0].min() - 1.1 * size, outline[:, 0].max() + 0.9 * size
-    ax.fill([left, right, right, left], [0, 0, -0.16 * size, -0.16 * size], fill=False, linewidth=0, hatch="////")
-    ax.plot([left, right], [0, 0], color=INK, linewidth=1.2)
+    draw_body(ax, outline, left, right, 0.16 * size)
     ax.plot(*axis.T, color=GREY, linestyle=(0, (6, 3)), linewidth=0.8)
     ax.plot([centre[0], centre[0] + 1.35 * size], [centre[1]] * 2, color=GREY, linewidth=0.8)
     turn = sorted((0.0, np.degrees(example.theta)))
     ax.add_patch(Arc(centre, 2.0 * size, 2.0 * size, theta1=turn[0], theta2=turn[1], color=INK, linewidth=0.8))
-    half = 0.5 * example.theta
-    _label(ax, centre + 1.12 * size * np.array([np.cos(half), np.sin(half)]), r"$\theta$")
-    colors = {"r": "#0072B2", "t": "#D55E00", "n": "#D55E00", "v": "#009E73"}
-    sides = {"r": (-0.13, 0.1), "t": (0.05, 0.13), "n": (0.12, 0.0), "v": (0.14, 0.0)}
+    _label(ax, centre + 1.12 * size * unit(0.5 * example.theta), r"$\theta$")
+    looks = {"r": (BLUE, (-0.13, 0.1)), "t": (RED, (0.05, 0.13)), "n": (RED, (0.12, 0.0)), "v": (GREEN, (0.14, 0.0))}
     for name, (start, vector) in vectors.items():
-        arrow = {"arrowstyle": "-|>", "color": colors[name], "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", start + vector, start, arrowprops=arrow)
+        color, beside = looks[name]
+        arrow(ax, start, start + vector, color, linewidth=1.4)
         share = 0.5 if name == "r" else 1.0
-        _label(ax, start + share * vector + size * np.array(sides[name]), rf"$\mathbf{{{name}}}$", colors[name])
+        _label(ax, start + share * vector + size * np.array(beside), rf"$\mathbf{{{name}}}$", color)
     ax.plot(*centre, "o", color=INK, markersize=4)
     ax.plot(*contact, "o", color=INK, markersize=4)
     _label(ax, contact + size * np.array([-0.32, 0.1]), "$C$")
@@ -106,7 +103,7 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     corner = np.array([left + 0.12 * size, 0.35 * size])
     for name, vector in (("x", (0.4 * size, 0.0)), ("y", (0.0, 0.4 * size))):
         tip = corner + np.array(vector)
-        ax.annotate("", tip, corner, arrowprops={"arrowstyle": "->", "color": INK, "shrinkA": 0, "shrinkB": 0})
+        arrow(ax, corner, tip, style="->")
         _label(ax, tip + 0.25 * np.array(vector), f"${name}$")
     ax.set_xlim(left, right)
 
@@ -119,11 +116,11 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
 @house_style
 def figure_3_2(body: Body, example: Example = EXAMPLE) -> Drawn:
     """Energy ellipse with the admissible set shaded, and the lines of sticking and of maximum compression."""
-    space, unit = example.space(body), ImpulseAxis.of(body.mass is not None)
+    space, axis = example.space(body), ImpulseAxis.of(body.mass is not None)
     figure = new_figure(4.6, 3.6, layout="compressed")
     ax = figure.add_subplot()
-    rows = draw_ellipse(ax, space, unit, labels=True)
-    _impulse_axes(ax, unit)
+    rows = draw_ellipse(ax, space, axis, labels=True)
+    axis.label(ax)
     figure.legend(loc="outside right upper")
     return figure, rows
 
@@ -134,32 +131,76 @@ def figure_3_3(body: Body, coverage: pd.DataFrame | None = None, example: Exampl
 
     `coverage` (law, share) gives the mean share of the admissible set covered by a law, for the legend.
     """
-    space, unit = example.space(body), ImpulseAxis.of(body.mass is not None)
+    space, axis = example.space(body), ImpulseAxis.of(body.mass is not None)
     shares = {} if coverage is None else dict(zip(coverage["law"], coverage["share"]))
     figure = new_figure(5.0, 5.8, layout="compressed")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     parts = []
     for row, (variant, names) in zip(axes, VARIANTS.items()):
         for ax, (letter, members) in zip(row, GROUPS.items()):
-            ellipse = draw_ellipse(ax, space, unit)
+            ellipse = draw_ellipse(ax, space, axis)
             if not parts:  # the same in every panel
                 parts.append(ellipse.assign(variant="", panel="all"))
             for name in members:
                 law = LAWS[names[SIX_LAWS.index(name)]]
                 outline = region_outline(law, space)
-                label = style_of(name).label
-                if law.name in shares:
-                    label += f" ({100 * shares[law.name]:.0f} %)"
-                draw_region(ax, law, outline, unit, label)
+                covered = f" ({100 * shares[law.name]:.0f} %)" if law.name in shares else ""
+                label = style_of(name).label + covered
+                draw_region(ax, law, outline, axis, label)
                 series = pd.DataFrame(outline, columns=["c_t", "c_n"]).assign(series=law.name)
                 parts.append(series.assign(variant=variant, panel=letter))
             ax.label_outer()
             ax.set_title(f"({letter}) {PANELS[variant]}")
             ax.legend(loc="upper left", bbox_to_anchor=(-0.1, -0.05 if variant == "as_published" else -0.19))
-        row[0].set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
-    axes[-1, 1].set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
-    table = pd.concat(parts, ignore_index=True)
-    return figure, table[["variant", "panel", "series", "c_t", "c_n"]]
+        axis.label(row[0], x=False)
+    axis.label(axes[-1, 1], y=False)
+    return figure, pd.concat(parts, ignore_index=True)[["variant", "panel", "series", "c_t", "c_n"]]
+
+
+@house_style
+def figure_3_11(
+    impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame, law: str, *, mass_known: bool
+) -> Drawn:
+    """Two impacts with unusual parameters: ellipse, region of `law`, impulses measured, fitted best and predicted.
+
+    `impacts`: all that are studied; `individual`: trial, impact, law, mu, epsilon, misfit (N s); `ensemble`: law, mu,
+    epsilon, of the same weighting.  Impulses are in N s, or in N s/kg without a mass.
+
+    Raises:
+        UserError: no impact qualifies.
+    """
+    axis = ImpulseAxis.of(mass_known)
+    target = target_of(impacts)
+    keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
+    parameters = individual[individual["law"] == law].set_index(["trial", "impact"]).reindex(keys)
+    mu, epsilon, misfit = (parameters[name].to_numpy(float) for name in ("mu", "epsilon", "misfit"))
+    fit = ensemble[ensemble["law"] == law].iloc[0]
+    cases = {
+        "a": (zero_friction_case(impacts, mu, misfit), r"$\mu = 0$"),
+        "b": (spin_reversal_case(target), "spin reversal"),
+    }
+    figure = new_figure(height=4.3, layout="compressed")
+    axes = figure.subplots(1, 2)
+    parts = []
+    for ax, (letter, (row, title)) in zip(axes, cases.items()):
+        space = target.space[np.array([row])]
+        part = [draw_ellipse(ax, space, axis, labels=True)]
+        outline = region_outline(LAWS[law], space)
+        draw_region(ax, LAWS[law], outline, axis, f"region of {LAWS[law].title}")
+        part.append(pd.DataFrame(outline, columns=["c_t", "c_n"]).assign(series="region"))
+        best = LAWS[law].impulse(space, mu[[row]], epsilon[[row]])
+        predicted = LAWS[law].impulse(space, np.array([fit["mu"]]), np.array([fit["epsilon"]]))
+        points = ((target.c_t[row], target.c_n[row]), best, predicted)
+        for (name, look), point in zip(MARKS.items(), points):
+            c_t, c_n = (float(np.squeeze(value)) for value in point)
+            ax.plot(axis.factor * c_t, axis.factor * c_n, linestyle="", label=name, clip_on=False, **look)
+            part.append(pd.DataFrame({"series": [name], "c_t": [c_t], "c_n": [c_n]}))
+        ax.set_title(f"({letter}) {title}: trial {impacts.trial[row]}, impact {impacts.impact[row]}")
+        axis.label(ax, y=False)
+        parts.append(pd.concat(part).assign(panel=letter, trial=impacts.trial[row], impact=impacts.impact[row]))
+    axis.label(axes[0], x=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure, pd.concat(parts, ignore_index=True)[["panel", "trial", "impact", "series", "c_t", "c_n"]]
 
 
 def region_outline(law: Law, space: ContactSpace, points: int = 25) -> np.ndarray:
@@ -172,16 +213,16 @@ def region_outline(law: Law, space: ContactSpace, points: int = 25) -> np.ndarra
     return np.concatenate([c[0, :-1], c[:-1, -1], c[-1, :0:-1], c[:0:-1, 0], c[:1, 0]])
 
 
-def draw_region(ax: Axes, law: Law, outline: np.ndarray, unit: ImpulseAxis, label: str) -> None:
+def draw_region(ax: Axes, law: Law, outline: np.ndarray, axis: ImpulseAxis, label: str) -> None:
     """Outline of a law's region, filled with its hatch."""
     style = style_of(law.name)
-    ax.fill(*(unit.factor * outline.T), fill=False, hatch=style.hatch, edgecolor=style.color, linewidth=0)
-    ax.plot(*(unit.factor * outline.T), color=style.color, linestyle=style.dash, linewidth=1.5, label=label)
+    ax.fill(*(axis.factor * outline.T), fill=False, hatch=style.hatch, edgecolor=style.color, linewidth=0)
+    ax.plot(*(axis.factor * outline.T), color=style.color, linestyle=style.dash, linewidth=1.5, label=label)
     # some regions gain energy and leave the ellipse
-    ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * unit.factor * float(outline[:, 1].max())))
+    ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * axis.factor * float(outline[:, 1].max())))
 
 
-def draw_ellipse(ax: Axes, space: ContactSpace, unit: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:
+def draw_ellipse(ax: Axes, space: ContactSpace, axis: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:
     """Energy ellipse of the one impact in `space`, its lines and shaded admissible set; returns the plotted points."""
     ellipse = energy_ellipse(space)
     outline = ellipse.outline(points=121)[0]
@@ -189,36 +230,34 @@ def draw_ellipse(ax: Axes, space: ContactSpace, unit: ImpulseAxis, *, labels: bo
     low, high = outline.min(axis=0), outline.max(axis=0)
     margin = 0.08 * (high - low)
     low, high = np.minimum(low, 0.0) - margin, np.maximum(high, 0.0) + margin
-    c_n = np.array([low[1], high[1]])
-    c_t = np.array([low[0], high[0]])
+    c_t, c_n = np.stack([low, high], axis=1)
+    sticking = np.stack([line_of_sticking(space, c_n), c_n], axis=-1)
+    compression = np.stack([c_t, line_of_maximum_compression(space, c_t)], axis=-1)
     curves = {
         "energy ellipse": (outline, {"color": INK, "linewidth": 1.1}),
-        "line of sticking": (
-            np.stack([line_of_sticking(space, c_n), c_n], axis=-1),
-            {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 0.9},
-        ),
-        "line of maximum compression": (
-            np.stack([c_t, line_of_maximum_compression(space, c_t)], axis=-1),
-            {"color": "0.35", "linestyle": (0, (1, 1.2)), "linewidth": 1.1},
-        ),
+        "line of sticking": (sticking, {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 0.9}),
+        "line of maximum compression": (compression, {"color": "0.35", "linestyle": (0, (1, 1.2)), "linewidth": 1.1}),
     }
-    ax.fill(*(unit.factor * shade.T), color=SHADE, linewidth=0, label="admissible set" if labels else None)
+    ax.fill(*(axis.factor * shade.T), color=SHADE, linewidth=0, label="admissible set" if labels else None)
     ax.axhline(0.0, color="0.8", linewidth=0.6, zorder=0)
     ax.axvline(0.0, color="0.8", linewidth=0.6, zorder=0)
     for name, (points, look) in curves.items():
-        ax.plot(*(unit.factor * points.T), label=name if labels else None, **look)
-    ax.plot(*(unit.factor * ellipse.centre[0]), "+", color=INK, markersize=6, label="centre" if labels else None)
-    ax.set(xlim=unit.factor * c_t, ylim=unit.factor * c_n, aspect="equal")
-    parts = {"admissible set": shade, **{name: points for name, (points, _) in curves.items()}}
-    parts["centre"] = ellipse.centre
-    return pd.concat(
-        [pd.DataFrame(points, columns=["c_t", "c_n"]).assign(series=name) for name, points in parts.items()],
-        ignore_index=True,
-    )[["series", "c_t", "c_n"]]
+        ax.plot(*(axis.factor * points.T), label=name if labels else None, **look)
+    ax.plot(*(axis.factor * ellipse.centre[0]), "+", color=INK, markersize=6, label="centre" if labels else None)
+    ax.set(xlim=axis.factor * c_t, ylim=axis.factor * c_n, aspect="equal")
+    named = {name: points for name, (points, _) in curves.items()}
+    parts = {"admissible set": shade} | named | {"centre": ellipse.centre}
+    tables = [pd.DataFrame(points, columns=["c_t", "c_n"]).assign(series=name) for name, points in parts.items()]
+    return pd.concat(tables, ignore_index=True)[["series", "c_t", "c_n"]]
 
 
-def _impulse_axes(ax: Axes, unit: ImpulseAxis) -> None:
-    ax.set(xlabel=f"tangential impulse $c_t$ ({unit.unit})", ylabel=f"normal impulse $c_n$ ({unit.unit})")
+def draw_body(ax: Axes, outline: np.ndarray, left: float, right: float, depth: float) -> None:
+    """Outline (n, 2) of a body on the surface from `left` to `right`, hatched down to `depth`, without axes."""
+    ax.set_axis_off()
+    ax.set_aspect("equal")
+    ax.fill(*outline.T, facecolor=SHADE, edgecolor=INK, linewidth=1.2)
+    ax.fill([left, right, right, left], [0, 0, -depth, -depth], fill=False, linewidth=0, hatch="////")
+    ax.plot([left, right], [0, 0], color=INK, linewidth=1.2)
 
 
 def _label(ax: Axes, at: np.ndarray, text: str, color: str = INK) -> None:

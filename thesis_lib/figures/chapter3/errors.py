@@ -7,8 +7,11 @@ is smoothed; here each node of a grid has the mean error of its nearest impacts,
 empty.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.datasets.format.impacts import Impacts
@@ -39,7 +42,8 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
     figure = new_figure(height=5.0)
     figure.get_layout_engine().set(wspace=0.08)
     axes = figure.subplots(2, 2, sharex="col", sharey="col")
-    grid = np.linspace(0.0, _upper(wide), GRID)
+    # densities end beyond the tail of the median model; the cumulative panel shows the rest
+    grid = np.linspace(0.0, 1.25 * float(np.nanmedian(wide.quantile(0.95))) or 1.0, GRID)
     parts = []
     for row, (variant, laws) in zip(axes, VARIANTS.items()):
         values = {name: wide[name].to_numpy() for name in laws}
@@ -48,32 +52,33 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
         for name, error in values.items():
             if not np.isfinite(error).any():
                 raise UserError(f"{name} has no finite held-out error; look at errors.csv and its status.")
-            look = style_of(name)
-            density, quantile, shares = error_curves(error, grid)
-            row[0].plot(grid, density, **look.line)
-            row[1].plot(quantile, shares, **look.line)
-            parts += [
-                pd.DataFrame({"panel": "density", "error": grid, "density": density}).assign(
-                    variant=variant, model=name
-                ),
-                pd.DataFrame({"panel": "cumulative", "error": quantile, "share_below": shares}).assign(
-                    variant=variant, model=name
-                ),
-            ]
-        row[0].set(title=f"({'ab'[list(VARIANTS).index(variant)]}) {PANELS[variant]}", ylabel="density (s/m)")
-        row[1].set_ylabel("share of impacts below")
+            parts.append(draw_error_curves(row, error, grid, style_of(name).line).assign(variant=variant, model=name))
+        row[0].set_title(f"({'ab'[list(VARIANTS).index(variant)]}) {PANELS[variant]}")
     table = pd.concat(parts, ignore_index=True)
+    label_error_curves(axes)
     _limits(axes, table)
-    for ax in axes[-1]:
-        ax.set_xlabel("error of the velocity after impact (m/s)")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure, table[["variant", "panel", "model", "error", "density", "share_below"]]
 
 
-def _upper(wide: pd.DataFrame) -> float:
-    """End of the error axis of densities: beyond the tail of the median model; the cumulative panel shows the rest."""
-    return 1.25 * float(np.nanmedian(wide.quantile(0.95))) or 1.0
+def draw_error_curves(row: Sequence[Axes], error: np.ndarray, grid: np.ndarray, line: dict) -> pd.DataFrame:
+    """Density (left) and cumulative share (right) of errors (n,) in m/s; returns the numbers drawn."""
+    density, quantile, shares = error_curves(error, grid)
+    row[0].plot(grid, density, **line)
+    row[1].plot(quantile, shares, **line)
+    left = pd.DataFrame({"panel": "density", "error": grid, "density": density})
+    right = pd.DataFrame({"panel": "cumulative", "error": quantile, "share_below": shares})
+    return pd.concat([left, right], ignore_index=True)
+
+
+def label_error_curves(axes: np.ndarray) -> None:
+    """Name the axes of two columns of panels: densities, shares of impacts."""
+    for ax in axes[:, 0]:
+        ax.set_ylabel("density (s/m)")
+    for ax in axes[:, 1]:
+        ax.set_ylabel("share of impacts below")
+    for ax in axes[-1]:
+        ax.set_xlabel("error of the velocity after impact (m/s)")
 
 
 def _limits(axes: np.ndarray, table: pd.DataFrame) -> None:
@@ -93,11 +98,8 @@ def _limits(axes: np.ndarray, table: pd.DataFrame) -> None:
 def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known: bool) -> Drawn:
     """Mean held-out error of one law over the momentum at the contact point before impact.
 
-    Args:
-        held_out: held-out impacts.
-        errors: trial, impact, model, velocity_error (m/s), with rows of `law` for these impacts.
-        law: the law shown (AP Poisson in the thesis).
-        mass_known: whether momenta are in N s or in N s/kg.
+    `errors`: trial, impact, model, velocity_error (m/s), with rows of `law` for the held-out impacts.  Momenta are in
+    N s, or in N s/kg without a mass.
 
     Raises:
         UserError: no held-out impact has a finite error.
@@ -121,36 +123,19 @@ def figure_3_9(held_out: Impacts, errors: pd.DataFrame, law: str, *, mass_known:
 
     figure = new_figure(4.6, 3.4)
     ax = figure.add_subplot()
-    mesh = ax.pcolormesh(
-        unit.factor * axis_t,
-        unit.factor * axis_n,
-        mean.reshape(SIDE, SIDE),
-        shading="nearest",
-        rasterized=True,
-        vmin=0.0,
-        vmax=top,
-    )
+    look = {"shading": "nearest", "rasterized": True, "vmin": 0.0, "vmax": top}
+    mesh = ax.pcolormesh(unit.factor * axis_t, unit.factor * axis_n, mean.reshape(SIDE, SIDE), **look)
     ax.plot(*(unit.factor * momentum.T), ".", color="black", markersize=1.2, alpha=0.5, linestyle="none")
     ax.axvline(0.0, color="white", linewidth=0.8, linestyle=(0, (4, 2)))
-    ax.set(
-        xlim=unit.factor * axis_t[[0, -1]],
-        ylim=unit.factor * axis_n[[0, -1]],
-        xlabel=f"tangential contact momentum before impact ({unit.unit})",
-        ylabel=f"normal contact momentum before impact ({unit.unit})",
-    )
+    ax.set(xlim=unit.factor * axis_t[[0, -1]], ylim=unit.factor * axis_n[[0, -1]])
+    ax.set_xlabel(f"tangential contact momentum before impact ({unit.unit})")
+    ax.set_ylabel(f"normal contact momentum before impact ({unit.unit})")
     bar = figure.colorbar(mesh, ax=ax, aspect=30, extend="max" if np.nanmax(mean) > top else "neither")
-    bar.set_label(f"mean error of the {min(NEIGHBOURS, len(error))} nearest impacts (m/s)")
+    neighbours = min(NEIGHBOURS, len(error))
+    bar.set_label(f"mean error of the {neighbours} nearest impacts (m/s)")
     bar.outline.set_visible(False)
-    table = pd.DataFrame(
-        {
-            "series": "map",
-            "momentum_t": nodes[:, 0],
-            "momentum_n": nodes[:, 1],
-            "error": mean,
-            "n": min(NEIGHBOURS, len(error)),
-        }
-    )
-    dots = pd.DataFrame(
-        {"series": "impact", "momentum_t": momentum[:, 0], "momentum_n": momentum[:, 1], "error": error, "n": 1}
-    )
-    return figure, pd.concat([table, dots], ignore_index=True)
+    parts = [
+        pd.DataFrame({"series": series, "momentum_t": at[:, 0], "momentum_n": at[:, 1], "error": values, "n": n})
+        for series, at, values, n in (("map", nodes, mean, neighbours), ("impact", momentum, error, 1))
+    ]
+    return figure, pd.concat(parts, ignore_index=True)

@@ -8,13 +8,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.figures.marks import BLUE, GREEN, RED
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.impact_study.shown_trial import LEADING, energies, pick_trial, sample_velocities
 
-SERIES = {"x": ("#0072B2", "$x$"), "y": ("#D55E00", "$y$"), "k_theta": ("#009E73", r"$k\,\theta$")}
+SERIES = {"x": (BLUE, "$x$"), "y": (RED, "$y$"), "k_theta": (GREEN, r"$k\,\theta$")}
 ENERGIES = {
-    "potential": ("#0072B2", (0, (5, 1.5)), "potential"),
-    "kinetic": ("#D55E00", (0, (1, 1.2)), "kinetic"),
+    "potential": (BLUE, (0, (5, 1.5)), "potential"),
+    "kinetic": (RED, (0, (1, 1.2)), "kinetic"),
     "total": (INK, "-", "total"),
 }
 
@@ -23,10 +24,8 @@ ENERGIES = {
 def figure_3_5(dataset: Dataset, impacts: pd.DataFrame, arcs: pd.DataFrame) -> Drawn:
     """Configurations x, y, kθ of one trial: samples, fitted arcs on either side of each measured impact, and hits.
 
-    Args:
-        dataset: has trajectories.
-        impacts: measured impacts (trial, t, pose and velocities), as in impacts.csv.
-        arcs: all detected impacts (trial, impact, t, used, n_pre, n_post), as in arcs.csv.
+    `impacts`: measured ones (trial, t, pose and velocities), as in impacts.csv; `arcs`: all that were detected (trial,
+    impact, t, used, n_pre, n_post), as in arcs.csv.
 
     Raises:
         UserError: no impact was measurable.
@@ -84,20 +83,11 @@ def figure_3_6(dataset: Dataset, arcs: pd.DataFrame) -> Drawn:
     # a gap at each impact: there the energy is not measured
     cut = np.flatnonzero(np.diff(np.searchsorted(times, t[shown])))
     for i, (name, (color, dash, label)) in enumerate(ENERGIES.items()):
-        ax.plot(
-            np.insert(t[shown], cut + 1, np.nan),
-            factor * np.insert(energy[:, i], cut + 1, np.nan),
-            color=color,
-            linestyle=dash,
-            label=label,
-        )
+        broken = np.insert(energy[:, i], cut + 1, np.nan)
+        ax.plot(np.insert(t[shown], cut + 1, np.nan), factor * broken, color=color, linestyle=dash, label=label)
         rows += [(name, "sample", a, b) for a, b in zip(t[shown], energy[:, i])]
-    ax.set(
-        ylim=(min(0.0, factor * float(np.nanmin(energy))), None),
-        xlim=(t[0], t[shown][-1]),
-        xlabel="time (s)",
-        ylabel=f"energy ({unit})",
-    )
+    ax.set(ylim=(min(0.0, factor * float(np.nanmin(energy))), None), xlim=(t[0], t[shown][-1]))
+    ax.set(xlabel="time (s)", ylabel=f"energy ({unit})")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5)
     table = pd.DataFrame(rows, columns=["series", "kind", "t", "energy"])
     return figure, table.assign(trial=trial)[["trial", "series", "kind", "t", "energy"]]

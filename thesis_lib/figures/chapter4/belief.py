@@ -6,26 +6,31 @@ sides from the start's mean; PIT is the probability integral transform of measur
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.figures.chapter4.dice import MODEL_STYLE, draw_outline
 from thesis_lib.figures.densities import reflected_density
+from thesis_lib.figures.marks import BLUE, GREEN, RED, VIOLET
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
-CONTACT_COLORS = ("#D55E00", "#009E73", "#0072B2", "#CC79A7")
+CONTACT_COLORS = (RED, GREEN, BLUE, VIOLET)
 CONTACT_NAMES = ("start", "after the first contact", "after the second contact", "after the third contact")
 DRAWN = 60  # particles of each contact that are drawn
 
 
+def draw_density(ax: Axes, grid: np.ndarray, density: np.ndarray, color: str, label: str | None = None) -> None:
+    """A density (n,) over `grid` (n,) with its area shaded."""
+    ax.fill_between(grid, density, color=color, alpha=0.3, linewidth=0.0)
+    ax.plot(grid, density, color=color, label=label)
+    ax.set_ylim(bottom=0.0)
+
+
 @house_style
 def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, contacts: int = 2) -> Drawn:
-    """Measured throw until the last contact shown, with outlines of samples from the belief over it.
+    """Measured throw until the last of `contacts`, with outlines of samples from the belief over it.
 
-    Args:
-        poses: trial, t (s), x, y (m), theta (rad), as measured.
-        samples: trial (a single one), contact, t, x, y, theta.
-        shape: of the body.
-        contacts: number of contacts shown.
+    `poses`: trial, t (s), x, y (m), theta (rad), as measured; `samples`: the same of a single trial, and contact.
     """
     trial = int(samples["trial"].iloc[0])
     figure = new_figure(height=3.2)
@@ -38,9 +43,8 @@ def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, conta
             draw_outline(ax, shape, pose, color=CONTACT_COLORS[contact], linewidth=0.4, alpha=0.35)
         ax.plot([], [], color=CONTACT_COLORS[contact], label=f"belief, {CONTACT_NAMES[contact]}")
         rows += [(trial, f"belief_{contact}", *row) for row in particles[["t", "x", "y", "theta"]].to_numpy()]
-    end = float(shown["t"].max())
     measured = poses[poses["trial"] == trial]
-    measured = measured[measured["t"] <= measured["t"].iloc[0] + end + 0.15]
+    measured = measured[measured["t"] <= measured["t"].iloc[0] + float(shown["t"].max()) + 0.15]
     ax.plot(measured["x"], measured["y"], color=INK, linewidth=1.1, label="measured centre")
     for pose in measured[["x", "y", "theta"]].to_numpy()[::6]:
         draw_outline(ax, shape, pose, color=GREY, linewidth=0.6)
@@ -68,12 +72,10 @@ def figure_4_4(samples: pd.DataFrame, rest: np.ndarray, side: float) -> Drawn:
         mid, half = float(np.median(x)), max(4.0 * float(x.std()), 1e-3)
         grid = np.linspace(mid - half, mid + half, 161)
         density = reflected_density(x, grid)
-        ax.fill_between(grid, density, color=color, alpha=0.3, linewidth=0.0)
-        ax.plot(grid, density, color=color)
-        ax.set(ylim=(0.0, None), yticks=[])
-        ax.annotate(
-            f"{name}\nstd {x.std():.2g} sides", (0.01, 0.9), xycoords="axes fraction", va="top", fontsize="x-small"
-        )
+        draw_density(ax, grid, density, color)
+        ax.set_yticks([])
+        text = f"{name}\nstd {x.std():.2g} sides"
+        ax.annotate(text, (0.01, 0.9), xycoords="axes fraction", va="top", fontsize="x-small")
         rows += [(name, a, b, x.std()) for a, b in zip(grid, density)]
     axes[-1].set_xlabel("horizontal distance from the start (sides; each panel has its own range)")
     figure.supylabel("density", fontsize="small")
@@ -96,16 +98,11 @@ def figure_4_10(beliefs: pd.DataFrame, marks: pd.DataFrame) -> Drawn:
     for ax, case in zip(axes, ("hard", "easy")):
         x = beliefs.loc[beliefs["case"] == case, "distance"].to_numpy()
         density = reflected_density(x, grid)
-        ax.fill_between(grid, density, color="#009E73", alpha=0.3, linewidth=0.0)
-        ax.plot(grid, density, color="#009E73", label="belief")
+        draw_density(ax, grid, density, GREEN, label="belief")
         mark = marks[marks["case"] == case].iloc[0]
-        ax.axvline(mark["law"], color="#0072B2", linestyle=(0, (5, 1.5)), label="law alone")
+        ax.axvline(mark["law"], color=BLUE, linestyle=(0, (5, 1.5)), label="law alone")
         ax.axvline(mark["measured"], color=INK, label="measured")
-        ax.set(
-            title=f"{case} to predict: std {x.std():.2f} sides",
-            ylim=(0.0, None),
-            xlabel="resting position from the start (sides)",
-        )
+        ax.set(title=f"{case} to predict: std {x.std():.2f} sides", xlabel="resting position from the start (sides)")
         rows += [(case, a, b, mark["law"], mark["measured"], x.std()) for a, b in zip(grid, density)]
     axes[0].set_ylabel("density")
     axes[1].legend(loc="best")
@@ -122,9 +119,8 @@ def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Draw
     figure = new_figure(height=3.2)
     left, right = figure.subplots(1, 2)
     band = histograms.groupby("pit", sort=True)[["low", "high"]].first()
-    left.fill_between(
-        [0.0, 1.0], band["low"].min(), band["high"].max(), color="0.9", linewidth=0.0, label="95 % of right ones"
-    )
+    look = {"color": "0.9", "linewidth": 0.0, "label": "95 % of right ones"}
+    left.fill_between([0.0, 1.0], band["low"].min(), band["high"].max(), **look)
     for model, part in histograms.groupby("model", sort=False):
         color, dash, label = MODEL_STYLE[model]
         left.plot(part["pit"], part["share"], color=color, linestyle=dash, marker=".", markersize=3)
@@ -136,11 +132,7 @@ def figure_calibration(histograms: pd.DataFrame, coverage: pd.DataFrame) -> Draw
     right.plot([0.4, 1.0], [0.4, 1.0], color=GREY, linewidth=0.8, zorder=0)
     right.set(xlabel="nominal level of the central region", ylabel="share of outcomes inside")
     right.legend(loc="lower right", fontsize="x-small")
-    table = pd.concat(
-        [
-            histograms.rename(columns={"pit": "at", "share": "value"}).assign(panel="pit"),
-            coverage.rename(columns={"level": "at", "coverage": "value"}).assign(panel="coverage"),
-        ],
-        ignore_index=True,
-    )
+    pit = histograms.rename(columns={"pit": "at", "share": "value"}).assign(panel="pit")
+    covered = coverage.rename(columns={"level": "at", "coverage": "value"}).assign(panel="coverage")
+    table = pd.concat([pit, covered], ignore_index=True)
     return figure, table[["panel", "model", "at", "value", "low", "high"]]

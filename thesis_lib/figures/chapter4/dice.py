@@ -9,15 +9,16 @@ from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.figures.densities import reflected_density
+from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW, turned
 from thesis_lib.figures.style import GREY, INK, WIDTH, Drawn, house_style, new_figure
 
 MODEL_STYLE = {
-    "law": ("#0072B2", (0, (5, 1.5)), "law alone"),
-    "residual": ("#E69F00", (0, (3, 1, 1, 1)), "law + rigid residual"),
-    "residual_wrench": ("#D55E00", (0, (1, 1.2)), "law + wrench residual"),
-    "critique": ("#CC79A7", (0, (4, 1.2, 1, 1.2)), "critique's law"),
-    "compliant": ("#56B4E9", (0, (2, 1)), "compliant contact"),
-    "compliant_residual": ("#009E73", "-", "compliant contact + residual"),
+    "law": (BLUE, (0, (5, 1.5)), "law alone"),
+    "residual": (YELLOW, (0, (3, 1, 1, 1)), "law + rigid residual"),
+    "residual_wrench": (RED, (0, (1, 1.2)), "law + wrench residual"),
+    "critique": (VIOLET, (0, (4, 1.2, 1, 1.2)), "critique's law"),
+    "compliant": (SKY, (0, (2, 1)), "compliant contact"),
+    "compliant_residual": (GREEN, "-", "compliant contact + residual"),
 }
 OUTLINES = 26  # of a whole throw in figure 4-7
 SHOWN = 4.0  # sides; the table gives the share of larger errors
@@ -25,9 +26,7 @@ SHOWN = 4.0  # sides; the table gives the share of larger errors
 
 def draw_outline(ax: Axes, shape: Polygon, pose: np.ndarray, **style) -> None:
     """Outline of the body at a pose (3,)."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    p = shape.outline() @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
-    ax.plot(p[:, 0], p[:, 1], **style)
+    ax.plot(*(turned(shape.outline(), pose[2]) + pose[:2]).T, **style)
 
 
 @house_style
@@ -38,11 +37,11 @@ def figure_4_7(poses: pd.DataFrame, shape: Polygon, trial: int) -> Drawn:
     throw = poses[poses["trial"] == trial]
     rows = np.unique(np.linspace(0, len(throw) - 1, OUTLINES).astype(int))
     table = throw.iloc[rows][["trial", "t", "x", "y", "theta"]].reset_index(drop=True)
-    for i, pose in enumerate(table[["x", "y", "theta"]].to_numpy()):
-        shade = 0.75 - 0.6 * i / max(1, len(table) - 1)
-        draw_outline(ax, shape, pose, color=str(shade), linewidth=0.8)
-    ax.plot(throw["x"], throw["y"], color="#D55E00", linewidth=0.8, label="centre")
-    draw_outline(ax, shape, table[["x", "y", "theta"]].to_numpy()[-1], color=INK, linewidth=1.6, label="at rest")
+    outlined = table[["x", "y", "theta"]].to_numpy()
+    for i, pose in enumerate(outlined):
+        draw_outline(ax, shape, pose, color=str(0.75 - 0.6 * i / max(1, len(table) - 1)), linewidth=0.8)
+    ax.plot(throw["x"], throw["y"], color=RED, linewidth=0.8, label="centre")
+    draw_outline(ax, shape, outlined[-1], color=INK, linewidth=1.6, label="at rest")
     _ground(ax)
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     return figure, table
@@ -62,17 +61,12 @@ def figure_4_8(throws: pd.DataFrame) -> Drawn:
         color, dash, label = MODEL_STYLE[model]
         error = part["error"].to_numpy()
         density = reflected_density(error, grid)
-        text = f"{label} ({error.mean():+.2f} ± {error.std():.2f})"
-        ax.plot(grid, density, color=color, linestyle=dash, label=text)
-        beyond = float(np.mean(np.abs(error) > SHOWN))
-        rows += [(model, x, d, error.mean(), error.std(), beyond) for x, d in zip(grid, density)]
+        mean, std, beyond = error.mean(), error.std(), float(np.mean(np.abs(error) > SHOWN))
+        ax.plot(grid, density, color=color, linestyle=dash, label=f"{label} ({mean:+.2f} ± {std:.2f})")
+        rows += [(model, x, d, mean, std, beyond) for x, d in zip(grid, density)]
     ax.axvline(0.0, color=GREY, linewidth=0.7, zorder=0)
-    ax.set(
-        xlim=(-SHOWN, SHOWN),
-        ylim=(0.0, None),
-        xlabel="measured minus expected resting position (sides)",
-        ylabel="density",
-    )
+    ax.set(xlim=(-SHOWN, SHOWN), ylim=(0.0, None))
+    ax.set(xlabel="measured minus expected resting position (sides)", ylabel="density")
     ax.legend(loc="upper left", title="mean ± standard deviation", fontsize="x-small", title_fontsize="x-small")
     return figure, pd.DataFrame(rows, columns=["model", "error", "density", "mean", "std", "beyond"])
 
@@ -92,15 +86,13 @@ def figure_4_9(
         first = float(hits.loc[hits["trial"] == trial, "t"].min())
         part = poses[(poses["trial"] == trial) & (poses["t"] <= first + after)]
         for pose, t in zip(part[["x", "y", "theta"]].to_numpy(), part["t"]):
-            color = "#0072B2" if t <= first else "#D55E00"
-            draw_outline(ax, shape, pose, color=color, linewidth=0.5, alpha=0.55)
-        ax.plot([], [], color="#0072B2", label="before the first contact")
-        ax.plot([], [], color="#D55E00", label="after")
+            draw_outline(ax, shape, pose, color=BLUE if t <= first else RED, linewidth=0.5, alpha=0.55)
+        ax.plot([], [], color=BLUE, label="before the first contact")
+        ax.plot([], [], color=RED, label="after")
         _ground(ax)
         ax.set_title(title)
-        tables.append(
-            part[["trial", "t", "x", "y", "theta"]].assign(after_first=(part["t"] > first).astype(int), case=title)
-        )
+        after_first = (part["t"] > first).astype(int)
+        tables.append(part[["trial", "t", "x", "y", "theta"]].assign(after_first=after_first, case=title))
     # equal widths, so that panels of equal scale are equally high
     ends = np.array([ax.get_xlim() for ax in axes])
     half = 0.5 * np.ptp(ends, axis=1).max()
@@ -127,8 +119,8 @@ def figure_restitution(table: pd.DataFrame) -> Drawn:
     axes = figure.subplots(1, 2, sharey=True)
     for ax, first, title in zip(axes, (1, 0), ("first contacts", "later contacts")):
         part = table[table["first"] == first]
-        ax.plot(100.0 * part["x"], part["measured"], "o", color="#0072B2", markersize=2.2, alpha=0.6, label="measured")
-        ax.plot(100.0 * part["x"], part["model"], "x", color="#D55E00", markersize=2.8, label="compliant contact")
+        ax.plot(100.0 * part["x"], part["measured"], "o", color=BLUE, markersize=2.2, alpha=0.6, label="measured")
+        ax.plot(100.0 * part["x"], part["model"], "x", color=RED, markersize=2.8, label="compliant contact")
         ax.set(title=title, xlabel="place of the contact $x$ (cm)")
     axes[0].set(ylabel="restitution $e_n$", ylim=(0.1, 0.8))
     axes[0].legend(loc="lower left")

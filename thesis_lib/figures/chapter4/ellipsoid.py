@@ -11,30 +11,29 @@ about the contact point over the radius of gyration, are in N s.  The impact is 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.figures.chapter3.contact_space import EXAMPLE, SHADE, Example, draw_ellipse
-from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.figures.chapter3.contact_space import EXAMPLE, Example, draw_body, draw_ellipse
+from thesis_lib.figures.marks import BLUE, GREEN, RED, arrow, turned
+from thesis_lib.figures.style import GREY, INK, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.residual.learners.features import impulse_of
 
-ORANGE, BLUE, GREEN = "#D55E00", "#0072B2", "#009E73"
 MERIDIANS, POINTS = 12, 73
 
 
 @house_style
 def figure_4_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     """Planar body that touches a level surface, and the energy ellipse of this impact."""
-    unit = ImpulseAxis.of(body.mass is not None)
+    axis = ImpulseAxis.of(body.mass is not None)
     figure = new_figure(height=3.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     outline = _draw_body(left, body, example)
     left.set_title("(a)")
-    ellipse = draw_ellipse(right, example.space(body), unit, labels=True)
-    right.set(
-        xlabel=f"tangential impulse $c_t$ ({unit.unit})", ylabel=f"normal impulse $c_n$ ({unit.unit})", title="(b)"
-    )
+    ellipse = draw_ellipse(right, example.space(body), axis, labels=True)
+    axis.label(right)
+    right.set_title("(b)")
     figure.legend(loc="outside lower center", ncols=3)
     table = pd.concat([outline.assign(panel="a"), ellipse.assign(panel="b")], ignore_index=True)
     return figure, table[["panel", "series", "x", "y", "c_t", "c_n"]]
@@ -43,33 +42,26 @@ def figure_4_1(body: Body, example: Example = EXAMPLE) -> Drawn:
 def _draw_body(ax: Axes, body: Body, example: Example) -> pd.DataFrame:
     r, size = example.contact_point(body)[0], body.shape.extent
     centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
-    cos, sin = np.cos(example.theta), np.sin(example.theta)
-    outline = centre + body.shape.outline() @ np.array([[cos, sin], [-sin, cos]])
+    outline = centre + turned(body.shape.outline(), example.theta)
     v = np.array(example.v)
     v_c = v[:2] + v[2] * np.array([-r[1], r[0]])
     scale = 0.6 * size / np.hypot(*v_c)
     arrows = {
         r"$\mathbf{v}$": (centre, scale * v[:2], GREEN),
-        r"$\mathbf{v}_C$": (contact, scale * v_c, ORANGE),
+        r"$\mathbf{v}_C$": (contact, scale * v_c, RED),
         r"$\mathbf{r}$": (centre, contact - centre, BLUE),
     }
-    ax.set_axis_off()
-    ax.set_aspect("equal")
-    ax.fill(*outline.T, facecolor=SHADE, edgecolor=INK, linewidth=1.2)
-    edge = np.array([outline[:, 0].min() - 0.5 * size, outline[:, 0].max() + 0.5 * size])
-    ax.fill([*edge, *edge[::-1]], [0, 0, -0.15 * size, -0.15 * size], fill=False, linewidth=0, hatch="////")
-    ax.plot(edge, [0.0, 0.0], color=INK, linewidth=1.2)
+    left, right = outline[:, 0].min() - 0.5 * size, outline[:, 0].max() + 0.5 * size
+    draw_body(ax, outline, left, right, 0.15 * size)
     for name, (start, vector, color) in arrows.items():
-        look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", start + vector, start, arrowprops=look)
+        arrow(ax, start, start + vector, color, linewidth=1.4)
         side = np.array([vector[1], -vector[0]]) / np.hypot(*vector)
         side *= (np.sign(side[0]) or 1.0) * (-1.0 if "r" in name else 1.0)  # r and v are nearly parallel
         ax.text(*(start + 0.6 * vector + 0.16 * size * side), name, color=color, ha="center", va="center")
     ax.plot(*np.stack([centre, contact], axis=1), "o", color=INK, markersize=4)
     ax.text(*(contact + size * np.array([-0.17, 0.12])), "$C$", ha="center", va="center")
-    ax.set(
-        xlim=edge, ylim=(min(-0.2 * size, (contact + scale * v_c)[1] - 0.1 * size), outline[:, 1].max() + 0.15 * size)
-    )
+    bottom = min(-0.2 * size, (contact + scale * v_c)[1] - 0.1 * size)
+    ax.set(xlim=(left, right), ylim=(bottom, outline[:, 1].max() + 0.15 * size))
     rows = [("outline", *point) for point in outline]
     rows += [(name.strip("$"), *point) for name, (start, v, _) in arrows.items() for point in (start, start + v)]
     return pd.DataFrame(rows, columns=["series", "x", "y"])
@@ -87,15 +79,13 @@ def figure_4_2(body: Body, example: Example = EXAMPLE) -> Drawn:
         "feasible": {"color": BLUE, "linewidth": 0.7, "alpha": 0.75},
         "penetrates": {"color": GREY, "linewidth": 0.5, "alpha": 0.6},
         "maximum compression": {"color": INK, "linewidth": 1.2, "linestyle": (0, (1, 1.2))},
-        "energy ellipse, τ = 0": {"color": ORANGE, "linewidth": 2.0},
+        "energy ellipse, τ = 0": {"color": RED, "linewidth": 2.0},
     }
-    labels = dict.fromkeys(looks)
-    for (series, _), points in curves.groupby(["series", "curve"], sort=False):
+    for (series, curve), points in curves.groupby(["series", "curve"], sort=False):
         xyz = unit.factor * points[["c_t", "tau_over_k", "c_n"]].to_numpy().T
-        ax.plot(*xyz, label=series if labels[series] is None else None, **looks[series])
-        labels[series] = series
+        ax.plot(*xyz, label=series if curve == 0 else None, **looks[series])
     disc = unit.factor * curves.loc[curves["series"] == "maximum compression", ["c_t", "tau_over_k", "c_n"]]
-    _fill(figure, disc.to_numpy())
+    ax.add_collection3d(Poly3DCollection([disc.to_numpy()], facecolor=SHADE, alpha=0.5, linewidth=0))
     ax.plot([0.0], [0.0], [0.0], "o", color=INK, markersize=4, label="no impulse")
     ax.set(xlabel=f"$c_t$ ({unit.unit})", ylabel=rf"$\tau/k$ ({unit.unit})", zlabel=f"$c_n$ ({unit.unit})")
     xyz = unit.factor * curves[["c_t", "tau_over_k", "c_n"]].to_numpy()
@@ -109,12 +99,6 @@ def figure_4_2(body: Body, example: Example = EXAMPLE) -> Drawn:
         axis._axinfo["grid"].update(color="0.9", linewidth=0.5)  # mplot3d has no public way to set it
     figure.legend(loc="outside lower center", ncols=3)
     return figure, curves
-
-
-def _fill(figure: Figure, disc: np.ndarray) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    figure.axes[0].add_collection3d(Poly3DCollection([disc], facecolor=SHADE, alpha=0.5, linewidth=0))
 
 
 def _impact(body: Body, example: Example) -> Impacts:
@@ -135,18 +119,14 @@ def _ellipsoid(impact: Impacts) -> pd.DataFrame:
     t -= (t @ n) * n
     t /= np.linalg.norm(t)
     b = np.cross(n, t)
-    around = np.linspace(0.0, 2.0 * np.pi, POINTS)
-    up = np.linspace(-0.5 * np.pi, 0.5 * np.pi, POINTS)
+    around, up = np.linspace(0.0, 2.0 * np.pi, POINTS), np.linspace(-0.5 * np.pi, 0.5 * np.pi, POINTS)
     parts = []
 
     def add(series: str, curve: int, directions: np.ndarray) -> None:
         v_post = radius * directions / [1.0, 1.0, k_g]
         w = impulse_of(v_post - impact.v_pre, impact, wrench=True)
-        parts.append(
-            pd.DataFrame(
-                {"series": series, "curve": curve, "c_t": w[:, 0], "c_n": w[:, 1], "tau_over_k": w[:, 2] / k_g}
-            )
-        )
+        wrench = {"c_t": w[:, 0], "c_n": w[:, 1], "tau_over_k": w[:, 2] / k_g}
+        parts.append(pd.DataFrame({"series": series, "curve": curve} | wrench))
 
     def on_sphere(height: np.ndarray, angle: np.ndarray) -> np.ndarray:
         cos = np.cos(height)[:, None]
@@ -161,7 +141,6 @@ def _ellipsoid(impact: Impacts) -> pd.DataFrame:
     add("maximum compression", 0, on_sphere(np.zeros(POINTS), around))
     # a point impulse does not change z·b: a circle of the sphere at that height
     fixed = z @ b / radius
-    ring = np.sqrt(1.0 - fixed**2)
-    circle = fixed * b + ring * (np.cos(around)[:, None] * t + np.sin(around)[:, None] * n)
-    add("energy ellipse, τ = 0", 0, circle)
+    circle = np.cos(around)[:, None] * t + np.sin(around)[:, None] * n
+    add("energy ellipse, τ = 0", 0, fixed * b + np.sqrt(1.0 - fixed**2) * circle)
     return pd.concat(parts, ignore_index=True)

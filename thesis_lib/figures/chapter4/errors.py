@@ -5,29 +5,31 @@ splits.  Tables come from thesis_lib.residual.learners.learning_study; their n i
 and bars are 95 % intervals: over splits in figure 4-6, over held-out trials in the figure of named physics.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from thesis_lib.figures.densities import error_curves
+from thesis_lib.figures.chapter3.errors import draw_error_curves, label_error_curves
 from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE, LineStyle
+from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 
 GRID = 120
 LEARNER_STYLE = {
-    "rigid_x1": LineStyle("rigid, X1", "#0072B2", "-"),
-    "rigid_x2": LineStyle("rigid, X2", "#56B4E9", (0, (5, 1.5))),
-    "rigid_x2_polar": LineStyle("rigid, X2 polar", "#56B4E9", (0, (1, 1.2))),
-    "wrench_x1": LineStyle("wrench, X1", "#D55E00", "-"),
-    "wrench_x1_omega": LineStyle("wrench, X1 and ω", "#D55E00", (0, (5, 1.5))),
-    "residual_rigid": LineStyle("law + rigid residual", "#0072B2", "-"),
-    "residual_wrench": LineStyle("law + wrench residual", "#D55E00", "-"),
-    "law_parameters": LineStyle("law, learned μ and ε", "#E69F00", "-"),
-    "feasible_rigid": LineStyle("feasible rigid, X1", "#CC79A7", "-"),
-    "feasible_wrench": LineStyle("feasible wrench, X1 and ω", "#CC79A7", (0, (5, 1.5))),
+    "rigid_x1": LineStyle("rigid, X1", BLUE, "-"),
+    "rigid_x2": LineStyle("rigid, X2", SKY, (0, (5, 1.5))),
+    "rigid_x2_polar": LineStyle("rigid, X2 polar", SKY, (0, (1, 1.2))),
+    "wrench_x1": LineStyle("wrench, X1", RED, "-"),
+    "wrench_x1_omega": LineStyle("wrench, X1 and ω", RED, (0, (5, 1.5))),
+    "residual_rigid": LineStyle("law + rigid residual", BLUE, "-"),
+    "residual_wrench": LineStyle("law + wrench residual", RED, "-"),
+    "law_parameters": LineStyle("law, learned μ and ε", YELLOW, "-"),
+    "feasible_rigid": LineStyle("feasible rigid, X1", VIOLET, "-"),
+    "feasible_wrench": LineStyle("feasible wrench, X1 and ω", VIOLET, (0, (5, 1.5))),
 }
 CLASSES = {
     "(a) data-driven": ("rigid_x1", "rigid_x2", "wrench_x1", "wrench_x1_omega", "feasible_rigid", "feasible_wrench"),
@@ -35,11 +37,11 @@ CLASSES = {
 }
 NAMED_STYLE = {
     "law": LineStyle("law", GREY, (0, (5, 1.5))),
-    "law_rigid": LineStyle("law + rigid residual", "#56B4E9", (0, (5, 1.5))),
-    "law_wrench": LineStyle("law + wrench residual", "#E69F00", (0, (5, 1.5))),
+    "law_rigid": LineStyle("law + rigid residual", SKY, (0, (5, 1.5))),
+    "law_wrench": LineStyle("law + wrench residual", YELLOW, (0, (5, 1.5))),
     "effects": LineStyle("law + effects", INK, "-"),
-    "effects_rigid": LineStyle("law + effects + rigid residual", "#0072B2", "-"),
-    "effects_wrench": LineStyle("law + effects + wrench residual", "#D55E00", "-"),
+    "effects_rigid": LineStyle("law + effects + rigid residual", BLUE, "-"),
+    "effects_wrench": LineStyle("law + effects + wrench residual", RED, "-"),
 }
 
 
@@ -51,9 +53,8 @@ def _style(model: str) -> LineStyle:
 def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
     """Densities and shares of held-out errors: data-driven models above, models with an impact law below.
 
-    Args:
-        errors: model, n, and error (m/s) of each held-out impact; a failed solve (NaN) counts as infinite in the share.
-        law: the impact law of class 2, drawn in both rows.
+    `errors`: model, n, error (m/s) of each held-out impact; a failed solve (NaN) counts as infinite in the share.
+    `law`: the impact law of class 2, drawn in both rows.
 
     Raises:
         UserError: a model has no finite error.
@@ -71,25 +72,15 @@ def figure_4_5(errors: pd.DataFrame, law: str) -> Drawn:
     parts = []
     for row, (title, names) in zip(axes, CLASSES.items()):
         for name in (*everywhere, *(name for name in names if name in values)):
-            error, look = values[name], _style(name)
-            line = look.line | ({"linewidth": 1.0} if name in everywhere else {})
-            density, quantile, shares = error_curves(error, grid)
-            row[0].plot(grid, density, **line)
-            row[1].plot(quantile, shares, **line)
-            curves = (
-                {"panel": "density", "error": grid, "density": density},
-                {"panel": "cumulative", "error": quantile, "share_below": shares},
-            )
-            parts += [pd.DataFrame(curve).assign(variant=title, model=name) for curve in curves]
-        row[0].set(title=title, ylabel="density (s/m)")
-        row[1].set_ylabel("share of impacts below")
+            line = _style(name).line | ({"linewidth": 1.0} if name in everywhere else {})
+            parts.append(draw_error_curves(row, values[name], grid, line).assign(variant=title, model=name))
+        row[0].set_title(title)
         row[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[0, 0].set(xlim=(0.0, top), ylim=(0.0, None))
     axes[0, 1].set_xscale("log")
     low = min(float(np.nanquantile(values[name], 0.03)) for name in (*drawn, *everywhere))
     axes[0, 1].set(xlim=(low, 1.5 * top), ylim=(0.0, 1.0))
-    for ax in axes[-1]:
-        ax.set_xlabel("error of the velocity after impact (m/s)")
+    label_error_curves(axes)
     table = pd.concat(parts, ignore_index=True)
     table["n"] = int(errors["n"].iloc[0])
     return figure, table[["variant", "panel", "model", "n", "error", "density", "share_below"]]
@@ -112,9 +103,10 @@ def figure_4_6(summary: pd.DataFrame, law: str) -> Drawn:
         ax.set_title(title)
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=2)
         ax.set_xlabel("training impacts")
-    _log_axes(axes[0], pd.concat(parts))
+    table = pd.concat(parts, ignore_index=True)
+    _log_axes(axes[0], table)
     axes[0].set_ylabel("mean error of the velocity after impact (m/s)")
-    return figure, pd.concat(parts, ignore_index=True)[["panel", "model", "n", "mean", "low", "high"]]
+    return figure, table[["panel", "model", "n", "mean", "low", "high"]]
 
 
 @house_style
@@ -123,11 +115,9 @@ def figure_named_physics(
 ) -> Drawn:
     """Errors of law, effects and residuals: the error left to learn once the missing effects are added.
 
-    Args:
-        rungs: model, n, mean, low, high, with rows irb_bound and irb_bound_effects (of `learning_study.named_physics`).
-        summary: model, n, mean, low, high of the same models.
-        effects: titles of the effects chosen by the critique.
-        floor: noise floor of the critique in m/s; None if the noise is not known.
+    `rungs`, `summary`: model, n, mean, low, high, in m/s (of `learning_study.named_physics`); `rungs` with the rows
+    irb_bound and irb_bound_effects.  `effects`: titles of those that the critique chose; `floor`: its noise floor in
+    m/s, None if the noise is not known.
     """
     at = rungs.set_index("model")
     figure = new_figure(height=4.0)
@@ -144,15 +134,12 @@ def figure_named_physics(
         mean = at.loc[name, "mean"]
         left.plot([mean, mean], ends, color="black", linestyle=(0, (4, 1.5)), label=None if i else "IRB Bound")
     if floor is not None:
-        left.axvline(floor, color="#009E73", linestyle=(0, (1, 1.2)), label="noise floor")
+        left.axvline(floor, color=GREEN, linestyle=(0, (1, 1.2)), label="noise floor")
     named = ["law", "+ rigid residual", "+ wrench residual"]
     left.set_yticks(list(places.values()), [*named, "law + effects", *named[1:]])
     left.invert_yaxis()
-    left.set(
-        xlim=(0.0, 1.18 * float(at["high"].max())),
-        xlabel="mean error of the velocity after impact (m/s)",
-        title=f"(a) {int(at['n'].iloc[0])} training impacts",
-    )
+    left.set(xlim=(0.0, 1.18 * float(at["high"].max())), xlabel="mean error of the velocity after impact (m/s)")
+    left.set_title(f"(a) {int(at['n'].iloc[0])} training impacts")
     left.legend(loc="upper center", bbox_to_anchor=(0.3, -0.16), ncols=2)
     if effects:
         text = "effects:  " + ",\n".join(", ".join(effects[i : i + 2]) for i in range(0, len(effects), 2))
@@ -179,18 +166,13 @@ def _band(ax: Axes, curve: pd.DataFrame, look: LineStyle, thin: bool = False) ->
 
 def _log_axes(ax: Axes, drawn: pd.DataFrame) -> None:
     """Logarithmic axes with plain numbers; the error axis spans the mean errors drawn."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-
     ax.set(xscale="log", yscale="log")
-    ends = drawn["mean"].min(), drawn["mean"].max()
-    ax.set_ylim(0.85 * ends[0], 1.15 * ends[1])
-    for axis, subs in ((ax.xaxis, (1.0, 3.0)), (ax.yaxis, _ticks(ends))):
+    low, high = drawn["mean"].min(), drawn["mean"].max()
+    ax.set_ylim(0.85 * low, 1.15 * high)
+    # fewer multiples of powers of ten are labelled on an axis that spans more
+    wide = (1.0, 2.0, 5.0) if high < 15.0 * low else (1.0, 3.0)
+    ticks = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0) if high < 3.0 * low else wide
+    for axis, subs in ((ax.xaxis, (1.0, 3.0)), (ax.yaxis, ticks)):
         axis.set_major_locator(LogLocator(subs=subs))
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
-def _ticks(ends: tuple[float, float]) -> Sequence[float]:
-    """Multiples of powers of ten labelled on the axis: fewer if it spans more."""
-    spans: Mapping[float, Sequence[float]] = {3.0: (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0), 15.0: (1.0, 2.0, 5.0)}
-    return next((subs for most, subs in spans.items() if ends[1] < most * ends[0]), (1.0, 3.0))

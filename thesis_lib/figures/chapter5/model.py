@@ -14,18 +14,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
+from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW, note
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.jenga.tower.tower_model import LAYERS, PER_LAYER
 
 MU, MU_RANGE = 0.42, (0.35, 0.5)
-COLORS = {
-    "no block": "#999999",
-    "easy move": "#009E73",
-    "hard move": "#E69F00",
-    "no move": "#D55E00",
-    "drags tower": "#CC79A7",
-}
-SPARE = ("#0072B2", "#56B4E9", "#000000")
+COLORS = {"no block": "#999999", "easy move": GREEN, "hard move": YELLOW, "no move": RED, "drags tower": VIOLET}
+SPARE = (BLUE, SKY, "#000000")
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (3, 1, 1, 1)))
 QUANTITIES = {
     "share": "share of\nsamples",
@@ -36,13 +31,9 @@ QUANTITIES = {
     "drag": "tower's\nmove (1)",
     "stuck_share": "truth:\nstuck",
 }
-STAGES = {"before": ("#D55E00", "o", "before"), "relearned": ("#0072B2", "s", "relearned")}
-GROUPS = {
-    "all": "all pushes",
-    "failing": "pushes that fail",
-    "affected": "blocks with\nthe effect",
-    "others": "other\nblocks",
-}
+STAGES = {"before": (RED, "o", "before"), "relearned": (BLUE, "s", "relearned")}
+GROUPS = {"all": "all pushes", "failing": "pushes that fail"}
+GROUPS |= {"affected": "blocks with\nthe effect", "others": "other\nblocks"}
 AS_PREDICTED = "#E0E0E0"
 
 
@@ -61,10 +52,8 @@ def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
 def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
     """(A) Predicted forces over the friction cone; (B) force against the height of the block.
 
-    Args:
-        cone: f_n, f_t (N, predicted next forces), abstraction, inside (1: within the cone, as decided by the caller).
-        height: height_mm (of the block above the base), f_n (N, measured), abstraction; optionally f_n_pred (N), whose
-            mean at each height is then drawn as a line.
+    `cone`: f_n, f_t (N, predicted next forces), abstraction, inside (1: within the cone).  `height`: height_mm (of the
+    block above the base), f_n (N, measured), abstraction; optionally f_n_pred (N), whose mean is then drawn as a line.
     """
     names = list(dict.fromkeys([*cone["abstraction"], *height["abstraction"]]))
     styles = abstraction_style(names)
@@ -80,15 +69,10 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
         left.plot(part["f_n"], part["f_t"], ".", color=styles[name][0], markersize=3, alpha=0.6, label=share)
     left.set_xlim(min(0.0, float(cone["f_n"].min())) - 0.02 * far, far)
     widest = 1.05 * max(MU_RANGE[1] * far, float(cone["f_t"].abs().max()))
-    left.set(
-        ylim=(-widest, widest),
-        xlabel="normal force $f_n$ (N)",
-        ylabel="tangential force $f_t$ (N)",
-        title="A  predicted forces over the friction cone",
-    )
+    left.set(ylim=(-widest, widest), xlabel="normal force $f_n$ (N)", ylabel="tangential force $f_t$ (N)")
+    left.set_title("A  predicted forces over the friction cone")
     for mu, side in ((MU, 1.0), *((mu, -1.0) for mu in MU_RANGE)):
-        beside = {"xytext": (2, 0), "textcoords": "offset points", "va": "center", "fontsize": 7}
-        left.annotate(f"μ = {mu:g}", (far, side * mu * far), **beside)
+        note(left, f"μ = {mu:g}", (far, side * mu * far), (2, 0), va="center", fontsize=7)
     for name, part in height.groupby("abstraction", sort=False):
         color, dash = styles[name]
         right.plot(part["height_mm"], part["f_n"], ".", color=color, markersize=3, alpha=0.35)
@@ -98,21 +82,16 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
         if value == "f_n_pred":
             mean = part.groupby("height_mm")["f_n"].mean()
             right.plot(mean.index, mean, "o", color=color, markersize=3.5, markerfacecolor="white")
-    right.set(
-        ylim=(min(0.0, float(height["f_n"].min())), None),
-        xlabel="height of the block above the base (mm)",
-        ylabel="normal force $f_n$ (N)",
-    )
-    meaning = "rings: measured" if "f_n_pred" in height else "lines: mean"
-    right.set_title(f"B  resistance ({meaning})")
-    handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
-    labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
-    shown = {label.split(" (")[0]: (handle, label) for handle, label in reversed([*zip(handles, labels)])}
+    right.set(ylim=(min(0.0, float(height["f_n"].min())), None), ylabel="normal force $f_n$ (N)")
+    right.set_xlabel("height of the block above the base (mm)")
+    right.set_title(f"B  resistance ({'rings: measured' if 'f_n_pred' in height else 'lines: mean'})")
+    # of a name in both panels the left one, with the share inside the cone
+    entries = [entry for ax in (right, left) for entry in zip(*ax.get_legend_handles_labels())]
+    shown = {label.split(" (")[0]: (handle, label) for handle, label in entries}
     figure.legend(*zip(*[shown[name] for name in names]), loc="outside lower center", ncols=3, markerscale=2.5)
-    parts = [cone.assign(panel="A"), height.assign(panel="B")]
-    table = pd.concat(parts, ignore_index=True)
+    table = pd.concat([cone.assign(panel="A"), height.assign(panel="B")], ignore_index=True)
     first = ["panel", "abstraction", "f_n", "f_t", "inside", "height_mm"]
-    return figure, table[first + [name for name in ("f_n_pred",) if name in table]]
+    return figure, table[first + ["f_n_pred"] * ("f_n_pred" in table)]
 
 
 @house_style
@@ -130,22 +109,21 @@ def figure_abstractions(table: pd.DataFrame) -> Drawn:
     axes = figure.subplots(1, len(QUANTITIES), sharey=True)
     places = np.arange(len(table))
     for ax, (name, title) in zip(axes, QUANTITIES.items()):
-        values = table[name].to_numpy(float)
-        ax.barh(places, np.nan_to_num(values), color=colors, height=0.65)
+        values, known = np.nan_to_num(table[name].to_numpy(float)), table[name].notna()
+        ax.barh(places, values, color=colors, height=0.65)
         ax.axvline(0.0, color=INK, linewidth=0.7)
-        low, high = min(0.0, np.nan_to_num(values).min()), max(1e-3, np.nan_to_num(values).max())
+        low, high = min(0.0, values.min()), max(1e-3, values.max())
         span = high - low
         ax.set_xlim(low - 0.05 * span, high + 0.55 * span)
-        for place, value in zip(places, values):
-            text = "–" if np.isnan(value) else f"{value:.2f}"
-            ax.text(max(np.nan_to_num(value), 0.0) + 0.05 * span, place, text, va="center", fontsize=6.5)
+        for place, value, is_known in zip(places, values, known):
+            text = f"{value:.2f}" if is_known else "–"
+            ax.text(max(value, 0.0) + 0.05 * span, place, text, va="center", fontsize=6.5)
         ax.set_title(title, fontsize=7.5)
         ax.set_xticks([])
         ax.spines[["bottom", "left"]].set_visible(False)
         ax.tick_params(axis="y", length=0)
     stuck = table["stuck"] if "stuck" in table else np.zeros(len(table))
-    labels = [f"{name} *" if mark == 1 else name for name, mark in zip(names, stuck)]
-    axes[0].set_yticks(places, labels)
+    axes[0].set_yticks(places, [f"{name} *" if mark == 1 else name for name, mark in zip(names, stuck)])
     axes[0].set_ylim(len(table) - 0.4, -0.6)
     if "stuck" in table:
         figure.supxlabel("* counts as stuck, by a rule without truth", fontsize=7, x=0.01, ha="left")
@@ -156,9 +134,8 @@ def figure_abstractions(table: pd.DataFrame) -> Drawn:
 def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame | None = None) -> Drawn:
     """A hidden effect: one-step error before and after relearning, and the blocks on which predictions fail.
 
-    Args:
-        errors: effect, stage (before, relearned), group (see `GROUPS`), error (1), low, high, n (pushes).
-        pushes: effect, block, fails (1: the predictive check fails), abstraction (name or number of the nearest one).
+    `errors`: effect, stage (before, relearned), group (see `GROUPS`), error (1), low, high, n (pushes).  `pushes`:
+    effect, block, fails (1: the predictive check fails), abstraction (name or number of the nearest one).
     """
     effects = list(errors["effect"].unique())
     if pushes is None:
@@ -185,8 +162,8 @@ def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame | None = None) -> D
             left.set_ylabel("one-step error\n(in spreads of a change)")
         handles |= dict(zip(*reversed(left.get_legend_handles_labels())))
     if pushes is not None:
-        shown = {f"fails: {name}": fill for name, fill in fills.items()} | {"as predicted": AS_PREDICTED}
-        shown["not pushed"] = "white"
+        shown = {f"fails: {name}": fill for name, fill in fills.items()}
+        shown |= {"as predicted": AS_PREDICTED, "not pushed": "white"}
         handles |= {name: Patch(facecolor=fill, edgecolor=INK) for name, fill in shown.items()}
     figure.legend(handles.values(), handles.keys(), loc="outside upper left", ncols=4, columnspacing=1.2)
     columns = ["panel", "effect", "stage", "group", "error", "low", "high", "n"]
@@ -194,18 +171,18 @@ def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame | None = None) -> D
     return figure, pd.concat(tables, ignore_index=True)[columns]
 
 
-def _errors(ax: Axes, own: pd.DataFrame) -> None:
+def _errors(ax: Axes, errors: pd.DataFrame) -> None:
     """Errors of one effect with their intervals, groups side by side."""
-    groups = [group for group in GROUPS if group in set(own["group"])]
-    for row in own.itertuples():
+    groups = [group for group in GROUPS if group in set(errors["group"])]
+    for row in errors.itertuples():
         color, marker, label = STAGES[row.stage]
         side = -1.0 if row.stage == "before" else 1.0
         x = groups.index(row.group) + 0.1 * side
         ax.plot([x, x], [row.low, row.high], color=color, linewidth=1.2)
         ax.plot(x, row.error, marker, color=color, markersize=5, label=label)
-        beside = {"xytext": (6 * side, 0), "textcoords": "offset points", "va": "center", "fontsize": 7}
-        ax.annotate(f"{row.error:.2f}", (x, row.error), ha="right" if side < 0 else "left", **beside)
-    pushes = own.groupby("group")["n"].max()
+        look = {"ha": "right" if side < 0 else "left", "va": "center", "fontsize": 7}
+        note(ax, f"{row.error:.2f}", (x, row.error), (6 * side, 0), **look)
+    pushes = errors.groupby("group")["n"].max()
     ax.set_xticks(range(len(groups)), [f"{GROUPS[group]}\n(n = {pushes[group]:.0f})" for group in groups])
     ax.set_xlim(-0.6, len(groups) - 0.4)
 
@@ -228,8 +205,8 @@ def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[object, str]) -> p
     colors = {row.block: fills[row.abstraction] if row.failed else AS_PREDICTED for row in table.itertuples()}
     for block in range((LAYERS - 3) * PER_LAYER):
         layer, place = divmod(block, PER_LAYER)
-        face = colors.get(block, "white")
-        ax.add_patch(Rectangle((place, layer), 1, 1, facecolor=face, edgecolor=INK, linewidth=0.5))
+        look = {"facecolor": colors.get(block, "white"), "edgecolor": INK, "linewidth": 0.5}
+        ax.add_patch(Rectangle((place, layer), 1, 1, **look))
     ax.set(xlim=(0, PER_LAYER), ylim=(0, LAYERS - 3), box_aspect=1.6)
     ax.set_xticks([0.5, 1.5, 2.5], ["side", "middle", "side"])
     ax.set_yticks([0.5, 4.5, 9.5, 14.5], ["0", "4", "9", "14"])

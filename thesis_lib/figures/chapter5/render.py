@@ -1,4 +1,4 @@
-"""Pictures of the tower, drawn without OpenGL so that they look the same on every machine.
+"""Figure 5-5A and frames of a game: pictures of the tower, without OpenGL, so that they look the same everywhere.
 
 Parallel projection: with camera azimuth α and elevation ε, the picture's axes are r = (−sin α, cos α, 0) and
 w = (−sin ε cos α, −sin ε sin α, cos ε), the direction to the camera d = (cos ε cos α, cos ε sin α, sin ε).  Boxes are
@@ -6,7 +6,7 @@ painted from bottom to top, and from far to near within a layer, which is right 
 """
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,8 @@ from thesis_lib.figures.style import INK, WIDTH, Drawn, house_style, new_figure
 from thesis_lib.jenga.tower.tower_model import BLOCKS, rotation
 
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(22.0)
+Colour = tuple[float, float, float]
+STACKED = 10e-3  # m; a block this much higher than at first was placed on top
 WOOD, PUSHED, PLACED = (0.87, 0.72, 0.53), (0.80, 0.36, 0.22), (0.45, 0.62, 0.80)
 LIGHT = np.array([0.55, 0.25, 0.80])
 HALF_LAYER = 7.5e-3  # m; half of the height that is painted as one layer
@@ -28,12 +30,11 @@ FACES = [
 ]
 
 
-def draw_tower(axes: Axes, poses: np.ndarray, sizes: np.ndarray, colours: np.ndarray | None = None) -> None:
-    """Draw the blocks into `axes`, in mm.
+def draw_tower(ax: Axes, poses: np.ndarray, sizes: np.ndarray, painted: Mapping[int, Colour]) -> pd.DataFrame:
+    """Draw the blocks in mm, of wood apart from those `painted`; returns block, x, y, z (m), qw to qz.
 
-    poses: (54, 7), m and quaternions; rows of NaN are left out.  sizes: (54, 3), m.  colours: (54, 3), default wood.
+    poses: (54, 7), m and unit quaternions; rows of NaN are left out.  sizes: (54, 3), m.
     """
-    colours = np.tile(WOOD, (BLOCKS, 1)) if colours is None else np.asarray(colours)
     c, s, ce, se = np.cos(AZIMUTH), np.sin(AZIMUTH), np.cos(ELEVATION), np.sin(ELEVATION)
     picture = np.array([[-s, c, 0.0], [-se * c, -se * s, ce]])
     camera = np.array([ce * c, ce * s, se])
@@ -50,43 +51,36 @@ def draw_tower(axes: Axes, poses: np.ndarray, sizes: np.ndarray, colours: np.nda
                 continue
             points = poses[block, :3] + (np.array(corners) * sizes[block] / 2.0) @ matrix.T
             polygons.append(1e3 * points @ picture.T)
-            shades.append(colours[block] * (0.55 + 0.45 * max(normal @ light, 0.0)))
-    axes.add_collection(PolyCollection(polygons, facecolors=shades, edgecolors=INK, linewidths=0.3))
-    axes.autoscale_view()
-    axes.set_aspect("equal")
-    axes.set_axis_off()
-
-
-def colours_of(highlighted: dict[int, tuple[float, float, float]]) -> np.ndarray:
-    """Colours (54, 3): wood, except for the given blocks."""
-    colours = np.tile(WOOD, (BLOCKS, 1))
-    for block, colour in highlighted.items():
-        colours[block] = colour
-    return colours
-
-
-def _table(poses: np.ndarray) -> pd.DataFrame:
-    names = ["x", "y", "z", "qw", "qx", "qy", "qz"]
-    return pd.DataFrame(poses, columns=names).assign(block=np.arange(BLOCKS))[["block", *names]]
+            shades.append(np.array(painted.get(block, WOOD)) * (0.55 + 0.45 * max(normal @ light, 0.0)))
+    ax.add_collection(PolyCollection(polygons, facecolors=shades, edgecolors=INK, linewidths=0.3))
+    ax.autoscale_view()
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    table = pd.DataFrame(poses, columns=["x", "y", "z", "qw", "qx", "qy", "qz"])
+    table.insert(0, "block", np.arange(BLOCKS))
+    return table
 
 
 @house_style
-def tower_figure(poses: np.ndarray, sizes: np.ndarray, colours: np.ndarray | None = None) -> Drawn:
-    """One picture of a tower (figure 5-5A); arguments as in `draw_tower`.  Table: block, x, y, z (m), qw to qz."""
+def figure_5_5a(poses: np.ndarray, sizes: np.ndarray) -> Drawn:
+    """The simulated tower; poses: (54, 7), m and unit quaternions; sizes: (54, 3), m."""
     figure = new_figure(WIDTH / 2, 4.2)
-    draw_tower(figure.add_subplot(), poses, sizes, colours)
-    return figure, _table(poses)
+    return figure, draw_tower(figure.add_subplot(), poses, sizes, {})
 
 
 @house_style
-def strip_figure(
-    frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], colours: Sequence[np.ndarray] | None = None
-) -> Drawn:
-    """Frames of a game (poses (54, 7) each) side by side, on one scale.  Table as above, with the column frame."""
+def figure_game(frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], blocks: Sequence[int]) -> Drawn:
+    """Strip of pictures of one game: the current block in red, those already placed on top in blue.
+
+    `frames`: poses (54, 7) each, the untouched tower first; `sizes`: (54, 3), m; `blocks`: the current one of each
+    frame, -1 for none.
+    """
     figure = new_figure(WIDTH, 2.1)
     axes = figure.subplots(1, len(frames), sharex=True, sharey=True, squeeze=False)[0]
-    for number, (ax, poses, title) in enumerate(zip(axes, frames, titles)):
-        draw_tower(ax, poses, sizes, None if colours is None else colours[number])
+    tables = []
+    for number, (ax, poses, title, block) in enumerate(zip(axes, frames, titles, blocks)):
+        placed = np.flatnonzero(poses[:, 2] > frames[0][:, 2] + STACKED)
+        painted = dict.fromkeys(placed, PLACED) | {block: PUSHED}
+        tables.append(draw_tower(ax, poses, sizes, painted).assign(frame=number))
         ax.set_title(textwrap.fill(title, 10), fontsize=7, y=1.0, va="bottom")
-    tables = [_table(poses).assign(frame=number) for number, poses in enumerate(frames)]
     return figure, pd.concat(tables, ignore_index=True)

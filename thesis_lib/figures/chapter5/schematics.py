@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
-from thesis_lib.figures.planar_drawing import COLORS, Sketch
+from thesis_lib.figures.marks import BLUE, RED, unit
+from thesis_lib.figures.planar_drawing import Sketch
 from thesis_lib.figures.style import GREY, INK, WIDTH, Drawn, house_style, new_figure
 
 RADIUS = 0.34  # of a node
@@ -28,6 +29,7 @@ GIVEN, BLOCK, GHOST = "#D9D9D9", "#C9B6DC", "#F1ECF6"
 LEARNED = "#F6D9C4"
 HALF = np.array([1.4, 0.6])  # half width and height of a box
 Place = tuple[float, float]
+Node = tuple[Place, str, bool | None]
 
 
 @house_style
@@ -43,16 +45,15 @@ def figure_5_2() -> Drawn:
         if moved:
             sketch.fill("block before", square, facecolor=GHOST, edgecolor=GREY, linestyle=(0, (4, 3)))
         sketch.fill("block", square + [moved, 0.0], facecolor=BLOCK)
-        half = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 31)
-        tip = 0.22 * np.stack([np.cos(half), np.sin(half)], axis=1) + [moved - 0.22, 1.0]
+        tip = 0.22 * unit(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 31)).T + [moved - 0.22, 1.0]
         finger = np.vstack([[[-3.9, 0.78]], tip, [[-3.9, 1.22]]])
         sketch.fill("pusher", finger, facecolor="0.8", linewidth=0.9)
-        sketch.arrow("force", np.array([moved, 1.0]), np.array([force, 0.0]), COLORS["red"])
-        sketch.label((moved + force + 0.12, 1.0), r"$\mathbf{f}_t$", COLORS["red"], ha="left")
+        sketch.arrow("force", np.array([moved, 1.0]), np.array([force, 0.0]), RED)
+        sketch.label((moved + force + 0.12, 1.0), r"$\mathbf{f}_t$", RED, ha="left")
         sketch.point("block pose", (moved + 1.0, 1.6))
         sketch.label((moved + 1.25, 1.62), r"$\mathbf{q}_t$", ha="left")
-        sketch.point("pusher location", (moved, 1.0), markersize=4, color=COLORS["blue"])
-        sketch.label((moved - 0.3, 0.5), r"$\mathbf{p}_t$", COLORS["blue"])
+        sketch.point("pusher location", (moved, 1.0), markersize=4, color=BLUE)
+        sketch.label((moved - 0.3, 0.5), r"$\mathbf{p}_t$", BLUE)
         sketch.arrow("action", np.array([-3.2, 1.75]), np.array([1.1, 0.0]))
         sketch.label((-2.65, 2.1), r"$\mathbf{a}_t$")
         ax.set_title(f"({panel})  {title}", loc="center")
@@ -81,22 +82,9 @@ def figure_5_3() -> Drawn:
     _plate(sketch, "N", (0.05, -0.55), (4.35, 4.85), "$N$")
     _plate(sketch, "D", (0.25, 0.0), (4.15, 3.55), "$D$")
     _plate(sketch, "K", (5.15, 3.1), (6.65, 4.85), r"$K$")
-    _graph(
-        sketch,
-        nodes,
-        [
-            ("alpha", "pi"),
-            ("pi", "c_i"),
-            ("c_i", "s_t+1"),
-            ("theta_k", "s_t+1"),
-            ("v_theta", "theta_k"),
-            ("s_t", "s_t+1"),
-            ("a_t", "s_t+1"),
-            ("s_t", "z_t"),
-            ("s_t+1", "z_t+1"),
-            ("Sigma_z", "z_t+1"),
-        ],
-    )
+    edges = [("alpha", "pi"), ("pi", "c_i"), ("c_i", "s_t+1"), ("theta_k", "s_t+1"), ("v_theta", "theta_k")]
+    edges += [("s_t", "s_t+1"), ("a_t", "s_t+1"), ("s_t", "z_t"), ("s_t+1", "z_t+1"), ("Sigma_z", "z_t+1")]
+    _graph(sketch, nodes, edges)
     for text, y in (("abstractions", 4.6), ("physics", 2.0), ("readings", 0.5)):
         sketch.label((-0.2, y), text, GREY, ha="right", fontsize=8)
     return figure, _places(sketch)
@@ -143,8 +131,7 @@ def figure_5_5c() -> Drawn:
     sketches = []
     for ax, panel in zip(figure.subplots(1, 2, sharex=True, sharey=True), ("MOR", "HMA")):
         sketch = Sketch(ax, panel)
-        times = ("t-1", "t", "t+1")
-        nodes, edges = {}, []
+        times, nodes, edges = ("t-1", "t", "t+1"), {}, []
         for i, time in enumerate(times):
             nodes[f"s_{time}"] = ((2.0 * i, 1.3), rf"$\mathbf{{s}}_{{{time}}}$", False)
             nodes[f"z_{time}"] = ((2.0 * i, 0.0), rf"$\mathbf{{z}}_{{{time}}}$", True)
@@ -160,8 +147,8 @@ def figure_5_5c() -> Drawn:
             nodes["c"] = ((3.0, 3.8), r"$\mathbf{c}$", False)
             edges += [("c", f"s_{time}") for time in times[1:]]
         _graph(sketch, nodes, edges, 0.36)
-        text = {"MOR": "MOR: an expert for each step", "HMA": "HMA: an abstraction for the whole push"}[panel]
-        ax.set_title(text, loc="center")
+        scope = "an expert for each step" if panel == "MOR" else "an abstraction for the whole push"
+        ax.set_title(f"{panel}: {scope}", loc="center")
         sketches.append(sketch)
     return figure, _places(*sketches)
 
@@ -175,12 +162,7 @@ def _places(*sketches: Sketch) -> pd.DataFrame:
     return table[["panel", "series", "x", "y"]]
 
 
-def _graph(
-    sketch: Sketch,
-    nodes: dict[str, tuple[Place, str, bool | None]],
-    edges: list[tuple[str, str]],
-    radius: float = RADIUS,
-) -> None:
+def _graph(sketch: Sketch, nodes: dict[str, Node], edges: list[tuple[str, str]], radius: float = RADIUS) -> None:
     """Nodes (place, text; observed, latent, or None: a fixed parameter, drawn as a dot) and the arrows between them."""
     dot = 0.09
     for name, (at, text, observed) in nodes.items():
@@ -210,15 +192,8 @@ def _plate(sketch: Sketch, name: str, low: Place, high: Place, text: str) -> Non
 def _box(sketch: Sketch, name: str, at: Place, title: str, text: str, colour: str) -> None:
     corners = np.array([np.subtract(at, HALF), np.add(at, HALF)])
     sketch.keep(name, corners)
-    rounded = FancyBboxPatch(
-        corners[0],
-        *(2.0 * HALF),
-        boxstyle="round,pad=0,rounding_size=0.12",
-        facecolor=colour,
-        edgecolor=INK,
-        linewidth=0.9,
-    )
-    sketch.ax.add_patch(rounded)
+    look = {"facecolor": colour, "edgecolor": INK, "linewidth": 0.9, "boxstyle": "round,pad=0,rounding_size=0.12"}
+    sketch.ax.add_patch(FancyBboxPatch(corners[0], *(2.0 * HALF), **look))
     lines = text.count("\n") + 1
     sketch.label(np.add(at, (0.0, 0.12 + 0.12 * lines)), title, fontsize=8, fontweight="bold")
     sketch.label(np.add(at, (0.0, -0.2)), text, fontsize=7)

@@ -1,13 +1,6 @@
 """Figures 5-8 and 5-9: belief during a push of a stuck and an easy block, and steering of a block (thesis 5.5.4).
 
 Angles are drawn in mm, as in the thesis: yaw · r_g, with the radius of gyration r_g = 23 mm.
-
-| on paper | in code | unit   | meaning                                                             |
-|----------|---------|--------|---------------------------------------------------------------------|
-| p(c | z) | `belief` | 1     | of each abstraction, by the bank of filters; `belief_nuts` by NUTS  |
-| f_n, x   |         | N, mm  | reading, and what each abstraction predicted for it                 |
-| y, θ r_g | `y`, `yaw` | mm  | block across the push, turned                                       |
-| a_t      | `offset`, `heading` | mm, rad | contact location on the end face, heading of the next 1 mm |
 """
 
 import numpy as np
@@ -15,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.figures.chapter5.model import abstraction_style
+from thesis_lib.figures.marks import BLUE, RED, arrow, unit
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.jenga.robot.samples import RADIUS_OF_GYRATION
 
@@ -55,13 +49,11 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
     figure.align_ylabels(axes[:, 0])
     axes[0, 0].plot([], [], ".", color=INK, label="read")
     axes[2, 0].plot([], [], "o", color="white", markeredgecolor=INK, markersize=3.5, label="NUTS (line: filter)")
-    handles, labels = [], []
+    shown = {}
     for ax in axes.ravel():
         for handle, label in zip(*ax.get_legend_handles_labels()):
-            if label not in labels:
-                handles.append(handle)
-                labels.append(label)
-    figure.legend(handles, labels, loc="outside upper left", ncols=min(4, len(labels)))
+            shown.setdefault(label, handle)
+    figure.legend(shown.values(), shown.keys(), loc="outside upper left", ncols=min(4, len(shown)))
     columns = ["case", "step", "abstraction", "belief", "belief_nuts", "f_n", "x", "f_n_pred", "x_pred"]
     return figure, showcase[columns].reset_index(drop=True)
 
@@ -70,10 +62,8 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
 def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
     """The block from above at several steps of a steered push, and its path with and without steering.
 
-    Args:
-        steering: of one block: steered (0, 1), step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm),
-            heading (rad), controlled (0 or 1: after the disturbance).
-        exaggeration: factor by which y, yaw and heading are enlarged in the view from above.
+    `steering`, of one block: steered (0, 1), step, advance (mm), x, y, yaw (mm; yaw times r_g), offset (mm), heading
+    (rad), controlled (0 or 1: after the disturbance).  `exaggeration` enlarges y, yaw and heading seen from above.
     """
     steering = steering.sort_values(["steered", "step"], ignore_index=True)
     controlled = steering[steering["steered"] == 1]
@@ -81,27 +71,16 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
     grid = figure.add_gridspec(2, 1, height_ratios=[1.7, 1])
     chosen = controlled.index[np.unique(np.linspace(0, len(controlled) - 1, SHOWN).round().astype(int))]
     panels = grid[0].subgridspec(1, len(chosen)).subplots(sharex=True, sharey=True, squeeze=False)[0]
-    for ax, row in zip(panels, controlled.loc[chosen].itertuples()):
-        _from_above(ax, row, exaggeration)
     # room for the largest turn, the same in all panels
-    corners = np.concatenate(
-        [
-            outline_from_above(row.x, exaggeration * row.y, exaggeration * row.yaw / RADIUS_OF_GYRATION)
-            for row in controlled.loc[chosen].itertuples()
-        ]
-    )
+    outlines = [_from_above(ax, row, exaggeration) for ax, row in zip(panels, controlled.loc[chosen].itertuples())]
+    corners = np.concatenate(outlines)
     half = float(np.abs(corners[:, 1]).max()) + 4.0
     panels[0].set_xlim(half, -half)  # y to the left: x points up, seen from above
     panels[0].set_ylim(-0.5 * LENGTH - ARROW - 8.0, float(corners[:, 0].max()) + 4.0)
-    figure.suptitle(
-        f"steered push from above, upwards, y to the left; y, yaw and heading × {exaggeration:g}; "
-        "dotted: block at first, dashed: goal",
-        fontsize=7.5,
-        x=0.01,
-        ha="left",
-    )
+    text = f"steered push from above, upwards, y to the left; y, yaw and heading × {exaggeration:g}; "
+    figure.suptitle(f"{text}dotted: block at first, dashed: goal", fontsize=7.5, x=0.01, ha="left")
     ax = figure.add_subplot(grid[1])
-    for name, symbol, colour in (("y", "$y$", "#0072B2"), ("yaw", r"$\theta\, r_g$", "#D55E00")):
+    for name, symbol, colour in (("y", "$y$", BLUE), ("yaw", r"$\theta\, r_g$", RED)):
         for steered, line in ((1, "-"), (0, (0, (1.2, 1.2)))):
             part = steering[steering["steered"] == steered]
             label = f"{symbol} {'steered' if steered else 'straight on'}"
@@ -112,11 +91,8 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
     bottom = ax.get_ylim()[0]
     places = controlled.loc[chosen, "advance"]
     ax.plot(places, np.full(len(chosen), bottom), "^", color=INK, clip_on=False)
-    ax.set(
-        ylim=(bottom, None),
-        xlabel="advance (mm); grey: pushed off centre on purpose; triangles: steps above",
-        ylabel="across, turn (mm)",
-    )
+    ax.set(ylim=(bottom, None), ylabel="across, turn (mm)")
+    ax.set_xlabel("advance (mm); grey: pushed off centre on purpose; triangles: steps above")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)
     columns = ["steered", "step", "advance", "x", "y", "yaw", "offset", "heading", "controlled"]
     return figure, steering[columns].assign(shown=steering.index.isin(chosen).astype(int))
@@ -132,8 +108,8 @@ def _turn(angle: float) -> np.ndarray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _from_above(ax: Axes, row: tuple, factor: float) -> None:
-    """One step: the block, the goal line, the contact and the heading of the next 1 mm."""
+def _from_above(ax: Axes, row: tuple, factor: float) -> np.ndarray:
+    """One step: the block, the goal line, the contact and the heading of the next 1 mm; returns the block's outline."""
     angle = factor * row.yaw / RADIUS_OF_GYRATION
     outline = outline_from_above(row.x, factor * row.y, angle)
     place = outline_from_above(0.0, 0.0, 0.0)
@@ -144,11 +120,10 @@ def _from_above(ax: Axes, row: tuple, factor: float) -> None:
     nose = centre + _turn(angle) @ [0.5 * LENGTH, 0.0]
     ax.plot([centre[1], nose[1]], [centre[0], nose[0]], color=INK, linewidth=0.6)
     contact = centre + _turn(angle) @ [-0.5 * LENGTH, row.offset]
-    heading = factor * row.heading
-    tail = contact - ARROW * np.array([np.cos(heading), np.sin(heading)])
-    look = {"arrowstyle": "-|>", "color": "#D55E00", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", contact[::-1], tail[::-1], arrowprops=look | {"mutation_scale": 8})
-    ax.plot(contact[1], contact[0], "o", color="#D55E00", markersize=3)
+    tail = contact - ARROW * unit(factor * row.heading)
+    arrow(ax, tail[::-1], contact[::-1], RED, linewidth=1.4, mutation_scale=8)
+    ax.plot(contact[1], contact[0], "o", color=RED, markersize=3)
     ax.set_aspect("equal")
     ax.set_axis_off()
     ax.set_title(f"{row.advance:.0f} mm", loc="center", fontsize=7.5)
+    return outline

@@ -1,29 +1,26 @@
-"""Figures 5-5A, 5-5B and 5-6, paired comparisons and the movable blocks: how far each policy plays.
+"""Figures 5-5B and 5-6, paired comparisons and the movable blocks: how far each policy plays.
 
 `mean` is the number of successful consecutive extractions, averaged over towers; `size` is the number of samples, 0 for
 policies that do not learn; `share` is successes over attempts.  `low` and `high` are 95 % intervals from the tables.
 Source: thesis, sections 5.4.4 and 5.5.2.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.chapter5.render import PLACED, PUSHED, colours_of, strip_figure, tower_figure
+from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW, note
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
 PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; our choice of what counts as reproduced
-STACKED = 10e-3  # m; a block this much higher than at first was placed on top
 POLICY_STYLE = {
-    "hma": ("#D55E00", "-", "o", "HMA"),
-    "hma_without_cost": ("#E69F00", (0, (4, 1.5)), "D", "HMA without “no move” cost"),
-    "hma_one_shot": ("#56B4E9", (0, (4, 1, 1, 1)), "P", "HMA in one shot"),
-    "mor": ("#0072B2", (0, (5, 1.5)), "s", "MOR"),
-    "network": ("#009E73", (0, (3, 1, 1, 1)), "^", "network"),
-    "ppo": ("#CC79A7", (0, (1, 1.2)), "v", "PPO"),
+    "hma": (RED, "-", "o", "HMA"),
+    "hma_without_cost": (YELLOW, (0, (4, 1.5)), "D", "HMA without “no move” cost"),
+    "hma_one_shot": (SKY, (0, (4, 1, 1, 1)), "P", "HMA in one shot"),
+    "mor": (BLUE, (0, (5, 1.5)), "s", "MOR"),
+    "network": (GREEN, (0, (3, 1, 1, 1)), "^", "network"),
+    "ppo": (VIOLET, (0, (1, 1.2)), "v", "PPO"),
     "oracle": (INK, "-", "", "oracle"),
     "rule": ("0.35", (0, (6, 2)), "", "rule"),
     "exploration": ("0.5", (0, (3, 2)), "", "exploration"),
@@ -34,34 +31,13 @@ PANELS_ACROSS = 4
 # the bars differ without colour, too
 PHASES = {
     "exploration": {"color": "0.72", "hatch": "////", "edgecolor": "white", "linewidth": 0},
-    "learned": {"color": "#56B4E9"},
+    "learned": {"color": SKY},
 }
 
 
 def policy_style(name: str) -> tuple[str, object, str, str]:
     """Colour, line style, marker and label of a policy; an unknown policy keeps its name."""
     return POLICY_STYLE.get(name, ("#7F3C8D", "-", "x", name.replace("_", " ")))
-
-
-def figure_5_5a(poses: np.ndarray, sizes: np.ndarray, pushed: int | None = None) -> Drawn:
-    """The simulated tower, with block `pushed` in red; poses: (54, 7), m and unit quaternions; sizes: (54, 3), m."""
-    return tower_figure(poses, sizes, None if pushed is None else colours_of({pushed: PUSHED}))
-
-
-def figure_game(frames: Sequence[np.ndarray], sizes: np.ndarray, titles: Sequence[str], blocks: Sequence[int]) -> Drawn:
-    """Strip of pictures of one game: the current block in red, those already placed on top in blue.
-
-    Args:
-        frames: poses (54, 7) each, the untouched tower first.
-        sizes: (54, 3), m.
-        titles, blocks: title and current block of each frame; -1 for no block.
-    """
-    first = np.asarray(frames[0])[:, 2]
-    colours = []
-    for poses, block in zip(frames, blocks):
-        placed = np.flatnonzero(np.asarray(poses)[:, 2] > first + STACKED)
-        colours.append(colours_of({int(b): PLACED for b in placed} | ({block: PUSHED} if block >= 0 else {})))
-    return strip_figure([np.asarray(poses) for poses in frames], sizes, titles, colours)
 
 
 @house_style
@@ -93,18 +69,16 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
         ax.axhline(row.mean, color=color, linewidth=1.0, linestyle=dash, zorder=1)
         ax.axhspan(row.low, row.high, color=color, alpha=0.12, linewidth=0, zorder=0)
         marks.append((label, row.mean, color))
-    ax.set(
-        xlim=(sizes[0] / 1.6, sizes[-1] * 1.6),
-        ylim=(0.0, 1.08 * np.nanmax([GOAL, curve["mean"].max(), curve["high"].max()])),
-    )
+    ax.set_xlim(sizes[0] / 1.6, sizes[-1] * 1.6)
+    ax.set_ylim(0.0, 1.08 * np.nanmax([GOAL, curve["mean"].max(), curve["high"].max()]))
     _beside(ax, marks)
-    ax.set(
-        xlabel="samples (pushes of 1 mm)", ylabel=f"consecutive extractions\n(mean over {_counted(curve['n'])}, 95 %)"
-    )
+    ax.set_xlabel("samples (pushes of 1 mm)")
+    ax.set_ylabel(f"consecutive extractions\n(mean over {_counted(curve['n'])}, 95 %)")
     if names:
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(5, len(names)), columnspacing=1.2)
-    goal = pd.DataFrame([("thesis", 0, float(GOAL), np.nan, np.nan, 0)], columns=list(_CURVE))
-    return figure, pd.concat([curve[list(_CURVE)], goal], ignore_index=True)
+    columns = ["policy", "size", "mean", "low", "high", "n"]
+    goal = pd.DataFrame([("thesis", 0, float(GOAL), np.nan, np.nan, 0)], columns=columns)
+    return figure, pd.concat([curve[columns], goal], ignore_index=True)
 
 
 @house_style
@@ -117,10 +91,8 @@ def figure_paired(pairs: pd.DataFrame) -> Drawn:
     table = pairs.assign(other=pairs["rival_size"] if "rival_size" in pairs else pairs["size"])
     # a rival of other sizes has a row for each size
     sized = set(table.loc[(table["other"] != table["size"]) & (table["other"] != 0), "rival"])
-    table["row"] = [
-        policy_style(rival)[3] + (f" ({other:g})" if rival in sized else "")
-        for rival, other in zip(table["rival"], table["other"])
-    ]
+    label = table["rival"].map(lambda rival: policy_style(rival)[3])
+    table["row"] = label + [f" ({row.other:g})" if row.rival in sized else "" for row in table.itertuples()]
     order = list(POLICY_STYLE)
     table["place"] = [order.index(rival) if rival in order else len(order) for rival in table["rival"]]
     rows = list(table.sort_values(["place", "rival", "other"], kind="stable")["row"].unique())
@@ -139,15 +111,7 @@ def figure_paired(pairs: pd.DataFrame) -> Drawn:
             clear = row.low > 0.0 or row.high < 0.0
             ax.plot([row.low, row.high], [y, y], color=color, linewidth=1.4, zorder=2)
             ax.plot(row.difference, y, "o", color=color, markerfacecolor=color if clear else "white", zorder=3)
-            ax.annotate(
-                f"{row.difference:+.1f}",
-                (row.difference, y),
-                xytext=(0, 3),
-                textcoords="offset points",
-                ha="center",
-                va="bottom",
-                fontsize=7,
-            )
+            note(ax, f"{row.difference:+.1f}", (row.difference, y), (0, 3), ha="center", va="bottom", fontsize=7)
         ax.set_title(f"{label} ({size:g}) minus" if size else f"{label} minus", fontsize=8)
         ax.tick_params(axis="y", length=0)
         ax.spines["left"].set_visible(False)
@@ -183,7 +147,7 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
         _aside(ax, 1.0, place, -0.6, name, color=GREY, fontsize=7)
     for phase, look in PHASES.items():
         ax.barh([np.nan], [np.nan], label=phase, **look)
-    ax.plot([], [], "D", color="#D55E00", markersize=3.5, label="thesis, real robot")
+    ax.plot([], [], "D", color=RED, markersize=3.5, label="thesis, real robot")
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=3)
     ax.set_yticks([place for place, _ in ticks], [text for _, text in ticks])
     ax.tick_params(axis="y", length=0)
@@ -193,16 +157,13 @@ def figure_5_6(success: pd.DataFrame) -> Drawn:
 
 @house_style
 def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: float) -> Drawn:
-    """Share of movable blocks against the threshold, and of each tower at the fixed threshold.
+    """Share of movable blocks against the threshold, and of each tower at the one fixed on development towers, in mm.
 
-    Args:
-        fractions: tower, set (development, test), threshold_mm, share.
-        summary: set, threshold_mm, mean, low, high over the towers.
-        threshold: mm, fixed on the development towers.
+    `fractions`: tower, set (development, test), threshold_mm, share; `summary`: set, threshold_mm, mean, low, high.
     """
     figure = new_figure(height=2.5)
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=[1.6, 1])
-    looks = {"development": ("#0072B2", "o", "-"), "test": ("#D55E00", "s", (0, (5, 1.5)))}
+    looks = {"development": (BLUE, "o", "-"), "test": (RED, "s", (0, (5, 1.5)))}
     for ax in (left, right):
         ax.axhspan(PUBLISHED_MOVABLE - TOLERANCE, PUBLISHED_MOVABLE + TOLERANCE, color="0.92", zorder=0)
         ax.axhline(PUBLISHED_MOVABLE, color=GREY, linewidth=0.8, zorder=0)
@@ -215,9 +176,9 @@ def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: fl
         mean = part.groupby("threshold_mm")["share"].mean()
         n = part["tower"].nunique()
         left.plot(mean.index, mean, color=color, marker=marker, linestyle=dash, label=f"{name}: mean of {n} towers")
-        shares = part.loc[part["threshold_mm"] == nearest, "share"].to_numpy()
+        shares = np.sort(part.loc[part["threshold_mm"] == nearest, "share"])
         across = np.linspace(-0.16, 0.16, len(shares)) if len(shares) > 1 else np.zeros(1)
-        right.plot(i + across, np.sort(shares), marker, color=color, markersize=3, alpha=0.5)
+        right.plot(i + across, shares, marker, color=color, markersize=3, alpha=0.5)
         at = summary[(summary["set"] == name) & (summary["threshold_mm"] == nearest)]
         ((mean, low),) = at[["mean", "low"]].to_numpy()
         right.errorbar(i + 0.32, mean, mean - low, fmt="D", color=color, markersize=4, capsize=2)
@@ -231,15 +192,10 @@ def figure_movable(fractions: pd.DataFrame, summary: pd.DataFrame, threshold: fl
     return figure, fractions[["set", "tower", "threshold_mm", "share"]].reset_index(drop=True)
 
 
-_CURVE = ("policy", "size", "mean", "low", "high", "n")
-
-
 def _counted(n: pd.Series) -> str:
     """Number of towers behind the values."""
     low, high = int(n.min()), int(n.max())
-    if low == high:
-        return "1 tower" if low == 1 else f"{low} towers"
-    return f"{low} to {high} towers"
+    return f"{low} to {high} towers" if low < high else "1 tower" if low == 1 else f"{low} towers"
 
 
 def _beside(ax: Axes, marks: list[tuple[str, float, str]]) -> None:
@@ -250,31 +206,24 @@ def _beside(ax: Axes, marks: list[tuple[str, float, str]]) -> None:
     for text, level, color in sorted(marks, key=lambda mark: mark[1]):
         place = max(level, places[-1] + least) if places else level
         places.append(place)
-        ax.annotate(
-            text,
-            (1.0, level),
-            (1.04, place),
-            xycoords=ax.get_yaxis_transform(),
-            textcoords=ax.get_yaxis_transform(),
-            color=color,
-            fontsize=7,
-            va="center",
-            arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.5, "shrinkA": 1, "shrinkB": 0},
-        )
+        line = {"arrowstyle": "-", "color": color, "linewidth": 0.5, "shrinkA": 1, "shrinkB": 0}
+        look = {"color": color, "fontsize": 7, "va": "center", "arrowprops": line}
+        across = ax.get_yaxis_transform()
+        ax.annotate(text, (1.0, level), (1.04, place), xycoords=across, textcoords=across, **look)
 
 
 def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
     """One bar with its interval, its counts at the right and the thesis's number as a mark."""
     ax.barh(y, 100 * np.nan_to_num(row.share), height=0.34, **look)
-    if row.attempts > 0:
+    tried, published = row.attempts > 0, np.isfinite(row.published)
+    if tried:
         ax.plot([100 * row.low, 100 * row.high], [y, y], color=INK, linewidth=0.8)
-    if np.isfinite(row.published):
-        ax.plot(100 * row.published, y, "D", color="#D55E00", markersize=3.5, markeredgecolor="white", zorder=3)
-    tried = row.attempts > 0
+    if published:
+        ax.plot(100 * row.published, y, "D", color=RED, markersize=3.5, markeredgecolor="white", zorder=3)
     texts = (
         f"{row.successes:.0f} / {row.attempts:.0f}",
         f"{100 * row.low:.0f} to {100 * row.high:.0f} %" if tried else "none tried",
-        f"{100 * row.published:.1f} %" if np.isfinite(row.published) else "",
+        f"{100 * row.published:.1f} %" if published else "",
     )
     for place, text in zip(COLUMNS, texts):
         _aside(ax, 1.0, place, y, text, fontsize=6.5)
@@ -282,5 +231,4 @@ def _success_row(ax: Axes, row: tuple, y: float, look: dict) -> None:
 
 def _aside(ax: Axes, edge: float, points: float, y: float, text: str, **look: object) -> None:
     """Text at height y that ends `points` away from an edge (0 left, 1 right) of the panel."""
-    offset = {"xytext": (points, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
-    ax.annotate(text, (edge, y), xycoords=ax.get_yaxis_transform(), **(offset | look))
+    note(ax, text, (edge, y), (points, 0), xycoords=ax.get_yaxis_transform(), ha="right", va="center", **look)

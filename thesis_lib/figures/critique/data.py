@@ -6,7 +6,6 @@ Arcs are the flights that the critique fitted on either side of each impact, wit
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -14,13 +13,14 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.results.tables import left_out_impacts
-from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
 from thesis_lib.figures.critique.errors import set_title
+from thesis_lib.figures.critique.where import axis_label
+from thesis_lib.figures.marks import BLUE, RED, note
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
 PANEL = 1.3  # width of a trial's panel over its height
 TRIALS = 3  # trials drawn
-USED, LEFT_OUT, ARC = "#0072B2", "#D55E00", "0.45"
+USED, LEFT_OUT, ARC = BLUE, RED, "0.45"
 STATES = ("v_t", "v_n", "omega", "theta")
 
 
@@ -40,7 +40,13 @@ def draw_data(critique: Critique) -> Drawn:
         for ax, trial in zip(axes, shown):
             rows += _path(ax, critique, int(trial))
         axes[0].set_ylabel("height $y$ (m)")
-        _path_legend(parts[0])
+        handles = [
+            Line2D([], [], color="0.6", marker=".", linestyle="", markersize=3, label="samples"),
+            Line2D([], [], color=INK, linewidth=1.1, label="fitted flight"),
+            Line2D([], [], color=USED, marker="o", linewidth=0.8, label="impact used"),
+            Line2D([], [], color=LEFT_OUT, marker="x", linestyle=(0, (2, 1.5)), linewidth=0.8, label="impact left out"),
+        ]
+        parts[0].legend(handles=handles, loc="outside upper left", ncols=4)
     table = features(critique.ladder[0][1], o)
     held_out = np.isin(o.trial, np.unique(critique.held_out.trial))
     below = parts[int(has_paths)]
@@ -62,16 +68,10 @@ def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
     counts = np.array([*left_out.to_numpy(), used])
     ax.barh(range(len(names)), counts, color=[LEFT_OUT] * len(left_out) + [USED], height=0.7)
     for i, count in enumerate(counts):
-        ax.annotate(f"{count}", (count, i), xytext=(3, 0), textcoords="offset points", va="center", fontsize=7)
+        note(ax, f"{count}", (count, i), (3, 0), va="center", fontsize=7)
     ax.set_yticks(range(len(names)), names)
     ax.set(xlabel="impacts detected", xlim=(0, 1.1 * counts.max()))
     return [("impacts", name, np.nan, np.nan, float(n), np.nan) for name, n in zip(names, counts)]
-
-
-def left_out_share(critique: Critique) -> float:
-    """Share of the detected impacts that were left out."""
-    out = len(left_out_impacts(critique.observations))
-    return out / max(out + len(critique.observations), 1)
 
 
 def data_sentence(critique: Critique) -> str:
@@ -79,7 +79,7 @@ def data_sentence(critique: Critique) -> str:
     o = critique.observations
     out = len(left_out_impacts(o))
     text = f"{len(o)} impacts of {len(np.unique(o.trial))} trials are used"
-    return f"{text}; {out} ({100 * left_out_share(critique):.0f} %) were left out" if out else f"{text}, none left out"
+    return f"{text}; {out} ({100 * out / (out + len(o)):.0f} %) were left out" if out else f"{text}, none left out"
 
 
 def trials_to_show(critique: Critique) -> np.ndarray:
@@ -108,15 +108,10 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     for hit in hits.itertuples():
         angle, at_x, at_y = (np.interp(hit.t, t, values) for values in (theta, x, y))
         cos, sin = np.cos(angle), np.sin(angle)
-        color = USED if hit.used else LEFT_OUT
-        ax.plot(
-            at_x + cos * outline[:, 0] - sin * outline[:, 1],
-            at_y + sin * outline[:, 0] + cos * outline[:, 1],
-            color=color,
-            linewidth=0.8,
-            linestyle="-" if hit.used else (0, (2, 1.5)),
-            zorder=2,
-        )
+        color, dash = (USED, "-") if hit.used else (LEFT_OUT, (0, (2, 1.5)))
+        edge_x = at_x + cos * outline[:, 0] - sin * outline[:, 1]
+        edge_y = at_y + sin * outline[:, 0] + cos * outline[:, 1]
+        ax.plot(edge_x, edge_y, color=color, linewidth=0.8, linestyle=dash, zorder=2)
         ax.plot(at_x, at_y, "o" if hit.used else "x", color=color, markersize=3.5, zorder=4)
         rows.append(("path", "impact" if hit.used else "impact left out", at_x, at_y, np.nan, trial))
     step = source.rate and 1.0 / source.rate
@@ -145,34 +140,15 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     return rows
 
 
-def _path_legend(part: SubFigure) -> None:
-    handles = [
-        Line2D([], [], color="0.6", marker=".", linestyle="", markersize=3, label="samples"),
-        Line2D([], [], color=INK, linewidth=1.1, label="fitted flight"),
-        Line2D([], [], color=USED, marker="o", linewidth=0.8, label="impact used"),
-        Line2D([], [], color=LEFT_OUT, marker="x", linestyle=(0, (2, 1.5)), linewidth=0.8, label="impact left out"),
-    ]
-    part.legend(handles=handles, loc="outside upper left", ncols=4)
-
-
 def _histogram(ax: Axes, name: str, values: np.ndarray, held: np.ndarray) -> list[tuple]:
     low, high = np.quantile(values, [0.002, 0.998])
     edges = np.linspace(low, high, 21) if high > low else np.linspace(low - 0.5, high + 0.5, 3)
     values = np.clip(values, edges[0], edges[-1])
     kinds = (("training", ~held, "0.8"), ("held out", held, USED))
     counts = [np.histogram(values[rows], edges)[0] for _, rows, _ in kinds]
-    ax.hist(
-        [edges[:-1]] * 2,
-        edges,
-        weights=counts,
-        stacked=True,
-        color=[color for *_, color in kinds],
-        edgecolor="white",
-        linewidth=0.3,
-    )
-    unit = unit_of(name)
-    label = FEATURE_LABEL[name].replace("velocity ", "velocity\n").replace("angle ", "angle\n")
-    ax.set_xlabel(f"{label} ({unit})" if unit else label)
+    look = {"color": [color for *_, color in kinds], "edgecolor": "white", "linewidth": 0.3}
+    ax.hist([edges[:-1]] * 2, edges, weights=counts, stacked=True, **look)
+    ax.set_xlabel(axis_label(name).replace("velocity ", "velocity\n").replace("angle ", "angle\n"))
     ax.locator_params(nbins=4)
     middle = 0.5 * (edges[1:] + edges[:-1])
     return [

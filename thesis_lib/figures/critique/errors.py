@@ -16,31 +16,31 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.results.numbers import BASE_NAMES, compensated, ladder_table, law_errors, parameter_table
 from thesis_lib.critique.results.titles import GREEK, effect_title, handy_unit, law_title, rung_title
 from thesis_lib.figures.law_style import LAW_STYLE
+from thesis_lib.figures.marks import BLUE, RED, SKY, YELLOW, note, white_box
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 from thesis_lib.statistics.wording import listed, number
 
-BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito; the second is darker in grey
+BEFORE, AFTER = RED, BLUE  # Okabe and Ito; the second is darker in grey
 TITLE_WIDTH = 76  # characters per line of a figure's title
 LABEL_WIDTH = 34  # characters per line of a rung's label
 SAME_BOUND = 0.02  # relative difference up to which two bounds are one line
 ALIKE = 0.1  # relative difference of errors up to which the choice of law does not matter
 FAR = 8.0  # misfit in units of noise above which its axis is logarithmic
 CHANNELS = {"flight": ("o", "flight"), "meet": ("^", "poses"), "touch": ("s", "gap")}
-BUDGET_LOOK = {  # by term: grey value falls from left to right, so that the bar reads without colour
-    "noise": ("noise", "#dddddd", ""),
-    "parameters": ("parameters", "#56B4E9", "...."),
-    "choice_of_law": ("choice of law", "#E69F00", "////"),
-    "rigid_point_contact": ("rigid point contact", "#0072B2", "\\\\\\\\"),
-    "rest": ("rest", "#333333", ""),
+BUDGET_LOOK = {  # color and hatch by term: grey value falls from left to right, so that the bar reads without colour
+    "noise": ("#dddddd", ""),
+    "parameters": (SKY, "...."),
+    "choice_of_law": (YELLOW, "////"),
+    "rigid_point_contact": (BLUE, "\\\\\\\\"),
+    "rest": ("#333333", ""),
 }
 
 
 def set_title(figure: Figure, text: str, width: int = TITLE_WIDTH) -> None:
     """The sentence above all panels that states what the figure shows."""
-    figure.suptitle(
-        textwrap.fill(text, width, break_on_hyphens=False), x=0.01, ha="left", fontsize=9, fontweight="bold"
-    )
+    text = textwrap.fill(text, width, break_on_hyphens=False)
+    figure.suptitle(text, x=0.01, ha="left", fontsize=9, fontweight="bold")
 
 
 def step_label(critique: Critique, i: int) -> str:
@@ -74,38 +74,36 @@ def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn
     ax.plot(table["error"], y, color=GREY, linewidth=0.8, zorder=1)
     error_dots(ax, table["error"], table["error_low"], table["error_high"], y, color=INK)
     for i, row in table.iterrows():
-        ax.annotate(
-            number(row["error"]),
-            (row["error"], i),
-            xytext=(0, 6),
-            textcoords="offset points",
-            ha="center",
-            fontsize=7,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.85},
-        )
+        look = {"ha": "center", "fontsize": 7, "bbox": white_box(0.4, 0.85)}
+        note(ax, number(row["error"]), (row["error"], i), (0, 6), **look)
     ax.set_yticks(y, labels)
     ax.set_ylim(len(table) - 0.4, -0.75)
     readable_log(ax, [*table["error_low"], *table["error"], *lines.values()], [*table["error_high"], *lines.values()])
     ax.set_xlabel("held-out error of the velocity after impact (m/s)")
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     if channels:
-        side = axes[1]
-        side.axvline(1.0, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
-        shift = np.linspace(-0.14, 0.14, len(channels)) if len(channels) > 1 else [0.0]
-        for name, dy in zip(channels, shift):
-            marker, text = CHANNELS[name]
-            side.plot(table[name], y + dy, marker, color=INK, markerfacecolor="white", markersize=4, label=text)
-        largest = float(table[channels].max(axis=None))
-        if largest > FAR:
-            readable_log(side, [*table[channels].min(), 0.8], [*table[channels].max(), 1.3])
-        else:
-            side.set_xlim(0.0, max(1.15 * largest, 1.6))
-        side.set_xlabel("misfit (noise = 1)")
-        side.tick_params(axis="y", left=False)
-        side.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=3, handletextpad=0.1, columnspacing=0.8)
+        _draw_misfits(axes[1], table[channels])
     set_title(figure, ladder_sentence(critique))
     bounds = pd.DataFrame({"label": list(lines), "error": list(lines.values())})
     return figure, pd.concat([table, bounds], ignore_index=True)
+
+
+def _draw_misfits(ax: Axes, misfits: pd.DataFrame) -> None:
+    """Misfit of each channel (columns) at each rung (rows)."""
+    ax.axvline(1.0, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
+    shift = np.linspace(-0.14, 0.14, misfits.shape[1]) if misfits.shape[1] > 1 else [0.0]
+    for name, dy in zip(misfits, shift):
+        marker, text = CHANNELS[name]
+        look = {"color": INK, "markerfacecolor": "white", "markersize": 4, "label": text}
+        ax.plot(misfits[name], np.arange(len(misfits)) + dy, marker, **look)
+    largest = float(misfits.max(axis=None))
+    if largest > FAR:
+        readable_log(ax, [*misfits.min(), 0.8], [*misfits.max(), 1.3])
+    else:
+        ax.set_xlim(0.0, max(1.15 * largest, 1.6))
+    ax.set_xlabel("misfit (noise = 1)")
+    ax.tick_params(axis="y", left=False)
+    ax.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=3, handletextpad=0.1, columnspacing=0.8)
 
 
 def ladder_sentence(critique: Critique) -> str:
@@ -123,7 +121,7 @@ def ladder_sentence(critique: Critique) -> str:
 
 
 @house_style
-def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
+def draw_laws(critique: Critique) -> Drawn:
     """Held-out error and log score of the six laws without effects, beside Best Post Hoc, IRB bound and floor."""
     table, best = law_errors(critique)
     figure = new_figure(height=3.0)
@@ -151,22 +149,19 @@ def draw_laws(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
 
 def laws_sentence(table: pd.DataFrame) -> str:
     """How much the choice of law matters."""
-    worst, best = table.iloc[-1], table.iloc[0]
-    alike = table[table["error"] <= (1.0 + ALIKE) * best["error"]]
-    if len(alike) < len(table) and len(alike) >= len(table) / 2:
-        return (
-            f"{len(alike)} of {len(table)} laws err alike on held-out impacts, by {number(best['error'])} to "
-            f"{number(alike['error'].iloc[-1])} m/s; "
-            f"{law_title(worst['model'])} errs most, by {number(worst['error'])} m/s"
-        )
+    (best, *_, worst), (least, *_, most) = table["model"].map(law_title), table["error"]
+    alike = table.loc[table["error"] <= (1.0 + ALIKE) * least, "error"]
     if len(alike) == len(table):
+        all_six = f"all six err by {number(least)} to {number(most)} m/s on held-out impacts"
+        return f"The choice of law hardly matters: {all_six}"
+    if len(alike) >= len(table) / 2:
         return (
-            f"The choice of law hardly matters: all six err by {number(best['error'])} to "
-            f"{number(worst['error'])} m/s on held-out impacts"
+            f"{len(alike)} of {len(table)} laws err alike on held-out impacts, by {number(least)} to "
+            f"{number(alike.iloc[-1])} m/s; {worst} errs most, by {number(most)} m/s"
         )
     return (
-        f"The choice of law matters: held-out errors range from {number(best['error'])} m/s "
-        f"({law_title(best['model'])}) to {number(worst['error'])} m/s ({law_title(worst['model'])})"
+        f"The choice of law matters: held-out errors range from {number(least)} m/s ({best}) to {number(most)} m/s "
+        f"({worst})"
     )
 
 
@@ -179,23 +174,17 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
     ax = figure.add_subplot()
     left = 0.0
     for row in table.itertuples():
-        label, color, hatch = BUDGET_LOOK.get(row.part, (row.part.replace("_", " "), "#999999", ""))
+        label = row.part.replace("_", " ")
+        color, hatch = BUDGET_LOOK.get(row.part, ("#999999", ""))
         share = 100.0 * row.mean_square / total
         ax.barh(0, share, left=left, color=color, hatch=hatch, edgecolor="white", linewidth=0.6)
         # the part is 0 if the noise is unknown: that does not mean data without noise
         text = f"{label} {number(share, 2)} %" if row.part != "noise" or share > 0 else f"{label} unknown"
         ax.barh(0, 0, color=color, hatch=hatch, edgecolor="white", label=text)
         if share > 7:
-            light = row.part in ("rest", "rigid_point_contact")
-            box = {"facecolor": color, "edgecolor": "none", "pad": 1.0}
-            ax.text(
-                *(left + share / 2, 0, f"{share:.0f} %"),
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="white" if light else "black",
-                bbox=box,
-            )
+            shade = "white" if row.part in ("rest", "rigid_point_contact") else "black"
+            look = {"ha": "center", "va": "center", "fontsize": 7, "color": shade}
+            ax.text(left + share / 2, 0, f"{share:.0f} %", bbox=white_box(1.0) | {"facecolor": color}, **look)
         left += share
     ax.set(yticks=[], xlim=(0, 100))
     ax.spines["left"].set_visible(False)
@@ -246,13 +235,9 @@ def draw_parameters(critique: Critique) -> Drawn:
 
 def symbol_of(name: str) -> str:
     """A parameter's name as mathematics: Greek letters and subscripts."""
-    first, *rest = [_glyph(part) for part in name.split("_")]
+    parts = [GREEK.get(part, part) for part in name.split("_")]
+    first, *rest = [part if len(part) == 1 else rf"\mathrm{{{part}}}" for part in parts]
     return f"${first}_{{{','.join(rest)}}}$" if rest else f"${first}$"
-
-
-def _glyph(part: str) -> str:
-    part = GREEK.get(part, part)
-    return part if len(part) == 1 else rf"\mathrm{{{part}}}"
 
 
 def parameters_sentence(critique: Critique) -> str:
@@ -267,10 +252,8 @@ def parameters_sentence(critique: Critique) -> str:
     moved = compensated(critique)
     if moved.empty:
         return "No parameter of the base law had compensated for what was missing: none moves by much"
-    parts = [
-        f"{names.get(r.parameter, r.parameter)} moves from {number(r.before)} to {number(r.after)}"
-        for r in moved.itertuples()
-    ]
+    rows = zip(moved["parameter"], moved["before"], moved["after"])
+    parts = [f"{names.get(name, name)} moves from {number(before)} to {number(after)}" for name, before, after in rows]
     return "What had compensated for the missing effects: " + " and ".join(parts)
 
 

@@ -19,22 +19,17 @@ NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "ladder", "p
 def pictures(critique: Critique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None) -> dict[str, Drawn]:
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
-    The pictures of the error budget and of flights are left out without table `budget` or enough flights.
-
-    Args:
-        tables: `ladder`, `comparison` (IRB bound) and `budget`.
-        where: content of where.json.
+    `tables`: `ladder`, `comparison` (IRB bound) and `budget`; `where`: content of where.json.  The pictures of the
+    error budget and of flights are left out without table `budget` or enough flights.
     """
     tables = tables or {}
-    drawn = {"data": draw_data(critique), "laws": draw_laws(critique, tables)}
+    drawn = {"data": draw_data(critique), "laws": draw_laws(critique)}
     if "budget" in tables:
         drawn["budget"] = draw_budget(tables)
-    drawn["where"] = draw_where(critique, where)
-    drawn["residuals"] = draw_residuals(critique)
+    drawn |= {"where": draw_where(critique, where), "residuals": draw_residuals(critique)}
     if len(critique.observations.flights) > BINS:
         drawn["flights"] = draw_flights(critique)
-    drawn["ladder"] = draw_ladder(critique, tables)
-    drawn["parameters"] = draw_parameters(critique)
+    drawn |= {"ladder": draw_ladder(critique, tables), "parameters": draw_parameters(critique)}
     for figure, _ in drawn.values():
         settle(figure)
     return drawn

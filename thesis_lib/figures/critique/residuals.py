@@ -14,16 +14,12 @@ from matplotlib.figure import Figure
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.questions.flight_residuals import (
-    FLIGHT_UNITS,
-    flight_features,
-    flight_table,
-    relative_residuals,
-)
+from thesis_lib.critique.drops.questions import flight_residuals as flying
 from thesis_lib.critique.results.residual_numbers import bin_of, contact_residuals, dependence
 from thesis_lib.critique.results.titles import FEATURE_LABEL
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique.where import axis_label
+from thesis_lib.figures.marks import white_box
 from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.spread import MAD_TO_STD
@@ -33,7 +29,10 @@ SHOWN_FEATURES = 3
 BINS = 8
 WILD = 5.0  # robust standard deviations
 LITTLE = 0.05  # share of variance below which a dependence is not mentioned
-LOOKS = {"before": (BEFORE, "o", "base law"), "after": (AFTER, "s", "with the effects")}
+LOOKS = {
+    "before": {"color": BEFORE, "fmt": "o-", "label": "base law"},
+    "after": {"color": AFTER, "fmt": "s-", "label": "with the effects"},
+}
 FLIGHT_LABEL = FEATURE_LABEL | {
     "v_x": "velocity along the surface $v_x$",
     "v_y": "velocity upwards $v_y$",
@@ -45,19 +44,12 @@ FLIGHT_LABEL = FEATURE_LABEL | {
 
 @dataclass(frozen=True)
 class Residuals:
-    """Content of one picture.
+    """Content of one picture."""
 
-    Attributes:
-        components: names of the rows of panels, with their axis labels.
-        labels: axis label of each feature.
-        table: features, n rows.
-        values: residuals (n, components), by "before" and "after".
-    """
-
-    components: Mapping[str, str]
-    labels: Mapping[str, str]
-    table: pd.DataFrame
-    values: Mapping[str, np.ndarray]
+    components: Mapping[str, str]  # names of the rows of panels, with their axis labels
+    labels: Mapping[str, str]  # axis label of each feature
+    table: pd.DataFrame  # features, n rows
+    values: Mapping[str, np.ndarray]  # residuals (n, components), by "before" and "after"
 
     @property
     def shares(self) -> pd.DataFrame:
@@ -72,12 +64,8 @@ def draw_residuals(critique: Critique) -> Drawn:
     values = {kind: contact_residuals(fitted, o) for kind, fitted in _fits(critique).items()}
     symbols = {"tangential": r"$\delta v_t$", "normal": r"$\delta v_n$", "couple": r"$\delta\tau/k$"}
     table = features(critique.ladder[0][1], o)
-    shown = Residuals(
-        {name: f"{name} {symbol}\n(m/s)" for name, symbol in symbols.items()},
-        {name: axis_label(name) for name in table},
-        table,
-        values,
-    )
+    components = {name: f"{name} {symbol}\n(m/s)" for name, symbol in symbols.items()}
+    shown = Residuals(components, {name: axis_label(name) for name in table}, table, values)
     figure, rows = _panels(shown)
     set_title(figure, residuals_sentence(shown))
     return figure, rows
@@ -87,25 +75,19 @@ def draw_residuals(critique: Critique) -> Drawn:
 def draw_flights(critique: Critique) -> Drawn:
     """Residual accelerations of flights, in units of noise, against the state at mid-flight."""
     o = critique.observations
-    values = {kind: relative_residuals(fitted, o.flights, o.rig) for kind, fitted in _fits(critique).items()}
-    table = flight_features(critique.ladder[0][1], o.flights, o.rig)
-    units = {name: "" if unit == "1" else f" ({unit})" for name, unit in FLIGHT_UNITS.items()}
-    shown = Residuals(
-        {name: f"{name}\n(over noise)" for name in ("horizontal", "vertical", "angular")},
-        {name: FLIGHT_LABEL[name] + units[name] for name in table},
-        table,
-        values,
-    )
+    values = {kind: flying.relative_residuals(fitted, o.flights, o.rig) for kind, fitted in _fits(critique).items()}
+    table = flying.flight_features(critique.ladder[0][1], o.flights, o.rig)
+    units = {name: "" if unit == "1" else f" ({unit})" for name, unit in flying.FLIGHT_UNITS.items()}
+    components = {name: f"{name}\n(over noise)" for name in ("horizontal", "vertical", "angular")}
+    shown = Residuals(components, {name: FLIGHT_LABEL[name] + units[name] for name in table}, table, values)
     figure, _ = _panels(shown)
     set_title(figure, flights_sentence(critique, shown))
-    return figure, flight_table(critique)
+    return figure, flying.flight_table(critique)
 
 
 def _fits(critique: Critique) -> dict:
-    fits = {"before": critique.ladder[0][1]}
-    if len(critique.ladder) > 1:
-        fits["after"] = critique.ladder[-1][1]
-    return fits
+    rungs = {"before": critique.ladder[0]} | ({"after": critique.ladder[-1]} if len(critique.ladder) > 1 else {})
+    return {kind: fitted for kind, (_, fitted, _) in rungs.items()}
 
 
 def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
@@ -123,51 +105,30 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
             x = shown.table[name].to_numpy(float)
             ax.plot(x, before[:, i], ".", color="0.75", markersize=1.6, zorder=1, rasterized=True)
             for kind, residual in shown.values.items():
-                color, marker, kind_label = LOOKS[kind]
                 binned = _binned(x, residual[:, i])
-                ax.errorbar(
-                    *(binned["x"], binned["mean"]),
-                    yerr=Z95 * binned["std"],
-                    fmt=marker,
-                    linestyle="-",
-                    linewidth=1.0,
-                    color=color,
-                    markersize=3,
-                    capsize=1.5,
-                    label=kind_label,
-                    zorder=3,
-                )
+                look = LOOKS[kind] | {"linewidth": 1.0, "markersize": 3, "capsize": 1.5, "zorder": 3}
+                ax.errorbar(binned["x"], binned["mean"], yerr=Z95 * binned["std"], **look)
                 rows.append(binned.assign(component=component, feature=name, series=kind))
             ax.set(ylim=(-1.25 * spread, 1.25 * spread), xlim=np.quantile(x, [0.005, 0.995]))
-            ax.annotate(
-                f"explains {100 * shares.loc[component, name]:.0f} %",
-                (0.98, 0.97),
-                xycoords="axes fraction",
-                ha="right",
-                va="top",
-                fontsize=6.5,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
-            )
+            look = {"ha": "right", "va": "top", "fontsize": 6.5, "bbox": white_box(0.5, 0.8)}
+            text = f"explains {100 * shares.loc[component, name]:.0f} %"
+            ax.annotate(text, (0.98, 0.97), xycoords="axes fraction", **look)
             ax.locator_params(nbins=5)
             if i == len(shown.components) - 1:
                 ax.set_xlabel(shown.labels[name])
         axes[i, 0].set_ylabel(label)
     figure.align_ylabels(axes[:, 0])
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    columns = ["component", "feature", "series", "x", "mean", "std", "n"]
-    return figure, pd.concat(rows, ignore_index=True)[columns]
+    return figure, pd.concat(rows, ignore_index=True)[["component", "feature", "series", "x", "mean", "std", "n"]]
 
 
 def dependences(residual: np.ndarray, table: pd.DataFrame, components: Sequence[str]) -> pd.DataFrame:
-    """Share of the variance of each residual component (rows) that each feature's bins explain (columns).
+    """Share of the variance of each component (row) of residuals (n, components) that each feature (column) explains.
 
-    `residual`: (n, components), `table`: n rows.
+    `table` has n rows of features, which are binned.
     """
-    count = range(len(components))
-    return pd.DataFrame(
-        {name: [dependence(residual[:, i], table[name].to_numpy(float)) for i in count] for name in table},
-        index=list(components),
-    )
+    shares = {name: [dependence(part, table[name].to_numpy(float)) for part in residual.T] for name in table}
+    return pd.DataFrame(shares, index=list(components))
 
 
 def features_to_show(shares: pd.DataFrame) -> list[str]:
@@ -180,8 +141,7 @@ def features_to_show(shares: pd.DataFrame) -> list[str]:
 
 def residuals_sentence(shown: Residuals) -> str:
     """The strongest dependence, before and after."""
-    sentence = _strongest(shown)
-    return sentence or "The residuals of the base law depend on no single feature of the state"
+    return _strongest(shown) or "The residuals of the base law depend on no single feature of the state"
 
 
 def flights_sentence(critique: Critique, shown: Residuals) -> str:

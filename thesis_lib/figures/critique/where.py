@@ -19,13 +19,19 @@ from thesis_lib.critique.drops.words import plain_rule
 from thesis_lib.critique.results.residual_numbers import energy_disc, impact_errors
 from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
 from thesis_lib.figures.critique.errors import set_title
+from thesis_lib.figures.marks import BLUE, note, white_box
 from thesis_lib.figures.style import INK, Drawn, house_style, new_figure
 from thesis_lib.statistics.wording import number
 
 Box = tuple[float, float, float, float]
 # quantile of the errors at which the colour scale ends, so that a few large errors do not dominate it
 DARK = 0.95
-REGION_COLORS = ("#CC0000", "#0072B2", "black")
+POINTS = (  # of the energy disc: height, name, alignment, offset of the name
+    (-1, "nothing", "center", "top", (0, -4)),
+    (0, "dead stop", "left", "center", (5, 0)),
+    (1, "reversal", "center", "bottom", (0, 4)),
+)
+REGION_COLORS = ("#CC0000", BLUE, "black")
 
 
 def inside(region: Mapping, table: pd.DataFrame) -> np.ndarray | None:
@@ -68,14 +74,8 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
         if condition["absolute"]:
             parts = [(low, high), (-high, -low)] if low > 0.0 else [(-high, high)]
         k = 2 * axes.index(condition["feature"])
-        cut = []
-        for old in boxes:
-            for a, b in parts:
-                new = list(old)
-                new[k], new[k + 1] = max(old[k], a), min(old[k + 1], b)
-                if new[k] < new[k + 1]:
-                    cut.append(tuple(new))
-        boxes = cut
+        cut = [(*old[:k], max(old[k], a), min(old[k + 1], b), *old[k + 2 :]) for old in boxes for a, b in parts]
+        boxes = [new for new in cut if new[k] < new[k + 1]]
     return boxes
 
 
@@ -94,15 +94,10 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
     over = map_axes(regions)
     x, y = (table[name].to_numpy(float) for name in over)
     lines = [textwrap.fill(f"{i + 1}: {region_text(region)}", 110) for i, region in enumerate(regions)]
-    if len(errors) == 2:
-        figure = new_figure(height=5.3 + 0.15 * len(lines))
-        axes = figure.subplots(2, 2)
-    else:
-        figure = new_figure(height=2.9 + 0.15 * len(lines))
-        axes = figure.subplots(1, 2).reshape(2, 1)
+    figure = new_figure(height=(5.3 if len(errors) == 2 else 2.9) + 0.15 * len(lines))
+    axes = figure.subplots(len(errors), 2).reshape(2, len(errors))
     names = {"before": "base law", "after": "with the effects"}
     means = dict(zip(names, (critique.ladder[i][2].error.mean() for i in (0, -1))))
-    shown = None
     for column, (kind, error) in enumerate(errors.items()):
         ax = axes[0, column]
         shown = _tiles(ax, x, y, error, top)
@@ -112,31 +107,12 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
         _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
         turn = np.linspace(0.0, 2.0 * np.pi, 181)
         ax.plot(np.cos(turn), np.sin(turn), color=INK, linewidth=0.9)
-        for at_x, at_y, text, anchor in (
-            (0, -1, "nothing", "top"),
-            (0, 0, "dead stop", "center"),
-            (0, 1, "reversal", "bottom"),
-        ):
-            ax.plot(at_x, at_y, "+", color=INK, markersize=5, markeredgewidth=0.8)
-            ax.annotate(
-                text,
-                (at_x, at_y),
-                xytext=(5 if at_y == 0 else 0, {-1: -4, 0: 0, 1: 4}[at_y]),
-                textcoords="offset points",
-                ha="left" if at_y == 0 else "center",
-                va=anchor,
-                fontsize=6.5,
-                zorder=5,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.75},
-            )
-        ax.set(
-            aspect="equal",
-            xlim=(-1.3, 1.3),
-            ylim=(-1.3, 1.3),
-            xlabel="less ←  impulse against the slip  → more",
-            xticks=[-1, 0, 1],
-            yticks=[-1, 0, 1],
-        )
+        for height, text, ha, va, offset in POINTS:
+            ax.plot(0, height, "+", color=INK, markersize=5, markeredgewidth=0.8)
+            look = {"ha": ha, "va": va, "fontsize": 6.5, "zorder": 5, "bbox": white_box(0.4, 0.75)}
+            note(ax, text, (0, height), offset, **look)
+        ax.set(aspect="equal", xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+        ax.set_xlabel("less ←  impulse against the slip  → more")
         if len(errors) == 1:
             ax.set_title("energy disc")
     axes[0, 0].set_ylabel(axis_label(over[1]))
@@ -148,12 +124,10 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
         figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7)
     set_title(figure, where_sentence(critique, regions))
     data = table.assign(held_out=np.isin(o.trial, critique.held_out.trial).astype(int))
-    data = data.assign(disc_across=disc[:, 0], disc_along=disc[:, 1], error_before=errors["before"])
-    if "after" in errors:
-        data["error_after"] = errors["after"]
+    data = data.assign(disc_across=disc[:, 0], disc_along=disc[:, 1])
+    data = data.assign(**{f"error_{kind}": error for kind, error in errors.items()})
     for i, region in enumerate(regions):
-        mask = inside(region, table)
-        if mask is not None:
+        if (mask := inside(region, table)) is not None:
             data[f"region_{i + 1}"] = mask.astype(int)
     return figure, data
 
@@ -192,19 +166,9 @@ def _tiles(ax: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, top: float
         (x_low, x_high), (y_low, y_high) = np.quantile(x, [0.005, 0.995]), np.quantile(y, [0.005, 0.995])
         extent = (x_low, x_high, y_low, y_high)
     inner = (x >= extent[0]) & (x <= extent[1]) & (y >= extent[2]) & (y <= extent[3])
-    return ax.hexbin(
-        x[inner],
-        y[inner],
-        C=error[inner],
-        reduce_C_function=np.mean,
-        gridsize=(size, max(int(0.6 * size), 4)),
-        extent=extent,
-        cmap="cividis_r",
-        vmin=0.0,
-        vmax=top,
-        linewidths=0.2,
-        edgecolors="white",
-    )
+    look = {"cmap": "cividis_r", "vmin": 0.0, "vmax": top, "linewidths": 0.2, "edgecolors": "white"}
+    tiles = {"gridsize": (size, max(int(0.6 * size), 4)), "extent": extent, "reduce_C_function": np.mean}
+    return ax.hexbin(x[inner], y[inner], C=error[inner], **tiles, **look)
 
 
 def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> None:
@@ -214,18 +178,8 @@ def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> Non
         color = REGION_COLORS[i % len(REGION_COLORS)]
         for a, b, c, d in boxes_of(region, over, (x_low, x_high, y_low, y_high)) or ():
             ax.add_patch(Rectangle((a, c), b - a, d - c, fill=False, edgecolor=color, linewidth=1.4, clip_on=False))
-            ax.annotate(
-                str(i + 1),
-                (a, d),
-                xytext=(3, -3),
-                textcoords="offset points",
-                ha="left",
-                va="top",
-                fontsize=7,
-                color=color,
-                fontweight="bold",
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
-            )
+            look = {"ha": "left", "va": "top", "fontsize": 7, "fontweight": "bold", "bbox": white_box(0.6, 0.85)}
+            note(ax, str(i + 1), (a, d), (3, -3), color=color, **look)
     ax.set(xlim=(x_low, x_high), ylim=(y_low, y_high))
 
 

@@ -7,7 +7,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.figures.chapter5 import showcase as figures
-from thesis_lib.figures.chapter5.study import figure_game
+from thesis_lib.figures.chapter5.render import figure_game
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator

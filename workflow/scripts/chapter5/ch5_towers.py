@@ -6,7 +6,8 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter5 import study as figures
+from thesis_lib.figures.chapter5.render import figure_5_5a
+from thesis_lib.figures.chapter5.study import figure_movable
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.jenga.study import tower_study as study
@@ -20,5 +21,5 @@ summary = study.movable_summary(shares, scans)
 write_result(summary, out.summary)
 write_result(study.fidelity(scans["development"][0], setup, say=print), out.fidelity)
 folder = Path(out.movable).parent
-save_figure(*figures.figure_movable(shares, summary, setup.movable.threshold_mm), folder / "figure_movable")
-save_figure(*figures.figure_5_5a(*study.settled(setup)), folder / "figure_5_5a")
+save_figure(*figure_movable(shares, summary, setup.movable.threshold_mm), folder / "figure_movable")
+save_figure(*figure_5_5a(*study.settled(setup)), folder / "figure_5_5a")
