@@ -82,7 +82,7 @@ def test_closest_point_is_the_lowest_of_the_outline(make):
     body, rng = make(), np.random.default_rng(0)
     for theta in rng.uniform(-4.0, 4.0, 10):
         q = np.array([0.3, 5.0, theta])
-        P, gap, _ = closest_point(body, q)
+        P, gap = closest_point(body, q)
         outline = outline_at(body, q)
         lowest = outline[outline[:, 1].argmin()]
         assert gap == pytest.approx(P[1], abs=EXACT)

@@ -49,7 +49,8 @@ def pairs() -> pd.DataFrame:
         ("hma", "oracle", 100, -4.2, -6.0, -2.5, 20),
         ("rule", "always_push", 0, 9.4, 7.9, 11.0, 20),
     ]
-    return pd.DataFrame(rows, columns=["policy", "rival", "size", "difference", "low", "high", "n"])
+    table = pd.DataFrame(rows, columns=["policy", "rival", "size", "difference", "low", "high", "n"])
+    return table.assign(rival_size=table["size"])
 
 
 def success() -> pd.DataFrame:
@@ -160,7 +161,7 @@ def test_a_difference_is_filled_only_if_its_interval_is_clear_of_zero():
 
 
 def test_each_number_of_samples_has_its_panel_and_each_rival_its_row():
-    ppo = pd.DataFrame([("hma", "ppo", 100, 9.0, 7.0, 11.0, 20)], columns=pairs().columns)
+    ppo = pd.DataFrame([("hma", "ppo", 100, 9.0, 7.0, 11.0, 20)], columns=pairs().columns[:-1])
     at_100 = pd.concat([pairs().head(5), ppo], ignore_index=True)
     table = pd.concat([at_100, at_100.assign(size=1000, difference=at_100["difference"] + 1)])
     other = {"rule": 0, "oracle": 0, "ppo": 20000}

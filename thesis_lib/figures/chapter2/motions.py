@@ -148,19 +148,17 @@ def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, Record]]) -> Drawn:
 
 
 @house_style
-def figure_2_14(dataset: Dataset, trial: int | None = None) -> Drawn:
-    """Falling body: a sparse sub-sample of one trial (by default the first) up to its third impact.
+def figure_2_14(dataset: Dataset) -> Drawn:
+    """Falling body: a sparse sub-sample of the first trial up to its third impact.
 
     Raises:
-        UserError: the dataset has no trajectories, or not this trial.
+        UserError: the dataset has no trajectories.
     """
     if dataset.trajectories is None:
         raise UserError(f"Dataset {dataset.name!r} has no trajectories.csv, so there is no falling body to draw.")
     table = dataset.trajectories
-    trial = int(table["trial"].min()) if trial is None else trial
+    trial = int(table["trial"].min())
     samples = table[table["trial"] == trial]
-    if samples.empty:
-        raise UserError(f"Dataset {dataset.name!r} has no trial {trial}.")
     q, t = samples[["x", "y", "theta"]].to_numpy(float), samples["t"].to_numpy(float)
     end = _end_of_bounces(dataset, q)
     body = PlanarFreeBody(dataset.shape, 1.0, dataset.k_g**2)

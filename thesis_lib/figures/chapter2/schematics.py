@@ -25,13 +25,13 @@ from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 DASHED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (5, 3))}
 
 
-def closest_point(body: PlanarFreeBody, q: np.ndarray) -> tuple[np.ndarray, float, int]:
-    """Point P (2,) in m of a body at pose q (3,) closest to the surface, its gap φ_n in m, and its pair's number."""
+def closest_point(body: PlanarFreeBody, q: np.ndarray) -> tuple[np.ndarray, float]:
+    """Point P (2,) in m of a body at pose q (3,) closest to the surface, and its gap φ_n in m."""
     q = np.asarray(q, dtype=float)
     contacts = body.contacts_of(q[None])
     pair = int(np.argmin(contacts.phi[0]))
     # J_n = [0, 1, r_x], J_t = [1, 0, -r_y]
-    return q[:2] + [contacts.J_n[0, pair, 2], -contacts.J_t[0, pair, 2]], float(contacts.phi[0, pair]), pair
+    return q[:2] + [contacts.J_n[0, pair, 2], -contacts.J_t[0, pair, 2]], float(contacts.phi[0, pair])
 
 
 @house_style
@@ -223,7 +223,7 @@ def _falling_body(
 ) -> tuple[Sketch, np.ndarray, float]:
     """A body above the surface with θ, P and φ_n, drawn `width` inches wide; also returns P (2,) and its gap in m."""
     q = np.asarray(q, dtype=float)
-    P, gap, _ = closest_point(body, q)
+    P, gap = closest_point(body, q)
     if gap <= 0.0 or (origin and P[0] <= 0.0):
         raise UserError(f"The schematic shows a body above the surface, right of the origin; its P is {P} m.")
     centre, size = q[:2], body.shape.extent

@@ -66,19 +66,19 @@ EXAMPLE = Example()
 
 
 @house_style
-def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
+def figure_3_1(body: Body) -> Drawn:
     """Planar body that touches the surface: pose, velocity, contact point C and contact frame."""
-    r = example.contact_point(body)[0]
+    r = EXAMPLE.contact_point(body)[0]
     centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
-    outline = centre + turned(body.shape.outline(), example.theta)
+    outline = centre + turned(body.shape.outline(), EXAMPLE.theta)
     size = body.shape.extent
-    speed = 0.55 * size / np.hypot(*example.v[:2])
-    axis = centre + np.array([[-1.0], [1.35]]) * size * unit(example.theta)
+    speed = 0.55 * size / np.hypot(*EXAMPLE.v[:2])
+    axis = centre + np.array([[-1.0], [1.35]]) * size * unit(EXAMPLE.theta)
     vectors = {
         "r": (centre, contact - centre),
         "t": (contact, np.array([0.75 * size, 0.0])),
         "n": (contact, np.array([0.0, 0.75 * size])),
-        "v": (centre, speed * np.array(example.v[:2])),
+        "v": (centre, speed * np.array(EXAMPLE.v[:2])),
     }
 
     figure = new_figure(4.0, 2.3)
@@ -87,9 +87,9 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     draw_body(ax, outline, left, right, 0.16 * size)
     ax.plot(*axis.T, color=GREY, linestyle=(0, (6, 3)), linewidth=0.8)
     ax.plot([centre[0], centre[0] + 1.35 * size], [centre[1]] * 2, color=GREY, linewidth=0.8)
-    turn = sorted((0.0, np.degrees(example.theta)))
+    turn = sorted((0.0, np.degrees(EXAMPLE.theta)))
     ax.add_patch(Arc(centre, 2.0 * size, 2.0 * size, theta1=turn[0], theta2=turn[1], color=INK, linewidth=0.8))
-    _label(ax, centre + 1.12 * size * unit(0.5 * example.theta), r"$\theta$")
+    _label(ax, centre + 1.12 * size * unit(0.5 * EXAMPLE.theta), r"$\theta$")
     looks = {"r": (BLUE, (-0.13, 0.1)), "t": (RED, (0.05, 0.13)), "n": (RED, (0.12, 0.0)), "v": (GREEN, (0.14, 0.0))}
     for name, (start, vector) in vectors.items():
         color, beside = looks[name]
@@ -114,9 +114,9 @@ def figure_3_1(body: Body, example: Example = EXAMPLE) -> Drawn:
 
 
 @house_style
-def figure_3_2(body: Body, example: Example = EXAMPLE) -> Drawn:
+def figure_3_2(body: Body) -> Drawn:
     """Energy ellipse with the admissible set shaded, and the lines of sticking and of maximum compression."""
-    space, axis = example.space(body), ImpulseAxis.of(body.mass is not None)
+    space, axis = EXAMPLE.space(body), ImpulseAxis.of(body.mass is not None)
     figure = new_figure(4.6, 3.6, layout="compressed")
     ax = figure.add_subplot()
     rows = draw_ellipse(ax, space, axis, labels=True)
@@ -126,13 +126,13 @@ def figure_3_2(body: Body, example: Example = EXAMPLE) -> Drawn:
 
 
 @house_style
-def figure_3_3(body: Body, coverage: pd.DataFrame | None = None, example: Example = EXAMPLE) -> Drawn:
+def figure_3_3(body: Body, coverage: pd.DataFrame) -> Drawn:
     """Regions of the six laws in the energy ellipse, as published (upper row) and as defined (lower row).
 
     `coverage` (law, share) gives the mean share of the admissible set covered by a law, for the legend.
     """
-    space, axis = example.space(body), ImpulseAxis.of(body.mass is not None)
-    shares = {} if coverage is None else dict(zip(coverage["law"], coverage["share"]))
+    space, axis = EXAMPLE.space(body), ImpulseAxis.of(body.mass is not None)
+    shares = dict(zip(coverage["law"], coverage["share"]))
     figure = new_figure(5.0, 5.8, layout="compressed")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     parts = []

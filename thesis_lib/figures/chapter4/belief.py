@@ -15,7 +15,7 @@ from thesis_lib.figures.marks import BLUE, GREEN, RED, VIOLET
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
 CONTACT_COLORS = (RED, GREEN, BLUE, VIOLET)
-CONTACT_NAMES = ("start", "after the first contact", "after the second contact", "after the third contact")
+CONTACT_NAMES = ("start", "after the first contact", "after the second contact")
 DRAWN = 60  # particles of each contact that are drawn
 
 
@@ -27,15 +27,15 @@ def draw_density(ax: Axes, grid: np.ndarray, density: np.ndarray, color: str, la
 
 
 @house_style
-def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon, contacts: int = 2) -> Drawn:
-    """Measured throw until the last of `contacts`, with outlines of samples from the belief over it.
+def figure_4_3(poses: pd.DataFrame, samples: pd.DataFrame, shape: Polygon) -> Drawn:
+    """Measured throw until its second contact, with outlines of samples from the belief over it.
 
     `poses`: trial, t (s), x, y (m), theta (rad), as measured; `samples`: the same of a single trial, and contact.
     """
     trial = int(samples["trial"].iloc[0])
     figure = new_figure(height=3.2)
     ax = figure.add_subplot()
-    shown = samples[samples["contact"] <= contacts]
+    shown = samples[samples["contact"] <= 2]
     rows = []
     for contact, part in shown.groupby("contact"):
         particles = part.head(DRAWN)

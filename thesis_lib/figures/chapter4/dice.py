@@ -21,6 +21,7 @@ MODEL_STYLE = {
     "compliant_residual": (GREEN, "-", "compliant contact + residual"),
 }
 OUTLINES = 26  # of a whole throw in figure 4-7
+AFTER = 0.06  # s past the first contact shown in figure 4-9
 SHOWN = 4.0  # sides; the table gives the share of larger errors
 
 
@@ -72,10 +73,8 @@ def figure_4_8(throws: pd.DataFrame) -> Drawn:
 
 
 @house_style
-def figure_4_9(
-    poses: pd.DataFrame, hits: pd.DataFrame, shape: Polygon, easy: int, hard: int, after: float = 0.06
-) -> Drawn:
-    """A hard (left) and an easy throw about their first contact: outlines at all samples until `after` s past it.
+def figure_4_9(poses: pd.DataFrame, hits: pd.DataFrame, shape: Polygon, easy: int, hard: int) -> Drawn:
+    """A hard (left) and an easy throw about their first contact: outlines at all samples until shortly after it.
 
     `poses`: trial, t, x, y, theta; `hits`: trial, t of detected hits; `easy` and `hard` are numbers of trials.
     """
@@ -84,7 +83,7 @@ def figure_4_9(
     tables = []
     for ax, trial, title in zip(axes, (hard, easy), ("hard to predict", "easy to predict")):
         first = float(hits.loc[hits["trial"] == trial, "t"].min())
-        part = poses[(poses["trial"] == trial) & (poses["t"] <= first + after)]
+        part = poses[(poses["trial"] == trial) & (poses["t"] <= first + AFTER)]
         for pose, t in zip(part[["x", "y", "theta"]].to_numpy(), part["t"]):
             draw_outline(ax, shape, pose, color=BLUE if t <= first else RED, linewidth=0.5, alpha=0.55)
         ax.plot([], [], color=BLUE, label="before the first contact")

@@ -15,7 +15,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.figures.chapter3.contact_space import EXAMPLE, Example, draw_body, draw_ellipse
+from thesis_lib.figures.chapter3.contact_space import EXAMPLE, draw_body, draw_ellipse
 from thesis_lib.figures.marks import BLUE, GREEN, RED, arrow, turned
 from thesis_lib.figures.style import GREY, INK, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.residual.learners.features import impulse_of
@@ -24,14 +24,14 @@ MERIDIANS, POINTS = 12, 73
 
 
 @house_style
-def figure_4_1(body: Body, example: Example = EXAMPLE) -> Drawn:
+def figure_4_1(body: Body) -> Drawn:
     """Planar body that touches a level surface, and the energy ellipse of this impact."""
     axis = ImpulseAxis.of(body.mass is not None)
     figure = new_figure(height=3.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
-    outline = _draw_body(left, body, example)
+    outline = _draw_body(left, body)
     left.set_title("(a)")
-    ellipse = draw_ellipse(right, example.space(body), axis, labels=True)
+    ellipse = draw_ellipse(right, EXAMPLE.space(body), axis, labels=True)
     axis.label(right)
     right.set_title("(b)")
     figure.legend(loc="outside lower center", ncols=3)
@@ -39,11 +39,11 @@ def figure_4_1(body: Body, example: Example = EXAMPLE) -> Drawn:
     return figure, table[["panel", "series", "x", "y", "c_t", "c_n"]]
 
 
-def _draw_body(ax: Axes, body: Body, example: Example) -> pd.DataFrame:
-    r, size = example.contact_point(body)[0], body.shape.extent
+def _draw_body(ax: Axes, body: Body) -> pd.DataFrame:
+    r, size = EXAMPLE.contact_point(body)[0], body.shape.extent
     centre, contact = np.array([0.0, -r[1]]), np.array([r[0], 0.0])
-    outline = centre + turned(body.shape.outline(), example.theta)
-    v = np.array(example.v)
+    outline = centre + turned(body.shape.outline(), EXAMPLE.theta)
+    v = np.array(EXAMPLE.v)
     v_c = v[:2] + v[2] * np.array([-r[1], r[0]])
     scale = 0.6 * size / np.hypot(*v_c)
     arrows = {
@@ -68,11 +68,10 @@ def _draw_body(ax: Axes, body: Body, example: Example) -> pd.DataFrame:
 
 
 @house_style
-def figure_4_2(body: Body, example: Example = EXAMPLE) -> Drawn:
+def figure_4_2(body: Body) -> Drawn:
     """Energy ellipsoid of wrenches, with the plane of maximum compression and the energy ellipse of point impulses."""
     unit = ImpulseAxis.of(body.mass is not None)
-    impact = _impact(body, example)
-    curves = _ellipsoid(impact)
+    curves = _ellipsoid(_impact(body))
     figure = new_figure(4.6, 4.4)
     ax = figure.add_subplot(projection="3d", computed_zorder=False)
     looks = {
@@ -101,11 +100,11 @@ def figure_4_2(body: Body, example: Example = EXAMPLE) -> Drawn:
     return figure, curves
 
 
-def _impact(body: Body, example: Example) -> Impacts:
-    q = np.array([[0.0, 0.0, example.theta]])
-    v, zero = np.array([example.v]), np.zeros(1, int)
+def _impact(body: Body) -> Impacts:
+    q = np.array([[0.0, 0.0, EXAMPLE.theta]])
+    v, zero = np.array([EXAMPLE.v]), np.zeros(1, int)
     mass = body.mass or 1.0
-    return Impacts(zero, zero, q, v, v, example.contact_point(body), k_g=body.radius_of_gyration, mass=mass)
+    return Impacts(zero, zero, q, v, v, EXAMPLE.contact_point(body), k_g=body.radius_of_gyration, mass=mass)
 
 
 def _ellipsoid(impact: Impacts) -> pd.DataFrame:

@@ -53,7 +53,7 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
     """(A) Predicted forces over the friction cone; (B) force against the height of the block.
 
     `cone`: f_n, f_t (N, predicted next forces), abstraction, inside (1: within the cone).  `height`: height_mm (of the
-    block above the base), f_n (N, measured), abstraction; optionally f_n_pred (N), whose mean is then drawn as a line.
+    block above the base), f_n and f_n_pred (N, measured and predicted), abstraction; their means are drawn.
     """
     names = list(dict.fromkeys([*cone["abstraction"], *height["abstraction"]]))
     styles = abstraction_style(names)
@@ -76,35 +76,28 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
     for name, part in height.groupby("abstraction", sort=False):
         color, dash = styles[name]
         right.plot(part["height_mm"], part["f_n"], ".", color=color, markersize=3, alpha=0.35)
-        value = "f_n_pred" if "f_n_pred" in part else "f_n"
-        line = part.groupby("height_mm")[value].mean()
-        right.plot(line.index, line, color=color, linestyle=dash, label=name)
-        if value == "f_n_pred":
-            mean = part.groupby("height_mm")["f_n"].mean()
-            right.plot(mean.index, mean, "o", color=color, markersize=3.5, markerfacecolor="white")
+        mean = part.groupby("height_mm")[["f_n_pred", "f_n"]].mean()
+        right.plot(mean.index, mean["f_n_pred"], color=color, linestyle=dash, label=name)
+        right.plot(mean.index, mean["f_n"], "o", color=color, markersize=3.5, markerfacecolor="white")
     right.set(ylim=(min(0.0, float(height["f_n"].min())), None), ylabel="normal force $f_n$ (N)")
     right.set_xlabel("height of the block above the base (mm)")
-    right.set_title(f"B  resistance ({'rings: measured' if 'f_n_pred' in height else 'lines: mean'})")
+    right.set_title("B  resistance (rings: measured)")
     # of a name in both panels the left one, with the share inside the cone
     entries = [entry for ax in (right, left) for entry in zip(*ax.get_legend_handles_labels())]
     shown = {label.split(" (")[0]: (handle, label) for handle, label in entries}
     figure.legend(*zip(*[shown[name] for name in names]), loc="outside lower center", ncols=3, markerscale=2.5)
     table = pd.concat([cone.assign(panel="A"), height.assign(panel="B")], ignore_index=True)
-    first = ["panel", "abstraction", "f_n", "f_t", "inside", "height_mm"]
-    return figure, table[first + ["f_n_pred"] * ("f_n_pred" in table)]
+    return figure, table[["panel", "abstraction", "f_n", "f_t", "inside", "height_mm", "f_n_pred"]]
 
 
 @house_style
 def figure_abstractions(table: pd.DataFrame) -> Drawn:
     """Properties of each abstraction: a row of bars for each, a panel for each quantity.
 
-    `table`: abstraction (its name, or its number beside a column `name`), share (1), force (N), rise (N/mm), move, lag,
-    drag (1), stuck_share (share of its pushes whose block is truly stuck); optionally stuck (1: counts as stuck, found
-    without truth), which is marked.
+    `table`: abstraction (its name), share (1), force (N), rise (N/mm), move, lag, drag (1), stuck_share (share of its
+    pushes whose block is truly stuck), stuck (1: counts as stuck, found without truth; marked).
     """
-    names = list(table["name" if "name" in table else "abstraction"])
-    styles = abstraction_style(names)
-    colors = [styles[name][0] for name in names]
+    colors = [color for color, _ in abstraction_style(list(table["abstraction"])).values()]
     figure = new_figure(height=0.9 + 0.26 * len(table))
     axes = figure.subplots(1, len(QUANTITIES), sharey=True)
     places = np.arange(len(table))
@@ -122,52 +115,41 @@ def figure_abstractions(table: pd.DataFrame) -> Drawn:
         ax.set_xticks([])
         ax.spines[["bottom", "left"]].set_visible(False)
         ax.tick_params(axis="y", length=0)
-    stuck = table["stuck"] if "stuck" in table else np.zeros(len(table))
-    axes[0].set_yticks(places, [f"{name} *" if mark == 1 else name for name, mark in zip(names, stuck)])
+    rows = zip(table["abstraction"], table["stuck"])
+    axes[0].set_yticks(places, [f"{name} *" if mark == 1 else name for name, mark in rows])
     axes[0].set_ylim(len(table) - 0.4, -0.6)
-    if "stuck" in table:
-        figure.supxlabel("* counts as stuck, by a rule without truth", fontsize=7, x=0.01, ha="left")
+    figure.supxlabel("* counts as stuck, by a rule without truth", fontsize=7, x=0.01, ha="left")
     return figure, table.reset_index(drop=True)
 
 
 @house_style
-def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame | None = None) -> Drawn:
+def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame) -> Drawn:
     """A hidden effect: one-step error before and after relearning, and the blocks on which predictions fail.
 
     `errors`: effect, stage (before, relearned), group (see `GROUPS`), error (1), low, high, n (pushes).  `pushes`:
-    effect, block, fails (1: the predictive check fails), abstraction (name or number of the nearest one).
+    effect, block, fails (1: the predictive check fails), abstraction (name of the nearest one).
     """
     effects = list(errors["effect"].unique())
-    if pushes is None:
-        figure = new_figure(height=2.5)
-        panels = [(ax, None) for ax in figure.subplots(1, len(effects), sharey=True, squeeze=False)[0]]
-        fills = {}
-    else:
-        figure = new_figure(height=0.75 + 2.0 * len(effects))
-        panels = figure.subplots(len(effects), 2, squeeze=False, width_ratios=[1.6, 1])
-        fills = _fills(pushes.loc[pushes["fails"] == 1, "abstraction"].unique())
+    figure = new_figure(height=0.75 + 2.0 * len(effects))
+    panels = figure.subplots(len(effects), 2, squeeze=False, width_ratios=[1.6, 1])
+    failing = sorted(pushes.loc[pushes["fails"] == 1, "abstraction"].unique())
+    fills = {name: color for name, (color, _) in abstraction_style(failing).items()}
     tables = []
     for (left, right), effect in zip(panels, effects):
         rows = errors[errors["effect"] == effect]
         _errors(left, rows)
         left.set_title(effect.replace("_", " "), fontweight="bold")
-        tables.append(rows.assign(panel="error"))
-        if right is not None:
-            table = _map_of_tower(right, pushes[pushes["effect"] == effect], fills)
-            tables.append(table.assign(panel="blocks", effect=effect))
+        blocks = _map_of_tower(right, pushes[pushes["effect"] == effect], fills)
+        tables += [rows.assign(panel="error"), blocks.assign(panel="blocks", effect=effect)]
     handles, top = {}, 1.08 * float(errors[["error", "high"]].max().max())
-    for left, right in panels:
-        left.set_ylim(0.0, top)
-        if right is not None or left is panels[0][0]:
-            left.set_ylabel("one-step error\n(in spreads of a change)")
+    for left in panels[:, 0]:
+        left.set(ylim=(0.0, top), ylabel="one-step error\n(in spreads of a change)")
         handles |= dict(zip(*reversed(left.get_legend_handles_labels())))
-    if pushes is not None:
-        shown = {f"fails: {name}": fill for name, fill in fills.items()}
-        shown |= {"as predicted": AS_PREDICTED, "not pushed": "white"}
-        handles |= {name: Patch(facecolor=fill, edgecolor=INK) for name, fill in shown.items()}
+    shown = {f"fails: {name}": fill for name, fill in fills.items()}
+    shown |= {"as predicted": AS_PREDICTED, "not pushed": "white"}
+    handles |= {name: Patch(facecolor=fill, edgecolor=INK) for name, fill in shown.items()}
     figure.legend(handles.values(), handles.keys(), loc="outside upper left", ncols=4, columnspacing=1.2)
-    columns = ["panel", "effect", "stage", "group", "error", "low", "high", "n"]
-    columns += ["block", "failed", "abstraction"] if pushes is not None else []
+    columns = ["panel", "effect", "stage", "group", "error", "low", "high", "n", "block", "failed", "abstraction"]
     return figure, pd.concat(tables, ignore_index=True)[columns]
 
 
@@ -187,15 +169,7 @@ def _errors(ax: Axes, errors: pd.DataFrame) -> None:
     ax.set_xlim(-0.6, len(groups) - 0.4)
 
 
-def _fills(names: np.ndarray) -> dict[object, str]:
-    """A colour for each abstraction, named or numbered."""
-    if all(isinstance(name, str) for name in names):
-        return {name: color for name, (color, _) in abstraction_style(sorted(names)).items()}
-    palette = [*COLORS.values(), *SPARE]
-    return {int(name): palette[int(name) % len(palette)] for name in sorted(names)}
-
-
-def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[object, str]) -> pd.DataFrame:
+def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[str, str]) -> pd.DataFrame:
     """The 45 blocks that may be pushed, coloured if any push to the block failed; returns the plotted numbers."""
     rows = []
     for block, part in pushes.groupby("block"):

@@ -86,9 +86,9 @@ def figure_paired(pairs: pd.DataFrame) -> Drawn:
     """Differences of extractions on the same towers, a panel for each policy and its number of samples.
 
     A dot is filled if its interval excludes zero.  `pairs`: policy, rival, size (samples of the policy), difference,
-    low, high, n (towers); rival_size if some rivals have other sizes than that and 0.
+    low, high, n (towers), and rival_size.
     """
-    table = pairs.assign(other=pairs["rival_size"] if "rival_size" in pairs else pairs["size"])
+    table = pairs.assign(other=pairs["rival_size"])
     # a rival of other sizes has a row for each size
     sized = set(table.loc[(table["other"] != table["size"]) & (table["other"] != 0), "rival"])
     label = table["rival"].map(lambda rival: policy_style(rival)[3])

@@ -37,9 +37,9 @@ BUDGET_LOOK = {  # color and hatch by term: grey value falls from left to right,
 }
 
 
-def set_title(figure: Figure, text: str, width: int = TITLE_WIDTH) -> None:
+def set_title(figure: Figure, text: str) -> None:
     """The sentence above all panels that states what the figure shows."""
-    text = textwrap.fill(text, width, break_on_hyphens=False)
+    text = textwrap.fill(text, TITLE_WIDTH, break_on_hyphens=False)
     figure.suptitle(text, x=0.01, ha="left", fontsize=9, fontweight="bold")
 
 
