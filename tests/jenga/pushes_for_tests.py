@@ -7,7 +7,9 @@ no block gives nothing at all.  Slips are gamma distributed, so nothing here is 
 
 import numpy as np
 
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.learners.hma import Hma
+from thesis_lib.jenga.learners.kalman import process_variance
+from thesis_lib.jenga.robot.samples import UNKNOWN, Samples
 
 KINDS = ("none", "easy", "hard", "stuck", "drag")
 SHARES = (0.04, 0.32, 0.19, 0.25, 0.20)
@@ -79,5 +81,25 @@ def make_samples(n: int, rng: np.random.Generator, kinds=KINDS, shares=SHARES, *
         next_state=np.concatenate([part[1] for part in parts]),
         context=np.concatenate([np.tile(part[3], (size, 1)) for part, size in zip(parts, sizes)]),
         truth=(label >= KINDS.index("stuck")).astype(int),
+        tower=np.full(len(push), UNKNOWN),
+        block=np.full(len(push), UNKNOWN),
     )
     return samples.first(n), label[:n]
+
+
+def sample_push(
+    learner: Hma, rng: np.random.Generator, actions: np.ndarray, context: np.ndarray, abstraction: int | None = None
+) -> tuple[int, np.ndarray, np.ndarray]:
+    """A push from the generative model: c, states (t + 1, 7), readings (t + 1, 7), mm and N.
+
+    actions: (t, 2).  context: (2,).  abstraction: c, drawn from the belief before contact by default.
+    """
+    steps = len(actions)
+    c = int(rng.choice(learner.n_abstractions, p=learner.first)) if abstraction is None else abstraction
+    states = np.zeros((steps + 1, 7))
+    belief = np.eye(learner.n_abstractions)[[c]]
+    for t in range(steps):
+        out = learner.predict(states[None, t], actions[None, t], context[None], belief)
+        var = process_variance(out.var[0, c], learner.noise)
+        states[t + 1] = out.mean[0, c] + np.sqrt(var) * rng.normal(size=7)
+    return c, states, states + np.sqrt(learner.noise) * rng.normal(size=states.shape)

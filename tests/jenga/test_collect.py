@@ -6,13 +6,13 @@ import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
 from thesis_lib.figures.chapter5.render import figure_5_5a, figure_game
-from thesis_lib.jenga.robot.movable import fractions, hidden_label, is_movable, scan, trial_push, try_to_extract
-from thesis_lib.jenga.robot.reduced import compare, faithfulness, reduce
+from thesis_lib.jenga.robot.movable import comes_out, fractions, hidden_label, is_movable, scan, trial_push
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, Samples, as_table
 from thesis_lib.jenga.study import collect as collecting
 from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
+from thesis_lib.jenga.study.tower_study import agreement
 from thesis_lib.jenga.tower.settings import CollectSettings, MovableSettings, Setup, TowerSettings
-from thesis_lib.jenga.tower.tower import BLOCKS, TowerError
+from thesis_lib.jenga.tower.tower import BLOCKS, TowerError, reduce
 
 REDUCED = Setup(collect=CollectSettings(reduced=True))
 
@@ -102,7 +102,9 @@ def test_a_scan_says_which_blocks_are_movable():
 
 @pytest.mark.slow
 def test_a_movable_block_is_really_extracted():
-    assert try_to_extract(Settled.get(), FREE_BLOCK) == (True, "")
+    tower = Settled.get()
+    start, robot = tower.poses(), tower.robot_settings
+    assert comes_out(tower, FREE_BLOCK, lambda: not robot.is_damage(*tower.perturbation(FREE_BLOCK, start)))
 
 
 def test_the_reduced_tower_weighs_the_same_and_fixes_what_it_says():
@@ -122,7 +124,10 @@ def test_the_reduced_tower_weighs_the_same_and_fixes_what_it_says():
 @pytest.mark.slow
 def test_the_reduced_tower_agrees_with_the_full_one_on_force_and_label():
     blocks = [0, 4, 7, 13, 16, 20, 25, 28, 33, 38, 41, 44]
-    found = faithfulness(compare(Settled.get(), blocks, MovableSettings()))
+    tower, settings = Settled.get(), MovableSettings()
+    pairs = [[scan(pushed, settings, [block]) for pushed in (tower, reduce(tower, block))] for block in blocks]
+    full, reduced = (pd.concat(scans, ignore_index=True) for scans in zip(*pairs))
+    found = {name: value for _, name, value, _ in agreement("reduced_tower", full, reduced)}
     assert found["force_correlation"] > 0.98
     assert found["same_label"] >= 0.8
 

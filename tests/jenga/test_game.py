@@ -45,9 +45,6 @@ class MadeTower:
     def fallen(self):
         return self.down
 
-    def dropped(self, block):
-        return block in self.down
-
     def toppled(self, block=None):
         return bool((self.down != (-1 if block is None else block)).any())
 

@@ -52,10 +52,10 @@ def test_a_slippery_layer_goes_through_the_whole_procedure(learner):
     choice = HiddenChoice(towers=2, pushes=4, others=4)
     reference, _ = make_samples(400, np.random.default_rng(5))
     found = hidden_study("slippery", learner, reference, setup, choice, 60_000, 1, np.random.default_rng(6))
-    assert set(found.pushes["affected"]) <= {0, 1}
-    row = found.summary.iloc[0]
-    assert row["pushes_affected"] + row["pushes_others"] == len(found.pushes)
+    assert set(found["pushes"]["affected"]) <= {0, 1}
+    row = found["summary"].iloc[0]
+    assert row["pushes_affected"] + row["pushes_others"] == len(found["pushes"])
     assert row["failing_affected"] <= row["pushes_affected"]
-    assert "before" in set(found.errors["stage"])
+    assert "before" in set(found["errors"]["stage"])
     # a learner of made pushes meets real ones: all of this must look new to it
     assert row["p_value"] < 0.05

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pushes_for_tests import FORCE, KINDS, POSE, START_POSE, TOWER, make_samples
+from pushes_for_tests import FORCE, KINDS, POSE, START_POSE, TOWER, make_samples, sample_push
 from scipy.stats import norm
 
 from thesis_lib.foundation.errors import UserError
@@ -73,7 +73,7 @@ def test_sampled_pushes_do_what_the_abstraction_is_named_for(learned: Hma) -> No
     last = {}
     for k in (still, easy):
         rng = np.random.default_rng(4)
-        pushes = [learned.sample(rng, actions, context, k) for _ in range(40)]
+        pushes = [sample_push(learned, rng, actions, context, k) for _ in range(40)]
         assert all(c == k for c, _, _ in pushes)
         last[k] = np.mean([states[-1] for _, states, _ in pushes], axis=0)
         noise = np.array([readings - states for _, states, readings in pushes])
@@ -84,7 +84,7 @@ def test_sampled_pushes_do_what_the_abstraction_is_named_for(learned: Hma) -> No
 
 def test_abstraction_of_a_sample_is_drawn_from_the_first_belief(learned: Hma) -> None:
     rng = np.random.default_rng(5)
-    drawn = [learned.sample(rng, np.zeros((1, 2)), np.array([5.0, 1.0]))[0] for _ in range(400)]
+    drawn = [sample_push(learned, rng, np.zeros((1, 2)), np.array([5.0, 1.0]))[0] for _ in range(400)]
     share = np.bincount(drawn, minlength=learned.n_abstractions) / 400
     np.testing.assert_allclose(share, learned.initial_belief(np.zeros((1, 2)))[0], atol=0.1)
 

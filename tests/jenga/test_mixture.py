@@ -8,7 +8,7 @@ from pushes_for_tests import make_samples
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import FEATURES, push_groups, step_features, windows
-from thesis_lib.jenga.learners.mixture import fit_mixture, icl, log_normal, merge, names_of, push_posterior
+from thesis_lib.jenga.learners.mixture import fit_mixture, log_beta, log_normal, merge, names_of, push_posterior
 from thesis_lib.jenga.learners.settings import MixtureSettings, WindowSettings
 
 SETTINGS = MixtureSettings()
@@ -70,6 +70,14 @@ def test_abstractions_may_share_a_word() -> None:
     assert len(set(found[kind == 0])) == 1 and set(found[kind == 0]) != set(found[kind == 1])
     shared = np.abs(mixture.means * mixture.spread + mixture.centre).max(axis=1).argmin()
     assert (mixture.topics[:, shared] > 0.3).all()
+
+
+def icl(counts: np.ndarray, prior: np.ndarray, group: np.ndarray) -> float:
+    """ICL (nats) of pushes with word counts (pushes, C), grouped by `group` (pushes,); prior (C,) is a."""
+    member = np.eye(group.max() + 1)[group]
+    m = member.sum(axis=0)
+    words = (log_beta(prior + member.T @ counts) - log_beta(prior)).sum()
+    return float(words + log_beta(0.5 + m) - log_beta(np.full(len(m), 0.5)))
 
 
 def test_merging_ends_at_the_best_of_all_partitions() -> None:

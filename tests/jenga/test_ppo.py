@@ -140,7 +140,7 @@ def test_a_fall_is_punished_and_followed_by_a_new_tower():
     env.reset(seed=0, options={"block": FREE_BLOCK})
     assert len(env.asked) == 1 and env.asked[0] >= 2000
     tower = env._robot.tower
-    tower.data.geom_xpos[tower.core_of(FREE_BLOCK + 1), 2] -= 0.05  # a neighbour is where a fall would end
+    tower.data.geom_xpos[tower.core[FREE_BLOCK + 1], 2] -= 0.05  # a neighbour is where a fall would end
     tower.step = lambda n=1: None  # and stays there
     _, reward, ended, _, info = env.step(STRAIGHT)
     assert ended and info["reason"] == REASONS[FELL]
@@ -362,7 +362,7 @@ def test_training_on_towers_runs_and_repeats():
 
 
 def test_checkpoints_become_files_and_an_interrupted_training_goes_on(tmp_path, monkeypatch):
-    from thesis_lib.jenga.play import ppo_training
+    from thesis_lib.jenga.play import ppo
 
     asked = []
 
@@ -372,8 +372,8 @@ def test_checkpoints_become_files_and_an_interrupted_training_goes_on(tmp_path, 
         for size in sizes:
             (folder / f"ppo_{size}.pt").write_text(str(size))
 
-    monkeypatch.setattr(ppo_training, "train_ppo", train)
+    monkeypatch.setattr(ppo, "train_ppo", train)
     paths = [tmp_path / "policy_10.pt", tmp_path / "policy_20.pt"]
-    ppo_training.train_to_files((10, 20), paths, PpoSettings(), None, 0)
+    ppo.train_to_files((10, 20), paths, PpoSettings(), None, 0)
     assert [path.read_text() for path in paths] == ["10", "20"]
     assert asked == [tmp_path / "segments"]

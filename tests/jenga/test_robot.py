@@ -6,9 +6,8 @@ from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled, exact_robot
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.primitives import Gripper, free_places
-from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.robot import Robot, Sensor, standard_deviations
 from thesis_lib.jenga.robot.samples import STATE
-from thesis_lib.jenga.robot.sensing import Sensor, standard_deviations
 from thesis_lib.jenga.tower.settings import HiddenEffects, RobotSettings, SensingSettings, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, Tower
 
@@ -67,8 +66,9 @@ def test_a_mirrored_offset_turns_the_block_the_other_way():
 def test_contact_is_made_again_as_pressed_before_the_state_is_read():
     tower = Settled.get()
     robot = exact_robot(tower)
-    before = _pushed(robot, STUCK_BLOCK, 2)[-1]
-    assert robot.touch(0.5e-3) is robot.observe()  # near enough: nothing moves
+    before, time = _pushed(robot, STUCK_BLOCK, 2)[-1], tower.data.time
+    np.testing.assert_array_equal(robot.touch(0.5e-3), before)  # near enough: nothing moves
+    assert tower.data.time == time
     after = robot.touch(6e-3)
     # the tower gives way a little while the finger is off
     assert 0.75 * before[F_N] < after[F_N] < 1.1 * before[F_N]

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from thesis_lib.jenga.robot.robot import Robot
-from thesis_lib.jenga.robot.sensing import Sensor
+from thesis_lib.jenga.robot.robot import Robot, Sensor
 from thesis_lib.jenga.tower.settings import SensingSettings
 from thesis_lib.jenga.tower.tower import Snapshot, Tower
 

@@ -4,8 +4,9 @@ Whatever prevents a comparison (a missing file, column or row, several rows wher
 a dataset unknown to the run) gives a result of status `error`, never a pass.
 """
 
+import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,22 +26,20 @@ def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool
 
     `results_dir` holds the sources; `present`: whether this run had each dataset (`reading.read_present`).
     """
-    tables: dict[str, Cells] = {}
-    return [_evaluate(claim, Path(results_dir), present, tables) for claim in ledger.claims]
+    read = functools.cache(lambda file: Cells.read(Path(results_dir) / file))
+    return [_evaluate(claim, present, read) for claim in ledger.claims]
 
 
-def _evaluate(claim: Claim, root: Path, present: Mapping[str, bool], tables: dict[str, Cells]) -> Result:
+def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], Cells]) -> Result:
     published = _published(claim)
-    unknown = [name for name in claim.needs if name not in present]
-    if unknown:
+    if unknown := [name for name in claim.needs if name not in present]:
         known = ", ".join(sorted(present)) or "none"
         finding = f"the run reports nothing about the dataset {', '.join(unknown)} (known: {known})"
         return Result(claim, Status.ERROR, published, finding=finding)
-    absent = [name for name in claim.needs if not present[name]]
-    if absent:
+    if absent := [name for name in claim.needs if not present[name]]:
         return Result(claim, Status.NO_DATA, published, finding=f"needs the dataset {', '.join(absent)}")
     try:
-        rows = _Rows.select(claim, root, tables)
+        rows = _Rows.select(claim, read)
         measures = {Ordering: _measure_ordering, Extreme: _measure_extreme, IsTrue: _measure_flag}
         return replace(measures.get(type(claim.check), _measure_number)(rows), published=published)
     except UserError as error:
@@ -56,17 +55,12 @@ class _Rows:
     claim: Claim
 
     @classmethod
-    def select(cls, claim: Claim, root: Path, tables: dict[str, Cells]) -> "_Rows":
-        source = claim.source
-        if source.file not in tables:
-            tables[source.file] = Cells.read(root / source.file)
-        cells = tables[source.file]
-        columns = {name: cells.column(name) for name in source.where}
-        rows = [
-            i
-            for i in range(len(cells.rows))
-            if all(_matches(columns[name][i], value) for name, value in source.where.items())
-        ]
+    def select(cls, claim: Claim, read: Callable[[str], Cells]) -> "_Rows":
+        source, cells = claim.source, read(claim.source.file)
+        rows = list(range(len(cells.rows)))
+        for name, value in source.where.items():
+            column = cells.column(name)
+            rows = [i for i in rows if _matches(column[i], value)]
         cells.column(source.column)  # report a missing column before a missing row
         if not rows:
             raise UserError(f"{cells.path} has no row with {_condition(source.where)}")

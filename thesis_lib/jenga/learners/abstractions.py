@@ -16,10 +16,9 @@ from the push so far,
     D²_j = Σ_d (v_jd − m_d)² / (τ_d² + σ_d²/n_j);   p_j = (1 + reference pushes with D ≥ D_j) / (1 + reference pushes)
 
 with r (n, 6) in the dimensions `learner.SEEN`, and mean m, variance τ² between and σ² within reference pushes of the
-known tower that were not learned from.  The mean of signed residuals shows small one-sided deviations, as of a tower
-that creeps along.  A push fails if p_j ≤ `LEVEL`, as does one in twenty of the known pushes: D is ranked because slips
-give it no known distribution.  Whether all pushes together deviate is tested by permuting both sets, with the mean of
-D² (the tail counts: an effect touches only some blocks).
+known tower that were not learned from.  A push fails if p_j ≤ `LEVEL`: D is ranked because slips give it no known
+distribution.  Whether all pushes together deviate is tested by permuting both sets, with the mean of D² (the tail
+counts: an effect touches only some blocks).
 
 A new abstraction gets a normal component for the windows of the failing pushes, and a network that starts as their
 nearest one, with the shared prior of all.  Earlier abstractions stay unchanged.
@@ -37,13 +36,13 @@ import torch
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, first_of, push_groups, windows
+from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, push_groups, windows
 from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, Samples
 
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
 LEVEL = 0.05  # of the predictive check, for a push and for all together
-PERMUTATIONS = 2000
+PERMUTATIONS, RESAMPLES = 2000, 1000
 ENOUGH = 20  # reference pushes: with fewer, no p-value of a push can reach the level
 
 
@@ -57,40 +56,23 @@ def stuck_group(learner: Hma) -> np.ndarray:
 def infer_first_steps(learner: Learner, samples: Samples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """First row (m,) of each push with at least `steps` samples, and the belief (m, K) after that many.
 
-    Raises:
-        UserError: no push is that long.
+    UserError if no push is that long.
     """
-    groups = first_of(samples, steps)
-    if not groups:
+    rows = np.array([rows[:steps] for rows in push_groups(samples) if len(rows) >= steps])
+    if not len(rows):
         raise UserError(f"no push has {steps} samples; give fewer steps or longer pushes.")
-    rows = np.array(groups)
     belief = learner.initial_belief(samples.context[rows[:, 0]])
     for now in rows.T:
-        belief = learner.update(
-            belief, samples.state[now], samples.action[now], samples.context[now], samples.next_state[now]
-        )
+        step = (samples.state[now], samples.action[now], samples.context[now])
+        belief = learner.update(belief, *step, samples.next_state[now])
     return rows[:, 0], belief
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """Balanced accuracy against hidden truth with its interval, adjusted Rand index, and numbers of pushes."""
-
-    balanced_accuracy: float
-    low: float
-    high: float
-    rand_index: float
-    n_stuck: int
-    n_free: int
-
-
-def agreement(
-    learner: Hma, samples: Samples, rng: np.random.Generator, steps: int = 5, level: float = 0.95, resamples: int = 1000
-) -> Agreement:
+def agreement(learner: Hma, samples: Samples, rng: np.random.Generator, steps: int = 5) -> dict[str, float | int]:
     """How well the first `steps` samples of a push tell stuck from free.
 
-    Raises:
-        UserError: no push of known truth is long enough, or all have the same truth.
+    balanced_accuracy with low and high (95 %), rand_index, n_stuck, n_free (pushes).  UserError if no push of known
+    truth is long enough, or all have the same truth.
     """
     from sklearn.metrics import adjusted_rand_score
 
@@ -101,16 +83,16 @@ def agreement(
     right = {kind: (called == (kind == STUCK))[truth == kind].astype(float) for kind in (FREE, STUCK)}
     if min(map(len, right.values())) == 0:
         raise UserError("agreement with truth needs stuck and free pushes; these samples have one kind only.")
-    draws = [rng.choice(part, (resamples, len(part))).mean(axis=1) for part in right.values()]
-    low, high = np.quantile(np.mean(draws, axis=0), [0.5 - level / 2, 0.5 + level / 2])
-    return Agreement(
-        balanced_accuracy=float(np.mean([part.mean() for part in right.values()])),
-        low=float(low),
-        high=float(high),
-        rand_index=float(adjusted_rand_score(truth, belief.argmax(axis=1))),
-        n_stuck=len(right[STUCK]),
-        n_free=len(right[FREE]),
-    )
+    draws = [rng.choice(part, (RESAMPLES, len(part))).mean(axis=1) for part in right.values()]
+    low, high = np.quantile(np.mean(draws, axis=0), [0.5 - 0.95 / 2, 0.5 + 0.95 / 2])
+    return {
+        "balanced_accuracy": float(np.mean([part.mean() for part in right.values()])),
+        "low": float(low),
+        "high": float(high),
+        "rand_index": float(adjusted_rand_score(truth, belief.argmax(axis=1))),
+        "n_stuck": len(right[STUCK]),
+        "n_free": len(right[FREE]),
+    }
 
 
 def abstraction_table(learner: Hma) -> pd.DataFrame:
@@ -162,10 +144,8 @@ def predictive_check(
 ) -> PredictiveCheck:
     """Compare predictions with new samples; `reference` are samples of the known tower that were not learned from.
 
-    A new abstraction is needed if all pushes together deviate too much (p_value below `LEVEL`).
-
-    Raises:
-        UserError: fewer than `ENOUGH` reference pushes.
+    A new abstraction is needed if all pushes together deviate too much (p_value below `LEVEL`).  UserError for fewer
+    than `ENOUGH` reference pushes.
     """
     known, reference_values, within = _per_push(learner, reference)
     if len(known) < ENOUGH:
@@ -218,27 +198,17 @@ def _per_push(learner: Learner, samples: Samples) -> tuple[pd.DataFrame, np.ndar
         means.append(values[group].mean(axis=0))
         spread = spread + ((values[group] - means[-1]) ** 2).sum(axis=0)
         freedom += len(group) - 1
-        rows.append(
-            {
-                "push": samples.push[first],
-                "tower": samples.tower[first],
-                "block": samples.block[first],
-                "layer": samples.context[first, 0],
-                "side": samples.context[first, 1],
-                "steps": len(group),
-                "abstraction": np.bincount(nearest[group]).argmax(),
-            }
-        )
-    return pd.DataFrame(rows), np.array(means), spread / max(freedom, 1)
+        where = (samples.push[first], samples.tower[first], samples.block[first], *samples.context[first])
+        rows.append((*where, len(group), np.bincount(nearest[group]).argmax()))
+    names = ["push", "tower", "block", "layer", "side", "steps", "abstraction"]
+    return pd.DataFrame(rows, columns=names), np.array(means), spread / max(freedom, 1)
 
 
 def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generator) -> Hma:
-    """A copy of the learner with start more abstraction, learned from `samples` of failing pushes.
+    """A copy of the learner with one more abstraction, learned from `samples` of failing pushes.
 
-    Its share is 1/(K + 1), because the number of blocks that it holds for is unknown.
-
-    Raises:
-        UserError: fewer than `MIN_SAMPLES` samples, or a learner without a window mixture (start-shot).
+    Its share is 1/(K + 1), because the number of blocks that it holds for is unknown.  UserError for fewer than
+    `MIN_SAMPLES` samples, or a learner without a window mixture (one-shot).
     """
     if learner.mixture is None:
         raise UserError("a new abstraction needs the two-step learner (one_shot: false).")

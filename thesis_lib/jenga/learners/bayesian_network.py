@@ -10,9 +10,8 @@ x are scaled inputs (`learner.Scaling`), Δ scaled changes of the state, and r t
 
 The thesis gives the hierarchy (v_θ above θ_k, section 5.3.1) but no sizes.  Own choices: tanh layers beside a linear
 path from inputs to outputs, so that a few samples are fitted by a line; mean-field normals with local reparametrisation
-(Kingma, Salimans and Welling 2015, arXiv 1506.02557).  An abstraction with few samples falls back on μ_θ, which is
-learned from all samples.  Predictions average `draws` fixed antithetic draws of the weights: the mean of their means,
-and the mean of their variances plus the variance of their means.
+(Kingma, Salimans and Welling 2015, arXiv 1506.02557).  Predictions average `draws` fixed antithetic draws of the
+weights: the mean of their means, and the mean of their variances plus the variance of their means.
 """
 
 from dataclasses import dataclass, field, replace
@@ -75,25 +74,10 @@ class BayesianNetworks:
     """
 
     settings: NetworkSettings
-    mean: Layers = field(default_factory=list)
-    log_std: Layers = field(default_factory=list)
-    shared: Layers = field(default_factory=list)
+    mean: Layers
+    log_std: Layers
+    shared: Layers
     draws: Layers = field(default_factory=list)
-
-    @classmethod
-    def prior(cls, n_inputs: int, k: int, settings: NetworkSettings, seed: int) -> "BayesianNetworks":
-        """K networks drawn from the prior, without data."""
-        gen = torch.Generator().manual_seed(seed)
-        nets = cls(settings)
-        for rows, columns in layer_shapes(n_inputs, settings.hidden):
-            scale = 1.0 / np.sqrt(rows)
-            shared = settings.shared_std * scale * torch.randn((rows, columns), generator=gen)
-            std = settings.prior_std * scale
-            nets.shared.append(shared)
-            nets.mean.append(shared.expand(k, -1, -1).clone())
-            nets.log_std.append(torch.full((k, rows, columns), float(np.log(std))))
-        nets.redraw(gen)
-        return nets
 
     def redraw(self, gen: torch.Generator) -> None:
         """Replace the fixed draws of the weights."""

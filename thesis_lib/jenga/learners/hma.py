@@ -14,8 +14,7 @@ Cov(e_t, e_t) = 6 Σ_z + 2q,  Cov(e_t, e_{t+1}) = −4 Σ_z − q,  Cov(e_t, e_{
 median: contact at a new place changes some forces for good).  Immediate effects of an action (f_t) look like noise in
 differences, so the networks' error, which holds the noise of z_{t+1} in full, is the upper bound.
 
-One-shot (ablation; `one_shot`): responsibilities start at random and alternate with the networks, without windows.  The
-thesis recommends two steps where this fails.
+One-shot (ablation; `one_shot`): responsibilities start at random and alternate with the networks, without windows.
 
 Source: thesis, sections 5.3.1 and 5.3.2; own choices in `settings`.
 """
@@ -26,14 +25,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
-from thesis_lib.jenga.learners.kalman import process_variance
 from thesis_lib.jenga.learners.learner import (
+    ADVANCE,
     LEVELS,
     MIN_SAMPLES,
     SMALLEST,
     Learner,
     Prediction,
-    Scaling,
     bayes,
     log_likelihood,
     mix,
@@ -41,9 +39,8 @@ from thesis_lib.jenga.learners.learner import (
     windows,
 )
 from thesis_lib.jenga.learners.mixture import WindowMixture, describe, fit_mixture, names_of, push_posterior
-from thesis_lib.jenga.robot.samples import STATE, Samples
+from thesis_lib.jenga.robot.samples import Samples
 
-ADVANCE = STATE.index("advance")
 FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell blocks apart
 PRIOR_PUSHES = 2.0  # weight of π in the initial belief, in pushes
 
@@ -70,10 +67,8 @@ class Hma(Learner):
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Hma":
         """Run the steps of the module.  Errors as in `Learner.fit`."""
         config = self.settings
-        self.scaling = Scaling.of(samples, config.window.force_scale, config.context)
         features = windows(samples, config.window)
-        inputs = self.scaling.inputs(samples.state, samples.action, samples.context)
-        outputs = self.scaling.outputs(samples.state, samples.next_state)
+        inputs, outputs = self.scale(samples)
         seed = int(rng.integers(2**31))
         if config.one_shot:
             self._one_shot(samples, inputs, outputs, seed, rng)
@@ -83,7 +78,10 @@ class Hma(Learner):
             self.networks = train(inputs, outputs, self.resp, config.network, seed)
         self.shares = (self.resp.sum(axis=0) + 1.0) / (len(samples) + self.resp.shape[1])
         self.noise = self._noise(samples)
-        self.first = self._first_belief(samples)
+        # P(c_1): counts over first samples of pushes, with π as a prior worth `PRIOR_PUSHES` pushes
+        first = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
+        counts = self.resp[first].sum(axis=0) + PRIOR_PUSHES * self.shares
+        self.first = counts / counts.sum()
         self.look = describe(features, self.resp, config.window.force_scale)
         self.names = names_of(self.look)
         return self
@@ -105,7 +103,6 @@ class Hma(Learner):
             self.resp = push_posterior(log_like, samples.push, shares)
         keep = self.resp.sum(axis=0) >= config.mixture.min_weight * len(inputs)
         self.resp = self.resp[:, keep] / self.resp[:, keep].sum(axis=1, keepdims=True)
-        self.mixture = None
         self.networks = train(inputs, outputs, self.resp, config.network, seed)
 
     def _noise(self, samples: Samples) -> np.ndarray:
@@ -131,12 +128,6 @@ class Hma(Learner):
         mean, _ = self.predict(samples.state, samples.action, samples.context, self.resp).moments()
         most = (np.median(np.abs(samples.next_state - mean), axis=0) / 0.6745) ** 2
         return np.clip(shared + reread, SMALLEST**2, np.maximum(most, SMALLEST**2))
-
-    def _first_belief(self, samples: Samples) -> np.ndarray:
-        """P(c_1) (K,): counts over first samples of pushes, with π as a prior worth `PRIOR_PUSHES` pushes."""
-        first = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
-        counts = self.resp[first].sum(axis=0) + PRIOR_PUSHES * self.shares
-        return counts / counts.sum()
 
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
         """Next reading for each abstraction."""
@@ -168,20 +159,3 @@ class Hma(Learner):
             weight = np.where(first, 1.0, config.belief.emission_weight)
             log_like = log_like + weight[:, None] * self.mixture.log_density(features, LEVELS)
         return bayes(prior, log_like)
-
-    def sample(
-        self, rng: np.random.Generator, actions: np.ndarray, context: np.ndarray, abstraction: int | None = None
-    ) -> tuple[int, np.ndarray, np.ndarray]:
-        """A push from the generative model: c, states (t + 1, 7), readings (t + 1, 7), mm and N.
-
-        actions: (t, 2).  context: (2,).  abstraction: c, drawn from the belief before contact by default.
-        """
-        steps = len(actions)
-        c = int(rng.choice(self.n_abstractions, p=self.first)) if abstraction is None else abstraction
-        states = np.zeros((steps + 1, 7))
-        belief = np.eye(self.n_abstractions)[[c]]
-        for t in range(steps):
-            out = self.predict(states[None, t], actions[None, t], context[None], belief)
-            var = process_variance(out.var[0, c], self.noise)
-            states[t + 1] = out.mean[0, c] + np.sqrt(var) * rng.normal(size=7)
-        return c, states, states + np.sqrt(self.noise) * rng.normal(size=states.shape)

@@ -13,15 +13,12 @@
 | ρ     | `stay`    | 1     |           | probability that the abstraction lasts another step                  |
 
 Inputs of all learners (own choice): lag of the block behind the pusher (advance − x), y, yaw, asinh of both forces over
-`force_scale` (a logarithm that passes smoothly through zero), advance, root of the tower's displacement, contact
-offset, heading, and the context.  They are standardised with the training samples only and clipped at `CLIP` standard
-deviations, which limits extrapolation.  Outputs are the changes of the state, standardised in the same way.
+`force_scale`, advance, root of the tower's displacement, contact offset, heading, and the context, standardised with
+the training samples and clipped at `CLIP` standard deviations.  Outputs are the standardised changes of the state.
 
 Features of a window (top-down step; as in the thesis, order within a window does not matter): means over its steps of
 force, rise of force, the block's displacement per advance, lag as a share of the advance, and the tower's displacement
-per advance.  (The block's yaw depends more on where it was pushed than on the block: with it, and with the tower's
-total displacement, fewer windows of synthetic pushes were told apart.)  The window of sample i is the up to D samples
-of the push that end with i, so windows and samples correspond one to one.
+per advance.  The window of sample i is the up to D samples of the push that end with i.
 
 The likelihood omits `advance`, which the robot controls.  Each other dimension may be an outlier (`BeliefSettings`):
 otherwise one stick-slip jump would settle a belief for good.
@@ -37,7 +34,7 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, WindowSettings
-from thesis_lib.jenga.robot.samples import STATE, Samples
+from thesis_lib.jenga.robot.samples import Samples
 
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
 SEEN = (X, Y, YAW, F_N, F_T, TOWER)  # dimensions whose prediction counts in the belief
@@ -68,10 +65,9 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Standardisation of inputs and outputs by the training samples.
+    """Standardisation by the training samples.
 
-    centre, spread: (d,), of the inputs.  drift, change: (7,), mean and standard deviation of the state's changes, mm
-    and N.
+    centre, spread: (d,), of inputs.  drift, change: (7,), mean and deviation of the state's changes, mm and N.
     """
 
     centre: np.ndarray
@@ -128,13 +124,15 @@ class Learner(ABC):
         """Number of abstractions K."""
         return len(self.shares)
 
+    def scale(self, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+        """Set `scaling` by these samples; their scaled inputs (n, d) and outputs (n, 7)."""
+        self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
+        inputs = self.scaling.inputs(samples.state, samples.action, samples.context)
+        return inputs, self.scaling.outputs(samples.state, samples.next_state)
+
     @abstractmethod
     def fit(self, samples: Samples, rng: np.random.Generator) -> Self:
-        """Learn from samples of whole pushes in order, and return self.
-
-        Raises:
-            UserError: fewer than `MIN_SAMPLES` samples.
-        """
+        """Learn from samples of whole pushes in order, and return self; UserError for fewer than `MIN_SAMPLES`."""
 
     @abstractmethod
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
@@ -154,25 +152,13 @@ class Learner(ABC):
 
 def raw_inputs(state: Any, action: Any, context: Any, force_scale: float, with_context: bool, xp: Any = np) -> Any:
     """Inputs (n, 9), or (n, 11) with context, before standardisation; `force_scale` in N."""
-    columns = [
-        state[..., ADVANCE] - state[..., X],
-        state[..., Y],
-        state[..., YAW],
-        xp.arcsinh(state[..., F_N] / force_scale),
-        xp.arcsinh(state[..., F_T] / force_scale),
-        state[..., ADVANCE],
-        soft_root(state[..., TOWER], xp),
-        action[..., 0],
-        action[..., 1],
-    ]
-    if with_context:
-        columns += [context[..., 0], context[..., 1]]
+    x, y, yaw, f_n, f_t, advance, tower = (state[..., i] for i in range(7))
+    # root of a length (mm) that noise may make negative, with slope 1 at zero
+    root = 2.0 * xp.sign(tower) * (xp.sqrt(xp.abs(tower) + 1.0) - 1.0)
+    forces = [xp.arcsinh(f_n / force_scale), xp.arcsinh(f_t / force_scale)]
+    columns = [advance - x, y, yaw, *forces, advance, root, action[..., 0], action[..., 1]]
+    columns += [context[..., 0], context[..., 1]] if with_context else []
     return xp.stack(columns, axis=-1)
-
-
-def soft_root(value: Any, xp: Any = np) -> Any:
-    """Root of a length (mm) that noise may make negative: sign(v) (√(|v| + 1) − 1) · 2, slope 1 at zero."""
-    return 2.0 * xp.sign(value) * (xp.sqrt(xp.abs(value) + 1.0) - 1.0)
 
 
 def step_features(
@@ -180,22 +166,17 @@ def step_features(
 ) -> np.ndarray:
     """Features (n, 5), see `FEATURES`, of the change from `start` to `next_state`, both (n, 7), in `steps` steps."""
     change = (next_state - start) / np.reshape(steps, (-1, 1))
-    return np.column_stack(
-        [
-            np.arcsinh(next_state[:, F_N] / force_scale),
-            change[:, F_N],
-            change[:, X],
-            (next_state[:, ADVANCE] - next_state[:, X]) / (next_state[:, ADVANCE] + LAG_START),
-            change[:, TOWER],
-        ]
-    )
+    force = np.arcsinh(next_state[:, F_N] / force_scale)
+    lag = (next_state[:, ADVANCE] - next_state[:, X]) / (next_state[:, ADVANCE] + LAG_START)
+    return np.column_stack([force, change[:, F_N], change[:, X], lag, change[:, TOWER]])
 
 
 def windows(samples: Samples, settings: WindowSettings) -> np.ndarray:
     """Features (n, 5) of the window that ends with each sample; samples of a push must be consecutive."""
-    n, depth = len(samples), settings.depth
-    begin = window_begin(samples, depth)
-    steps = (np.arange(n) - begin + 1).astype(float)
+    rows = np.arange(len(samples))
+    new = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
+    begin = np.maximum(np.maximum.accumulate(np.where(new, rows, 0)), rows - settings.depth + 1)
+    steps = (rows - begin + 1).astype(float)
     features = step_features(samples.state[begin], samples.next_state, steps, settings.force_scale)
     for column in [FEATURES.index(name) for name in LEVELS]:  # means as differences of cumulative sums
         total = np.concatenate([[0.0], np.cumsum(features[:, column])])
@@ -203,24 +184,9 @@ def windows(samples: Samples, settings: WindowSettings) -> np.ndarray:
     return features
 
 
-def window_begin(samples: Samples, depth: int) -> np.ndarray:
-    """First row (n,) of the window of up to `depth` samples that ends with each sample."""
-    rows = np.arange(len(samples))
-    new = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
-    start = np.maximum.accumulate(np.where(new, rows, 0))
-    return np.maximum(start, rows - depth + 1)
-
-
-def push_numbers(push: np.ndarray) -> np.ndarray:
-    """Pushes (n,) numbered from 0 in order of collection."""
-    new = np.concatenate([[False], push[1:] != push[:-1]])
-    return np.cumsum(new)
-
-
 def push_groups(samples: Samples) -> list[np.ndarray]:
     """Rows of each push, in order of collection."""
-    number = push_numbers(samples.push)
-    return np.split(np.arange(len(samples)), np.flatnonzero(np.diff(number)) + 1) if len(samples) else []
+    return np.split(np.arange(len(samples)), np.flatnonzero(np.diff(samples.push)) + 1) if len(samples) else []
 
 
 def log_likelihood(mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings) -> np.ndarray:
@@ -231,9 +197,8 @@ def log_likelihood(mean: np.ndarray, var: np.ndarray, observed: np.ndarray, sett
     normal = -0.5 * (square + np.log(2 * np.pi * var))
     if settings.outlier_share == 0:
         return normal.sum(axis=2)
-    scale = settings.outlier_scale
+    scale, share = settings.outlier_scale, settings.outlier_share
     wild = -0.5 * (square / scale**2 + np.log(2 * np.pi * var)) - np.log(scale)
-    share = settings.outlier_share
     return np.logaddexp(np.log1p(-share) + normal, np.log(share) + wild).sum(axis=2)
 
 
@@ -247,11 +212,3 @@ def bayes(belief: np.ndarray, log_like: np.ndarray) -> np.ndarray:
 def mix(belief: np.ndarray, stay: float, weights: np.ndarray) -> np.ndarray:
     """Belief (n, K) a step later: the abstraction lasts with probability `stay` or is drawn from `weights` (K,)."""
     return stay * belief + (1.0 - stay) * weights
-
-
-def first_of(samples: Samples, steps: int) -> list[np.ndarray]:
-    """Rows of the first `steps` samples of each push that is long enough."""
-    return [rows[:steps] for rows in push_groups(samples) if len(rows) >= steps]
-
-
-assert len(STATE) == len(SMALLEST)

@@ -12,10 +12,9 @@
 | φ     | `topics`      | 1    | (K, C)    | share of each component in each abstraction                  |
 | η     | `shares`      | 1    | (K,)      | share of each abstraction                                    |
 
-Pushes are not Gaussian (a rising force is a curve), so the process needs a dozen components for four behaviours,
-whatever α, and the first windows of a hard and of a stuck block share a component.  So components are the words and
-abstractions the topics of the thesis's analogy (section 5.3.3), with a push as the document.  An abstraction is a
-sub-mixture of components, p(x | k) = Σ_u φ_ku N_u(x), and may share some with others.
+Pushes are not Gaussian (a rising force is a curve), so the process needs a dozen components for four behaviours, and
+the first windows of a hard and of a stuck block share a component.  So components are the words and abstractions the
+topics of the thesis's analogy (section 5.3.3), with a push as the document: p(x | k) = Σ_u φ_ku N_u(x).
 
 Merging criterion (own choice): each push starts as an abstraction, and pairs are merged while the integrated
 complete-data likelihood grows.  It has a closed form in counts n_ku of words (Dirichlet-multinomial) and m_k of pushes,
@@ -37,7 +36,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.learner import FEATURES, LEVELS
+from thesis_lib.jenga.learners.learner import FEATURES
 from thesis_lib.jenga.learners.settings import MixtureSettings
 
 # Limits of the names (own choices): N; block per advance; tower per advance, as in the criterion of a movable block
@@ -93,8 +92,7 @@ def fit_mixture(
 ) -> WindowMixture:
     """Dirichlet-process components of features (n, 5), merged to abstractions of pushes (n,).
 
-    Raises:
-        UserError: features that are not finite.
+    UserError for features that are not finite.
     """
     from sklearn.mixture import BayesianGaussianMixture
 
@@ -137,14 +135,6 @@ def fit_mixture(
 def log_beta(a: np.ndarray) -> np.ndarray:
     """log B of the module, over the last axis."""
     return gammaln(a).sum(axis=-1) - gammaln(a.sum(axis=-1))
-
-
-def icl(counts: np.ndarray, prior: np.ndarray, group: np.ndarray) -> float:
-    """ICL (nats) of pushes with word counts (pushes, C), grouped by `group` (pushes,); prior (C,) is a."""
-    member = np.eye(group.max() + 1)[group]
-    m = member.sum(axis=0)
-    words = (log_beta(prior + member.T @ counts) - log_beta(prior)).sum()
-    return float(words + log_beta(0.5 + m) - log_beta(np.full(len(m), 0.5)))
 
 
 def merge(counts: np.ndarray, prior: np.ndarray, settings: MixtureSettings) -> np.ndarray:
@@ -213,6 +203,3 @@ def names_of(look: dict[str, np.ndarray]) -> list[str]:
             name = "hard move" if force > HARD else "easy move"
         names.append(name)
     return [name if names.count(name) == 1 else f"{name} {names[: i + 1].count(name)}" for i, name in enumerate(names)]
-
-
-assert set(LEVELS) < set(FEATURES)

@@ -9,15 +9,14 @@ x (n, d) are scaled inputs (state, action, context) and Δ (n, 7) scaled changes
 Belief: b(l) ∝ p(z_{t+1} | …, l) times the gate's prior of the step, times the earlier belief, kept with probability
 `stay` as in `learner`.  In the thesis's figure 5-5C l_t has no memory, so this favours the baseline.
 
-Source: thesis, section 5.5.2; Jordan and Jacobs 1994, doi 10.1162/neco.1994.6.2.181 (EM for gated experts).  The
-author's public code (stick-breaking experts by Metropolis sampling) is not stated to be the paper's.
+Source: thesis, section 5.5.2; Jordan and Jacobs 1994, doi 10.1162/neco.1994.6.2.181 (EM for gated experts).
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from thesis_lib.jenga.learners.learner import Learner, Prediction, Scaling, bayes, mix, push_numbers
+from thesis_lib.jenga.learners.learner import Learner, Prediction, bayes, mix
 from thesis_lib.jenga.learners.settings import ExpertSettings
 from thesis_lib.jenga.robot.samples import Samples
 
@@ -112,10 +111,9 @@ class Mor(Learner):
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Mor":
         """Choose the number of experts and fit them.  Errors as in `Learner.fit`."""
         config = self.settings.experts
-        self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
-        x = with_one(self.scaling.inputs(samples.state, samples.action, samples.context))
-        y = self.scaling.outputs(samples.state, samples.next_state)
-        push = push_numbers(samples.push)
+        inputs, y = self.scale(samples)
+        x = with_one(inputs)
+        push = np.cumsum(np.diff(samples.push, prepend=samples.push[0]) != 0)  # numbered from 0
         fold = rng.permutation(push.max() + 1)[push] % config.folds
         once = config.model_copy(update={"restarts": 1})  # folds already average over starts
         self.scores = {}

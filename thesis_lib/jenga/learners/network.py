@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from thesis_lib.jenga.learners.bayesian_network import Layers, forward, layer_shapes
-from thesis_lib.jenga.learners.learner import Learner, Prediction, Scaling
+from thesis_lib.jenga.learners.learner import Learner, Prediction
 from thesis_lib.jenga.learners.settings import NetworkSettings
 from thesis_lib.jenga.robot.samples import Samples
 
@@ -56,13 +56,7 @@ class Network(Learner):
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Network":
         """Train by the module's loss.  Errors as in `Learner.fit`."""
         self.shares = np.ones(1)
-        self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
-        self.layers = train_plain(
-            self.scaling.inputs(samples.state, samples.action, samples.context),
-            self.scaling.outputs(samples.state, samples.next_state),
-            self.settings.network,
-            int(rng.integers(2**31)),
-        )
+        self.layers = train_plain(*self.scale(samples), self.settings.network, int(rng.integers(2**31)))
         return self
 
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:

@@ -1,8 +1,8 @@
 """Settings of chapter 5's learners.
 
-The thesis gives only the range of the number of experts and "truncation about ten times the expected number"; all other
-numbers are own choices from development towers.  For each learner one of three values of `prior_std`, `weight_decay` or
-`ridge` was chosen by how well 100 samples of one training set predict those of the others.
+The thesis gives the range of the number of experts and "truncation about ten times the expected number"; the rest are
+own choices from development towers.  `prior_std`, `weight_decay` and `ridge` are the best of three values each by how
+well 100 samples of one training set predict those of the others.
 """
 
 from pydantic import Field
@@ -25,9 +25,7 @@ class MixtureSettings(Section):
     min_weight: float = Field(0.02, ge=0, lt=0.5, description="components below this share are dropped")
     regularisation: float = Field(0.03, gt=0, description="added to the variance of each scaled feature")
     overlap: float = Field(2.0, ge=1, description="a window counts as 1/overlap of one: neighbours share samples")
-    topic_prior: float = Field(
-        2.0, gt=0, description="a of the Dirichlet prior of an abstraction's components, in windows"
-    )
+    topic_prior: float = Field(2.0, gt=0, description="a of the Dirichlet prior of the topics, in windows")
     min_abstractions: int = Field(2, ge=1, description="merging stops here at the latest")
     max_abstractions: int = Field(6, ge=2, description="merging goes on at least to here")
 
@@ -38,9 +36,7 @@ class BeliefSettings(Section):
     stay: float = Field(0.98, gt=0, le=1, description="probability that the abstraction lasts another step")
     outlier_share: float = Field(0.03, ge=0, lt=0.5, description="share of wild measurements in each dimension")
     outlier_scale: float = Field(6.0, gt=1, description="their standard deviations against the predicted one")
-    emission_weight: float = Field(
-        1.0, ge=0, le=1, description="weight of the window mixture after the first step, where it counts fully"
-    )
+    emission_weight: float = Field(1.0, ge=0, le=1, description="power of the window mixture after the first step")
 
 
 class NetworkSettings(Section):
@@ -68,6 +64,16 @@ class ExpertSettings(Section):
     iterations: int = Field(60, ge=1, description="most steps of EM")
 
 
+class NutsSettings(Section):
+    """The No-U-Turn sampler (own choices; the thesis says Hamiltonian Monte Carlo only)."""
+
+    chains: int = Field(4, ge=4, description="chains, run side by side")
+    warm_up: int = Field(300, ge=50, description="steps of adaptation, thrown away")
+    draws: int = Field(300, ge=50, description="draws of each chain")
+    target_accept: float = Field(0.85, gt=0.5, lt=1, description="acceptance that the step size aims at")
+    max_tree_depth: int = Field(8, ge=4, le=10, description="doublings of a trajectory at most")
+
+
 class LearnerSettings(Section):
     """All learners of chapter 5."""
 
@@ -77,9 +83,7 @@ class LearnerSettings(Section):
     network: NetworkSettings = NetworkSettings()
     experts: ExpertSettings = ExpertSettings()
     context: bool = Field(
-        False,
-        description="layers above and side enter the transition models; with 100 samples, that is a dozen pushes, they "
-        "tell pushes from each other instead of blocks, so that all learners go without (own choice)",
+        False, description="layers above and side enter; own choice: a dozen pushes do not show what they do to blocks"
     )
     one_shot: bool = Field(False, description="HMA: learn abstractions and transitions jointly (ablation)")
     rounds: int = Field(12, ge=2, description="HMA one-shot: alternations of responsibilities and networks")

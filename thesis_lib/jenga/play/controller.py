@@ -11,11 +11,10 @@ one branch per abstraction k, which starts with certainty in k and then follows 
 The first action of the cheapest sequence is executed.  If it costs more than giving up, J* > J_g, the robot retracts,
 but not before `probe` pushes: before contact nothing is known of the block.  All learners share costs and weights.
 
-Only learners with abstractions that count as stuck (`abstractions.stuck_group`) have the term g of p(no move).  In the
-thesis the other learners lack it, so it can be switched off: the comparison would otherwise measure the term.  It is
-the same for all pushes, because the contact location does not change a block's mode and no change of belief can be
-expected from a future reading.  So it only weighs pushing against giving up.  Predicted variances are not used: C is
-nearly linear where it matters, and the branches carry the spread that decides.
+Only learners with abstractions that count as stuck (`abstractions.stuck_group`) have the term g of p(no move), which
+can be switched off: the comparison of learners would otherwise measure the term.  It is the same for all pushes, so it
+only weighs pushing against giving up.  Predicted variances are not used: C is nearly linear where it matters, and the
+branches carry the spread that decides.
 
 Sequences: all pairs of a few contact locations and headings held for H steps, the straight push and the present contact
 among them, and random pairs of which the second takes over midway.  x, y, ψ and T are those of `samples.STATE`, in mm.
@@ -23,14 +22,12 @@ among them, and random pairs of which the second takes over midway.  x, y, ψ an
 Source: thesis, section 5.5.4, figure 5-9, which names the costs without equations; their form is an own choice.
 """
 
-from typing import ClassVar
-
 import numpy as np
 
 from thesis_lib.jenga.learners.abstractions import stuck_group
 from thesis_lib.jenga.learners.learner import Learner
 from thesis_lib.jenga.play.controller_settings import ControllerSettings
-from thesis_lib.jenga.play.policies import Action, Push, Retract
+from thesis_lib.jenga.play.policies import Action, Policy, Push, Retract
 from thesis_lib.jenga.robot.samples import STATE
 
 X, Y, YAW, TOWER = (STATE.index(name) for name in ("x", "y", "yaw", "tower"))
@@ -71,22 +68,19 @@ def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray
     )
 
 
-class Learned:
+class Learned(Policy):
     """The controller on a fitted learner, as a `policies.Policy`.
 
     name: default the learner's.  belief: (K,), of the pushed block.
     """
 
-    SEES_TOWER: ClassVar[bool] = False
-
     def __init__(self, learner: Learner, settings: ControllerSettings | None = None, name: str | None = None):
         self.learner, self.settings = learner, settings or ControllerSettings()
         self.name = name or learner.name
         self.no_move = stuck_group(learner) if hasattr(learner, "look") else None
-        self._held = self._pairs()
-
-    def begin(self, rng: np.random.Generator) -> None:
-        self.rng = rng
+        offsets = np.linspace(-self.settings.offset, self.settings.offset, OFFSETS)
+        headings = np.linspace(-self.settings.heading, self.settings.heading, HEADINGS)
+        self._held = np.array([(offset, heading) for offset in offsets for heading in headings])
 
     def start(self, block: int, context: np.ndarray) -> None:
         self.context, self.contact, self.steps = context, 0.0, 0
@@ -112,8 +106,8 @@ class Learned:
         settings = self.settings
         held = self._held.copy()
         # the location nearest to the finger becomes the finger's, so that pushing on there is among the choices
-        near = np.abs(held[:, 0] - self.contact).min() == np.abs(held[:, 0] - self.contact)
-        held[near, 0] = self.contact
+        away = np.abs(held[:, 0] - self.contact)
+        held[away == away.min(), 0] = self.contact
         pairs = np.concatenate([[[self.contact, 0.0], [0.0, 0.0]], held])[: settings.sequences]
         sequences = np.repeat(pairs[:, None], settings.horizon, axis=1)
         more = settings.sequences - len(sequences)
@@ -140,8 +134,3 @@ class Learned:
             return 0.0
         first, now = (float(belief[self.no_move].sum()) for belief in (self._first, self.belief))
         return max(0.0, (now - first) / max(1.0 - first, 1e-9))
-
-    def _pairs(self) -> np.ndarray:
-        offsets = np.linspace(-self.settings.offset, self.settings.offset, OFFSETS)
-        headings = np.linspace(-self.settings.heading, self.settings.heading, HEADINGS)
-        return np.array([(offset, heading) for offset in offsets for heading in headings])

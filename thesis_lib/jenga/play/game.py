@@ -4,15 +4,14 @@ The nominal execution loop of the thesis (section 5.4.3): take a random block an
 policy retracts, the block is out far enough or 45 mm are reached; extract it and place it on top.  The run ends when a
 block falls off the tower, the tower topples, or all blocks have been tried.
 
-Pairing: the seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of each block's readings
-and the places on top, whatever the policy does.  The policy's random choices come from a separate stream.
+The seed of the tower and `base_seed` fix the tower, the order of blocks, the noise of each block's readings and the
+places on top, whatever the policy does.  The policy's random choices come from a separate stream.
 
 Success (thesis, section 5.5.3): a push succeeds if the block reaches the goal and no other block moves by more than
 10 mm or turns by more than 15 degrees in that push.  Extraction and placement are judged likewise, each by itself.  The
-score (`Game.extractions`, figure 5-5B) is the number of blocks pushed and extracted with success before the run ended.
-A retreat does not break the row (thesis: the robot may retract), damage costs the block without ending the run, and
-placement is counted separately.  An unusable tower gives a `refused` game, which is counted but has no score.  Figure
-5-6 counts `pushed`, `extracted` and `placed` of `Game.table`.
+score (`Game.extractions`, figure 5-5B) is the number of blocks pushed and extracted with success before the run ended:
+a retreat does not break the row, and damage costs the block without ending the run.  An unusable tower gives a
+`refused` game, which is counted but has no score.
 """
 
 from dataclasses import asdict, dataclass, field, fields
@@ -26,12 +25,10 @@ from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.jenga.play.policies import FORCE, SEEN, Policy, Retract
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import FELL_FROM_TOP, Gripper
-from thesis_lib.jenga.robot.robot import Robot
-from thesis_lib.jenga.robot.samples import UNKNOWN
-from thesis_lib.jenga.robot.sensing import MM, Sensor
-from thesis_lib.jenga.tower.health import settled_tower
+from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.samples import MM, UNKNOWN
 from thesis_lib.jenga.tower.settings import Setup
-from thesis_lib.jenga.tower.tower import REACHABLE, TowerError
+from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, settled_tower
 
 ALL_TRIED, DROPPED, TOPPLED, REFUSED = "all tried", "block dropped", "tower toppled", "refused"
 SCHEMA = 1
@@ -86,11 +83,7 @@ class Game:
 
     @property
     def extractions(self) -> int:
-        """The score.
-
-        Raises:
-            UserError: the game was refused.
-        """
+        """The score; UserError if the game was refused."""
         self._must_count()
         return sum(attempt.pushed == 1 and attempt.extracted == 1 for attempt in self.attempts)
 
@@ -121,13 +114,10 @@ class _Play:
         self.seed, self.policy, self.setup, self.base_seed, self.label = seed, policy, setup, base_seed, label
         self.tower = settled_tower(seed, setup)
         self.gripper = Gripper(self.tower)
-        self.places = self.stream("place")
+        self.places = _stream(base_seed, seed, "place")
         if policy.SEES_TOWER:
             policy.tower = self.tower
-        policy.begin(self.stream(f"policy {policy.name}"))
-
-    def stream(self, name: str) -> np.random.Generator:
-        return _stream(self.base_seed, self.seed, name)
+        policy.begin(_stream(base_seed, seed, f"policy {policy.name}"))
 
     def try_block(self, attempt: Attempt) -> str:
         """Push and, if the block is out, extract and place; the reason that ends the run, or an empty text."""
@@ -136,7 +126,8 @@ class _Play:
         if self.label:
             attempt.truth = hidden_label(tower, block, self.setup.movable)
         policy.start(block, context)
-        robot = Robot(tower, Sensor(self.setup.sensing, self.stream(f"readings {block}")))
+        noise = _stream(self.base_seed, self.seed, f"readings {block}")
+        robot = Robot(tower, Sensor(self.setup.sensing, noise))
         attempt.reason = self._push(robot, attempt, context)
         distance, angle = tower.perturbation(block, robot.start_poses)
         attempt.damage = round(MM * distance, 4)
@@ -185,7 +176,7 @@ class _Play:
     def _fallen(self, block: int) -> str:
         if self.tower.toppled(block):
             return TOPPLED
-        return DROPPED if self.tower.dropped(block) else ""
+        return DROPPED if block in self.tower.fallen() else ""
 
 
 def play(
@@ -200,9 +191,9 @@ def play(
 ) -> Game:
     """Play the tower of `seed`, trying at most `blocks` blocks.
 
-    label: find the hidden label of each block before it is touched (6 more pushes each; for evaluation only).
-    frames: keep the poses after each extracted block.
-    A tower that is unusable, or whose simulation breaks down while it stands, gives a refused game.
+    label: find the hidden label of each block before it is touched (for evaluation only).  frames: keep the poses after
+    each extracted block.  A tower that is unusable, or whose simulation breaks down while it stands, gives a refused
+    game.
     """
     setup = setup or Setup()
     game = Game(policy.name, seed, base_seed, blocks, [], ALL_TRIED)
@@ -239,13 +230,12 @@ def block_order(seed: int, base_seed: int) -> np.ndarray:
 
 
 def _stream(base_seed: int, seed: int, name: str) -> np.random.Generator:
-    key = (5, seed, *name.encode())
-    return np.random.default_rng(np.random.SeedSequence(base_seed, spawn_key=key))
+    return np.random.default_rng(np.random.SeedSequence(base_seed, spawn_key=(5, seed, *name.encode())))
 
 
-def _rounded(values: object) -> list:
-    """Rounded to 0.1 nm, finer than any sensor."""
-    return np.round(np.asarray(values, dtype=float), 7).tolist()
+def _rounded(values: np.ndarray) -> list:
+    """Rounded to 0.1 µm, finer than any sensor."""
+    return np.round(values, 7).tolist()
 
 
 def write_game(game: Game, path: str | Path) -> None:
@@ -254,12 +244,7 @@ def write_game(game: Game, path: str | Path) -> None:
 
 
 def read_game(path: str | Path) -> Game:
-    """Read what `write_game` wrote.
-
-    Raises:
-        UserError: the file is missing.
-        CorruptFileError: it is no finished game.
-    """
+    """Read what `write_game` wrote; UserError if the file is missing, CorruptFileError if it is no finished game."""
     value = read_json(path)
     try:
         if value.pop("schema") != SCHEMA:

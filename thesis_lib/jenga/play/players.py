@@ -1,8 +1,7 @@
 """Policies by name, trained on samples if they learn.
 
-A learner's name is hma, mor or network; hma_without_cost is hma whose controller lacks the term of p(no move),
-hma_one_shot learns abstractions and transitions jointly.  The policies without training are rule, always_push,
-exploration and oracle.  (PPO is trained in `ppo`.)
+Learners are hma, mor and network; hma_without_cost is hma whose controller lacks the term of p(no move), hma_one_shot
+learns abstractions and transitions jointly.  Without training are rule, always_push, exploration and oracle.
 """
 
 from collections.abc import Sequence
@@ -19,7 +18,6 @@ from thesis_lib.jenga.robot.samples import Samples
 if TYPE_CHECKING:  # learners need torch, which takes longer to import than a rule takes to play a block
     from thesis_lib.jenga.learners.hma import Hma
     from thesis_lib.jenga.learners.learner import Learner
-    from thesis_lib.jenga.play.controller import Learned
 
 
 def learner_of(name: str, settings: Chapter5) -> "Learner":
@@ -28,26 +26,17 @@ def learner_of(name: str, settings: Chapter5) -> "Learner":
     from thesis_lib.jenga.learners.mor import Mor
     from thesis_lib.jenga.learners.network import Network
 
-    learners: dict[str, type[Learner]] = {
-        "hma": Hma,
-        "mor": Mor,
-        "network": Network,
-        "hma_without_cost": Hma,
-        "hma_one_shot": Hma,
-    }
+    learners = {"hma": Hma, "mor": Mor, "network": Network, "hma_without_cost": Hma, "hma_one_shot": Hma}
     if name not in learners:
         raise UserError(f"there is no learner {name}; known are {', '.join(learners)}.")
-    chosen = settings.learner
-    if name == "hma_one_shot":
-        chosen = chosen.model_copy(update={"one_shot": True})
-    return learners[name](chosen)
+    one_shot = settings.learner.one_shot or name == "hma_one_shot"
+    return learners[name](settings.learner.model_copy(update={"one_shot": one_shot}))
 
 
 def policy_of(name: str, samples: Samples | None, size: int, settings: Chapter5, rng: np.random.Generator) -> Policy:
     """The policy of this name, trained on the first `size` samples if it learns.
 
-    Raises:
-        UserError: an unknown name, or fewer than `size` samples.
+    UserError for an unknown name, or fewer than `size` samples.
     """
     play = settings.play
     fixed = {
@@ -68,11 +57,6 @@ def policy_of(name: str, samples: Samples | None, size: int, settings: Chapter5,
     if name == "hma_without_cost":
         controller = controller.model_copy(update={"no_move": 0.0})
     return Learned(learner.fit(samples.first(size), rng), controller, name)
-
-
-def learned_policy(name: str, samples: Samples, settings: Chapter5, rng: np.random.Generator) -> "Learned":
-    """The controller on a learner fitted to all `samples`.  Errors as in `policy_of`."""
-    return policy_of(name, samples, len(samples), settings, rng)
 
 
 def fitted(sets: Sequence[Samples], settings: Chapter5, rng: np.random.Generator) -> "dict[tuple[int, int], Hma]":

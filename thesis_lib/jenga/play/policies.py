@@ -8,13 +8,12 @@ Source: thesis, sections 5.4.3 (execution loop, base exploration policy) and 5.5
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
 from thesis_lib.jenga.play.controller_settings import RuleSettings, SupervisorSettings
-from thesis_lib.jenga.robot.samples import STATE
-from thesis_lib.jenga.robot.sensing import MM
+from thesis_lib.jenga.robot.samples import MM, STATE
 from thesis_lib.jenga.tower.settings import CollectSettings
 
 SIDEWAYS, YAW, FORCE, SEEN = (STATE.index(name) for name in ("y", "yaw", "f_n", "tower"))
@@ -39,45 +38,35 @@ STRAIGHT = Push()
 Action = Push | Retract
 
 
-class Policy(Protocol):
-    """Plays one game at a time, block by block."""
+class Policy:
+    """Plays one game at a time, block by block; without memory unless a subclass keeps something."""
 
     name: str
-    SEES_TOWER: ClassVar[bool]
-
-    def begin(self, rng: np.random.Generator) -> None:
-        """A new game; the policy's random choices come from `rng`."""
-        ...
-
-    def start(self, block: int, context: np.ndarray) -> None:
-        """A new block, not yet touched."""
-        ...
-
-    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
-        """The next action after the last reading (7,)."""
-        ...
-
-    def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        """Readings (7,) before the push, in contact, and after it."""
-        ...
-
-
-class _Plain:
-    """A policy without memory."""
-
     SEES_TOWER: ClassVar[bool] = False
 
     def begin(self, rng: np.random.Generator) -> None:
+        """A new game; the policy's random choices come from `rng`."""
         self.rng = rng
 
     def start(self, block: int, context: np.ndarray) -> None:
-        pass
+        """A new block, not yet touched."""
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        """The next action after the last reading (7,)."""
+        raise NotImplementedError
 
     def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        pass
+        """Readings (7,) before the push, in contact, and after it."""
 
 
-class AlwaysPush(_Plain):
+def beyond(state: np.ndarray, settings: RuleSettings | SupervisorSettings) -> Retract | None:
+    """A retreat where force or tower perturbation of a reading (7,) exceeds its threshold."""
+    if state[FORCE] > settings.force:
+        return Retract("force")
+    return Retract("tower moves") if state[SEEN] > settings.tower else None
+
+
+class AlwaysPush(Policy):
     """Pushes straight and centred and never gives up."""
 
     name = "always_push"
@@ -86,7 +75,7 @@ class AlwaysPush(_Plain):
         return STRAIGHT
 
 
-class Rule(_Plain):
+class Rule(Policy):
     """Pushes straight and centred; gives up when force or tower perturbation exceeds a threshold."""
 
     name = "rule"
@@ -95,14 +84,10 @@ class Rule(_Plain):
         self.settings = settings or RuleSettings()
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
-        if state[FORCE] > self.settings.force:
-            return Retract("force")
-        if state[SEEN] > self.settings.tower:
-            return Retract("tower moves")
-        return STRAIGHT
+        return beyond(state, self.settings) or STRAIGHT
 
 
-class Exploration(_Plain):
+class Exploration(Policy):
     """The base exploration policy (random contact locations and headings) under the thesis's supervisor.
 
     Unlike collection it never gives up at random: only the supervisor ends a push.
@@ -117,10 +102,8 @@ class Exploration(_Plain):
         self.last = self._draw()
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
-        if state[FORCE] > self.settings.force:
-            return Retract("force")
-        if state[SEEN] > self.settings.tower:
-            return Retract("tower moves")
+        if retreat := beyond(state, self.settings):
+            return retreat
         if max(abs(state[SIDEWAYS]), abs(state[YAW])) > self.settings.stray:
             return Retract("left its way")
         if self.rng.random() < self.random.change:

@@ -11,7 +11,8 @@ One training passes all requested numbers of samples and leaves a policy at each
 random streams, so an interrupted and continued training gives the same policies to the last bit (other checkpoints in
 between give another training).  A segment of n samples holds ⌈n / `rollout`⌉ rollouts of equal length: no policy has
 seen more samples than its number, and even 100 samples give an update.  A sample is one step of the environment,
-retreats included.  Network sizes (64 × 64) are second-hand (a student's re-implementation).
+retreats included.  A file per checkpoint (`ppo_<samples>.pt`) is a declared result; the segments in `segments/` beside
+them are not, so that a pipeline that deletes the results of a failed job keeps them.
 
 Sources: J. Schulman et al. 2017, doi 10.48550/arXiv.1707.06347; A. Raffin et al., JMLR 22 (268), 2021
 (stable-baselines3); thesis, section 5.5.2.
@@ -19,12 +20,14 @@ Sources: J. Schulman et al. 2017, doi 10.48550/arXiv.1707.06347; A. Raffin et al
 
 import json
 import math
+import shutil
 import time
 import warnings
 import zipfile
 from collections.abc import Callable, Sequence
+from dataclasses import astuple, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -32,18 +35,17 @@ import torch
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import atomic
-from thesis_lib.jenga.play.policies import Action, Push
+from thesis_lib.jenga.play.policies import Action, Policy
 from thesis_lib.jenga.play.ppo_settings import PpoSettings
-from thesis_lib.jenga.play.push_env import REASONS, PushEnv, as_action, observation
+from thesis_lib.jenga.play.push_env import REASONS, Episode, PushEnv, as_action, observation
 from thesis_lib.jenga.tower.settings import Setup
 
 SCHEMA = 1
 RECENT = 50  # pushes over which the reported reward is averaged
-EPISODE = ("tower", "block", "samples", "reward", "reason")
 State = dict[str, Any]
 
 
-class PpoPolicy:
+class PpoPolicy(Policy):
     """A trained policy as it plays, deterministic and without memory; a `policies.Policy`.
 
     samples: most samples that it was trained on.  layers: weights (out, in) and biases (out,).  settings: of its
@@ -52,7 +54,6 @@ class PpoPolicy:
     """
 
     name = "ppo"
-    SEES_TOWER: ClassVar[bool] = False
 
     def __init__(self, state: State):
         """Build from a state that `train_ppo` saved."""
@@ -63,24 +64,11 @@ class PpoPolicy:
         self.layers = [
             (weights[f"{name}.weight"].numpy(), weights[f"{name}.bias"].numpy()) for name in [*names, "action_net"]
         ]
-        table = pd.DataFrame(state["episodes"].numpy(), columns=list(EPISODE))
-        steps = table["samples"].to_numpy()
-        self.episodes = pd.DataFrame(
-            {
-                "samples": state["ends"].numpy().astype(int),
-                "tower": table["tower"].astype(int),
-                "block": table["block"].astype(int),
-                "steps": steps.astype(int),
-                "reward": table["reward"],
-                "reason": [REASONS[int(reason)] for reason in table["reason"]],
-            }
+        tower, block, steps, reward, reason = state["episodes"].numpy().T
+        columns = {"samples": state["ends"].numpy(), "tower": tower, "block": block, "steps": steps}
+        self.episodes = pd.DataFrame({name: values.astype(int) for name, values in columns.items()}).assign(
+            reward=reward, reason=[REASONS[int(number)] for number in reason]
         )
-
-    def begin(self, rng: np.random.Generator) -> None:
-        """Not used: nothing is random."""
-
-    def start(self, block: int, context: np.ndarray) -> None:
-        """Not used: nothing is remembered."""
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
         """The mean action for a reading (7,) and context (2,), mm and N."""
@@ -89,9 +77,6 @@ class PpoPolicy:
             x = np.tanh(weight @ x + bias)
         weight, bias = self.layers[-1]
         return as_action(weight @ x + bias, self.settings.episode)
-
-    def observe(self, state: np.ndarray, action: Push, next_state: np.ndarray) -> None:
-        """Not used: nothing is learned during a game."""
 
 
 def train_ppo(
@@ -107,9 +92,9 @@ def train_ppo(
 ) -> dict[int, PpoPolicy]:
     """The policies of one training at these numbers of samples.
 
-    folder: where the end of each segment is saved (`ppo_<samples>.pt`); a training with the same settings, setup, seed
-    and checkpoints continues from the last one.  device: PyTorch's; "auto" is a GPU if there is one.  say: receives
-    progress lines.  The library seeds the global streams of random, numpy and PyTorch.
+    folder: where the end of each segment is saved; a training with the same settings, setup, seed and checkpoints
+    continues from the last one.  device: PyTorch's; "auto" is a GPU if there is one.  say: receives progress lines.
+    The library seeds the global streams of random, numpy and PyTorch.
 
     Raises:
         UserError: checkpoints that are not increasing and at least 2 apart.
@@ -147,13 +132,24 @@ def train_ppo(
     return policies
 
 
-def read_policy(path: str | Path) -> PpoPolicy:
-    """A policy that `train_ppo` saved.
+def train_to_files(
+    sizes: Sequence[int],
+    paths: Sequence[str | Path],
+    settings: PpoSettings,
+    setup: Setup,
+    seed: int,
+    say: Callable[[str], None] | None = None,
+) -> None:
+    """Train once through all `sizes` (samples) and write the policy at each to its path.  Errors as in `train_ppo`."""
+    segments = Path(paths[0]).with_name("segments")
+    train_ppo(sizes, settings, seed, setup=setup, folder=segments, say=say)
+    for size, path in zip(sizes, paths):
+        with atomic(path) as tmp:
+            shutil.copyfile(segments / f"ppo_{size}.pt", tmp)
 
-    Raises:
-        UserError: the file is missing.
-        CorruptFileError: it is no policy.
-    """
+
+def read_policy(path: str | Path) -> PpoPolicy:
+    """A policy that `train_ppo` saved; UserError if the file is missing, CorruptFileError if it is no policy."""
     path = Path(path)
     state = _read(path)
     try:
@@ -178,13 +174,8 @@ def _segment_ends(checkpoints: Sequence[int], segment: int) -> list[int]:
 
 def _record(settings: PpoSettings, setup: Setup, seed: int, ends: list[int]) -> str:
     """Everything that a saved segment depends on."""
-    value = {
-        "settings": settings.model_dump(mode="json"),
-        "setup": setup.model_dump(mode="json"),
-        "seed": seed,
-        "ends": ends,
-    }
-    return json.dumps(value, sort_keys=True)
+    given = {"settings": settings.model_dump(mode="json"), "setup": setup.model_dump(mode="json")}
+    return json.dumps(given | {"seed": seed, "ends": ends}, sort_keys=True)
 
 
 def _read(path: Path) -> State:
@@ -260,9 +251,9 @@ def _segment(
         model.policy.load_state_dict(state["policy"])
         model.policy.optimizer.load_state_dict(state["optimiser"])
     model.learn(length * rollouts, callback=Report())
-    rows = [[getattr(episode, name) for name in EPISODE] for episode in env.episodes]
-    episodes = torch.tensor(rows, dtype=torch.float64).reshape(-1, len(EPISODE))
-    ends = begin + episodes[:, EPISODE.index("samples")].cumsum(0)
+    rows = [astuple(episode) for episode in env.episodes]
+    episodes = torch.tensor(rows, dtype=torch.float64).reshape(-1, len(fields(Episode)))
+    ends = begin + episodes[:, 2].cumsum(0)  # samples so far
     if state is not None:
         episodes, ends = torch.cat([state["episodes"], episodes]), torch.cat([state["ends"], ends])
     return {

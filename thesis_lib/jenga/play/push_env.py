@@ -7,14 +7,12 @@
 `RewardSettings`.
 
 The reward is second-hand: a student's re-implementation quotes it from the paper's supplement, which is not public.
-Own choices fill the gaps.  D1 runs from 0 to 1.  D2 is 1 instead of 100 (with b3 = 100 it would be 10⁴), counts once
-and ends the episode.  D3 = 1 if the block reaches the goal and no other block moves by more than 10 mm or turns by more
-than 15° in the push, because extraction is not simulated.  Rewards use the true poses (training is in simulation); the
+Own choices fill the gaps.  D2 is 1 instead of 100, counts once and ends the episode.  D3 = 1 if the block reaches the
+goal and no other block is damaged in the push, because extraction is not simulated.  Rewards use the true poses, the
 policy sees readings only.  Retracting gives 0.
 
-Each push begins on a freshly settled tower: the reduced one (default) leaves the full tower unchanged, and the full one
-is restored.  So the policy never trains on a tower worn by a game.  A new tower is drawn from the training seeds after
-`pushes_per_tower` pushes and after each fall.
+Each push begins on a freshly settled tower, reduced (default) or full.  A new tower is drawn from the training seeds
+after `pushes_per_tower` pushes and after each fall.
 
 Sources: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123 (thesis, section 5.5.2);
 for the interface, gymnasium.
@@ -28,13 +26,10 @@ import numpy as np
 
 from thesis_lib.jenga.play.policies import Action, Push, Retract
 from thesis_lib.jenga.play.ppo_settings import EpisodeSettings, RewardSettings
-from thesis_lib.jenga.robot.reduced import reduce
-from thesis_lib.jenga.robot.robot import Robot
-from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, STATE
-from thesis_lib.jenga.robot.sensing import MM, Sensor
-from thesis_lib.jenga.tower.health import settled_tower
+from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, MM, STATE
 from thesis_lib.jenga.tower.settings import Setup
-from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, TowerError
+from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, TowerError, reduce, settled_tower
 
 X = STATE.index("x")
 # mm, N: scales each reading to about 1 (goal, half a block's width, force limit, longest push, damage); layers, side
@@ -99,16 +94,13 @@ class PushEnv(gymnasium.Env):
         self._pushes_left = 0
 
     def build(self, seed: int) -> Tower:
-        """The settled tower of `seed`.  Errors as in `health.check`."""
+        """The settled tower of `seed`."""
         return settled_tower(seed, self.setup)
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         """The first reading of a new push at the centre of a block; a seed restarts all randomness.
 
-        options: {"block": number} selects the block instead of a random one.
-
-        Raises:
-            TowerError: `REFUSED` towers or pushes in a row are unusable.
+        options: {"block": number} selects the block.  TowerError if `REFUSED` towers or pushes in a row are unusable.
         """
         super().reset(seed=seed)
         if seed is not None:
@@ -150,8 +142,6 @@ class PushEnv(gymnasium.Env):
         self._gained += reward
         return self._observe(), self.reward.scale * reward, False, False, {}
 
-    # -- inside -------------------------------------------------------------------------------------------------------
-
     def _begin(self, block: int | None) -> np.ndarray:
         if self._pushes_left == 0:
             seed = self.settings.first_tower + int(self.np_random.integers(self.settings.towers))
@@ -164,7 +154,7 @@ class PushEnv(gymnasium.Env):
         tower = self._tower if self.settings.full else reduce(self._tower, block)
         self._robot = Robot(tower, Sensor(self.setup.sensing, self.np_random))
         self._reading = self._robot.start(block)
-        self._context = self._robot.context()
+        self._context = tower.context(block)
         self._x, self._gained, self._samples = self._robot.state()[X], 0.0, 0
         return self._observe()
 

@@ -3,8 +3,7 @@
 from pydantic import Field
 
 from thesis_lib.foundation.settings import Section
-from thesis_lib.jenga.learners.nuts_settings import NutsSettings
-from thesis_lib.jenga.learners.settings import LearnerSettings
+from thesis_lib.jenga.learners.settings import LearnerSettings, NutsSettings
 from thesis_lib.jenga.play.controller_settings import ControllerSettings, PlaySettings
 from thesis_lib.jenga.play.ppo_settings import PpoSettings
 from thesis_lib.jenga.tower.settings import Setup
@@ -25,35 +24,21 @@ class GameChoice(Section):
     """Games of the study; each is a file of its own, so that an interrupted study goes on where it was."""
 
     towers: int = Field(2, ge=1, description="test towers, the same for all policies")
-    paired_towers: int = Field(
-        0,
-        ge=0,
-        description="first test towers that hma, network (with `shown` samples) and rule play, if more than `towers`",
-    )
+    paired_towers: int = Field(0, ge=0, description="towers of hma, network (`shown`) and rule, if more than `towers`")
     blocks: int = Field(45, ge=1, le=45, description="blocks tried in a game; the thesis's 45")
-    learners: tuple[str, ...] = Field(
-        ("hma", "mor", "network"), description="learners that play at every size (hma, mor, network)"
-    )
+    learners: tuple[str, ...] = Field(("hma", "mor", "network"), description="learners that play at every size")
     sizes: tuple[int, ...] = Field((100, 1000), min_length=1, description="training samples")
-    shown: int = Field(
-        100, ge=20, description="of `sizes`: that of the ablations, and of figure 5-6 (the thesis's 100)"
-    )
+    shown: int = Field(100, ge=20, description="of `sizes`: of the ablations and of figure 5-6 (100 in the thesis)")
     ppo_sizes: tuple[int, ...] = Field((1000, 20_000), description="samples of PPO: checkpoints of one training")
-    fixed: tuple[str, ...] = Field(
-        ("rule", "always_push", "exploration", "oracle"), description="policies without training"
-    )
-    ablations: tuple[str, ...] = Field(
-        ("hma_without_cost",), description="played at the size `shown`: hma_without_cost, hma_one_shot"
-    )
+    fixed: tuple[str, ...] = Field(("rule", "always_push", "exploration", "oracle"), description="without training")
+    ablations: tuple[str, ...] = Field(("hma_without_cost",), description="at `shown`: hma_without_cost, hma_one_shot")
 
 
 class SampleChoice(Section):
     """Samples of the base exploration policy."""
 
     sets: int = Field(3, ge=1, description="training sets; game i uses set i modulo this, so that luck averages out")
-    per_tower: int = Field(
-        50, ge=20, description="samples taken of one tower: a set of 100 then has seen two (own choice)"
-    )
+    per_tower: int = Field(50, ge=20, description="samples of one tower: a set of 100 has seen two (own choice)")
     held_out: int = Field(500, ge=100, description="samples of other towers, for abstractions and their agreement")
 
 
@@ -67,18 +52,14 @@ class ShowcaseChoice(Section):
     steered_blocks: int = Field(4, ge=1, description="free blocks of the tower of figure 5-9")
     edge: float = Field(8.0, gt=0, le=12.5, description="mm off the centre, contact of the disturbing pushes")
     disturbed: int = Field(8, ge=1, description="steps pushed there before the controller takes over")
-    steering: ControllerSettings = Field(
-        ControllerSettings(stray=3.0, effort=0.01, give_up=1e6),
-        description="figure 5-9's controller: as in the games, but straying costs 16 times as much, and it goes on",
-    )
+    # figure 5-9's controller: as in the games, but straying costs 16 times as much, and it never gives up
+    steering: ControllerSettings = ControllerSettings(stray=3.0, effort=0.01, give_up=1e6)
 
 
 class HiddenChoice(Section):
-    """What the learner has never seen, and how much of it is measured."""
+    """What the learner has never seen (glued blocks, a slippery layer, a heavier pusher), and how much is measured."""
 
-    effects: tuple[str, ...] = Field(
-        ("glued", "slippery", "heavy_tool"), description="three glued blocks, a slippery layer, a heavier pusher"
-    )
+    effects: tuple[str, ...] = Field(("glued", "slippery", "heavy_tool"), description="hidden effects that are studied")
     towers: int = Field(3, ge=2, description="towers with the effect; the first half relearns, the others judge")
     pushes: int = Field(12, ge=4, description="pushes of blocks with the effect, on all these towers")
     others: int = Field(12, ge=4, description="pushes of other blocks of the same towers, where there are any")

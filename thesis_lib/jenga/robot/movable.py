@@ -6,15 +6,14 @@ is needed because the finger is compliant: a bottom block that stays put moves n
 was fixed on development towers 0 to 4, where 47 % of the reachable blocks are then movable (thesis, section 5.4.4).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.jenga.robot.primitives import Gripper
-from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.robot import Robot, Sensor
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK
-from thesis_lib.jenga.robot.sensing import Sensor
 from thesis_lib.jenga.tower.settings import MovableSettings, SensingSettings
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower
 
@@ -57,12 +56,11 @@ def hidden_label(tower: Tower, block: int, settings: MovableSettings) -> int:
 
 def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(REACHABLE)) -> pd.DataFrame:
     """A row per block pushed: tower, block, layer, side, force (N), moved, others (mm), movable."""
-    rows = []
-    for block in blocks:
-        force, moved, others = trial_push(tower, int(block), settings.steps)
-        rows.append((tower.seed, int(block), tower.layer[block], int(tower.is_side(block)), force, moved, others))
-    names = ["tower", "block", "layer", "side", "force", "moved", "others"]
-    table = pd.DataFrame(rows, columns=names)
+    rows = [
+        (tower.seed, block, tower.layer[block], int(tower.is_side(block)), *trial_push(tower, block, settings.steps))
+        for block in map(int, blocks)
+    ]
+    table = pd.DataFrame(rows, columns=["tower", "block", "layer", "side", "force", "moved", "others"])
     return table.assign(movable=is_movable(table["moved"], table["others"], settings).astype(int))
 
 
@@ -77,37 +75,25 @@ def fractions(table: pd.DataFrame, settings: MovableSettings, thresholds: Sequen
     return pd.DataFrame(rows, columns=["tower", "threshold", "movable"])
 
 
-def try_to_extract(tower: Tower, block: int) -> tuple[bool, str]:
-    """Whether a straight centred push and the gripper extract a block without damage, and the reason if not.
+def comes_out(
+    tower: Tower, block: int, harmless: Callable[[], bool], offset: float = 0.0, heading: float = 0.0
+) -> bool:
+    """Whether one push (m, rad), repeated, and the gripper extract a block while nothing falls and all is `harmless`.
 
-    The tower is restored afterwards.
+    The tower is restored afterwards.  Errors as in `Robot.start`.
     """
-    before, start = tower.save(), tower.poses()
+    before, iterations = tower.save(), tower.iterations_needed
     robot, gripper = silent_robot(tower), Gripper(tower)
-
-    def damage() -> str:
-        hurt = tower.robot_settings.is_damage(*tower.perturbation(block, start))
-        return "tower damaged" if hurt else ""
-
-    robot.start(block)
-    reason = ""
-    while not robot.reached_goal() and not reason:
-        robot.push_step(0.0, 0.0)
-        if tower.dropped(block):
-            reason = "dropped"
-        elif robot.at_end():
-            reason = "did not come"
-        else:
-            reason = damage()
-    if not reason:
+    try:
+        robot.start(block, offset)
+        while not robot.reached_goal():
+            robot.push_step(offset, heading)
+            if tower.fallen().size or not harmless() or (robot.at_end() and not robot.reached_goal()):
+                return False
         robot.retract()
-        reason = gripper.extract(block).reason or damage()
-    gripper.forget()
-    tower.load(before)
-    return reason == "", reason
-
-
-def agreement(tower: Tower, table: pd.DataFrame) -> pd.DataFrame:
-    """A `scan` table with the result of a real extraction of each block: extracted, reason."""
-    results = [try_to_extract(tower, int(block)) for block in table["block"]]
-    return table.assign(extracted=[int(done) for done, _ in results], reason=[reason for _, reason in results])
+        return gripper.extract(block).success and harmless()
+    finally:
+        if gripper.held is not None:
+            gripper.let_go()
+        tower.load(before)
+        tower.iterations_needed = iterations

@@ -1,9 +1,8 @@
 """Extract and place: a parallel-jaw gripper pulls a block out of the tower and puts it on top.
 
-Two jaws of limited force close on the long sides of the protruding end and hold it by friction.  The hand pulls along
-the block until its other end has left the tower.  The transfer is not simulated because it touches nothing: hand and
-block are set down above a random free place of the top layer (a new layer if it is full), and the jaws open.  The jaws
-are thin and touch only the block that they hold.
+Two thin jaws of limited force close on the long sides of the protruding end, touch nothing else, and hold it by
+friction.  The hand pulls along the block until its other end has left the tower.  The transfer is not simulated: hand
+and block are set down above a random free place of the top layer (a new layer if it is full), and the jaws open.
 
 Damage (thesis, section 5.5.3): the primitive displaces another block by more than 10 mm or turns it by more than 15
 degrees.  A run ends when a block has fallen, on or off the tower.
@@ -17,7 +16,7 @@ import mujoco
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.robot import push_axes
+from thesis_lib.jenga.robot.robot import push_axes, way_out
 from thesis_lib.jenga.tower.tower import PER_LAYER, Tower
 from thesis_lib.jenga.tower.tower_model import BLOCKS, OPEN, PARKED
 
@@ -49,9 +48,7 @@ class Gripper:
     def __init__(self, tower: Tower):
         self.tower, self.settings = tower, tower.robot_settings
         model = tower.model
-        self._drive = {
-            name: int(np.flatnonzero(model.actuator_trnid[:, 0] == model.joint(name).id)[0]) for name in HAND + JAWS
-        }
+        self._drive = {name: tower.drive(name) for name in HAND + JAWS}
         self._pads = np.flatnonzero(model.geom_contype == JAW)
         self._body = model.body("hand").id
         self.held: int | None = None
@@ -59,12 +56,10 @@ class Gripper:
     def extract(self, block: int) -> PrimitiveOutcome:
         """Grasp a block and pull it out of the tower; after success it is held.
 
-        Raises:
-            UserError: the block does not protrude far enough to be grasped, or is not a body of its own.
-            TowerError: the simulation broke down.
+        UserError if it does not protrude far enough to be grasped, TowerError if the simulation breaks down.
         """
         tower, (u, _) = self.tower, push_axes(block)
-        out = float((tower.position(block) - tower.reference[block, :3]) @ u)
+        out = way_out(tower, block)
         if out < 2 * GRASP:
             raise UserError(f"block {block} stands out by {1e3 * out:.0f} mm: push it further before it is extracted.")
         before = tower.poses()
@@ -79,10 +74,10 @@ class Gripper:
         else:
             reason = self._damage(block, before)
         # a held block may hang askew: that is no fall
-        ends = tower.toppled(block) or (reason == LOST and tower.dropped(block))
+        ends = tower.toppled(block) or (reason == LOST and block in tower.fallen())
         outcome = PrimitiveOutcome(reason == "", reason, *tower.perturbation(block, before), ends)
         if reason == LOST:
-            self._let_go()
+            self.let_go()
         return outcome
 
     def place(self, rng: np.random.Generator) -> PrimitiveOutcome:
@@ -95,11 +90,10 @@ class Gripper:
         place = int(rng.choice(places))
         pose = self._target(block, layer, place)
         self._carry(pose)
-        for name in JAWS:
-            tower.data.ctrl[self._drive[name]] = OPEN
+        self._command_jaws(OPEN)
         self._weld(False)
         tower.simulate(OPENING)
-        self._let_go()
+        self.let_go()
         tower.simulate(RESTING)
         tower.layer[block], tower.place[block] = layer, place
         low = pose[2] - tower.position(block)[2]
@@ -109,40 +103,35 @@ class Gripper:
             reason == "", reason, *tower.perturbation(block, before), reason == FELL_FROM_TOP or tower.toppled(block)
         )
 
-    def forget(self) -> None:
-        """Release the held block where it is, before the tower is restored to an earlier state."""
-        if self.held is not None:
-            self._let_go()
-
-    # -- inside -------------------------------------------------------------------------------------------------------
-
     def _grasp(self, block: int) -> None:
         tower, matrix = self.tower, self.tower.matrix(block)
         self.held = block
         point = tower.position(block) + matrix @ [tower.sizes[block, 0] / 2.0 - GRASP, 0.0, 0.0]
-        turn = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
-        for name, value in zip(HAND, (*point, turn)):
-            tower.set_joint(name, value)
-        for name in JAWS:
-            tower.set_joint(name, OPEN)
+        self._put_hand((*point, _turn(matrix)))
         self._let_jaws_touch(block, True)
         mujoco.mj_forward(tower.model, tower.data)
-        for name in JAWS:
-            tower.data.ctrl[self._drive[name]] = SQUEEZE
+        self._command_jaws(SQUEEZE)
         tower.simulate(CLOSING)
         self._weld(True)
 
+    def _put_hand(self, pose: tuple[float, ...]) -> None:
+        """Hand at x, y, z (m) and turn (rad), with open jaws, at rest."""
+        for name, value in zip(HAND + JAWS, (*pose, OPEN, OPEN)):
+            self.tower.set_joint(name, value)
+
+    def _command_jaws(self, target: float) -> None:
+        self.tower.data.ctrl[[self._drive[name] for name in JAWS]] = target
+
     def _let_jaws_touch(self, block: int, yes: bool) -> None:
-        model, geom = self.tower.model, self.tower.core_of(block)
-        body = model.geom_bodyid[geom]
-        for mask, row in ((model.geom_conaffinity, geom), (model.body_conaffinity, body)):
+        model, geom = self.tower.model, self.tower.core[block]
+        for mask, row in ((model.geom_conaffinity, geom), (model.body_conaffinity, model.geom_bodyid[geom])):
             mask[row] = mask[row] | JAW if yes else mask[row] & ~JAW
 
     def _weld(self, active: bool) -> None:
         if not self.settings.weld:
             return
         model, data = self.tower.model, self.tower.data
-        body = model.geom_bodyid[self.tower.core_of(self.held)]
+        body = model.geom_bodyid[self.tower.core[self.held]]
         row = int(np.flatnonzero(model.eq_obj2id == body)[0])
         if active:
             inverse, place, turn = np.empty(4), np.empty(3), np.empty(4)
@@ -170,9 +159,8 @@ class Gripper:
 
     def _touching(self) -> bool:
         pairs = self.tower.data.contact.geom
-        pads = set(pairs[np.isin(pairs, self._pads)].tolist())
-        half = len(self._pads) // 2
-        return any(pad in pads for pad in self._pads[:half]) and any(pad in pads for pad in self._pads[half:])
+        left, right = np.split(self._pads, 2)
+        return bool(np.isin(left, pairs).any() and np.isin(right, pairs).any())
 
     def _damage(self, block: int, before: np.ndarray) -> str:
         if self.tower.toppled(block):
@@ -185,9 +173,8 @@ class Gripper:
         below = [other for other in range(BLOCKS) if tower.layer[other] == layer - 1]
         centre = np.mean([tower.position(other) for other in below], axis=0)
         matrix = tower.matrix(below[int(np.argmin([abs(tower.place[other] - 1) for other in below]))])
-        turn = float(np.arctan2(matrix[1, 0], matrix[0, 0]))
         # layers alternate by a quarter turn, as they were built
-        turn += np.pi / 2 if layer % 2 else -np.pi / 2
+        turn = _turn(matrix) + (np.pi / 2 if layer % 2 else -np.pi / 2)
         pitch = tower.settings.block[1] + tower.settings.gap
         across = np.array([-np.sin(turn), np.cos(turn)]) * (place - 1) * pitch
         top = max(tower.position(other)[2] + tower.sizes[other, 2] / 2.0 for other in below)
@@ -198,21 +185,18 @@ class Gripper:
     def _carry(self, pose: np.ndarray) -> None:
         """Move block and hand together to `pose`, at rest, with an unchanged grasp."""
         tower, model, data = self.tower, self.tower.model, self.tower.data
-        here, matrix = tower.position(self.held), tower.matrix(self.held)
-        turned = pose[3] - np.arctan2(matrix[1, 0], matrix[0, 0])
+        here, turned = tower.position(self.held), pose[3] - _turn(tower.matrix(self.held))
         spin = np.array([np.cos(turned / 2), 0.0, 0.0, np.sin(turned / 2)])
-        rotate = np.array(
-            [[np.cos(turned), -np.sin(turned), 0.0], [np.sin(turned), np.cos(turned), 0.0], [0.0, 0.0, 1.0]]
-        )
-        moved = [
-            float(data.ctrl[self._drive[name]] - data.qpos[model.joint(name).qposadr[0]]) for name in HAND
-        ]  # keep the stretch of the drives' springs
+        cos, sin = np.cos(turned), np.sin(turned)
+        rotate = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        drives = [self._drive[name] for name in HAND]
         hand = np.array([data.qpos[model.joint(name).qposadr[0]] for name in HAND])
+        stretch = data.ctrl[drives] - hand  # of the drives' springs, which is kept
         hand = np.append(rotate @ (hand[:3] - here) + pose[:3], hand[3] + turned)
-        for name, value, stretch in zip(HAND, hand, moved):
+        for name, value in zip(HAND, hand):
             tower.set_joint(name, value)
-            data.ctrl[self._drive[name]] += stretch
-        joint = model.body_jntadr[model.geom_bodyid[tower.core_of(self.held)]]
+        data.ctrl[drives] += stretch
+        joint = model.body_jntadr[model.geom_bodyid[tower.core[self.held]]]
         place, velocity = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
         quaternion = np.empty(4)
         mujoco.mju_mulQuat(quaternion, spin, data.qpos[place + 3 : place + 7].copy())
@@ -220,16 +204,18 @@ class Gripper:
         data.qvel[velocity : velocity + 6] = 0.0
         mujoco.mj_forward(model, data)
 
-    def _let_go(self) -> None:
-        """Park the hand."""
+    def let_go(self) -> None:
+        """Release the held block where it is, and park the hand."""
         self._weld(False)
         self._let_jaws_touch(self.held, False)
-        for name, value in zip(HAND, (*PARKED, 0.0)):
-            self.tower.set_joint(name, value)
-        for name in JAWS:
-            self.tower.set_joint(name, OPEN)
+        self._put_hand((*PARKED, 0.0))
         mujoco.mj_forward(self.tower.model, self.tower.data)
         self.held = None
+
+
+def _turn(matrix: np.ndarray) -> float:
+    """Angle (rad) of a body's long axis about the vertical."""
+    return float(np.arctan2(matrix[1, 0], matrix[0, 0]))
 
 
 def free_places(tower: Tower, held: int) -> tuple[int, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The point pusher: approach a block, push it in steps of 1 mm, lift and touch elsewhere, retract.
+"""The point pusher: approach a block, push it in steps of 1 mm, lift and touch elsewhere, retract; and its sensors.
 
 The finger is a sphere on a spring (stiffness k) at the end of an arm whose position is known exactly.  Against a block
 that does not move, the force climbs by k · 1 mm per step up to the arm's force limit.  Frame of a push: u along the
@@ -9,14 +9,18 @@ deflection BEFORE the state s_t is read: no model could predict the force across
 The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is required beyond 3/4
 (56 mm).  Here the gripper takes over at `goal` = 33 mm: at 45 mm the centre of mass lies beyond the support (37.5 mm)
 and only the layer above would hold the block.
+
+Readings are z_t = s_t + noise, Gaussian and independent from reading to reading.  The camera sees little of a block at
+the start of a push, so pose noise falls with the advance a (thesis, section 5.5.4): σ_pose(a) = σ_last + (σ_first −
+σ_last) exp(−a/ℓ).  Force noise is constant, and the arm knows its advance exactly (`SensingSettings`).
 """
 
 import mujoco
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.samples import RADIUS_OF_GYRATION
-from thesis_lib.jenga.robot.sensing import MM, Sensor
+from thesis_lib.jenga.robot.samples import MM, RADIUS_OF_GYRATION, STATE
+from thesis_lib.jenga.tower.settings import SensingSettings
 from thesis_lib.jenga.tower.tower import PER_LAYER, REACHABLE, Tower
 from thesis_lib.jenga.tower.tower_model import PARKED
 
@@ -25,10 +29,38 @@ APPROACH = 0.2e-3  # m that the arm moves between checks for contact
 LIFT_TIME = 0.03  # s of each of the three moves of a re-contact
 
 
+def standard_deviations(advance: np.ndarray, settings: SensingSettings) -> np.ndarray:
+    """Standard deviations (..., 7) of `STATE`, mm and N, for advances (...), mm."""
+    advance = np.maximum(np.asarray(advance, dtype=float), 0.0)
+    falling = (settings.pose_first - settings.pose_last) * np.exp(-advance / (MM * settings.pose_length))
+    sigma = np.zeros((*advance.shape, len(STATE)))
+    sigma[..., :3] = MM * (settings.pose_last + falling)[..., None]
+    sigma[..., 3:5] = settings.force
+    sigma[..., STATE.index("tower")] = MM * settings.tower
+    return sigma
+
+
+class Sensor:
+    """Adds the noise of camera and force sensor."""
+
+    def __init__(self, settings: SensingSettings, rng: np.random.Generator):
+        self.settings, self.rng = settings, rng
+
+    def read(self, state: np.ndarray) -> np.ndarray:
+        """A reading z_t of the true state s_t, (7,), mm and N (`samples.STATE`)."""
+        sigma = standard_deviations(state[STATE.index("advance")], self.settings)
+        return state + sigma * self.rng.standard_normal(len(STATE))
+
+
 def push_axes(block: int) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors u along and v across a push of a block in its original place, (3,) each."""
     along = np.array([1.0, 0.0, 0.0]) if (block // PER_LAYER) % 2 == 0 else np.array([0.0, 1.0, 0.0])
     return along, np.cross([0.0, 0.0, 1.0], along)
+
+
+def way_out(tower: Tower, block: int) -> float:
+    """Displacement of a block out of its place along its push, m."""
+    return float((tower.position(block) - tower.reference[block, :3]) @ push_axes(block)[0])
 
 
 class Robot:
@@ -42,21 +74,16 @@ class Robot:
         self.tower, self.sensor, self.settings = tower, sensor, tower.robot_settings
         self.block: int | None = None
         self._tip = tower.model.geom("tip").id
-        joints = [tower.model.joint(f"tip_{axis}").id for axis in "xyz"]
-        self._drives = [int(np.flatnonzero(tower.model.actuator_trnid[:, 0] == joint)[0]) for joint in joints]
+        self._drives = [tower.drive(f"tip_{axis}") for axis in "xyz"]
         self._wrench = np.zeros(6)
         self._seen: np.ndarray | None = None
-
-    # -- primitives ---------------------------------------------------------------------------------------------------
 
     def start(self, block: int, offset: float = 0.0) -> np.ndarray:
         """Bring the finger to a block's end face and touch it; the first reading, (7,).
 
-        Raises:
-            UserError: the block cannot be reached.
-            TowerError: the simulation broke down.
+        UserError if the block cannot be reached, TowerError if the simulation breaks down.
         """
-        if block not in REACHABLE or block not in self.tower.present:
+        if block not in REACHABLE:
             raise UserError(
                 f"block {block} cannot be pushed: choose one of 0 to {REACHABLE[-1]} that stands in the tower."
             )
@@ -86,7 +113,7 @@ class Robot:
         here = self.tower.matrix(self.block).T @ (tip - self.tower.position(self.block))
         if abs(here[1] - offset) <= self.settings.recontact:
             return self._seen
-        pressed = max(self.force @ self.u, 0.0) / self.settings.stiffness
+        pressed = self._pressed()
         # found before lifting: a block that springs back is pressed to where it was
         wanted = self._tip_place(offset)
         self._move(self.arm - (pressed + self.settings.clearance) * self.u, LIFT_TIME)
@@ -97,10 +124,8 @@ class Robot:
     def push(self, heading: float) -> np.ndarray:
         """Advance by 1 mm with this heading (rad, 0 along the block); the reading afterwards, (7,)."""
         self.steps += 1
-        self._move(
-            self.arm + self.settings.step * (np.cos(heading) * self.u + np.sin(heading) * self.v),
-            self.settings.step_time,
-        )
+        way = self.settings.step * (np.cos(heading) * self.u + np.sin(heading) * self.v)
+        self._move(self.arm + way, self.settings.step_time)
         return self._look()
 
     def push_step(self, offset: float, heading: float) -> tuple[np.ndarray, np.ndarray]:
@@ -110,14 +135,11 @@ class Robot:
 
     def retract(self) -> None:
         """Lift the finger off the block and park it."""
-        pressed = max(self.force @ self.u, 0.0) / self.settings.stiffness
-        self._move(self.arm - (pressed + self.settings.clearance) * self.u, 2 * LIFT_TIME)
+        self._move(self.arm - (self._pressed() + self.settings.clearance) * self.u, 2 * LIFT_TIME)
         for axis, value in zip("xyz", PARKED):
             self.tower.set_joint(f"tip_{axis}", value)
         mujoco.mj_forward(self.tower.model, self.tower.data)
         self.block = None
-
-    # -- what is felt and seen ----------------------------------------------------------------------------------------
 
     @property
     def advance(self) -> float:
@@ -133,35 +155,16 @@ class Robot:
         moved = self.tower.position(self.block) - self.start_position
         yaw = self._yaw() - self.start_yaw
         tower, _ = self.tower.perturbation(self.block, since=self.start_poses)
-        return np.array(
-            [
-                MM * (moved @ self.u),
-                MM * (moved @ self.v),
-                RADIUS_OF_GYRATION * np.arctan2(np.sin(yaw), np.cos(yaw)),
-                self.force @ self.u,
-                self.force @ self.v,
-                MM * self.advance,
-                MM * tower,
-            ]
-        )
-
-    def observe(self) -> np.ndarray:
-        """The last reading z_t, (7,), mm and N."""
-        return self._seen
-
-    def context(self) -> np.ndarray:
-        """`Tower.context` of the pushed block, (2,)."""
-        return self.tower.context(self.block)
-
-    def out(self, block: int) -> float:
-        """Displacement of a block out of its place along its push, m."""
-        return float((self.tower.position(block) - self.tower.reference[block, :3]) @ push_axes(block)[0])
+        pose = MM * (moved @ self.u), MM * (moved @ self.v), RADIUS_OF_GYRATION * np.arctan2(np.sin(yaw), np.cos(yaw))
+        return np.array([*pose, self.force @ self.u, self.force @ self.v, MM * self.advance, MM * tower])
 
     def reached_goal(self) -> bool:
         """Whether the block is out far enough for the gripper."""
-        return self.out(self.block) >= self.settings.goal
+        return way_out(self.tower, self.block) >= self.settings.goal
 
-    # -- inside -------------------------------------------------------------------------------------------------------
+    def _pressed(self) -> float:
+        """Deflection of the finger along the push, m."""
+        return max(self.force @ self.u, 0.0) / self.settings.stiffness
 
     def _look(self) -> np.ndarray:
         self._seen = self.sensor.read(self.state())

@@ -8,7 +8,7 @@ Angles become lengths through the block's radius of gyration, as in the thesis: 
 Source: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ import pandas as pd
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_table
 
+MM = 1e3  # in a metre
 RADIUS_OF_GYRATION = 23.0  # mm; thesis, figure 5-9
 STATE = ("x", "y", "yaw", "f_n", "f_t", "advance", "tower")
 ACTION = ("offset", "heading")
@@ -42,10 +43,6 @@ RESISTANCE = 0.5
 ENOUGH = 100  # samples, of which at least one must reach that resistance
 
 
-def _unknown() -> np.ndarray:
-    return np.empty(0, dtype=int)
-
-
 @dataclass(frozen=True)
 class Samples:
     """Samples in order of collection.
@@ -54,10 +51,7 @@ class Samples:
     `STATE`; x, y, yaw and tower are displacements since the push began, advance counts from first contact.  `state` is
     read before the advance, after any re-contact.  action: (n, 2), mm and rad, see `ACTION`.  context: (n, 2), layers
     above the block; 0 middle or 1 side block.  truth: (n,) int, `FREE`, `STUCK` or `UNKNOWN`.  tower, block: (n,) int,
-    seed of the tower and number of the block (-1 if unknown).
-
-    Raises:
-        UserError: arrays of unequal length, numbers that are not finite, or rows outside `RANGE`.
+    seed of the tower and number of the block.  UserError for arrays of unequal length or rows outside `RANGE`.
     """
 
     push: np.ndarray
@@ -67,14 +61,11 @@ class Samples:
     next_state: np.ndarray
     context: np.ndarray
     truth: np.ndarray
-    tower: np.ndarray = field(default_factory=_unknown)
-    block: np.ndarray = field(default_factory=_unknown)
+    tower: np.ndarray
+    block: np.ndarray
 
     def __post_init__(self) -> None:
         n = len(self.push)
-        for name in ("tower", "block"):
-            if len(getattr(self, name)) == 0:
-                object.__setattr__(self, name, np.full(n, UNKNOWN))
         widths = {"state": len(STATE), "next_state": len(STATE), "action": len(ACTION), "context": len(CONTEXT)}
         for item in fields(self):
             value = np.asarray(getattr(self, item.name))
@@ -105,11 +96,7 @@ class Samples:
             raise UserError("samples: truth must be 0 (free), 1 (stuck) or -1 (unknown).")
 
     def check_resistance(self) -> None:
-        """Refuse a data set in which no block resists: an exploded or empty tower gives forces of 0.
-
-        Raises:
-            UserError: none of at least `ENOUGH` samples reaches `RESISTANCE`.
-        """
+        """UserError if none of at least `ENOUGH` samples reaches `RESISTANCE`: an exploded tower gives forces of 0."""
         if len(self) >= ENOUGH and self.next_state[:, STATE.index("f_n")].max() < RESISTANCE:
             raise UserError(
                 f"samples: none of {len(self)} pushes of 1 mm met {RESISTANCE} N. Blocks of a standing tower do: "
@@ -171,12 +158,7 @@ def write_samples(samples: Samples, path: str | Path) -> None:
 
 
 def read_samples(path: str | Path) -> Samples:
-    """Read what `write_samples` wrote.
-
-    Raises:
-        UserError: the file is missing, or `Samples` or `Samples.check_resistance` refuses it.
-        CorruptFileError: it cannot be parsed or lacks a column.
-    """
+    """Read what `write_samples` wrote.  Errors as in `read_table`, `Samples` and `Samples.check_resistance`."""
     columns = [*_INTEGERS, *(name for names in _GROUPS.values() for name in names)]
     samples = from_table(read_table(path, columns))
     samples.check_resistance()

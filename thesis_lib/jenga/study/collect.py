@@ -2,12 +2,9 @@
 
 A run on one tower tries blocks in random order until one falls, all 45 have been tried, or there are enough samples.
 A push ends when the robot gives up (at random, so that 100 samples hold both stuck and free blocks), sees the tower
-move too far or the block leave its way, has advanced 45 mm, or has the block out far enough.  In the last case the
-block is extracted and placed.  Each tower has its own random stream, so towers can be collected in any order or by
-several processes.
-
-The hidden label of a push (`Samples.truth`) comes from a trial push just before it; the tower is restored in between.
-A fall ends the run, and the sample in which it happens is discarded.
+move too far or the block leave its way, has advanced 45 mm, or has the block out far enough, which is then extracted
+and placed.  A fall ends the run, and the sample in which it happens is discarded.  Each tower has its own random
+stream.  The hidden label of a push (`Samples.truth`) comes from a trial push just before it.
 """
 
 from collections.abc import Sequence
@@ -18,13 +15,10 @@ import pandas as pd
 from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import Gripper
-from thesis_lib.jenga.robot.reduced import reduce
-from thesis_lib.jenga.robot.robot import Robot
-from thesis_lib.jenga.robot.samples import RANGE, STATE, Samples, join
-from thesis_lib.jenga.robot.sensing import MM, Sensor
-from thesis_lib.jenga.tower.health import check_standing, settled_tower
+from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.samples import MM, RANGE, STATE, Samples, join
 from thesis_lib.jenga.tower.settings import Setup
-from thesis_lib.jenga.tower.tower import REACHABLE, TowerError
+from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
 
 SIDEWAYS, YAW, SEEN = (STATE.index(name) for name in ("y", "yaw", "tower"))
 APART = 1000  # seeds from one training set to the next
@@ -81,7 +75,7 @@ class _Run:
         settings, push = self.setup.collect, len(self.attempts)
         offset, heading = self._action()
         robot.start(block, offset)
-        context = robot.context()
+        context = robot.tower.context(block)
         for step in range(limit - len(self.rows)):
             if self.rng.random() < settings.change:
                 offset, heading = self._action()
@@ -104,11 +98,8 @@ class _Run:
         return "enough samples"
 
     def _action(self) -> tuple[float, float]:
-        settings = self.setup.collect
-        return (
-            float(self.rng.uniform(-settings.offset, settings.offset)),
-            float(self.rng.uniform(-settings.heading, settings.heading)),
-        )
+        offset, heading = self.setup.collect.offset, self.setup.collect.heading
+        return float(self.rng.uniform(-offset, offset)), float(self.rng.uniform(-heading, heading))
 
     def samples(self) -> Samples:
         push, step, block, truth, before, action, after, context = (np.array(column) for column in zip(*self.rows))
@@ -126,11 +117,8 @@ def explore_tower(
     """At most `limit` samples of one tower (None without any), and a table of the blocks tried.
 
     blocks: candidates, tried in random order.  seed: of the tower; with base_seed it also fixes the policy's choices
-    and the noise.  Columns of the table: tower, block, layer, side, truth, steps, pushed, extracted, placed (-1 if not
-    tried) and reason (why it ended).
-
-    Raises:
-        TowerError: the tower does not stand when settled, or the simulation broke down.
+    and the noise.  Columns of the table: `ATTEMPT`; extracted and placed are -1 if not tried.  TowerError if the tower
+    does not stand when settled, or the simulation breaks down.
     """
     rng = np.random.default_rng(np.random.SeedSequence(base_seed, spawn_key=(5, seed)))
     run = _Run(seed, rng, setup or Setup())
@@ -143,10 +131,8 @@ def collect(
 ) -> tuple[Samples, pd.DataFrame]:
     """`n` samples from towers first_seed, first_seed + 1, …, at most `per_tower` of each, and their tables.
 
-    An unusable tower gives no samples and one row of the table: block -1, the error as reason.
-
-    Raises:
-        TowerError: `REFUSED` unusable towers in a row.
+    An unusable tower gives no samples and one row of the table: block -1, the error as reason.  TowerError for
+    `REFUSED` unusable towers in a row.
     """
     parts, tables, seed, refused = [], [], first_seed, 0
     while (have := sum(map(len, parts))) < n:

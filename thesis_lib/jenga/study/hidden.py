@@ -14,7 +14,6 @@ Source: thesis, section 5.8, has models that notice what they do not explain as 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -27,26 +26,11 @@ from thesis_lib.jenga.play.players import learner_of
 from thesis_lib.jenga.play.settings import Chapter5, HiddenChoice
 from thesis_lib.jenga.robot.samples import Samples, join
 from thesis_lib.jenga.study.collect import APART, explore_tower
-from thesis_lib.jenga.study.model_study import filtered
+from thesis_lib.jenga.study.model_study import predictions
 from thesis_lib.jenga.tower.settings import HiddenEffects, Setup
 from thesis_lib.jenga.tower.tower import REACHABLE
 from thesis_lib.jenga.tower.tower_model import PER_LAYER
 from thesis_lib.statistics.intervals import student_mean
-
-
-@dataclass(frozen=True)
-class HiddenResult:
-    """Tables of one effect.
-
-    summary: one row: effect, p_value, new_abstraction (0 or 1), numbers of pushes and of failing pushes with and
-    without the effect, the abstraction that fails most, number of samples relearned from.  pushes: a row per push of
-    the first half (`PredictiveCheck`) with affected (0 or 1).  errors: stage (before, relearned), group (affected,
-    others), error, low, high, n.
-    """
-
-    summary: pd.DataFrame
-    pushes: pd.DataFrame
-    errors: pd.DataFrame
 
 
 def hidden_of(effect: str, choice: HiddenChoice) -> tuple[HiddenEffects, tuple[int, ...]]:
@@ -71,10 +55,13 @@ def hidden_study(
     first_seed: int,
     base_seed: int,
     rng: np.random.Generator,
-) -> HiddenResult:
+) -> dict[str, pd.DataFrame]:
     """The whole procedure for one effect; `reference` are held-out samples of towers without it.
 
-    Raises UserError if one half of the towers gave no samples.
+    summary: one row: p_value, new_abstraction (0 or 1), numbers of pushes and of failing pushes with and without the
+    effect, the abstraction that fails most, number of samples relearned from.  pushes: a row per push of the first half
+    (`PredictiveCheck`) with affected (0 or 1).  errors: stage (before, relearned), group (affected, others), error,
+    low, high, n.  UserError if one half of the towers gave no samples.
     """
     hidden, affected_blocks = hidden_of(effect, choice)
     tower = setup.tower.model_copy(update={"hidden": hidden})
@@ -98,46 +85,35 @@ def hidden_study(
         abstraction=np.array(learner.names)[check.pushes["abstraction"]],
     )
     failing = seen.select(np.isin(seen.push, pushes.loc[pushes["fails"] == 1, "push"]))
-    relearned = None
+    stages = {"before": learner}
     if check.new_abstraction and len(failing) >= MIN_SAMPLES:
-        relearned = with_new_abstraction(learner, failing, rng)
-    errors = [error_rows(learner, fresh, affected_blocks).assign(stage="before")]
-    if relearned is not None:
-        errors.append(error_rows(relearned, fresh, affected_blocks).assign(stage="relearned"))
+        stages["relearned"] = with_new_abstraction(learner, failing, rng)
+    errors = [error_rows(model, fresh, affected_blocks).assign(stage=stage) for stage, model in stages.items()]
     table = pd.concat(errors, ignore_index=True).assign(effect=effect)
-    return HiddenResult(
-        _summary(effect, check, pushes, len(failing) if relearned is not None else 0),
-        pushes.assign(effect=effect),
-        table[["effect", "stage", "group", "error", "low", "high", "n"]],
-    )
+    return {
+        "summary": _summary(effect, check, pushes, len(failing) if "relearned" in stages else 0),
+        "pushes": pushes.assign(effect=effect),
+        "errors": table[["effect", "stage", "group", "error", "low", "high", "n"]],
+    }
 
 
 def error_rows(learner: Hma, samples: Samples, affected_blocks: tuple[int, ...]) -> pd.DataFrame:
     """Rows of group, error, low, high, n: pushes of blocks in `affected_blocks`, and of the others."""
-    belief = filtered(learner, samples)
-    mean, _ = learner.predict(samples.state, samples.action, samples.context, belief).moments()
+    mean, _ = predictions(learner, samples)
     dims = list(SEEN)
     off = (np.abs(samples.next_state - mean) / learner.scaling.change)[:, dims].mean(axis=1)
     groups = push_groups(samples)
     per_push = np.array([off[rows].mean() for rows in groups])
     affected = np.array([samples.block[rows[0]] in affected_blocks for rows in groups])
-    rows = []
-    for name, part in (("affected", per_push[affected]), ("others", per_push[~affected])):
-        if len(part):
-            rows.append((name, *student_mean(part), len(part)))
+    parts = {"affected": per_push[affected], "others": per_push[~affected]}
+    rows = [(name, *student_mean(part), len(part)) for name, part in parts.items() if len(part)]
     return pd.DataFrame(rows, columns=["group", "error", "low", "high", "n"])
 
 
 def _summary(effect: str, check: PredictiveCheck, pushes: pd.DataFrame, samples: int) -> pd.DataFrame:
-    by = check.by_abstraction
-    worst = by.sort_values(["failed", "distance"], ascending=False)["name"].iloc[0]
-    row: dict[str, object] = {
-        "effect": effect,
-        "p_value": check.p_value,
-        "new_abstraction": int(check.new_abstraction),
-        "failing_abstraction": worst,
-        "relearned_samples": samples,
-    }
+    worst = check.by_abstraction.sort_values(["failed", "distance"], ascending=False)["name"].iloc[0]
+    row = {"effect": effect, "p_value": check.p_value, "new_abstraction": int(check.new_abstraction)}
+    row |= {"failing_abstraction": worst, "relearned_samples": samples}
     for name, value in (("affected", 1), ("others", 0)):
         part = pushes[pushes["affected"] == value]
         row[f"pushes_{name}"] = len(part)
@@ -161,8 +137,5 @@ def hidden_tables(
         first = settings.towers.first_held_out + APART * (i + 1)
         result = hidden_study(effect, learner, reference, settings.setup, settings.hidden, first, base_seed, rng)
         results.append(result)
-        say(f"{effect}: p = {result.summary['p_value'].iloc[0]:.3f}")
-    return {
-        name: pd.concat([getattr(result, name) for result in results], ignore_index=True)
-        for name in ("summary", "pushes", "errors")
-    }
+        say(f"{effect}: p = {result['summary']['p_value'].iloc[0]:.3f}")
+    return {name: pd.concat([result[name] for result in results], ignore_index=True) for name in results[0]}

@@ -18,14 +18,13 @@ import pandas as pd
 from thesis_lib.jenga.learners.abstractions import abstraction_table, agreement, stuck_group
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import F_N, F_T, Learner, push_groups
-from thesis_lib.jenga.robot.samples import STUCK, Samples
+from thesis_lib.jenga.robot.samples import MM, STUCK, Samples
 from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.tower_model import PER_LAYER
 from thesis_lib.statistics.bootstrap import resampled
 
 SLACK = 2.0
 BOOTSTRAP = 500
-MM = 1000.0
-PER_LAYER = 3
 
 
 def filtered(learner: Learner, samples: Samples) -> np.ndarray:
@@ -41,23 +40,20 @@ def filtered(learner: Learner, samples: Samples) -> np.ndarray:
     return belief
 
 
+def predictions(learner: Learner, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """Mean next reading (n, 7), mm and N, and weights (n, K) of the abstractions, with the filtered belief."""
+    predicted = learner.predict(samples.state, samples.action, samples.context, filtered(learner, samples))
+    return predicted.moments()[0], predicted.weight
+
+
 def cone_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
     """Predicted forces (figure 5-7A): push, step, f_n, f_t (N), abstraction (name), inside (0 or 1)."""
-    belief = filtered(learner, samples)
-    predicted = learner.predict(samples.state, samples.action, samples.context, belief)
-    mean, _ = predicted.moments()
+    mean, weight = predictions(learner, samples)
     f_n, f_t = mean[:, F_N], mean[:, F_T]
     limit = setup.robot.tip_friction * np.maximum(f_n, 0.0) + SLACK * setup.sensing.force
-    return pd.DataFrame(
-        {
-            "push": samples.push,
-            "step": samples.step,
-            "f_n": f_n,
-            "f_t": f_t,
-            "abstraction": np.array(learner.names)[predicted.weight.argmax(axis=1)],
-            "inside": (np.abs(f_t) <= limit).astype(int),
-        }
-    )
+    table = pd.DataFrame({"push": samples.push, "step": samples.step, "f_n": f_n, "f_t": f_t})
+    names = np.array(learner.names)[weight.argmax(axis=1)]
+    return table.assign(abstraction=names, inside=(np.abs(f_t) <= limit).astype(int))
 
 
 def height_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
@@ -65,24 +61,15 @@ def height_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
 
     Both forces (N) are means over the last half of the push, when the finger no longer bends further.
     """
-    belief = filtered(learner, samples)
-    predicted = learner.predict(samples.state, samples.action, samples.context, belief)
-    mean, _ = predicted.moments()
+    mean, weight = predictions(learner, samples)
     rows = []
     for group in push_groups(samples):
-        late = group[len(group) // 2 :]
-        layer = samples.block[group[0]] // PER_LAYER
-        rows.append(
-            (
-                samples.push[group[0]],
-                samples.block[group[0]],
-                MM * setup.tower.block[2] * (layer + 0.5),
-                float(samples.next_state[late, F_N].mean()),
-                float(mean[late, F_N].mean()),
-                learner.names[int(predicted.weight[late].mean(axis=0).argmax())],
-                int(samples.truth[group[0]]),
-            )
-        )
+        first, late = group[0], group[len(group) // 2 :]
+        block, truth = samples.block[first], int(samples.truth[first])
+        height = MM * setup.tower.block[2] * (block // PER_LAYER + 0.5)
+        forces = float(samples.next_state[late, F_N].mean()), float(mean[late, F_N].mean())
+        name = learner.names[int(weight[late].mean(axis=0).argmax())]
+        rows.append((samples.push[first], block, height, *forces, name, truth))
     names = ["push", "block", "height_mm", "f_n", "f_n_pred", "abstraction", "truth"]
     return pd.DataFrame(rows, columns=names)
 
@@ -97,13 +84,10 @@ def looks(learners: Mapping[tuple[int, int], Hma], samples: Samples) -> pd.DataF
         ends = [rows[-1] for rows in push_groups(samples)]
         last = filtered(learner, samples)[ends].argmax(axis=1)
         truth = samples.truth[ends]
-        share = [
-            float((truth[last == k] == STUCK).mean()) if (last == k).any() else np.nan
-            for k in range(learner.n_abstractions)
-        ]
+        of = [truth[last == k] == STUCK for k in range(learner.n_abstractions)]
+        share = [float(stuck.mean()) if len(stuck) else np.nan for stuck in of]
         parts.append(abstraction_table(learner).assign(size=size, set=number, stuck_share=share))
-    table = pd.concat(parts, ignore_index=True)
-    return table[["size", "set", *(name for name in table.columns if name not in ("size", "set"))]]
+    return pd.concat(parts, ignore_index=True).set_index(["size", "set"]).reset_index()
 
 
 def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
@@ -114,14 +98,16 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
     """
     from scipy.stats import spearmanr
 
-    by_push = cone.groupby("push")["inside"].mean().to_numpy()
+    def share(rows: np.ndarray) -> float:
+        return float(rows.mean())
+
+    def rank_correlation(rows: np.ndarray) -> float:
+        return float(spearmanr(*rows.T)[0])
+
     quantities = {
-        "inside_cone": (by_push[:, None], lambda rows: float(rows.mean())),
-        "height_correlation": (height[["height_mm", "f_n"]].to_numpy(), lambda rows: float(spearmanr(*rows.T)[0])),
-        "height_correlation_predicted": (
-            height[["height_mm", "f_n_pred"]].to_numpy(),
-            lambda rows: float(spearmanr(*rows.T)[0]),
-        ),
+        "inside_cone": (cone.groupby("push")["inside"].mean().to_numpy()[:, None], share),
+        "height_correlation": (height[["height_mm", "f_n"]].to_numpy(), rank_correlation),
+        "height_correlation_predicted": (height[["height_mm", "f_n_pred"]].to_numpy(), rank_correlation),
     }
     rows = []
     for name, (values, statistic) in quantities.items():
@@ -146,15 +132,8 @@ def agreements(
     """
     rows = []
     for (size, number), learner in learners.items():
-        rows.append(
-            {
-                "size": size,
-                "set": number,
-                **vars(agreement(learner, samples, rng, steps)),
-                "n_abstractions": learner.n_abstractions,
-                "n_stuck_abstractions": int(stuck_group(learner).sum()),
-            }
-        )
+        counts = {"n_abstractions": learner.n_abstractions, "n_stuck_abstractions": int(stuck_group(learner).sum())}
+        rows.append({"size": size, "set": number} | agreement(learner, samples, rng, steps) | counts)
     table = pd.DataFrame(rows)
     means = table.groupby("size", as_index=False).mean(numeric_only=True).assign(set=-1)
     ends = table.groupby("size")["balanced_accuracy"]

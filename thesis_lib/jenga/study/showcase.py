@@ -1,8 +1,8 @@
 """Showcases: pushes of a stuck and an easy block with the belief over abstractions, and frames of a game.
 
 Figure 5-8 has straight, centred pushes of the first stuck and the first free block of a held-out tower; the hidden
-label only selects the blocks.  It shows each abstraction's prediction of the next reading, the belief of the filter
-after each step, and every `every` steps the belief of the No-U-Turn sampler on the same readings.
+label only selects the blocks.  It shows each abstraction's prediction of the next reading and the belief of the filter
+after each step, and now and then that of the No-U-Turn sampler on the same readings.
 
 Source: thesis, section 5.5.4, figure 5-8.
 """
@@ -16,20 +16,16 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import KalmanBank
 from thesis_lib.jenga.learners.learner import F_N, TOWER, X
-from thesis_lib.jenga.learners.nuts_settings import NutsSettings
-from thesis_lib.jenga.play.game import Game, play
-from thesis_lib.jenga.play.policies import Policy
-from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.jenga.learners.settings import NutsSettings
+from thesis_lib.jenga.play.game import Game
 from thesis_lib.jenga.robot.movable import hidden_label
-from thesis_lib.jenga.robot.robot import Robot
+from thesis_lib.jenga.robot.robot import Robot, Sensor
 from thesis_lib.jenga.robot.samples import FREE, STUCK
-from thesis_lib.jenga.robot.sensing import Sensor
 from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
-from thesis_lib.jenga.tower.health import settled_tower
 from thesis_lib.jenga.tower.settings import Setup
-from thesis_lib.jenga.tower.tower import REACHABLE
+from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
 
-SHOWN = 1  # seed of the development tower whose game is drawn
+SHOWN = 1  # seed of the development tower whose game is drawn: test towers are not shown
 PICTURES = 6
 CASES = {"stuck": STUCK, "easy": FREE}
 
@@ -37,8 +33,7 @@ CASES = {"stuck": STUCK, "easy": FREE}
 def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generator) -> dict[str, dict[str, np.ndarray]]:
     """For both cases readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,) and the number of the block.
 
-    Raises:
-        UserError: the tower has no stuck or no free block.
+    UserError if the tower has no stuck or no free block.
     """
     tower = settled_tower(seed, setup)
     settled = tower.save()
@@ -51,20 +46,13 @@ def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generato
             continue
         tower.load(settled)
         robot = Robot(tower, Sensor(setup.sensing, rng))
-        readings = [robot.start(int(block))]
-        context = robot.context()
+        readings, context = [robot.start(int(block))], tower.context(int(block))
         for _ in range(steps):
-            _, after = robot.push_step(0.0, 0.0)
-            readings.append(after)
+            readings.append(robot.push_step(0.0, 0.0)[1])
             if robot.reached_goal() or tower.fallen().size:
                 break
-        actions = np.zeros((len(readings) - 1, 2))
-        pushes[case] = {
-            "readings": np.array(readings),
-            "actions": actions,
-            "context": np.asarray(context, float),
-            "block": np.array(int(block)),
-        }
+        push = {"readings": np.array(readings), "actions": np.zeros((len(readings) - 1, 2))}
+        pushes[case] = push | {"context": context, "block": np.array(int(block))}
         if len(pushes) == len(CASES):
             return pushes
     missing = ", ".join(set(CASES) - set(pushes))
@@ -79,18 +67,15 @@ def showcase_table(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Figure 5-8 and diagnostics of the sampler.
+    """Figure 5-8: a row per case, step and abstraction, and diagnostics of the sampler: a row per run.
 
-    Returns:
-        A row per case, step and abstraction: block, belief (filter), belief_nuts (NaN between runs), f_n, x, tower
-        (readings), f_n_pred, x_pred.  A row per run: case, step, r_hat, ess, divergences, belief_apart, state_apart.
+    Columns belief (filter), belief_nuts (NaN between runs), f_n, x, tower (readings), f_n_pred, x_pred.
     """
     rows, runs = [], []
     mean, sampler = learner.at_mean(), Sampler(learner, nuts)
     for case, push in pushes.items():
         readings, actions, context = push["readings"], push["actions"], push["context"]
-        bank = KalmanBank(mean, context, learner.noise)
-        bank.start(readings[0])
+        bank = KalmanBank(mean, context, learner.noise, readings[0])
         k = learner.n_abstractions
         for step, (action, reading) in enumerate(zip(actions, readings[1:]), start=1):
             before = readings[step - 1]
@@ -98,44 +83,16 @@ def showcase_table(
             belief = bank.step(action, reading)
             sampled = np.full(k, np.nan)
             if step % every == 0:
-                part = readings[: step + 1], actions[:step], context
-                posterior = sampler.sample(*part, rng)
+                posterior = sampler.sample(readings[: step + 1], actions[:step], context, rng)
                 sampled = posterior.belief
-                apart = agreement(learner, posterior, *part)
-                runs.append(
-                    {
-                        "case": case,
-                        "step": step,
-                        "r_hat": posterior.r_hat,
-                        "ess": posterior.ess,
-                        "divergences": posterior.divergences,
-                        "belief_apart": apart["belief"],
-                        "state_apart": apart["state"],
-                    }
-                )
+                quality = {name: getattr(posterior, name) for name in ("r_hat", "ess", "divergences")}
+                runs.append({"case": case, "step": step} | quality | agreement(bank, posterior))
                 say(f"{case}: NUTS at step {step}, R-hat {posterior.r_hat:.3f}, ESS {posterior.ess:.0f}")
             for i, name in enumerate(learner.names):
-                rows.append(
-                    {
-                        "case": case,
-                        "block": int(push["block"]),
-                        "step": step,
-                        "abstraction": name,
-                        "belief": belief[i],
-                        "belief_nuts": sampled[i],
-                        "f_n": reading[F_N],
-                        "x": reading[X],
-                        "tower": reading[TOWER],
-                        "f_n_pred": out.mean[0, i, F_N],
-                        "x_pred": out.mean[0, i, X],
-                    }
-                )
-    return pd.DataFrame(rows), pd.DataFrame(runs)
-
-
-def recorded_game(policy: Policy, settings: Chapter5, blocks: int, base_seed: int) -> Game:
-    """A game on a development tower (test towers are not shown), with its frames."""
-    return play(SHOWN, policy, settings.setup, base_seed, blocks=blocks, frames=True)
+                seen, predicted = (reading[F_N], reading[X], reading[TOWER]), out.mean[0, i, [F_N, X]]
+                rows.append((case, int(push["block"]), step, name, belief[i], sampled[i], *seen, *predicted))
+    names = ["case", "block", "step", "abstraction", "belief", "belief_nuts", "f_n", "x", "tower", "f_n_pred", "x_pred"]
+    return pd.DataFrame(rows, columns=names), pd.DataFrame(runs)
 
 
 def frames(game: Game) -> tuple[list[np.ndarray], np.ndarray, list[str], list[int]]:
@@ -143,4 +100,4 @@ def frames(game: Game) -> tuple[list[np.ndarray], np.ndarray, list[str], list[in
     chosen = np.unique(np.linspace(0, len(game.frames) - 1, PICTURES).astype(int))
     shown = [game.frames[i] for i in chosen]
     titles = [f"{title} ({i} out)" if i else title for i, (title, _, _) in zip(chosen, shown)]
-    return ([np.array(poses) for _, _, poses in shown], np.array(game.sizes), titles, [block for _, block, _ in shown])
+    return [np.array(poses) for _, _, poses in shown], np.array(game.sizes), titles, [block for _, block, _ in shown]

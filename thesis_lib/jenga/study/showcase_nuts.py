@@ -4,12 +4,11 @@
     each abstraction has its own states s^k, and those of the others follow pseudo-priors ψ:
     log Σ_k exp[log b_0(k) + log p(z, s^k | k) − log ψ_k(s^k)] + Σ_k log ψ_k(s^k),   p(c | z) = E [p(c | s^1 … s^K)]
 
-States common to all abstractions mix badly: they lie near the prediction of one abstraction, and chains do not cross
-(R̂ 1.08 after 500 draws of four steps, and worse with more).  With separate states and ψ_k the Laplace approximation of
-p(s^k | z, k), the terms of the sum hardly vary, and chains sample near-normals.  The target is exact for any ψ (Carlin
-and Chib 1995, doi 10.1111/j.2517-6161.1995.tb02042.x).  States are e = (s − z)/σ_z = mode_k + L_k u_k, where the
-readings' density is Normal(e; 0, 1) and ψ_k is Normal(u; 0, 1).  The networks enter as arrays of their mean weights, so
-the sampler does not depend on torch and has one physics per abstraction; `Hma.at_mean` gives the filter the same one.
+States common to all abstractions mix badly: chains do not cross from the prediction of one abstraction to another.
+With separate states and ψ_k the Laplace approximation of p(s^k | z, k), the terms of the sum hardly vary, and chains
+sample near-normals.  The target is exact for any ψ (Carlin and Chib 1995, doi 10.1111/j.2517-6161.1995.tb02042.x).
+States are e = (s − z)/σ_z = mode_k + L_k u_k; the readings' density is Normal(e; 0, 1), ψ_k is Normal(u; 0, 1).  The
+networks enter with their mean weights, as `Hma.at_mean` gives them to the filter.
 
 Sources: thesis, section 5.5.4; Hoffman and Gelman 2014, arXiv 1111.4246 (NUTS); Vehtari et al. 2021,
 doi 10.1214/20-BA1221 (R̂ of split chains).
@@ -25,7 +24,7 @@ from thesis_lib.jenga.learners.bayesian_network import LOG_VAR, N_OUT
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import KalmanBank, process_variance
 from thesis_lib.jenga.learners.learner import ADVANCE, SEEN
-from thesis_lib.jenga.learners.nuts_settings import NutsSettings
+from thesis_lib.jenga.learners.settings import NutsSettings
 
 LEAST_CURVATURE = 0.5
 
@@ -34,13 +33,11 @@ LEAST_CURVATURE = 0.5
 class Posterior:
     """Posterior of one push.
 
-    belief: p(c | z) (K,); belief_error: its Monte Carlo standard error.  state_mean, state_std: s (t + 1, 7), mm and N;
-    `advance` is known exactly.  r_hat, ess: largest R̂ and smallest effective sample size over states and abstraction
-    probabilities.  divergences: among all draws.
+    belief: p(c | z) (K,).  state_mean, state_std: s (t + 1, 7), mm and N; `advance` is known exactly.  r_hat, ess:
+    largest R̂ and smallest effective sample size over states and abstraction probabilities.  divergences: of all draws.
     """
 
     belief: np.ndarray
-    belief_error: np.ndarray
     state_mean: np.ndarray
     state_std: np.ndarray
     r_hat: float
@@ -90,8 +87,7 @@ class Sampler:
     ) -> Posterior:
         """Posterior given readings z_0 … z_t (t + 1, 7), actions (t, 2) and context (2,) of one push.
 
-        Raises:
-            UserError: readings and actions that do not match, or no step.
+        UserError if readings and actions do not match, or there is no step.
         """
         if len(actions) < 1 or len(readings) != len(actions) + 1:
             raise UserError(
@@ -112,14 +108,12 @@ class Sampler:
         # a probability that stays at 0 or 1 has no variance, hence neither R̂ nor ESS
         moving = belief.std(axis=(0, 1)) > 1e-4
         all_of = np.concatenate([drawn["e"], belief[..., moving]], axis=2)
-        ess_belief = np.where(moving, effective_sample_size(belief + 0.0), np.inf)
         mean, std, sigma = readings.copy(), np.zeros_like(readings), np.asarray(self._sigma)
         shift = drawn["e"].mean(axis=(0, 1))
         mean[:, SEEN] += shift.reshape(shape) * sigma
         std[:, SEEN] = np.sqrt(drawn["square"].mean(axis=(0, 1)) - shift**2).reshape(shape) * sigma
         return Posterior(
             belief=belief.mean(axis=(0, 1)),
-            belief_error=belief.std(axis=(0, 1)) / np.sqrt(np.maximum(ess_belief, 1.0)),
             state_mean=mean,
             state_std=std,
             r_hat=float(np.max(split_gelman_rubin(all_of))),
@@ -188,18 +182,12 @@ class Sampler:
         return mcmc.get_samples(group_by_chain=True), mcmc.get_extra_fields()["diverging"]
 
 
-def agreement(
-    learner: Hma, posterior: Posterior, readings: np.ndarray, actions: np.ndarray, context: np.ndarray
-) -> dict[str, float]:
-    """Distance between the filter bank and the sampler after the same readings.
+def agreement(bank: KalmanBank, posterior: Posterior) -> dict[str, float]:
+    """Distance between filter bank and sampler after the same readings.
 
-    belief: total variation distance; state: largest difference of the last state's mean, in posterior deviations.
+    belief_apart: total variation; state_apart: largest difference of the last state's mean, in posterior deviations.
     """
-    bank = KalmanBank(learner.at_mean(), context, learner.noise)
-    bank.start(readings[0])
-    for action, reading in zip(actions, readings[1:]):
-        bank.step(action, reading)
-    mean, _ = bank.moments()
     dims = [d for d in SEEN if d != ADVANCE]
-    apart = np.abs(mean - posterior.state_mean[-1])[dims] / posterior.state_std[-1][dims]
-    return {"belief": float(0.5 * np.abs(bank.belief - posterior.belief).sum()), "state": float(apart.max())}
+    apart = np.abs(bank.moments()[0] - posterior.state_mean[-1])[dims] / posterior.state_std[-1][dims]
+    belief = 0.5 * np.abs(bank.belief - posterior.belief).sum()
+    return {"belief_apart": float(belief), "state_apart": float(apart.max())}

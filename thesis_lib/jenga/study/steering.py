@@ -1,13 +1,12 @@
 """Block steering (figure 5-9): after an off-centre push a block turns and drifts; does the controller bring it back?
 
 Free blocks of a development tower are pushed `disturbed` steps near one edge of the end face.  The push then continues
-from the same state in two ways: straight at the centre, or by model predictive control on the learned model with the
-weights `ShowcaseChoice.steering` (the weights of the games hardly steer: a block out askew costs them little).
+from the same state and noise in two ways: straight at the centre, or by model predictive control on the learned model
+with the weights `ShowcaseChoice.steering` (a block out askew costs little with the weights of the games).
 
     stray = (y² + ψ²)^½ of the true state at the end, ψ = yaw · r_g, in mm
 
-Each pair has the same simulation state and the same noise of readings up to there.  Label and true state select and
-judge the pushes; the controller sees readings only.
+Label and true state select and judge the pushes; the controller sees readings only.
 
 Source: thesis, section 5.5.4, figure 5-9; disturbance and comparison are own choices.
 """
@@ -21,12 +20,10 @@ from thesis_lib.jenga.play.controller import Learned
 from thesis_lib.jenga.play.policies import STRAIGHT, Action, Push, Retract
 from thesis_lib.jenga.play.settings import ShowcaseChoice
 from thesis_lib.jenga.robot.movable import hidden_label
-from thesis_lib.jenga.robot.robot import Robot
-from thesis_lib.jenga.robot.samples import FREE
-from thesis_lib.jenga.robot.sensing import MM, Sensor
-from thesis_lib.jenga.tower.health import settled_tower
+from thesis_lib.jenga.robot.robot import Robot, Sensor
+from thesis_lib.jenga.robot.samples import FREE, MM
 from thesis_lib.jenga.tower.settings import Setup
-from thesis_lib.jenga.tower.tower import REACHABLE, Tower
+from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
 
 MOST = 60  # steps after which an unfinished push ends
 
@@ -61,7 +58,8 @@ def steering_pushes(
                 tower.load(settled)
                 policy = Learned(learner, choice.steering) if steered else None
                 case = {"block": block, "edge": edge, "steered": steered}
-                rows, end = _push(tower, block, edge, policy, setup, choice, np.random.default_rng(noise))
+                robot = Robot(tower, Sensor(setup.sensing, np.random.default_rng(noise)))
+                rows, end = _push(robot, block, Push(edge), policy, choice.disturbed)
                 steps += [case | row for row in rows]
                 ends.append(case | end)
     if shown < choice.steered_blocks:
@@ -69,25 +67,15 @@ def steering_pushes(
     return pd.DataFrame(steps), pd.DataFrame(ends)
 
 
-def _push(
-    tower: Tower,
-    block: int,
-    edge: float,
-    policy: Learned | None,
-    setup: Setup,
-    choice: ShowcaseChoice,
-    rng: np.random.Generator,
-) -> tuple[list[dict], dict]:
-    robot = Robot(tower, Sensor(setup.sensing, rng))
-    reading = robot.start(block)
-    context = np.asarray(robot.context(), float)
+def _push(robot: Robot, block: int, first: Push, policy: Learned | None, disturbed: int) -> tuple[list[dict], dict]:
+    """Rows and end of one push: `disturbed` times `first`, then the policy (without one straight on)."""
+    reading, context, rows = robot.start(block), robot.tower.context(block), []
     if policy is not None:
-        policy.begin(rng)
+        policy.begin(robot.sensor.rng)
         policy.start(block, context)
-    rows = []
     for step in range(MOST):
-        action: Action = Push(edge) if step < choice.disturbed else STRAIGHT
-        if policy is not None and step >= choice.disturbed:
+        action: Action = first if step < disturbed else STRAIGHT
+        if policy is not None and step >= disturbed:
             action = policy.act(reading, context)
         if isinstance(action, Retract):
             break
@@ -95,20 +83,11 @@ def _push(
         if policy is not None:
             policy.contact = action.offset
             policy.observe(before, action, after)
-        rows.append(
-            {
-                "step": step,
-                "advance": reading[ADVANCE],
-                "x": reading[X],
-                "y": reading[Y],
-                "yaw": reading[YAW],
-                "offset": action.offset,
-                "heading": action.heading,
-                "controlled": int(step >= choice.disturbed),
-            }
-        )
+        seen = {"advance": reading[ADVANCE], "x": reading[X], "y": reading[Y], "yaw": reading[YAW]}
+        done = {"offset": action.offset, "heading": action.heading, "controlled": int(step >= disturbed)}
+        rows.append({"step": step} | seen | done)
         reading = after
-        if robot.reached_goal() or robot.at_end() or tower.fallen().size:
+        if robot.reached_goal() or robot.at_end() or robot.tower.fallen().size:
             break
     true = robot.state()
     stray = float(np.hypot(true[Y], true[YAW]))
@@ -116,10 +95,7 @@ def _push(
 
 
 def strayed_most(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
-    """Rows of `steps` of the pair whose straight push strayed most, among pairs that both came out.
-
-    Raises UserError if there is no such pair.
-    """
+    """Rows of `steps` of the pair whose straight push strayed most, if both came out; UserError if there is none."""
     pairs = ends.pivot(index=["block", "edge"], columns="steered", values=["stray", "out"])
     both = pairs[(pairs["out"] == 1).all(axis=1)]
     if both.empty:

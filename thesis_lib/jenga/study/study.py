@@ -39,7 +39,9 @@ def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.
 
     `shown`: number of training samples of the learned policy in success and needed.
     """
-    table, attempts = games_table(games), attempts_table(games)
+    table, parts = games_table(games), [game.table().assign(size=size) for size, game in games if not game.refused]
+    attempts = pd.concat(parts, ignore_index=True).sort_values(["policy", "size", "tower"], kind="stable")
+    attempts = attempts.reset_index(drop=True)
     return {
         "games": table,
         "attempts": attempts,
@@ -52,27 +54,12 @@ def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.
 
 def games_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
     """A row per (size, game): policy, size, tower, extractions, placements (NaN if refused), tried, end, refused."""
-    rows = [
-        {
-            "policy": game.policy,
-            "size": size,
-            "tower": game.seed,
-            "extractions": np.nan if game.refused else game.extractions,
-            "placements": np.nan if game.refused else game.placements,
-            "tried": len(game.attempts),
-            "end": game.end,
-            "refused": int(game.refused),
-        }
-        for size, game in games
-    ]
-    return pd.DataFrame(rows).sort_values(["policy", "size", "tower"]).reset_index(drop=True)
-
-
-def attempts_table(games: Sequence[tuple[int, Game]]) -> pd.DataFrame:
-    """A row per block tried in games that count."""
-    parts = [game.table().assign(size=size) for size, game in games if not game.refused]
-    table = pd.concat(parts, ignore_index=True)
-    return table.sort_values(["policy", "size", "tower"], kind="stable").reset_index(drop=True)
+    rows = []
+    for size, game in games:
+        scores = (np.nan, np.nan) if game.refused else (game.extractions, game.placements)
+        rows.append((game.policy, size, game.seed, *scores, len(game.attempts), game.end, int(game.refused)))
+    names = ["policy", "size", "tower", "extractions", "placements", "tried", "end", "refused"]
+    return pd.DataFrame(rows, columns=names).sort_values(["policy", "size", "tower"]).reset_index(drop=True)
 
 
 def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
@@ -87,6 +74,17 @@ def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["policy", "size", "mean", "std", "low", "high", "n", "refused"])
 
 
+def _by_tower(games: pd.DataFrame) -> pd.DataFrame:
+    """Extractions with a row per tower and a column per (policy, size)."""
+    return games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
+
+
+def _differences(counts: pd.DataFrame, one: tuple[str, int], other: tuple[str, int]) -> np.ndarray:
+    """Extractions of `one` (policy, size) minus those of `other`, on the towers (n,) of both."""
+    both = counts[[one, other]].dropna().to_numpy()
+    return both[:, 0] - both[:, 1]
+
+
 def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
     """Extractions of `policy` at each size minus those of every other policy on the same towers.
 
@@ -94,18 +92,16 @@ def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
     training (size 0) and PPO at every size.  Columns policy, size, rival, rival_size, difference, std (standard error),
     low, high, n.
     """
-    counts = games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
-    rows = []
+    counts, rows = _by_tower(games), []
     for size in sorted(size for name, size in counts.columns if name == policy):
         for rival, rival_size in counts.columns:
             comparable = rival_size in (0, size) or rival == "ppo" or (rival, rival_size) == ("mor", 10 * size)
             if rival == policy or not comparable:
                 continue
-            both = counts[[(policy, size), (rival, rival_size)]].dropna().to_numpy()
-            if len(both):
-                mean, low, high = student_mean(both[:, 0] - both[:, 1])
-                std = standard_error(both[:, 0] - both[:, 1])
-                rows.append((policy, size, rival, rival_size, mean, std, low, high, len(both)))
+            apart = _differences(counts, (policy, size), (rival, rival_size))
+            if len(apart):
+                mean, low, high = student_mean(apart)
+                rows.append((policy, size, rival, rival_size, mean, standard_error(apart), low, high, len(apart)))
     names = ["policy", "size", "rival", "rival_size", "difference", "std", "low", "high", "n"]
     return pd.DataFrame(rows, columns=names)
 
@@ -139,15 +135,9 @@ def needed_samples(games: pd.DataFrame, first: int, policy: str = "mor", of: str
     Columns policy, of, size (of `of`), needed (NaN: more than were tried), needed_low, needed_high: the smallest size
     at which the paired difference `of` − `policy` is at most 0 in its mean, lower end and upper end.
     """
-    counts = games.pivot_table(index="tower", columns=["policy", "size"], values="extractions")
-    ends = []
-    for size in sorted(size for name, size in counts.columns if name == policy):
-        both = counts[[(of, first), (policy, size)]].dropna().to_numpy()
-        ends.append((size, *student_mean(both[:, 0] - both[:, 1])))
-
-    def smallest(column: int) -> float:
-        reached = [row[0] for row in ends if row[column] <= 0.0]
-        return float(reached[0]) if reached else np.nan
-
-    row = (policy, of, first, smallest(1), smallest(2), smallest(3))
+    counts = _by_tower(games)
+    sizes = sorted(size for name, size in counts.columns if name == policy)
+    ends = [(size, *student_mean(_differences(counts, (of, first), (policy, size)))) for size in sizes]
+    needed = [next((float(end[0]) for end in ends if end[column] <= 0.0), np.nan) for column in (1, 2, 3)]
+    row = (policy, of, first, *needed)
     return pd.DataFrame([row], columns=["policy", "of", "size", "needed", "needed_low", "needed_high"])

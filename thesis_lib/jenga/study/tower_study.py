@@ -10,16 +10,15 @@ Source: thesis, section 5.4.4 (47 %).
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.movable import agreement, fractions, scan
-from thesis_lib.jenga.robot.reduced import compare, faithfulness
-from thesis_lib.jenga.tower.health import settled_tower
+from thesis_lib.jenga.robot.movable import comes_out, fractions, scan
 from thesis_lib.jenga.tower.settings import MovableSettings, Setup
-from thesis_lib.jenga.tower.tower import REACHABLE, TowerError
+from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, reduce, settled_tower
 from thesis_lib.statistics.intervals import student_mean
 
 SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
@@ -39,10 +38,7 @@ def scan_tower(seed: int, scanned: int, setup: Setup, say: Callable[[str], None]
 
 
 def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: MovableSettings) -> pd.DataFrame:
-    """Rows of set (development, test), tower, threshold_mm, share, without refused towers.
-
-    Raises UserError if every tower of a set was refused.
-    """
+    """Rows of set (development, test), tower, threshold_mm, share; UserError if all towers of a set were refused."""
     for name, tables in scans.items():
         if all(table.empty for table in tables):
             raise UserError(f"all {len(tables)} {name} towers were refused: none stands. See the logs of the scans.")
@@ -70,21 +66,36 @@ def fidelity(scan_of: pd.DataFrame, setup: Setup, say: Callable[[str], None] = l
     seed, rows = int(scan_of["tower"].iloc[0]), []
     half = setup.tower.model_copy(update={"timestep": setup.tower.timestep / 2.0})
     finer = settled_tower(seed, setup.model_copy(update={"tower": half}))
-    fine = scan(finer, setup.movable, scan_of["block"])
-    both = scan_of.merge(fine, on=["tower", "block"], suffixes=("_full", "_reduced"))
-    rows += [("half_the_time_step", name, value, len(both)) for name, value in faithfulness(both).items()]
+    rows += agreement("half_the_time_step", scan_of, scan(finer, setup.movable, scan_of["block"]))
     say("half the time step: done")
-    tower = settled_tower(seed, setup)
-    reduced = compare(tower, scan_of["block"], setup.movable)
-    rows += [("reduced_tower", name, value, len(reduced)) for name, value in faithfulness(reduced).items()]
+    tower, blocks = settled_tower(seed, setup), [int(block) for block in scan_of["block"]]
+    pairs = [[scan(pushed, setup.movable, [block]) for pushed in (tower, reduce(tower, block))] for block in blocks]
+    rows += agreement("reduced_tower", *(pd.concat(scans, ignore_index=True) for scans in zip(*pairs)))
     say("reduced tower: done")
-    real = agreement(settled_tower(seed, setup), scan_of)
-    same = (real["movable"] == real["extracted"]).mean()
-    rows.append(("real_extraction", "same_label", float(same), len(real)))
+    tower = settled_tower(seed, setup)
+    start = tower.poses()
+
+    def harmless(block: int) -> bool:
+        return not setup.robot.is_damage(*tower.perturbation(block, start))
+
+    real = scan_of.assign(extracted=[int(comes_out(tower, block, partial(harmless, block))) for block in blocks])
+    rows.append(("real_extraction", "same_label", float((real["movable"] == real["extracted"]).mean()), len(real)))
     movable = real[real["movable"] == 1]
     rows.append(("real_extraction", "movable_that_come_out", float(movable["extracted"].mean()), len(movable)))
     say("real extraction: done")
     return pd.DataFrame(rows, columns=["comparison", "quantity", "value", "n"])
+
+
+def agreement(comparison: str, full: pd.DataFrame, other: pd.DataFrame) -> list[tuple]:
+    """Rows of `fidelity` for two scans of the same blocks: peak forces (RMSE in N), other blocks, labels."""
+    force, others = full["force"], other["force"]
+    values = {
+        "force_correlation": np.corrcoef(force, others)[0, 1],
+        "force_rmse": np.sqrt(np.mean((force - others) ** 2)),
+        "others_correlation": np.corrcoef(full["others"], other["others"])[0, 1],
+        "same_label": (full["movable"] == other["movable"]).mean(),
+    }
+    return [(comparison, name, float(value), len(full)) for name, value in values.items()]
 
 
 def settled(setup: Setup, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

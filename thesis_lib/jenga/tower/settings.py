@@ -13,18 +13,14 @@ class HiddenEffects(Section):
     glued: tuple[int, ...] = Field((), description="numbers of blocks that are one body; at most three are meant")
     slippery_layer: int | None = Field(None, ge=0, le=17, description="layer whose faces have `slippery_friction`")
     slippery_friction: float = Field(0.1, gt=0, description="of that layer's faces; own choice: waxed wood")
-    pusher_mass: float | None = Field(
-        None, gt=0, description="kg; a tool heavier than the arm compensates for sags and rubs; None as compensated"
-    )
+    pusher_mass: float | None = Field(None, gt=0, description="kg; the arm carries only `tip_mass`: it sags and rubs")
 
 
 class TowerSettings(Section):
     """A tower of 18 layers of three blocks that differ in height only."""
 
     block: tuple[float, float, float] = Field((0.075, 0.025, 0.015), description="m, length, width, height; usual game")
-    height_tolerance: float = Field(
-        0.15e-3, ge=0, description="m, one sigma; own choice: 0.175 measured on a real set, 47 % movable results"
-    )
+    height_tolerance: float = Field(0.15e-3, ge=0, description="m, one sigma; own choice: 47 % movable; real: 0.175 mm")
     length_tolerance: float = Field(0.0, ge=0, description="m, one sigma; own choice: height alone makes blocks loose")
     width_tolerance: float = Field(0.0, ge=0, description="m, one sigma; own choice, as length")
     clip: float = Field(2.5, gt=0, description="sigmas at which tolerances are cut; own choice")
@@ -33,15 +29,9 @@ class TowerSettings(Section):
     friction: float = Field(0.4, gt=0, description="wood on wood; own choice")
     timestep: float = Field(2e-3, gt=0, description="s; 4 ms is not robust with contacts this stiff")
     iterations: int = Field(200, ge=1, description="cap of the contact solver; reaching it is an error")
-    impratio: float = Field(
-        30.0,
-        gt=0,
-        description="of friction to normal constraints; own choice: 10 creeps by 10 to 20 µm/s, 100 costs twice",
-    )
+    impratio: float = Field(30.0, gt=0, description="of friction to normal constraints; own choice: 10 creeps")
     settling: float = Field(1.5, gt=0, description="s simulated before the tower is used; own choice: then at rest")
-    settling_damping: float = Field(
-        1.0, ge=0, description="N s/m on every block in the first two thirds of settling only; own choice: ends rocking"
-    )
+    settling_damping: float = Field(1.0, ge=0, description="N s/m a block, first two thirds of settling; own choice")
     topple_tilt: float = Field(30.0, gt=0, description="degrees from upright at which a block has fallen; own choice")
     topple_drop: float = Field(8e-3, gt=0, description="m, about half a block, at which it has fallen; own choice")
     hidden: HiddenEffects = Field(HiddenEffects(), description="what differs from what was learned on")
@@ -50,11 +40,7 @@ class TowerSettings(Section):
 class HealthSettings(Section):
     """What a tower must show before it is used."""
 
-    sinking: float = Field(
-        2e-3,
-        gt=0,
-        description="m that the settled top may differ from the heights' sum; own choice: 262 to 266 of 270 mm",
-    )
+    sinking: float = Field(2e-3, gt=0, description="m between the settled top and the heights' sum; own choice")
     drift: float = Field(10e-6, gt=0, description="m/s, median speed of blocks at rest")
     drift_time: float = Field(0.2, gt=0, description="s over which drift is measured")
 
@@ -65,26 +51,16 @@ class RobotSettings(Section):
     tip_radius: float = Field(3e-3, gt=0, description="m; own choice")
     tip_friction: float = Field(0.42, gt=0, description="PLA on wood; thesis, figure 5-7")
     tip_mass: float = Field(0.05, gt=0, description="kg of finger and mount; own choice")
-    stiffness: float = Field(
-        650.0,
-        gt=0,
-        description="N/m of the finger; own choice: the force climbs for 5 steps before a bottom block goes",
-    )
-    force_limit: float = Field(
-        4.0, gt=0, description="N of the arm; own choice: below what drags the bottom layers, which then stay"
-    )
+    stiffness: float = Field(650.0, gt=0, description="N/m of the finger; own choice: bottom blocks go after 5 steps")
+    force_limit: float = Field(4.0, gt=0, description="N of the arm; own choice: too little to drag the bottom layers")
     step: float = Field(1e-3, gt=0, description="m a push; thesis")
     step_time: float = Field(0.1, gt=0, description="s simulated for it; own choice")
     averaged: int = Field(10, ge=1, description="time steps at its end over which force is averaged; own choice")
     longest_push: float = Field(45e-3, gt=0, description="m, after which the push ends; thesis")
     goal: float = Field(33e-3, gt=0, description="m that a block must be out to be extracted; own choice, see `robot`")
-    recontact: float = Field(
-        1e-3, gt=0, description="m that the contact may be off before the finger lifts; own choice"
-    )
+    recontact: float = Field(1e-3, gt=0, description="m off the wanted contact at which the finger lifts; own choice")
     clearance: float = Field(2e-3, gt=0, description="m by which the finger lifts off; own choice")
-    jaw_force: float = Field(
-        6.0, gt=0, description="N of each jaw; own choice: holds ten times what a free block needs"
-    )
+    jaw_force: float = Field(6.0, gt=0, description="N of each jaw; own choice: ten times what a free block needs")
     jaw_friction: float = Field(0.8, gt=0, description="rubber on wood; own choice")
     pull_speed: float = Field(0.06, gt=0, description="m/s; own choice")
     release_height: float = Field(0.6e-3, gt=0, description="m above the top at which a block is let go; own choice")
@@ -110,37 +86,21 @@ class SensingSettings(Section):
 class CollectSettings(Section):
     """The base exploration policy; all own choice."""
 
-    change: float = Field(
-        0.25, ge=0, le=1, description="probability a step that contact location and heading are drawn anew"
-    )
+    change: float = Field(0.25, ge=0, le=1, description="probability a step that contact and heading are drawn anew")
     offset: float = Field(8e-3, ge=0, description="m, contact locations are uniform within this of the centre")
     heading: float = Field(0.15, ge=0, description="rad, headings are uniform within this")
-    retract: float = Field(
-        0.1, gt=0, le=1, description="probability a step of giving up, so that 100 samples hold many blocks"
-    )
-    tower_limit: float = Field(
-        6e-3,
-        gt=0,
-        description="m of perturbation seen, at which the push ends: lets stuck blocks show and spares the tower",
-    )
-    stray_limit: float = Field(
-        12e-3, gt=0, description="m sideways or of yaw·r_g, at which the push ends: the block is leaving"
-    )
+    retract: float = Field(0.1, gt=0, le=1, description="probability a step of giving up: 100 samples hold many blocks")
+    tower_limit: float = Field(6e-3, gt=0, description="m of perturbation seen that ends the push; spares the tower")
+    stray_limit: float = Field(12e-3, gt=0, description="m sideways or of yaw·r_g that ends the push: the block leaves")
     reduced: bool = Field(False, description="push on the reduced tower (declared fast variant)")
 
 
 class MovableSettings(Section):
     """When a block counts as movable in a straight centred push."""
 
-    steps: int = Field(
-        6, ge=1, description="of 1 mm; own choice: a stuck block first bends the finger, by 4 mm at the bottom"
-    )
-    threshold: float = Field(
-        1e-3, gt=0, description="m that any other block may move; fixed on towers 0 to 4, where 47.1 % are movable"
-    )
-    follows: float = Field(
-        0.5, ge=0, lt=1, description="share of the advance that the block itself must move; own choice"
-    )
+    steps: int = Field(6, ge=1, description="of 1 mm; own choice: a stuck block bends the finger by up to 4 mm")
+    threshold: float = Field(1e-3, gt=0, description="m that others may move; so 47.1 % of towers 0 to 4 are movable")
+    follows: float = Field(0.5, ge=0, lt=1, description="share of the advance that the block must make; own choice")
 
     @property
     def threshold_mm(self) -> float:

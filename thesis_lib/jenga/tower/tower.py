@@ -1,10 +1,17 @@
-"""A tower of 54 blocks of unequal height in MuJoCo, and its present state.
+"""A tower of 54 blocks of unequal height in MuJoCo, its present state, and whether it may be used.
 
 Heights are h_b = h + δ_b, δ_b ~ N(0, σ_h²) cut at 2.5 σ_h, drawn from the tower's seed: the only cause of loose and
-stuck blocks.  A tower is settled before use; `reference` then holds the settled poses.
+stuck blocks.  Blocks are numbered 3 layer + place, from the bottom; 0 to 44 are reachable (thesis: the last three
+layers are not).  Even layers lie along x, odd ones along y; place 1 is the middle.
 
-Blocks are numbered 3 layer + place, from the bottom; 0 to 44 are reachable (thesis: the last three layers are not).
-Even layers lie along x, odd ones along y; place 1 is the middle.
+A tower that exploded gives data that look ordinary (hardly any force, nearly every block movable), so every tower is
+checked before and after use.  The top of a layer lies between its second-highest and highest block, so the height H of
+the tower satisfies Σ h_(2) − s ≤ H ≤ Σ h_(3) + s, with s for the elastic sinking.
+
+The reduced tower is a fast variant for a push in layer l: layers below l − 1 are fixed, layers l − 1 to l + 1 are free,
+and all above form one rigid body of the same mass on its own feet.  Forces agree with the full tower, displacements of
+the tower less well because the upper layers cannot shear.  Collection and training may use it, counts of extractions
+not.
 """
 
 from dataclasses import dataclass
@@ -13,11 +20,12 @@ import mujoco
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.tower.settings import RobotSettings, TowerSettings
+from thesis_lib.jenga.tower.settings import HealthSettings, RobotSettings, Setup, TowerSettings
 from thesis_lib.jenga.tower.tower_model import BLOCKS, LAYERS, PARKED, PER_LAYER, rotation, stacked, tower_xml
 
 REACHABLE = np.arange(BLOCKS - 3 * PER_LAYER)
 STATE_KIND = mujoco.mjtState.mjSTATE_INTEGRATION
+SHAKEN = 25  # time steps until the contact forces of a reduced tower are re-established
 
 
 class TowerError(UserError):
@@ -47,9 +55,10 @@ def draw_sizes(settings: TowerSettings, seed: int) -> np.ndarray:
 class Tower:
     """One tower and the robot's bodies beside it; `settle` it before use.
 
-    seed: of the heights, also quoted in messages.  model, data: MuJoCo's.  sizes: (54, 3), m.  layer, place: (54,) int,
-    present place of each block (layer 18 and up: put on top).  reference: (54, 7), poses from which falls are judged.
-    iterations_needed: most solver iterations in a step so far.
+    seed: of the heights, also quoted in messages.  model, data: MuJoCo's.  core: (54,) int, MuJoCo's ids of the blocks'
+    boxes.  sizes: (54, 3), m.  layer, place: (54,) int, present place of each block (layer 18 and up: put on top).
+    reference: (54, 7), poses from which falls are judged; `settle` makes them the settled ones.  iterations_needed:
+    most solver iterations in a step so far.
     """
 
     def __init__(
@@ -62,50 +71,41 @@ class Tower:
         poses: np.ndarray | None = None,
         **kinds: frozenset[int],
     ):
-        """Blocks at `poses` (default: stacked, not yet settled); `kinds` as in `tower_xml`.
-
-        Raises:
-            TowerError: MuJoCo refuses the model.
-        """
+        """Blocks at `poses` (default: stacked); `kinds` as in `tower_xml`.  TowerError if MuJoCo refuses the model."""
         self.seed = seed
         self.settings = settings or TowerSettings()
         self.robot_settings = robot or RobotSettings()
         self.sizes = draw_sizes(self.settings, seed) if sizes is None else sizes
         start = stacked(self.sizes, self.settings) if poses is None else poses
-        self.absent = kinds.get("absent", frozenset())
         xml = tower_xml(self.sizes, start, self.settings, self.robot_settings, **kinds)
         try:
             self.model = mujoco.MjModel.from_xml_string(xml)
         except ValueError as error:
             raise TowerError(f"tower {seed}: MuJoCo refuses the model ({error}); check the tower's settings.") from None
         self.data = mujoco.MjData(self.model)
-        self.present = np.array([block for block in range(BLOCKS) if block not in self.absent], dtype=int)
-        self.core = np.array([self.model.geom(f"core{block}").id for block in self.present], dtype=int)
+        self.core = np.array([self.model.geom(f"core{block}").id for block in range(BLOCKS)])
         self.layer = np.arange(BLOCKS) // PER_LAYER
         self.place = np.arange(BLOCKS) % PER_LAYER
         self.iterations_needed = 0
-        self._pose = np.full((BLOCKS, 7), np.nan)
         for name in ("tip", "hand"):
             for axis, value in zip("xyz", PARKED):
                 self.set_joint(f"{name}_{axis}", value)
         mujoco.mj_forward(self.model, self.data)
         self.reference = self.poses()
 
-    # -- MuJoCo -------------------------------------------------------------------------------------------------------
-
     def set_joint(self, name: str, value: float) -> None:
         """Set a joint of the robot (m or rad), at rest, and the target of its drive."""
         joint = self.model.joint(name)
         self.data.qpos[joint.qposadr[0]] = value
         self.data.qvel[joint.dofadr[0]] = 0.0
-        self.data.ctrl[np.flatnonzero(self.model.actuator_trnid[:, 0] == joint.id)[0]] = value
+        self.data.ctrl[self.drive(name)] = value
+
+    def drive(self, name: str) -> int:
+        """Index of the drive of a joint of the robot."""
+        return int(np.flatnonzero(self.model.actuator_trnid[:, 0] == self.model.joint(name).id)[0])
 
     def step(self, n: int = 1) -> None:
-        """Advance `n` time steps.
-
-        Raises:
-            TowerError: numbers are not finite, or the solver reached its cap, so that its forces are wrong.
-        """
+        """Advance `n` time steps; TowerError if numbers are not finite, or the solver reached its cap."""
         data = self.data
         for _ in range(n):
             mujoco.mj_step(self.model, data)
@@ -114,13 +114,13 @@ class Tower:
                 self._check_numbers()
                 raise TowerError(
                     f"tower {self.seed}: the contact solver reached its cap of {self.settings.iterations} iterations "
-                    f"at t = {data.time:.3f} s, so forces are not to be trusted. Raise `iterations` of the tower's "
-                    "settings."
+                    f"at {data.time:.3f} s, so its forces are wrong. Raise `iterations` of the tower's settings."
                 )
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        warned = [name for name, count in _warnings(self.data).items() if count]
+        kinds = [kind for kind in mujoco.mjtWarning.__members__.values() if kind != mujoco.mjtWarning.mjNWARNING]
+        warned = [kind.name for kind in kinds if self.data.warning[int(kind)].number]
         if warned or not np.isfinite(self.data.qpos).all():
             raise TowerError(
                 f"tower {self.seed}: the simulation broke down at t = {self.data.time:.3f} s "
@@ -128,7 +128,7 @@ class Tower:
             )
 
     def simulate(self, seconds: float) -> None:
-        """Advance by a time, s; errors as in `step`."""
+        """Advance by a time, s.  Errors as in `step`."""
         self.step(max(1, round(seconds / self.settings.timestep)))
 
     def settle(self) -> "Tower":
@@ -159,34 +159,27 @@ class Tower:
         self.layer, self.place = snapshot.layer.copy(), snapshot.place.copy()
         self.reference = snapshot.reference.copy()
 
-    # -- what can be seen ---------------------------------------------------------------------------------------------
-
     def poses(self) -> np.ndarray:
-        """Poses of the blocks, (54, 7): m, unit quaternions; NaN where a block is absent."""
-        self._pose[self.present, :3] = self.data.geom_xpos[self.core]
-        quaternion = np.empty(4)
-        for block, geom in zip(self.present, self.core):
+        """Poses of the blocks, (54, 7): m, unit quaternions."""
+        poses, quaternion = np.empty((BLOCKS, 7)), np.empty(4)
+        poses[:, :3] = self.data.geom_xpos[self.core]
+        for block, geom in enumerate(self.core):
             mujoco.mju_mat2Quat(quaternion, self.data.geom_xmat[geom])
-            self._pose[block, 3:] = quaternion
-        return self._pose.copy()
+            poses[block, 3:] = quaternion
+        return poses
 
     def position(self, block: int) -> np.ndarray:
         """Centre of a block, (3,), m."""
-        return self.data.geom_xpos[self.core_of(block)].copy()
+        return self.data.geom_xpos[self.core[block]].copy()
 
     def matrix(self, block: int) -> np.ndarray:
         """Orientation of a block, (3, 3)."""
-        return self.data.geom_xmat[self.core_of(block)].reshape(3, 3).copy()
-
-    def core_of(self, block: int) -> int:
-        """MuJoCo's geom id of a block's box."""
-        return int(self.core[np.searchsorted(self.present, block)])
+        return self.data.geom_xmat[self.core[block]].reshape(3, 3).copy()
 
     def perturbation(self, block: int, since: np.ndarray | None = None) -> tuple[float, float]:
         """Largest displacement (m) and rotation (rad) of any other block since poses (54, 7), default `reference`."""
-        others = self.present[self.present != block]
-        before = (self.reference if since is None else since)[others]
-        rows = self.core[self.present != block]
+        others = np.arange(BLOCKS) != block
+        before, rows = (self.reference if since is None else since)[others], self.core[others]
         distance = np.linalg.norm(self.data.geom_xpos[rows] - before[:, :3], axis=1).max()
         # trace of the product of rotations is 1 + 2 cos(angle)
         trace = (self.data.geom_xmat[rows].reshape(-1, 3, 3) * rotation(before[:, 3:])).sum((1, 2))
@@ -196,12 +189,8 @@ class Tower:
         """Numbers of the blocks that lie half a block below `reference`, or are tilted."""
         z = self.data.geom_xpos[self.core, 2]
         upright = self.data.geom_xmat[self.core, 8]
-        low = self.reference[self.present, 2] - z > self.settings.topple_drop
-        return self.present[low | (upright < np.cos(np.radians(self.settings.topple_tilt)))]
-
-    def dropped(self, block: int) -> bool:
-        """Whether this block has fallen off the tower."""
-        return block in self.fallen()
+        low = self.reference[:, 2] - z > self.settings.topple_drop
+        return np.flatnonzero(low | (upright < np.cos(np.radians(self.settings.topple_tilt))))
 
     def toppled(self, pushed: int | None = None) -> bool:
         """Whether any block other than `pushed` has fallen."""
@@ -210,24 +199,69 @@ class Tower:
     @property
     def height(self) -> float:
         """Top of the highest block, m."""
-        return float((self.data.geom_xpos[self.core, 2] + self.sizes[self.present, 2] / 2.0).max())
-
-    def layers_above(self, block: int) -> int:
-        """Layers above a block, incomplete ones included."""
-        return int(self.layer.max() - self.layer[block])
+        return float((self.data.geom_xpos[self.core, 2] + self.sizes[:, 2] / 2.0).max())
 
     def is_side(self, block: int) -> bool:
         """Whether a block lies at the side of its layer."""
         return bool(self.place[block] != 1)
 
     def context(self, block: int) -> np.ndarray:
-        """Layers above a block and whether it is a side block, (2,); see `samples.CONTEXT`."""
-        return np.array([self.layers_above(block), float(self.is_side(block))])
+        """Layers above a block, incomplete ones included, and whether it is a side block, (2,)."""
+        return np.array([float(self.layer.max() - self.layer[block]), float(self.is_side(block))])
 
 
-def _warnings(data: mujoco.MjData) -> dict[str, int]:
-    kinds = [kind for kind in mujoco.mjtWarning.__members__.values() if kind != mujoco.mjtWarning.mjNWARNING]
-    return {kind.name: data.warning[int(kind)].number for kind in kinds}
+def settled_tower(seed: int, setup: Setup) -> Tower:
+    """The tower of a seed, at rest and checked; TowerError if a check fails."""
+    tower = Tower(seed, setup.tower, setup.robot).settle()
+    check(tower, setup.health)
+    return tower
 
 
-__all__ = ["BLOCKS", "LAYERS", "PER_LAYER", "REACHABLE", "Snapshot", "Tower", "TowerError", "draw_sizes"]
+def check(tower: Tower, settings: HealthSettings) -> None:
+    """TowerError if a freshly settled tower, whose state is restored afterwards, must not be used."""
+    check_standing(tower)
+    heights = np.sort(tower.sizes[:, 2].reshape(LAYERS, PER_LAYER), axis=1)
+    lowest, highest = heights[:, -2].sum() - settings.sinking, heights[:, -1].sum() + settings.sinking
+    if not lowest <= tower.height <= highest:
+        raise TowerError(
+            f"tower {tower.seed} is {1e3 * tower.height:.1f} mm high after settling, not {1e3 * lowest:.1f} to "
+            f"{1e3 * highest:.1f}: it exploded or collapsed. Use a time step of at most 2 ms and "
+            "200 solver iterations, or leave this seed out."
+        )
+    before, start = tower.save(), tower.poses()
+    tower.simulate(settings.drift_time)
+    drift = np.median(np.linalg.norm((tower.poses() - start)[:, :3], axis=1) / settings.drift_time)
+    tower.load(before)
+    if not drift < settings.drift:
+        raise TowerError(
+            f"tower {tower.seed} does not rest: its blocks drift by {1e6 * drift:.1f} µm/s (median), allowed "
+            f"{1e6 * settings.drift:.1f}. Settle it longer (`settling`)."
+        )
+
+
+def check_standing(tower: Tower) -> None:
+    """TowerError if a tower exploded, lost a block, or its solver gave up."""
+    name = f"tower {tower.seed}"
+    if not np.isfinite(tower.data.qpos).all():
+        raise TowerError(f"{name} exploded: a pose is not a number. Use a shorter time step.")
+    if tower.toppled():
+        fallen = ", ".join(str(block) for block in tower.fallen()[:5])
+        raise TowerError(f"{name} has toppled (fallen: block {fallen}): start again from a settled tower.")
+    if tower.iterations_needed >= tower.settings.iterations:
+        raise TowerError(f"{name}: the contact solver reached its cap; raise `iterations` of the tower's settings.")
+
+
+def reduce(tower: Tower, block: int) -> Tower:
+    """The reduced tower for a push of `block` on the present full tower, with the full tower's reference for falls.
+
+    The full tower is left unchanged.  Errors as in `Tower.step`.
+    """
+    blocks, layer = np.arange(BLOCKS), tower.layer
+    below = frozenset(blocks[layer < layer[block] - 1].tolist())
+    above = frozenset(blocks[layer > layer[block] + 1].tolist())
+    start = {"sizes": tower.sizes, "poses": tower.poses(), "static": below, "lump": above}
+    reduced = Tower(tower.seed, tower.settings, tower.robot_settings, **start)
+    reduced.layer, reduced.place = tower.layer.copy(), tower.place.copy()
+    reduced.step(SHAKEN)
+    reduced.reference = tower.reference.copy()
+    return reduced

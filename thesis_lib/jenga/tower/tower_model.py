@@ -14,10 +14,9 @@ sides.  Contact of a sphere with a box is smooth and exact.
 | floor | 8 | 1 | box, foot |
 | jaw | 16 | 0 | the held box |
 
-Contacts are stiff (solref 4 ms, solimp 0.99 to 0.999) with an elliptic cone and impratio 30: with a pyramidal cone or
-impratio 1 blocks creep.  Integration is implicit, with Newton's method to 1e-10; a tolerance of 1e-6 takes twice as
-long because each step starts from a worse solution.  See E. Todorov, T. Erez, Y. Tassa, IROS 2012,
-doi 10.1109/IROS.2012.6386109.  Numbers of pusher and gripper: `RobotSettings`.
+Contacts are stiff with an elliptic cone and impratio 30: with a pyramidal cone or impratio 1 blocks creep.  Integration
+is implicit, with Newton's method to 1e-10; a tolerance of 1e-6 takes twice as long because each step starts from a
+worse solution.  See E. Todorov, T. Erez, Y. Tassa, IROS 2012, doi 10.1109/IROS.2012.6386109.
 """
 
 import numpy as np
@@ -58,10 +57,8 @@ def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarr
     slippery = settings.hidden.slippery_layer == block // PER_LAYER
     # MuJoCo takes the higher friction of two geoms unless one has priority
     surface = f' priority="1" friction="{settings.hidden.slippery_friction} .005 .0001"' if slippery else ""
-    lines = [
-        f'<geom class="core" name="core{block}" size="{_numbers(half)}" pos="{_numbers(origin)}" '
-        f'quat="{_numbers(turn)}"{surface}/>'
-    ]
+    place = f'size="{_numbers(half)}" pos="{_numbers(origin)}" quat="{_numbers(turn)}"'
+    lines = [f'<geom class="core" name="core{block}" {place}{surface}/>']
     lines += [f'<geom class="foot" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in feet]
     lines += [f'<geom class="bumper" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in bumpers]
     return "".join(lines)
@@ -93,14 +90,16 @@ def stacked(sizes: np.ndarray, settings: TowerSettings) -> np.ndarray:
     return poses
 
 
+def _slides(name: str) -> str:
+    axes = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
+    return "".join(f'<joint name="{name}_{n}" type="slide" axis="{axis}"/>' for n, axis in axes.items())
+
+
 def _pusher(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
     mass = settings.hidden.pusher_mass or robot.tip_mass
     damping = 2.0 * np.sqrt(robot.stiffness * mass)
-    joints = "".join(
-        f'<joint name="tip_{n}" type="slide" axis="{a}"/>' for n, a in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"))
-    )
     body = (
-        f'<body name="tip" gravcomp="{robot.tip_mass / mass:.9g}">{joints}<geom name="tip" type="sphere" '
+        f'<body name="tip" gravcomp="{robot.tip_mass / mass:.9g}">{_slides("tip")}<geom name="tip" type="sphere" '
         f'size="{robot.tip_radius}" mass="{mass}" contype="4" conaffinity="0" priority="2" '
         f'friction="{robot.tip_friction} .005 .0001"/></body>'
     )
@@ -114,8 +113,6 @@ def _pusher(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
 
 def _gripper(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
     half = settings.block[1] / 2.0
-    axes = zip("xyz", ("1 0 0", "0 1 0", "0 0 1"))
-    joints = "".join(f'<joint name="hand_{n}" type="slide" axis="{a}"/>' for n, a in axes)
     jaws, drives = "", ""
     for name, side in (("left", 1), ("right", -1)):
         pads = "".join(
@@ -132,7 +129,7 @@ def _gripper(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
             f'forcerange="{-robot.jaw_force} {robot.jaw_force}"/>'
         )
     body = (
-        f'<body name="hand" gravcomp="1">{joints}<joint name="hand_turn" type="hinge" axis="0 0 1"/>'
+        f'<body name="hand" gravcomp="1">{_slides("hand")}<joint name="hand_turn" type="hinge" axis="0 0 1"/>'
         f'<inertial pos="0 0 0" mass="{HAND_MASS}" diaginertia="1e-4 1e-4 1e-4"/>{jaws}</body>'
     )
     slide = 2.0 * np.sqrt(HAND_STIFFNESS * (HAND_MASS + 2 * JAW_MASS))
@@ -148,29 +145,26 @@ def tower_xml(
     robot: RobotSettings,
     static: frozenset[int] = frozenset(),
     lump: frozenset[int] = frozenset(),
-    absent: frozenset[int] = frozenset(),
 ) -> str:
     """MJCF of a tower with its robot.
 
     sizes: (54, 3), m.  poses: (54, 7), m and quaternions.  `static` blocks are fixed to the world, `lump` blocks form
-    one body, as do the settings' glued blocks, and `absent` blocks are left out.  All others are free bodies.
+    one body, as do the settings' glued blocks.  All others are free bodies.
     """
-    bodies = []
-    groups = [sorted(lump - absent), sorted(set(settings.hidden.glued) - static - lump - absent)]
-    single = set(range(BLOCKS)) - static - absent - set(groups[0]) - set(groups[1])
-    fixed = "".join(_geoms(block, sizes[block], settings, poses[block]) for block in sorted(static - absent))
-    for name, group in zip(("lump", "glued"), groups):
-        if group:
-            geoms = "".join(_geoms(block, sizes[block], settings, poses[block]) for block in group)
-            bodies.append(f'<body name="{name}"><freejoint/>{geoms}</body>')
-    for block in sorted(single):
+    groups = {"static": static, "lump": lump, "glued": frozenset(settings.hidden.glued) - static - lump}
+    geoms = {
+        name: "".join(_geoms(block, sizes[block], settings, poses[block]) for block in sorted(group))
+        for name, group in groups.items()
+    }
+    bodies = [f'<body name="{name}"><freejoint/>{geoms[name]}</body>' for name in ("lump", "glued") if geoms[name]]
+    single = sorted(set(range(BLOCKS)).difference(*groups.values()))
+    for block in single:
         where = f'pos="{_numbers(poses[block, :3])}" quat="{_numbers(poses[block, 3:])}"'
-        bodies.append(
-            f'<body name="block{block}" {where}><freejoint/>{_geoms(block, sizes[block], settings, None)}</body>'
-        )
+        geom = _geoms(block, sizes[block], settings, None)
+        bodies.append(f'<body name="block{block}" {where}><freejoint/>{geom}</body>')
     pusher, pusher_drives = _pusher(robot, settings)
     gripper, gripper_drives = _gripper(robot, settings)
-    welds = "".join(f'<weld body1="hand" body2="block{block}" active="false"/>' for block in sorted(single))
+    welds = "".join(f'<weld body1="hand" body2="block{block}" active="false"/>' for block in single)
     return f"""<mujoco>
 <compiler angle="radian"/>
 <option timestep="{settings.timestep}" integrator="implicitfast" solver="Newton" iterations="{settings.iterations}"
@@ -186,7 +180,7 @@ def tower_xml(
 </default>
 <worldbody>
   <geom name="floor" type="plane" size="1 1 .1" contype="8" conaffinity="1"/>
-  {fixed}{"".join(bodies)}{pusher}{gripper}
+  {geoms["static"]}{"".join(bodies)}{pusher}{gripper}
 </worldbody>
 <actuator>{pusher_drives}{gripper_drives}</actuator>
 <equality>{welds if robot.weld else ""}</equality>

@@ -11,7 +11,8 @@ from thesis_lib.figures.chapter5.render import figure_game
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.jenga.play.players import learned_policy
+from thesis_lib.jenga.play.game import play
+from thesis_lib.jenga.play.players import policy_of
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 from thesis_lib.jenga.study import showcase
@@ -26,12 +27,12 @@ def stream(step):
 
 
 samples = read_samples(snakemake.input.samples).first(shown["samples"])
-policy = learned_policy("hma", samples, settings, stream("fit"))
+policy = policy_of("hma", samples, len(samples), settings, stream("fit"))
 choice = settings.showcase
 pushes = showcase.straight_pushes(settings.towers.first_held_out, settings.setup, choice.steps, stream("pushes"))
 beliefs, runs = showcase.showcase_table(policy.learner, pushes, choice.every, choice.nuts, stream("nuts"), say=print)
 write_result(runs, out.runs)
-game = showcase.recorded_game(policy, settings, params.blocks, params.seed)
+game = play(showcase.SHOWN, policy, settings.setup, params.seed, blocks=params.blocks, frames=True)
 folder = Path(out.runs).parent
 save_figure(*figures.figure_5_8(beliefs), folder / "figure_5_8")
 steps, ends = steering_pushes(policy.learner, showcase.SHOWN, settings.setup, choice, stream("steering"))
