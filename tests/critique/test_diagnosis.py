@@ -9,7 +9,6 @@ import pytest
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.held_out import cross_validate, is_material, judge
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
@@ -137,7 +136,7 @@ def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden):
         values = {**base.values, f"{name}.{p}": size}
         draws = [synthesise(hidden, values, training, rng) for _ in range(8)]
         fits = [fit(base.model, data, base.values, rounds=1) for data in draws]
-        return float(np.mean([judge(one, data).error.mean() for one, data in zip(fits, draws)]))
+        return float(np.mean([Drops(data).judge(fitted).error.mean() for fitted, data in zip(fits, draws)]))
 
     rise = (error(size) - error(0.0)) / floor
     assert 0.5 * LEAST_RISE < rise < 2.0 * LEAST_RISE
@@ -225,11 +224,11 @@ def test_the_smallest_size_passes_all_three_tests_with_the_chance_that_is_told(n
         data = synthesise(hidden, {**base.values, f"{name}.{p}": size}, training, rng)
         without = fit(base.model, data, base.values, rounds=1)
         with_it = fit(hidden, data, {**base.values, f"{name}.{p}": size}, rounds=1)
-        judged = [cross_validate(one, data, folds) for one in (with_it, without)]
+        judged = [Drops(data).cross_validate(fitted, folds) for fitted in (with_it, without)]
         found += (
             with_it.score - without.score > limit
             and paired_gain(*judged, rng)[1] > 0.0
-            and is_material(*judged, effect.channels, settings)
+            and Drops(data).is_material(*judged, effect, settings)
         )
     assert found / DRAWS >= LEAST_POWER
 

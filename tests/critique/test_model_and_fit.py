@@ -7,7 +7,7 @@ import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.critique.drops.fit import NU, cramer_rao, fit, log_scores
+from thesis_lib.critique.drops.fit import NU, Whitening, cramer_rao, fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance, states_at_impact
@@ -157,7 +157,8 @@ def test_an_effect_that_is_on_or_off_is_switched_on_not_fitted():
 def test_log_scores_add_up_to_the_score_of_the_fit():
     o = observed()
     fitted = fit(Model(LAW), o)
-    score, flight_score = log_scores(fitted.model, fitted.values, o, fitted.sigma_m)
+    S = residual_covariance(fitted.model, fitted.values, o)
+    score, flight_score = Whitening(fitted.model, o, S, fitted.sigma_m).log_scores(fitted.values)
     assert score.shape == (len(o),) and flight_score.shape == (len(o.flights),)
     assert score.sum() + flight_score.sum() == pytest.approx(fitted.score, rel=1e-9)
 

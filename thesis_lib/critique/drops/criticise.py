@@ -11,15 +11,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.held_out import Judgement
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
-from thesis_lib.critique.drops.remaining import Remaining, remaining
 from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
+from thesis_lib.critique.drops.world import Drops, DropsDiscovery, Judgement, testable_effects
 from thesis_lib.critique.selection.search import judge_held_out, paired_gain, search, split
+from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
@@ -89,6 +89,10 @@ class Critique:
         floor = self.ladder[-1][2].floor
         return self.remaining.is_structured(self.settings, floor if np.isfinite(floor) else 0.0)
 
+    def gain_of(self, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
+        """Held-out gain of the final model over the one without `effect`: nats per impact, with 95 % interval."""
+        return paired_gain(self.ladder[-1][2], self.without[effect], rng)
+
 
 # for these small matrices BLAS threads are no faster, and their number changes last digits
 @threadpool_limits.wrap(limits=1)
@@ -134,33 +138,21 @@ def criticise(
     structure = remaining(final, training, rng)
     before, after = states_at_impact(base.model, base.values, held_out)
     no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
+    errors = (_irb(base, held_out), _irb(final, held_out), float(np.linalg.norm(no_impact, axis=0).mean()))
+    parts = (observations, training, held_out)
     return Critique(
-        dataset.name,
-        settings,
-        observations,
-        training,
-        held_out,
-        discovery,
-        ladder,
-        laws,
-        without,
-        structure,
-        _irb(base, held_out),
-        _irb(final, held_out),
-        float(np.linalg.norm(no_impact, axis=0).mean()),
-        dataset,
+        dataset.name, settings, *parts, discovery, ladder, laws, without, structure, *errors, source=dataset
     )
 
 
 def _irb(fitted: Fit, observations: Observations) -> float:
     """Mean IRB bound, m/s, of the impacts in the geometry of the fitted contact."""
     before, after = states_at_impact(fitted.model, fitted.values, observations)
-    contacts = [
+    (seen_before, r_x, r_y, k_g), (seen_after, *_) = (
         fitted.model.contact(state, fitted.values, observations.rig, observations.offset) for state in (before, after)
-    ]
-    _, r_x, r_y, k_g = contacts[0]
-    v_pre, v_post = (state.v for state, *_ in contacts)
-    return float(irb_bound(v_pre, v_post, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g).error.mean())
+    )
+    bound = irb_bound(seen_before.v, seen_after.v, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g)
+    return float(bound.error.mean())
 
 
 def _refuse_constant(dataset: Dataset) -> None:
@@ -202,8 +194,3 @@ def _split(
         )
     training, held_out = split(trials, settings.held_out_share, rng)
     return observations.select(training), observations.select(held_out)
-
-
-def gain_of(critique: Critique, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Held-out gain of the final model over the one without `effect`: nats per impact, with 95 % interval."""
-    return paired_gain(critique.ladder[-1][2], critique.without[effect], rng)

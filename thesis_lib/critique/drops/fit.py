@@ -8,18 +8,18 @@ is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residua
 fixed S this maximises the likelihood; S and σ_m are updated between rounds.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 from scipy.stats import chi2
 
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import (
-    components,
     flight_residuals,
     impact_residuals,
     residual_covariance,
@@ -30,6 +30,7 @@ from thesis_lib.effects.effect import Effect
 NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 STEPS = 12  # Levenberg-Marquardt steps per round
+SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 ENOUGH = 1e-3  # nats; a round ends below this gain per step, a twentieth of a standard error
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
@@ -73,34 +74,37 @@ class Whitening:
     """
 
     def __init__(self, model: Model, observations: Observations, S: np.ndarray, sigma_m: float) -> None:
-        self.model, self.observations = model, observations
+        self.model, self.observations, self.sigma_m = model, observations, sigma_m
         L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
         self._inverse = np.linalg.inv(L)
-        flights = observations.flights
-        self._flight_std = np.sqrt(flights.variance)
-        self.log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
-        self.flight_log_det = np.log(flights.variance).sum(1)
+        self._log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
         self._kept: tuple | None = None
+
+    @classmethod
+    def at(cls, model: Model, values: Mapping[str, float], observations: Observations) -> "Whitening":
+        """With the covariance and the most probable σ_m of the model at `values`."""
+        S = residual_covariance(model, values, observations)
+        return cls(model, observations, S, _best_sigma(model, values, observations, S))
 
     def __call__(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         """Whitened residuals of impacts (n, m) and flights (f, 3)."""
         model, o = self.model, self.observations
         key = [values[name] for name in model.flight_parameters]
         if self._kept is None or self._kept[0] != key:
-            states = states_at_impact(model, values, o)
-            self._kept = key, states, flight_residuals(model, values, o.flights, o.rig) / self._flight_std
+            f = flight_residuals(model, values, o.flights, o.rig) / np.sqrt(o.flights.variance)
+            self._kept = key, states_at_impact(model, values, o), f
         _, states, f = self._kept
         R = impact_residuals(model, values, o, states)
         return (self._inverse @ R[:, :, None])[:, :, 0], f
 
+    def stacked(self, values: Mapping[str, float]) -> np.ndarray:
+        """All whitened residuals as one vector (N,), impacts first."""
+        return np.concatenate([part.ravel() for part in self(values)])
 
-def log_scores(
-    model: Model, values: Mapping[str, float], observations: Observations, sigma_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Log score in nats of each impact (n,) and each flight (f,)."""
-    whitening = Whitening(model, observations, residual_covariance(model, values, observations), sigma_m)
-    z, f = whitening(values)
-    return _log_t(z, whitening.log_det), _log_t(f, whitening.flight_log_det)
+    def log_scores(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Log score in nats of each impact (n,) and each flight (f,)."""
+        z, f = self(values)
+        return _log_t(z, self._log_det), _log_t(f, np.log(self.observations.flights.variance).sum(1))
 
 
 def fit(
@@ -129,34 +133,26 @@ def fit(
 
 
 def _fit_from(model: Model, observations: Observations, start: dict[str, float], rounds: int) -> Fit:
-    declared = model.parameters
-    values = {name: float(start.get(name, p.null)) for name, p in declared.items()}
-    free = [name for name, p in declared.items() if p.discrete is None]
-    low = np.array([declared[name].low for name in free])
-    high = np.array([declared[name].high for name in free])
-    step = np.array([1e-3 * declared[name].scale for name in free])
-    sigma_m = 0.02
+    values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
+    free = model.fitted_parameters
+    low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
+    step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
     for _ in range(rounds):
         values |= dict(zip(free, map(float, x)))
-        S = residual_covariance(model, values, observations)
-        sigma_m = _best_sigma(model, values, observations, S)
-        whitening = Whitening(model, observations, S, sigma_m)
+        whitening = Whitening.at(model, values, observations)
 
         def residuals(x: np.ndarray) -> np.ndarray:
-            z, f = whitening({**values, **dict(zip(free, x))})  # noqa: B023
-            return np.concatenate([_robust(z).ravel(), _robust(f).ravel()])
+            return np.concatenate([_robust(z).ravel() for z in whitening({**values, **dict(zip(free, x))})])  # noqa: B023
 
         x = _levenberg_marquardt(residuals, x, low, high, step)
     values |= dict(zip(free, map(float, x)))
-    S = residual_covariance(model, values, observations)
-    sigma_m = _best_sigma(model, values, observations, S)
-    whitening = Whitening(model, observations, S, sigma_m)
-    z, f = whitening(values)
-    score = float(_log_t(z, whitening.log_det).sum() + _log_t(f, whitening.flight_log_det).sum())
-    covariance = _covariance(whitening, values, free, step, high)
-    std = dict.fromkeys(declared, 0.0) | dict(zip(free, np.sqrt(np.diag(covariance)).tolist()))
-    return Fit(model, values, std, covariance, sigma_m, score, len(observations))
+    whitening = Whitening.at(model, values, observations)
+    score, flight_score = whitening.log_scores(values)
+    covariance = _covariance(whitening, values)
+    std = dict.fromkeys(values, 0.0) | dict(zip(free, np.sqrt(np.diag(covariance)).tolist()))
+    total = float(score.sum() + flight_score.sum())
+    return Fit(model, values, std, covariance, whitening.sigma_m, total, len(observations))
 
 
 def _levenberg_marquardt(
@@ -197,10 +193,8 @@ def _levenberg_marquardt(
     return x
 
 
-def _covariance(
-    whitening: Whitening, values: Mapping[str, float], free: Sequence[str], step: np.ndarray, high: np.ndarray
-) -> np.ndarray:
-    """Sandwich covariance (p, p) of the parameters `free`, as of an M-estimator.
+def _covariance(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray:
+    """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator.
 
     With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals,
 
@@ -211,11 +205,12 @@ def _covariance(
     """
     here = whitening(values)
     columns: list[list[np.ndarray]] = [[], []]
-    for i, name in enumerate(free):
-        h = step[i] if values[name] + step[i] <= high[i] else -step[i]
+    free = whitening.model.fitted_parameters
+    for name, p in free.items():
+        h = inward(p, values[name], SLOPE_STEP * p.scale)
         for part, moved, base in zip(columns, whitening({**values, name: values[name] + h}), here):
             part.append((moved - base).ravel() / h)
-    H, B = np.zeros((len(free),) * 2), np.zeros((len(free),) * 2)
+    H, B = np.zeros((2, len(free), len(free)))
     for part, z in zip(columns, here):
         if not len(z):
             continue
@@ -242,8 +237,6 @@ def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:
 
 def _robust(z: np.ndarray) -> np.ndarray:
     """Residuals with the sum of squares −2 log t_ν up to a constant."""
-    if not len(z):
-        return z
     m = z.shape[1]
     d2 = np.einsum("nm,nm->n", z, z)
     scale = (NU + m) * np.log1p(d2 / NU) / np.where(d2 > 0, d2, 1.0)
@@ -258,11 +251,10 @@ def _log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
 
 
 def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
-    m = components(observations)
-    D = np.zeros((m, m))
-    D[0, 0] = D[1, 1] = sigma_m**2
-    D[2, 2] = (sigma_m / observations.rig.k_g) ** 2
-    return D
+    """σ_m² D (m, m)."""
+    variance = np.zeros(7 if observations.arcs else 3)
+    variance[:3] = sigma_m**2, sigma_m**2, (sigma_m / observations.rig.k_g) ** 2
+    return np.diag(variance)
 
 
 def _best_sigma(model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray) -> float:
@@ -280,18 +272,12 @@ def _best_sigma(model: Model, values: Mapping[str, float], observations: Observa
 
 
 def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
-    """Starts (μ, ε): the rough one, and others with less friction, where more impacts slide and determine μ."""
-    values = {name: p.null for name, p in model.parameters.items()} | dict(start)
-    rough = _rough_start(model, observations, values)
-    return [{**rough, "mu": factor * rough["mu"]} for factor in (1.0, 0.5, 0.2)]
-
-
-def _rough_start(model: Model, observations: Observations, values: dict[str, float]) -> dict[str, float]:
-    """Best (μ, ε) on a grid in the kinetic norm, as a start in the right basin.
+    """Starts (μ, ε): the best on a grid in the kinetic norm, and others with less friction, where more impacts slide.
 
     The cost is the mean over the better 90 % of the impacts.  A median would ignore μ if more than half of them stick,
     and no step leads back from a μ at which all stick.
     """
+    values = {name: p.null for name, p in model.parameters.items()} | dict(start)
     k = observations.rig.k_g
 
     def cost(mu: float, epsilon: float) -> float:
@@ -299,10 +285,10 @@ def _rough_start(model: Model, observations: Observations, values: dict[str, flo
         error = np.sort(np.abs(R[:, 0]) + np.abs(R[:, 1]) + k * np.abs(R[:, 2]))
         return float(error[: max(1, round(0.9 * len(error)))].mean())
 
-    grid = [(mu, epsilon) for mu in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8) for epsilon in (0.2, 0.4, 0.6, 0.8)]
+    grid = product((0.02, 0.05, 0.1, 0.2, 0.4, 0.8), (0.2, 0.4, 0.6, 0.8))
     mu, epsilon = min(grid, key=lambda pair: cost(*pair))
     mu = min((mu * 2.0 ** (i / 4.0) for i in range(-4, 5)), key=lambda finer: cost(finer, epsilon))
-    return {"mu": mu, "epsilon": epsilon}
+    return [{"mu": factor * mu, "epsilon": epsilon} for factor in (1.0, 0.5, 0.2)]
 
 
 def cramer_rao(model: Model, true: Mapping[str, float], observations: Observations) -> dict[str, float]:
@@ -310,15 +296,11 @@ def cramer_rao(model: Model, true: Mapping[str, float], observations: Observatio
 
     The Fisher information is JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
     """
-    free = [name for name, p in model.parameters.items() if p.discrete is None]
     whitening = Whitening(model, observations, residual_covariance(model, true, observations), SIGMA_LOW)
-
-    def at(name: str, step: float) -> np.ndarray:
-        return np.concatenate([part.ravel() for part in whitening({**true, name: true[name] + step})])
-
-    columns = []
-    for name in free:
-        step = 1e-3 * model.parameters[name].scale
-        columns.append((at(name, step) - at(name, -step)) / (2.0 * step))
+    free, columns = model.fitted_parameters, []
+    for name, p in free.items():
+        h = SLOPE_STEP * p.scale
+        up, down = (whitening.stacked({**true, name: true[name] + step}) for step in (h, -h))
+        columns.append((up - down) / (2.0 * h))
     J = np.stack(columns, axis=1)
     return dict(zip(free, np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True))).tolist()))

@@ -20,6 +20,11 @@ BASE_PARAMETERS = (
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
 
 
+def inward(p: Parameter, value: float, step: float) -> float:
+    """The step from `value`, or its opposite where it would leave the bounds."""
+    return step if value + step <= p.high else -step
+
+
 @dataclass(frozen=True)
 class Model:
     """A law with effects; parameters are `mu`, `epsilon`, and `effect.parameter` for each effect."""
@@ -36,25 +41,29 @@ class Model:
         return named
 
     @property
+    def fitted_parameters(self) -> dict[str, Parameter]:
+        """Those that are not on or off."""
+        return {name: p for name, p in self.parameters.items() if p.discrete is None}
+
+    def acting(self, *hooks: str) -> list[Effect]:
+        """The effects that override one of these hooks."""
+        return [e for e in self.effects if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)]
+
+    @property
     def has_varying_flight(self) -> bool:
         """Whether the acceleration in flight may change with the velocity."""
-        return any(type(effect).acceleration is not Effect.acceleration for effect in self.effects)
+        return bool(self.acting("acceleration"))
 
     @property
     def has_arc(self) -> bool:
         """Whether paths in flight may differ from parabolas."""
-        return any(type(effect).arc is not Effect.arc for effect in self.effects)
+        return bool(self.acting("arc"))
 
     @property
     def flight_parameters(self) -> list[str]:
         """Parameters on which the measured flights, and so the states at impact, depend."""
-        hooks = ("to_true", "to_measured", "acceleration", "arc")
-        return [
-            f"{effect.name}.{p.name}"
-            for effect in self.effects
-            if any(getattr(type(effect), hook) is not getattr(Effect, hook) for hook in hooks)
-            for p in effect.parameters
-        ]
+        acting = self.acting("to_true", "to_measured", "acceleration", "arc")
+        return [f"{effect.name}.{p.name}" for effect in acting for p in effect.parameters]
 
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""
@@ -146,6 +155,13 @@ class Model:
         for effect, p in self.active(values):
             taken = effect.gap(taken, true, p, rig)
         return rig.shape.gap(true.y, true.theta, rig.height) - taken
+
+    def jump(self, before: State, after: State, values: Mapping[str, float]) -> np.ndarray:
+        """Measured pose after impact minus before (n, 3), in m, m, rad."""
+        jump = np.zeros((len(before.x), 3))
+        for effect, p in self.active(values):
+            jump = effect.meet(jump, before, after, p)
+        return jump
 
     def camera_and_body(self) -> tuple["Model", "Model"]:
         """The model with measurement effects only, and the one with all others."""

@@ -33,11 +33,6 @@ _PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
 
 
-def components(observations: Observations) -> int:
-    """Residual components of an impact: 7 with trajectories, else 3."""
-    return 7 if observations.arcs else 3
-
-
 def states_at_impact(model: Model, values: Mapping[str, float], observations: Observations) -> tuple[State, State]:
     """Measured states just before and after impact, extrapolated with the model's flight."""
     o, value, slope = observations, observations.value, observations.slope
@@ -67,16 +62,11 @@ def impact_residuals(
     o, rig = observations, observations.rig
     before, after = states or states_at_impact(model, values, o)
     predicted = model.predict(before, values, rig, o.offset)
-    residual = [after.vx - predicted.vx, after.vy - predicted.vy, after.omega - predicted.omega]
+    residual = [after.v - predicted.v]
     if o.arcs:
-        active = model.active(values)
-        jump = np.zeros((len(o), 3))
-        for effect, p in active:
-            jump = effect.meet(jump, before, after, p)
-        residual += [after.x - before.x - jump[:, 0], after.y - before.y - jump[:, 1]]
-        residual += [after.theta - before.theta - jump[:, 2]]
-        residual.append(model.gap(model.to_true(before, active, rig), values, rig))
-    return np.stack(residual, axis=1)
+        residual.append(after.q - before.q - model.jump(before, after, values))
+        residual.append(model.gap(model.to_true(before, model.active(values), rig), values, rig)[:, None])
+    return np.concatenate(residual, axis=1)
 
 
 def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
@@ -92,7 +82,7 @@ def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights
             total = total + weight * model.acceleration(later, values, rig)
         predicted = total
     tau = flights.span[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
-    beyond = model.arc(tau, flights.state, values, rig)
+    beyond = model.arc(tau, state, values, rig)
     if beyond is not None:
         # curvature of the parabola through the path's deviation from constant acceleration
         square = tau**2 - (tau**2).mean(axis=1, keepdims=True)

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import ARC_MEAN, flight_residuals, states_at_impact
@@ -36,13 +35,10 @@ def synthesise(
     value, slope = np.empty_like(o.value), np.empty_like(o.slope)
     for side, state in enumerate((before, after)):
         pose, speed = state.q, state.v
-        if side == 1 and o.arcs:
-            jump = np.zeros((len(o), 3))
-            for effect, p in active:
-                jump = effect.meet(jump, before, after, p)
-            # `after` contains the jump already: the pose is that of before plus one jump
-            pose = before.q + jump
         if o.arcs:
+            if side == 1:
+                # `after` contains the jump already: the pose is that of before plus one jump
+                pose = before.q + model.jump(before, after, values)
             a = model.acceleration(state, values, rig)
             if model.has_varying_flight:
                 v = speed + ARC_MEAN * o.bow[:, side, 1:] * a
@@ -58,9 +54,5 @@ def synthesise(
     flights = o.flights
     acceleration = flights.acceleration - flight_residuals(model, values, flights, rig)
     acceleration = acceleration + np.sqrt(flights.variance) * rng.standard_normal(acceleration.shape)
-    return replace(
-        o,
-        value=value + noise[..., 0],
-        slope=slope + noise[..., 1],
-        flights=Flights(flights.state, acceleration, flights.variance, flights.span),
-    )
+    flights = replace(flights, acceleration=acceleration)
+    return replace(o, value=value + noise[..., 0], slope=slope + noise[..., 1], flights=flights)

@@ -1,25 +1,79 @@
 """Drops as a world for the search: laws as bases, testable effects, impacts and flights as data.
 
+The error of an impact is the kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s.  The other
+channels need trajectories.  Their misfit is the root mean square of the worst component in units of noise: flight
+(acceleration), meet (pose) and touch (gap).  The noise floor is the error of a perfect model whose inputs and outcome
+are measured with noise: the mean kinetic norm of draws from the residual's covariance S.
+
 Columns of the score test are secants over a parameter's `scale`, because some effects have no slope at their null.
 They include the weights of the t distribution, so that a bad impact counts as little as in the fit.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
-from thesis_lib.critique.drops.fit import NU, ROUNDS, Fit, Whitening, fit
-from thesis_lib.critique.drops.held_out import Judgement, cross_validate, is_material, judge
-from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.fit import NU, ROUNDS, SLOPE_STEP, Fit, Whitening, fit
+from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import residual_covariance
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.critique.drops.synthetic import synthesise
 from thesis_lib.critique.selection.search import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.statistics.spread import robust_std
+
+CHANNELS = ("impact", "flight", "meet", "touch")
+FLOOR_SEED = 0
+FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Result of one model on data that it was not fitted to.
+
+    Attributes:
+        trial, flight_trial: trial of each impact (n,) and flight (f,).
+        score, flight_score: log scores in nats, (n,) and (f,).
+        error: (n,) kinetic norm, m/s.
+        sigmas: mean square in units of noise, by channel "flight", "meet", "touch"; NaN if absent.
+        floor: noise floor of `error`, m/s; excess: median error over that of noise alone; NaN if the noise is unknown.
+    """
+
+    trial: np.ndarray
+    flight_trial: np.ndarray
+    score: np.ndarray
+    flight_score: np.ndarray
+    error: np.ndarray
+    sigmas: dict[str, float]
+    floor: float
+    excess: float
+
+    @property
+    def trials(self) -> np.ndarray:
+        return np.unique(np.concatenate([self.trial, self.flight_trial]))
+
+    @property
+    def units(self) -> int:
+        return len(self.score)
+
+    @property
+    def total(self) -> float:
+        return float(self.score.sum() + self.flight_score.sum())
+
+    def by_trial(self, trials: np.ndarray) -> np.ndarray:
+        total = np.zeros(len(trials))
+        for trial, score in ((self.trial, self.score), (self.flight_trial, self.flight_score)):
+            np.add.at(total, np.searchsorted(trials, trial), score)
+        return total
+
+
+DropsDiscovery = Discovery[Effect, Fit, Judgement]
 
 
 class Drops(World[Effect, Fit, Judgement]):
@@ -28,8 +82,7 @@ class Drops(World[Effect, Fit, Judgement]):
     unit = "impact"
 
     def __init__(self, observations: Observations, rivals: int = 1) -> None:
-        self.observations, self.rivals = observations, rivals
-        self.bases = CANDIDATE_LAWS
+        self.observations, self.rivals, self.bases = observations, rivals, CANDIDATE_LAWS
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations)
 
@@ -39,13 +92,48 @@ class Drops(World[Effect, Fit, Judgement]):
         return fit(Model(LAWS[base], effects), self.observations, start, rounds=1 if quick else ROUNDS)
 
     def judge(self, fitted: Fit) -> Judgement:
-        return judge(fitted, self.observations)
+        model, values, o = fitted.model, fitted.values, self.observations
+        whitening = Whitening(model, o, residual_covariance(model, values, o), fitted.sigma_m)
+        R, S = impact_residuals(model, values, o), residual_covariance(model, values, o, o.t_std)
+        sigmas: dict[str, float] = dict.fromkeys(CHANNELS[1:], np.nan)
+        flight = flight_residuals(model, values, o.flights, o.rig)
+        if len(flight):
+            sigmas["flight"] = _robust_mean_square(flight / np.sqrt(o.flights.variance))
+        if o.arcs:
+            z = R[:, 3:] / np.sqrt(np.einsum("nii->ni", S)[:, 3:])
+            sigmas |= {"meet": _robust_mean_square(z[:, :3]), "touch": _robust_mean_square(z[:, 3:])}
+        error = velocity_error(R[:, :3], o.rig.k_g)
+        floor, excess = np.nan, np.nan
+        if o.noise_known:
+            L = np.linalg.cholesky(S[:, :3, :3] + 1e-18 * np.eye(3))
+            # the same draws for every model: equal residuals then have equal floors
+            unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), 3))
+            noise = velocity_error(np.einsum("nij,dnj->dni", L, unit), o.rig.k_g)
+            floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
+        return Judgement(o.trial, o.flights.state.trial, *whitening.log_scores(values), error, sigmas, floor, excess)
 
     def cross_validate(self, fitted: Fit, folds: np.ndarray) -> Judgement:
-        return cross_validate(fitted, self.observations, folds)
+        parts = []
+        for k in np.unique(folds):
+            others, inside = (self.observations.select(self.trials[rows]) for rows in (folds != k, folds == k))
+            parts.append(Drops(inside).judge(fit(fitted.model, others, fitted.values, rounds=1)))
+        weights = np.array([len(part.score) for part in parts], float)
+
+        def mean(values: list[float]) -> float:
+            return float(np.average(values, weights=weights))
+
+        return Judgement(
+            **{
+                name: np.concatenate([getattr(part, name) for part in parts])
+                for name in ("trial", "flight_trial", "score", "flight_score", "error")
+            },
+            sigmas={name: mean([part.sigmas[name] for part in parts]) for name in CHANNELS[1:]},
+            floor=mean([part.floor for part in parts]),
+            excess=mean([part.excess for part in parts]),
+        )
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
-        return is_material(better, worse, candidate.channels, settings)
+        return any(channel_is_material(better, worse, channel, settings) for channel in candidate.channels)
 
     def start_with(self, fitted: Fit, candidate: Effect) -> Mapping[str, float]:
         if all(p.discrete is None for p in candidate.parameters):
@@ -59,33 +147,27 @@ class Drops(World[Effect, Fit, Judgement]):
         return type(self)(synthetic, self.rivals)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
-        S = residual_covariance(fitted.model, fitted.values, self.observations)
-        here = Whitening(fitted.model, self.observations, S, fitted.sigma_m)
-        z, f = here(fitted.values)
-        weight = np.concatenate([_weights(z), _weights(f)])
-        base = np.concatenate([z.ravel(), f.ravel()])
-        columns = []
-        for name, p in fitted.model.parameters.items():
-            if p.discrete is None:
-                step = 1e-3 * p.scale
-                step = step if fitted.values[name] + step <= p.high else -step
-                values = {**fitted.values, name: fitted.values[name] + step}
-                columns.append(weight * (_stacked(here, values) - base) / step)
+        model, S = fitted.model, residual_covariance(fitted.model, fitted.values, self.observations)
+        here = Whitening(model, self.observations, S, fitted.sigma_m)
+        base, weight = here.stacked(fitted.values), np.concatenate([_weights(z) for z in here(fitted.values)])
+
+        def slope(whitening: Whitening, values: Mapping[str, float], name: str, step: float) -> np.ndarray:
+            return weight * (whitening.stacked({**values, name: values[name] + step}) - base) / step
+
+        columns = [
+            slope(here, fitted.values, name, inward(p, fitted.values[name], SLOPE_STEP * p.scale))
+            for name, p in model.fitted_parameters.items()
+        ]
         of_candidates = {}
         for effect in candidates:
-            with_it = Whitening(fitted.model.with_effect(effect), self.observations, S, fitted.sigma_m)
-            nulls = {f"{effect.name}.{p.name}": p.null for p in effect.parameters}
+            with_it = Whitening(model.with_effect(effect), self.observations, S, fitted.sigma_m)
+            values = fitted.values | {f"{effect.name}.{p.name}": p.null for p in effect.parameters}
             secants = []
             for p in effect.parameters:
-                step = p.scale if p.null + p.scale <= p.high else -p.scale
-                step = step if p.discrete is None else p.discrete - p.null
-                values = {**fitted.values, **nulls, f"{effect.name}.{p.name}": p.null + step}
-                secants.append(weight * (_stacked(with_it, values) - base) / step)
+                step = inward(p, p.null, p.scale) if p.discrete is None else p.discrete - p.null
+                secants.append(slope(with_it, values, f"{effect.name}.{p.name}", step))
             of_candidates[effect.name] = np.stack(secants, axis=1)
         return Slopes(weight * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
-
-
-DropsDiscovery = Discovery[Effect, Fit, Judgement]
 
 
 def testable_effects(observations: Observations) -> tuple[dict[str, Effect], dict[str, str]]:
@@ -101,15 +183,26 @@ def testable_effects(observations: Observations) -> tuple[dict[str, Effect], dic
     return testable, why_not
 
 
-def _stacked(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray:
-    """All whitened residuals as one vector (N,), impacts first."""
-    return np.concatenate([part.ravel() for part in whitening(values)])
+def channel_is_material(better: Judgement, worse: Judgement, channel: str, settings: SearchSettings) -> bool:
+    """Whether the held-out error of a channel falls by an amount that matters."""
+    if channel == "impact":
+        before, after, floor = float(worse.error.mean()), float(better.error.mean()), worse.floor
+        floor = floor if np.isfinite(floor) else 0.0
+    else:
+        # root mean squares in units of noise
+        before, after, floor = np.sqrt(worse.sigmas[channel]), np.sqrt(better.sigmas[channel]), 1.0
+    return bool(np.isfinite(before)) and settings.matters(before, after, floor)
+
+
+def _robust_mean_square(z: np.ndarray) -> float:
+    """Robust mean square, from the median, of the worst component of z (n, c).
+
+    The median ignores a few flights with an undetected hit; the worst component shows a wrong gravity despite x and θ.
+    """
+    return float(np.max(robust_std(z)) ** 2)
 
 
 def _weights(z: np.ndarray) -> np.ndarray:
     """Square roots of the t distribution's weights, (n m,), for whitened residuals (n, m)."""
-    if not len(z):
-        return np.zeros(0)
     m = z.shape[1]
-    d2 = np.einsum("nm,nm->n", z, z)
-    return np.repeat(np.sqrt((NU + m) / (NU + d2)), m)
+    return np.repeat(np.sqrt((NU + m) / (NU + np.einsum("nm,nm->n", z, z))), m)

@@ -12,9 +12,9 @@ import numpy as np
 import thesis_lib
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.held_out import judge
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
@@ -62,7 +62,7 @@ def find_size(name: str, ratio: float, seed: int) -> float:
         rng = generator(seed, "proof sizes", name)
         model = Model(LAWS[LAW], (effect,))
         o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG_NOISE, rng=rng))
-        judged = judge(fit(Model(LAWS[LAW]), o), o)
+        judged = Drops(o).judge(fit(Model(LAWS[LAW]), o))
         # relative to the misfit without effects, which is not exactly 1 in the gap
         impact = float(judged.error.mean()) / judged.floor
         flight = np.sqrt(judged.sigmas["flight"])

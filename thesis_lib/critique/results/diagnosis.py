@@ -18,11 +18,11 @@
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.criticise import Critique, gain_of
+from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.held_out import CHANNELS, is_material
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
+from thesis_lib.critique.drops.world import CHANNELS, channel_is_material
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
 from thesis_lib.foundation.randomness import generator
@@ -97,14 +97,14 @@ def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
 def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
     step, (_, final, judged) = critique.discovery.steps[i], critique.ladder[-1]
     name = step.effect.name
-    gain, low, high = gain_of(critique, name, rng)
+    gain, low, high = critique.gain_of(name, rng)
     without, s = critique.without[name], critique.settings
     return {
         "name": name,
         "family": step.effect.family,
         "parameters": _parameters(final, f"{name}."),
         "clears": step.clears,
-        "material_in": [channel for channel in CHANNELS if is_material(judged, without, (channel,), s)],
+        "material_in": [channel for channel in CHANNELS if channel_is_material(judged, without, channel, s)],
         "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
         "indistinguishable_from": list(step.alternatives),
     }
