@@ -43,7 +43,7 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
             "v_n": true.vy + r[:, 0] * true.omega,
             "omega": true.omega,
             "r_x": r[:, 0],
-            "theta": np.remainder(true.theta + 0.5 * np.pi, np.pi) - 0.5 * np.pi,
+            "theta": within_half_a_turn(true.theta),
             "x": true.x,
             "trial": observations.trial.astype(float),
         }
@@ -51,6 +51,11 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
     if observations.arcs:
         table["t"] = observations.t
     return table
+
+
+def within_half_a_turn(theta: np.ndarray) -> np.ndarray:
+    """Angles (n,) in rad from −π/2 to π/2."""
+    return np.remainder(theta + 0.5 * np.pi, np.pi) - 0.5 * np.pi
 
 
 def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Remaining:

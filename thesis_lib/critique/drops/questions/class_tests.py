@@ -38,13 +38,8 @@ Statistic = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # v_pre,
 
 
 def class_tests(fitted: Fit, observations: Observations) -> dict:
-    """All four tests for the law `fitted` without effects."""
-    return {
-        "rigid_point": rigid_point(fitted, observations),
-        "momentum_balance": momentum_balance(fitted, observations),
-        "parity": parity(fitted, observations),
-        "homogeneity": homogeneity(fitted, observations),
-    }
+    """All four tests, by name, for the law `fitted` without effects."""
+    return {test.__name__: test(fitted, observations) for test in (rigid_point, momentum_balance, parity, homogeneity)}
 
 
 def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -108,13 +103,12 @@ def momentum_balance(fitted: Fit, observations: Observations) -> dict:
     shared = _noise(terms, fitted, observations)[:, :2, 2].sum(axis=0)[seen]
     coefficients = 1.0 + coefficients - np.linalg.pinv(X.T @ X, hermitian=True) @ shared
     p = _p_of(coefficients - 1.0, covariance, len(tau) - X.shape[1])
-    result: dict = {"p_value": p}
-    std = np.sqrt(np.diag(covariance))
-    for i, name in enumerate(np.array(["a", "b"])[seen]):
-        result[str(name)] = {"value": float(coefficients[i]), "std": float(std[i]), "unit": "1"}
-    for name in np.array(["a", "b"])[~seen]:
-        result[str(name)] = None
-    return result
+    names = [name for name, is_seen in zip("ab", seen) if is_seen]
+    terms_of = {
+        name: {"value": float(value), "std": float(std), "unit": "1"}
+        for name, value, std in zip(names, coefficients, np.sqrt(np.diag(covariance)))
+    }
+    return {"p_value": p, "a": None, "b": None} | terms_of
 
 
 def parity(fitted: Fit, observations: Observations) -> dict:
@@ -126,9 +120,7 @@ def parity(fitted: Fit, observations: Observations) -> dict:
     even = np.stack([np.ones_like(v_t), v_n, np.abs(v_t), np.abs(r_x), r_x * v_t, omega * v_t], axis=1)
     odd = np.stack([v_t, omega, r_x, v_t * v_n, v_t * np.abs(v_t), r_x * v_n], axis=1)
     R, std = _residual(fitted, observations)
-    p = [
-        _extra(R[:, i], keep, breaks, std[:, i]) for i, keep, breaks in ((0, odd, even), (1, even, odd), (2, odd, even))
-    ]
+    p = [_extra(R[:, i], *shapes, std[:, i]) for i, shapes in enumerate(((odd, even), (even, odd), (odd, even)))]
     return {"p_value": min(1.0, 3.0 * min(p)), "share_sliding_ahead": positive}
 
 
@@ -136,6 +128,8 @@ def homogeneity(fitted: Fit, observations: Observations) -> dict:
     """Test whether the residual over speed depends on the speed, at fixed direction."""
     v_t, v_n, _, r_x, speed = _contact_state(fitted, observations)
     spread = float(np.quantile(speed, 0.9) / np.quantile(speed, 0.1))
+    if spread < 1.2:
+        return {"p_value": None, "why_not": "all impacts have nearly the same speed: vary the height"}
     # a law of degree 1 depends on the direction of the contact velocity and on the lever arm only
     a, r = v_t / np.hypot(v_t, v_n), r_x / observations.rig.k_g
     constant = np.ones_like(a)
@@ -143,12 +137,9 @@ def homogeneity(fitted: Fit, observations: Observations) -> dict:
     if len(a) < FEW:
         shapes = shapes[0][:3], shapes[1][:2]
     direction = np.stack([f * g for f in shapes[0] for g in shapes[1]], axis=1)
-    relative = speed / speed.mean() - 1.0
-    trend = np.stack([constant, a, np.abs(a), r], axis=1) * relative[:, None]
-    R, std = _residual(fitted, observations)
+    trend = np.stack([constant, a, np.abs(a), r], axis=1) * (speed / speed.mean() - 1.0)[:, None]
     keep, breaks = speed[:, None] * direction, speed[:, None] * trend
-    if spread < 1.2:
-        return {"p_value": None, "why_not": "all impacts have nearly the same speed: vary the height"}
+    R, std = _residual(fitted, observations)
     p = [_extra(R[:, i], keep, breaks, std[:, i]) for i in range(3)]
     return {"p_value": min(1.0, 3.0 * min(p)), "speed_ratio": spread}
 

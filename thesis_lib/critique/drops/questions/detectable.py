@@ -18,8 +18,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import Whitening
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.fit import SLOPE_STEP, Whitening
+from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, residual_covariance
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.effects.effect import Parameter
@@ -32,6 +32,7 @@ BISECTIONS = 30
 SMALLEST_SHARE = 1e-6  # of a parameter's range: smaller sizes count as zero
 
 Parts = Mapping[str, np.ndarray]
+Sizes = dict[str, dict[str, float | None]]
 
 
 def detectable(critique: Critique) -> list[dict]:
@@ -39,39 +40,35 @@ def detectable(critique: Critique) -> list[dict]:
 
     drops_for_half: drops that would show half of `smallest` for every parameter; None if half the size is immaterial.
     """
-    testable, _ = testable_effects(critique.training)
     significant, material = significant_sizes(critique), material_sizes(critique)
     trials = len(np.unique(critique.observations.trial))
     rows = []
-    for name in testable:
+    for name, effect in testable_effects(critique.training)[0].items():
         if name not in significant:
             continue
         by_score, by_error = significant[name], material[name]
-        smallest = {
-            p: None if None in (by_score[p], by_error[p]) else max(by_score[p], by_error[p])  # pyright: ignore[reportArgumentType]
-            for p in by_score
-        }
-        discrete = any(p.discrete is not None for p in testable[name].parameters)
-        known = [p for p, size in smallest.items() if size is not None and not discrete]
-        halves = {p: 0.5 * smallest[p] for p in known}  # pyright: ignore[reportOperatorIssue]
+        sizes = {p: (by_score[p], by_error[p]) for p in by_score}
+        known = {p: (score, error) for p, (score, error) in sizes.items() if score is not None and error is not None}
+        smallest = dict.fromkeys(by_score) | {p: max(pair) for p, pair in known.items()}
         # information grows with the number of drops: the significant size falls with its root
         drops = None
-        if known and all(halves[p] >= by_error[p] for p in known):
-            drops = max(int(np.ceil(trials * (by_score[p] / halves[p]) ** 2)) for p in known)
+        continuous = all(p.discrete is None for p in effect.parameters)
+        if known and continuous and all(0.5 * max(pair) >= pair[1] for pair in known.values()):
+            drops = max(int(np.ceil(trials * (pair[0] / (0.5 * max(pair))) ** 2)) for pair in known.values())
         rows.append(
             {"name": name, "smallest": smallest, "significant": by_score, "material": by_error, "drops_for_half": drops}
         )
     return rows
 
 
-def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
+def significant_sizes(critique: Critique) -> Sizes:
     """By effect and parameter, the size that passes both tests of the log score with a chance of 80 %."""
     discovery, final = critique.discovery, critique.ladder[-1][1]
     testable, _ = testable_effects(critique.training)
     scan = discovery.last_scan
     null = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
     limit = max(float(null), 2.0 * (Z95 + POWER))  # the second puts 95 % intervals of gains above zero
-    sizes: dict[str, dict[str, float | None]] = {}
+    sizes: Sizes = {}
     for step in discovery.steps:  # parameters in the model: their covariance is that of the fit
         name = step.effect.name
         sizes[name] = {p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in step.effect.parameters}
@@ -89,7 +86,7 @@ def significant_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
     return sizes
 
 
-def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
+def material_sizes(critique: Critique) -> Sizes:
     """By effect and parameter, the size that raises an error by a material amount."""
     o, final = critique.training, critique.ladder[-1][1]
     S = residual_covariance(final.model, final.values, o)
@@ -99,9 +96,9 @@ def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
 
     def at(model: Model, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Residuals by channel, in m/s or standard deviations, and all whitened residuals."""
-        z, f = Whitening(model, o, S, final.sigma_m)(values)
         R = impact_residuals(model, values, o)
-        parts = {"impact": R[:, :3] * [1.0, 1.0, o.rig.k_g], "all": np.concatenate([z.ravel(), f.ravel()])}
+        all_whitened = Whitening(model, o, S, final.sigma_m).stacked(values)
+        parts = {"impact": R[:, :3] * [1.0, 1.0, o.rig.k_g], "all": all_whitened}
         if o.arcs:
             parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": R[:, 6:] / sharp[:, 6:]}
         if len(o.flights):
@@ -110,32 +107,28 @@ def material_sizes(critique: Critique) -> dict[str, dict[str, float | None]]:
 
     here = at(final.model, final.values)
 
-    def slope(model: Model, values: Mapping[str, float], name: str, p: Parameter, step: float) -> Parts:
+    def slope(model: Model, values: Mapping[str, float], name: str, step: float) -> Parts:
         moved = at(model, {**values, name: values[name] + step})
         return {key: (moved[key] - here[key]) / step for key in here}
 
-    slopes = {}
-    for name, p in final.model.parameters.items():
-        if p.discrete is None:
-            step = 1e-3 * p.scale if final.values[name] + 1e-3 * p.scale <= p.high else -1e-3 * p.scale
-            slopes[name] = slope(final.model, final.values, name, p, step)
-    sizes: dict[str, dict[str, float | None]] = {}
+    slopes = {
+        name: slope(final.model, final.values, name, inward(p, final.values[name], SLOPE_STEP * p.scale))
+        for name, p in final.model.fitted_parameters.items()
+    }
+    sizes: Sizes = {}
     for name, effect in testable_effects(o)[0].items():
         inside = effect in final.model.effects
         model = final.model if inside else final.model.with_effect(effect)
-        nulls = {} if inside else {f"{name}.{p.name}": p.null for p in effect.parameters}
-        values = {**final.values, **nulls}
+        values = {f"{name}.{p.name}": p.null for p in effect.parameters} | final.values
+        others = [column for other, column in slopes.items() if not other.startswith(f"{name}.")]
         sizes[name] = {}
         for p in effect.parameters:
             key = f"{name}.{p.name}"
-            if inside and p.discrete is not None:
-                step = p.null - values[key]
-            elif p.discrete is not None:
-                step = p.discrete - p.null
+            if p.discrete is None:
+                step = inward(p, values[key], p.scale)
             else:
-                step = p.scale if values[key] + p.scale <= p.high else -p.scale
-            shift = slope(model, values, key, p, step) if step else {k: 0.0 * v for k, v in here.items()}
-            others = [column for other, column in slopes.items() if not other.startswith(f"{name}.")]
+                step = p.null - values[key] if inside else p.discrete - p.null
+            shift = slope(model, values, key, step) if step else {k: 0.0 * v for k, v in here.items()}
             shift = _compensated(shift, others)
             sizes[name][p.name] = _material(here, shift, effect.channels, floors, critique, p)
     return sizes
@@ -169,7 +162,7 @@ def _material(
                 return True
         return False
 
-    high = max(p.high - p.null, p.null - p.low) if p.discrete is None else abs(p.discrete - p.null)
+    high = _range(p)
     if not counts(high):
         return None
     if p.discrete is not None:
@@ -197,8 +190,14 @@ def _rise_std(before: np.ndarray, after: np.ndarray, channel: str) -> float:
     return float(_error(after, channel) * MEDIAN_STD / np.sqrt(n))
 
 
+def _range(p: Parameter) -> float:
+    """Largest distance from the null; of an effect that is on or off, the only one."""
+    return max(p.high - p.null, p.null - p.low) if p.discrete is None else abs(p.discrete - p.null)
+
+
 def _within(size: float, p: Parameter) -> float | None:
-    if p.discrete is not None:  # on or off: there is one size, and it shows or not
-        step = abs(p.discrete - p.null)
-        return step if size <= step else None
-    return float(size) if 0.0 < size <= max(p.high - p.null, p.null - p.low) else None
+    if not size <= _range(p):
+        return None
+    if p.discrete is not None:
+        return _range(p)
+    return float(size) if size > 0.0 else None

@@ -12,15 +12,14 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.features import within_half_a_turn
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.residuals import flight_residuals
 from thesis_lib.effects.effect import Rig
 
-FLIGHT_UNITS = {
-    **{"v_x": "m/s", "v_y": "m/s", "omega": "rad/s", "theta": "rad"},
-    **{"r_x": "m", "x": "m", "y": "m", "span": "s", "trial": "1", "t": "s"},
-}
+FLIGHT_UNITS = {"v_x": "m/s", "v_y": "m/s", "omega": "rad/s", "theta": "rad", "r_x": "m", "x": "m", "y": "m"}
+FLIGHT_UNITS |= {"span": "s", "trial": "1", "t": "s"}
 RESIDUALS = ("residual_x", "residual_y", "residual_theta")
 
 
@@ -37,7 +36,7 @@ def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
             "v_x": true.vx,
             "v_y": true.vy,
             "omega": true.omega,
-            "theta": np.remainder(true.theta + 0.5 * np.pi, np.pi) - 0.5 * np.pi,
+            "theta": within_half_a_turn(true.theta),
             "r_x": rig.shape.contact_point(true.theta)[:, 0],
             "x": true.x,
             "y": true.y,
@@ -50,24 +49,18 @@ def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
 
 def flight_table(critique: Critique) -> pd.DataFrame:
     """A row per flight and model (base, and augmented if there are effects); empty without trajectories."""
-    o = critique.observations
+    flights, rig = critique.observations.flights, critique.observations.rig
+    trial = flights.state.trial.astype(int)
+    held_out = np.isin(trial, critique.held_out.trial).astype(int)
     models = {"base": critique.ladder[0][1]}
     if len(critique.ladder) > 1:
         models["augmented"] = critique.ladder[-1][1]
     parts = []
     for name, fitted in models.items():
-        z = relative_residuals(fitted, o.flights, o.rig)
-        table = pd.DataFrame(
-            {
-                "trial": o.flights.state.trial.astype(int),
-                "t": o.flights.state.t,
-                "model": name,
-                "held_out": np.isin(o.flights.state.trial, critique.held_out.trial).astype(int),
-                **dict(zip(RESIDUALS, z.T)),
-                "misfit": misfit(z),
-            }
-        )
-        features = flight_features(fitted, o.flights, o.rig).drop(columns=["trial", "t"])
+        z = relative_residuals(fitted, flights, rig)
+        columns = {"trial": trial, "t": flights.state.t, "model": name, "held_out": held_out}
+        table = pd.DataFrame(columns | dict(zip(RESIDUALS, z.T)) | {"misfit": misfit(z)})
+        features = flight_features(fitted, flights, rig).drop(columns=["trial", "t"])
         parts.append(pd.concat([table, features], axis=1))
     return pd.concat(parts, ignore_index=True)
 

@@ -47,40 +47,30 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     if critique.is_structured:
         return _unexplained(critique, rng)
     final = critique.ladder[-1][1]
-    pairs = _pairs(critique)
-    if pairs:
-        first_try: dict = {}
-        for chosen, other in pairs:
-            tried = _told_apart(critique, final, chosen, other, rng)
+    first_try: dict = {}
+    for step in critique.discovery.steps:
+        for name in step.alternatives[:NAMED] if step.clears else ():
+            tried = _told_apart(critique, final, step.effect, EFFECTS[name], rng)
             if tried["states"]:
                 return tried
             first_try = first_try or tried
+    if first_try:
         return first_try
-    scan = critique.discovery.last_scan
-    ranked = [
-        name
-        for name in sorted(scan.gain, key=lambda name: -scan.gain[name])
+    gain = {
+        name: gain
+        for name, gain in critique.discovery.last_scan.gain.items()
         if "impact" in EFFECTS[name].channels and all(p.discrete is None for p in EFFECTS[name].parameters)
-    ]
-    if not ranked:
+    }
+    if not gain:
         return _nothing("No other effect can be tested with impacts of this rig.")
-    effect = EFFECTS[ranked[0]]
+    effect = EFFECTS[max(gain, key=lambda name: gain[name])]
     rival = fit(final.model.with_effect(effect), critique.training, final.values)
     why = f"Of the effects that the data do not ask for, “{effect.title}” comes nearest."
     return _compared(critique, final, rival, why, rng)
 
 
-def _pairs(critique: Critique) -> list[tuple[Effect, Effect]]:
-    """Chosen effects, each with the nearest effect that the data cannot tell from it."""
-    return [
-        (step.effect, EFFECTS[name])
-        for step in critique.discovery.steps
-        if step.clears
-        for name in step.alternatives[:NAMED]
-    ]
-
-
 def _told_apart(critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
+    """States at which the chosen effect and another that explains the same differ most."""
     model = final.model.without(chosen.name).with_effect(other)
     kept = {k: v for k, v in final.values.items() if k in model.parameters}
     why = f"These data cannot tell “{chosen.title}” from “{other.title}”."
@@ -107,17 +97,21 @@ def _compared(
             f"{largest:.2g} standard deviations of noise and scatter.{advice}"
         )
     often = "a single one tells" if repeats <= 1 else f"about {int(np.ceil(repeats))} impacts there would tell"
-    return {
-        "why": f"{why} At these states before impact the two predictions differ by up to {largest:.2g} standard "
-        f"deviations of noise and scatter in a single impact: {often}.{advice}",
-        "shows": "difference",
-        "states": [dict(zip(CHANNELS, map(_set_point, states[i]))) for i in rows],
-        "sigmas": [float(differences[i]) for i in rows],
-    }
+    why = (
+        f"{why} At these states before impact the two predictions differ by up to {largest:.2g} standard deviations of "
+        f"noise and scatter in a single impact: {often}.{advice}"
+    )
+    return _proposed(why, "difference", states[rows], differences[rows])
+
+
+def _proposed(why: str, shows: str | None, states: np.ndarray, sigmas: np.ndarray) -> dict:
+    # three digits are finer than a hand or a launcher sets
+    set_points = [{name: float(f"{x:.3g}") + 0.0 for name, x in zip(CHANNELS, state)} for state in states]
+    return {"why": why, "shows": shows, "states": set_points, "sigmas": sigmas.tolist()}
 
 
 def _nothing(why: str) -> dict:
-    return {"why": why, "shows": None, "states": [], "sigmas": []}
+    return _proposed(why, None, np.zeros((0, 4)), np.zeros(0))
 
 
 def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
@@ -140,13 +134,11 @@ def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
     rows = _pick(drawn, nearby)
     when = set(critique.remaining.depends_on) & {"trial", "t"} if critique.is_learnable else set()
     repeat = "Repeat one of them from the first trial to the last, too: what is left depends on when it was measured."
-    return {
-        "why": f"{why} The misfit is largest around these states before impact, up to {nearby[rows[0]]:.2g} times "
-        "what noise would give: measure each several times, to see what repeats." + f" {repeat}" * bool(when),
-        "shows": "misfit",
-        "states": [dict(zip(CHANNELS, map(_set_point, drawn[i]))) for i in rows],
-        "sigmas": [float(nearby[i]) for i in rows],
-    }
+    why = (
+        f"{why} The misfit is largest around these states before impact, up to {nearby[rows[0]]:.2g} times what noise "
+        "would give: measure each several times, to see what repeats." + f" {repeat}" * bool(when)
+    )
+    return _proposed(why, "misfit", drawn[rows], nearby[rows])
 
 
 def _misfits(critique: Critique, final: Fit, channels: tuple[str, ...]) -> np.ndarray:
@@ -168,16 +160,9 @@ def _states(critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator
     rig = o.rig
     drawn, _ = _reachable(critique, final, rng)
     before, _ = states_at_impact(final.model, final.values, o)
-    state = State(
-        x=np.full(len(drawn), np.median(before.x)),
-        y=rig.height - rig.shape.contact_point(drawn[:, 3])[:, 1],
-        theta=drawn[:, 3],
-        vx=drawn[:, 0],
-        vy=drawn[:, 1],
-        omega=drawn[:, 2],
-        trial=np.full(len(drawn), np.median(o.trial)),
-        t=np.full(len(drawn), np.median(o.t)),
-    )
+    x, trial, t = (np.full(len(drawn), np.median(values)) for values in (before.x, o.trial, o.t))
+    y = rig.height - rig.shape.contact_point(drawn[:, 3])[:, 1]
+    state = State.of(np.column_stack([x, y, drawn[:, 3]]), drawn[:, :3], trial, t)
     by_final, by_rival = (fitted.model.predict(state, fitted.values, rig) for fitted in (final, rival))
     d = by_final.v - by_rival.v
     # a median, because single impacts at a kink of the law would dominate a mean
@@ -197,23 +182,21 @@ def _reachable(critique: Critique, final: Fit, rng: np.random.Generator) -> tupl
     rig = o.rig
     before, _ = states_at_impact(final.model, final.values, o)
     measured = np.stack([getattr(before, name) for name in CHANNELS], axis=1)
-    everything = measured.copy()
     # a release sets its first impact only; the spin after a bounce is beyond most hands and launchers
-    measured = measured[np.unique(o.trial, return_index=True)[1]]
-    # only the angle within a turn matters
-    measured[:, 3] = _within_a_turn(measured[:, 3])
-    low, high = np.quantile(measured, [0.01, 0.99], axis=0)
+    first = measured[np.unique(o.trial, return_index=True)[1]]
+    first[:, 3] = _within_a_turn(first[:, 3])
+    low, high = np.quantile(first, [0.01, 0.99], axis=0)
     half = 0.5 * REACH * (high - low)
     low, high = 0.5 * (low + high) - half, 0.5 * (low + high) + half
     low[3], high[3] = max(low[3], -np.pi), min(high[3], np.pi)
     drawn = low + (high - low) * rng.random((DRAWS, 4))
     r = rig.shape.contact_point(drawn[:, 3])
     v_n = drawn[:, 1] + r[:, 0] * drawn[:, 2]
-    seen = rig.shape.contact_point(measured[:, 3])
-    slowest, fastest = np.quantile(-(measured[:, 1] + seen[:, 0] * measured[:, 2]), [0.1, 0.99])
+    r_of_first = rig.shape.contact_point(first[:, 3])
+    slowest, fastest = np.quantile(-(first[:, 1] + r_of_first[:, 0] * first[:, 2]), [0.1, 0.99])
     # a dropped body hits about as hard as the measured ones
     drawn = drawn[(drawn[:, 1] < 0.0) & (-v_n > slowest) & (-v_n < REACH * fastest)]
-    return drawn, everything
+    return drawn, measured
 
 
 def _pick(states: np.ndarray, differences: np.ndarray) -> list[int]:
@@ -229,8 +212,3 @@ def _pick(states: np.ndarray, differences: np.ndarray) -> list[int]:
         if all(np.linalg.norm(unit[i] - unit[j]) >= APART for j in chosen):
             chosen.append(int(i))
     return chosen
-
-
-def _set_point(value: float) -> float:
-    """The value to three digits, finer than a hand or a launcher sets."""
-    return float(f"{value:.3g}") + 0.0

@@ -22,7 +22,6 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES, features
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import (
     FLIGHT_UNITS,
@@ -76,12 +75,8 @@ class Condition:
         """Mask (n,) of the rows that satisfy it."""
         x = table[self.feature].to_numpy(float)
         x = np.abs(x) if self.absolute else x
-        inside = np.ones(len(x), bool)
-        if self.low is not None:
-            inside &= x > self.low
-        if self.high is not None:
-            inside &= x < self.high
-        return inside
+        low = -np.inf if self.low is None else self.low
+        return (x > low) & (x < (np.inf if self.high is None else self.high))
 
 
 Rule = tuple[Condition, ...]
@@ -92,29 +87,24 @@ def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
     rng = rng or np.random.default_rng(0)
     # separate streams: later draws must not depend on whether there are flights
     flight_rng = rng.spawn(1)[0]
+
+    def regions_of(fitted: Fit) -> dict:
+        impacts = impact_regions(critique, fitted, rng)
+        return {"regions": impacts, "flight_regions": flight_regions(critique, fitted, flight_rng)}
+
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
-    after = None
-    if critique.discovery.steps:
-        names = [step.effect.name for step in critique.discovery.steps]
-        after = {"effects": names, "regions": impact_regions(critique, final, rng)}
-        after["flight_regions"] = flight_regions(critique, final, flight_rng)
-    return six_digits(
-        {
-            "schema": 1,
-            "dataset": critique.dataset,
-            "model": critique.discovery.base,
-            "regions": impact_regions(critique, base, rng),
-            "flight_regions": flight_regions(critique, base, flight_rng),
-            "after": after,
-            "class_tests": class_tests(base, critique.observations),
-        }
-    )
+    names = [step.effect.name for step in critique.discovery.steps]
+    after = {"effects": names} | regions_of(final) if names else None
+    content = {"schema": 1, "dataset": critique.dataset, "model": critique.discovery.base} | regions_of(base)
+    return six_digits(content | {"after": after, "class_tests": class_tests(base, critique.observations)})
 
 
 def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
     """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
-    o = critique.observations
-    error, z = relative_error(fitted, o)
+    o, weights = critique.observations, np.array([1.0, 1.0, critique.observations.rig.k_g])
+    error = velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], o.rig.k_g)
+    S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
+    z = error / np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], weights**2) + 3.0 * fitted.sigma_m**2)
     return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)
 
 
@@ -124,16 +114,6 @@ def flight_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) ->
     z = misfit(relative_residuals(fitted, flights, rig))
     held_out = np.isin(flights.state.trial, critique.held_out.trial)
     return regions(flight_features(fitted, flights, rig), z, z, held_out, rng, unit="1")
-
-
-def relative_error(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
-    """Error (n,) in m/s, and its ratio to the root mean square that noise and scatter predict for each impact."""
-    o, k_g = observations, observations.rig.k_g
-    weights = np.array([1.0, 1.0, k_g])
-    error = velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], k_g)
-    S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
-    expected = np.einsum("nii,i->n", S[:, :3, :3], weights**2) + 3.0 * fitted.sigma_m**2
-    return error, error / np.sqrt(expected)
 
 
 def regions(
@@ -204,9 +184,8 @@ def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple
     scale = np.sqrt(count * (n - count) / n)
     shuffled = rng.permuted(np.tile(ranks, (PERMUTATIONS, 1)), axis=1)
     M = masks.astype(np.float32)
-    score = masks @ ranks / scale
     null = (M @ shuffled.T.astype(np.float32) / scale[:, None].astype(np.float32)).max(axis=0)
-    return score, null
+    return masks @ ranks / scale, null
 
 
 def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
@@ -216,16 +195,13 @@ def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
     fine, coarse = {}, {}
     for feature in table.columns:
         x = table[feature].to_numpy(float)
-        variants = [(False, x)] if feature != "v_n" else [(True, np.abs(x))]
-        if feature in _SIGNED:
-            variants.append((True, np.abs(x)))
-        for absolute, values in variants:
+        for absolute in (True,) if feature == "v_n" else (False, True) if feature in _SIGNED else (False,):
+            values = np.abs(x) if absolute else x
             if np.ptp(values) <= 0:
                 continue
             signed = feature in _SIGNED and not absolute
-            for goal, quantiles, middles in ((fine, TAILS, MIDDLES), (coarse, COARSE, ())):
-                for condition in _conditions(feature, absolute, values, signed, quantiles, middles):
-                    goal[condition.text] = condition
+            fine |= _conditions(feature, absolute, values, signed, TAILS, MIDDLES)
+            coarse |= _conditions(feature, absolute, values, signed, COARSE, ())
     rules: list[Rule] = [(condition,) for condition in fine.values()]
     rules += [(a, b) for a, b in itertools.combinations(coarse.values(), 2) if a.feature != b.feature]
     members = {condition.text: condition.inside(table) for condition in {**fine, **coarse}.values()}
@@ -239,13 +215,13 @@ def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
 
 def _conditions(
     feature: str, absolute: bool, x: np.ndarray, signed: bool, quantiles: tuple, middles: tuple
-) -> list[Condition]:
-    """Tails and middles at quantiles of x, with thresholds rounded to two digits for readers."""
+) -> dict[str, Condition]:
+    """Tails and middles at quantiles of x by their text, with thresholds rounded to two digits for readers."""
 
     def cut(q: float) -> float:
         return float(f"{np.quantile(x, q):.2g}")
 
     cuts = [cut(q) for q in quantiles] + ([0.0] if signed else [])
-    conditions = [Condition(feature, absolute, None, c) for c in cuts]
-    conditions += [Condition(feature, absolute, c, None) for c in cuts]
-    return conditions + [Condition(feature, absolute, cut(a), cut(b)) for a, b in middles if cut(a) < cut(b)]
+    limits = [*((None, c) for c in cuts), *((c, None) for c in cuts)]
+    limits += [(cut(a), cut(b)) for a, b in middles if cut(a) < cut(b)]
+    return {c.text: c for c in (Condition(feature, absolute, low, high) for low, high in limits)}
