@@ -7,8 +7,7 @@
    and it lowers a held-out error materially.  A gain near the null is corrected by refits to data without the effect.
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 
-A chosen effect is named with the candidates that the data cannot tell from it.  A `World` holds model, candidates and
-data.  Random streams are named by effects, so that a further candidate changes no draw of the others.
+Random streams are named by effects, so that a further candidate changes no draw of the others.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -101,10 +100,9 @@ def search(
     fixed: Sequence[str] | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> Discovery[E, F, J]:
-    """Choose base and effects on training trials.
+    """Choose base and effects on the training trials of `world`.
 
     Args:
-        world: training trials, candidates and models.
         rng: draws the folds and seeds the named streams.
         fixed: effects to switch on, in this order, instead of the automatic choice.
         say: receives a line for each step.
@@ -134,8 +132,7 @@ def paired_gain(
     better: Judgement, worse: Judgement, rng: np.random.Generator, draws: int = 999
 ) -> tuple[float, float, float]:
     """Gain of log score per unit in nats, with a 95 % interval from the bootstrap over trials."""
-    trials = better.trials
-    difference = better.by_trial(trials) - worse.by_trial(trials)
+    difference = better.by_trial(better.trials) - worse.by_trial(better.trials)
     return bootstrap_gain(difference, better.units, draws, rng)
 
 
@@ -152,10 +149,8 @@ class _Search(Generic[E, F, J]):
 
     def run(self, fixed: Sequence[str] | None) -> Discovery[E, F, J]:
         world = self.world
-        bases = {}
-        for name in world.bases:
-            fitted = world.fit(name, ())
-            bases[name] = (fitted, world.cross_validate(fitted, self.folds))
+        fits = {name: world.fit(name, ()) for name in world.bases}
+        bases = {name: (fitted, world.cross_validate(fitted, self.folds)) for name, fitted in fits.items()}
         ranked = sorted(bases, key=lambda name: -bases[name][1].total)
         fitted, judged = bases[ranked[0]]
         steps: list[Step[E, F, J]] = []
@@ -205,13 +200,11 @@ class _Search(Generic[E, F, J]):
         world, settings = self.world, self.settings
         by_name = {e.name: e for e in candidates}
         on = [e.name for e in fitted.effects]
-        quick: dict[str, F] = {}
-        for e in candidates:
-            tries = [
-                world.fit(rival.base, (*rival.effects, e), world.start_with(rival, e), quick=True)
-                for rival in contenders
-            ]
-            quick[e.name] = max(tries, key=lambda fit: fit.score)
+
+        def quick_fits(e: E) -> list[F]:
+            return [world.fit(f.base, (*f.effects, e), world.start_with(f, e), quick=True) for f in contenders]
+
+        quick = {e.name: max(quick_fits(e), key=lambda fit: fit.score) for e in candidates}
         # quick fits rank better than score tests: far from the null a robust fit may treat as outliers what the
         # effect explains, and the slope at the null then means nothing
         names = sorted(quick, key=lambda name: -quick[name].score)[: settings.finalists]
@@ -236,15 +229,14 @@ class _Search(Generic[E, F, J]):
                 significant = p_value <= settings.alpha
             clears = significant and material
             if forced or clears:
-                alternatives = self.alternatives(name, gains, tests)
-                return Step(e, alternatives, clears, p_value, gain, full[name], judgement, tests), None
+                others = self.alternatives(name, gains, tests)
+                return Step(e, others, clears, p_value, gain, full[name], judgement, tests), None
         return None, below
 
     def stretch_of_null(self, fitted: F, effect: E, tests: Scan, rng: np.random.Generator) -> float:
-        """Ratio of the gains of full refits to those of the score test under the null, at least 1.
+        """Mean gain of `REFITS` full refits to data drawn without the effect, over that of the score test; at least 1.
 
-        Mean gain of `REFITS` refits to data drawn without the effect, over the mean of the score test: half the number
-        of its columns (Bartlett's correction).
+        The mean gain of the score test is half the number of its columns (Bartlett's correction).
         """
         gains = []
         for _ in range(REFITS):
@@ -259,15 +251,13 @@ class _Search(Generic[E, F, J]):
 
     def alternatives(self, name: str, gains: Mapping[str, float], tests: Scan) -> tuple[str, ...]:
         """Effects that would explain the same on this design, nearest first."""
-        close = {}
-        for other in tests.basis:
-            if other == name or not tests.basis[other].shape[1]:
-                continue
-            # the observed difference counts as well as the expected one
-            loss = max(tests.expected_loss(name, other), gains[name] - gains[other])
-            if loss < self.settings.tell_apart:
-                close[other] = loss
-        return tuple(sorted(close, key=lambda other: close[other]))
+        # the observed difference counts as well as the expected one
+        loss = {
+            other: max(tests.expected_loss(name, other), gains[name] - gains[other])
+            for other, columns in tests.basis.items()
+            if other != name and columns.shape[1]
+        }
+        return tuple(other for other in sorted(loss, key=lambda o: loss[o]) if loss[other] < self.settings.tell_apart)
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
         """The step with the base that fits best with the effect; without it another base may have compensated."""

@@ -35,26 +35,19 @@ class Fit(Protocol):
 
 
 class Judgement(Protocol):
-    """How well a fitted model predicts data that it was not fitted to."""
+    """How well a fitted model predicts data that it was not fitted to.
+
+    `trials`: their numbers, ascending.  `units`: impacts or windows; gains are reported per unit.  `total`, `by_trial`:
+    log score in nats of all, and of each of `trials`.
+    """
 
     @property
-    def trials(self) -> np.ndarray:
-        """Numbers of the trials judged, ascending."""
-        ...
-
+    def trials(self) -> np.ndarray: ...
     @property
-    def units(self) -> int:
-        """Number of impacts or windows; gains are reported per unit."""
-        ...
-
+    def units(self) -> int: ...
     @property
-    def total(self) -> float:
-        """Log score in nats."""
-        ...
-
-    def by_trial(self, trials: np.ndarray) -> np.ndarray:
-        """Log score in nats of each of `trials`."""
-        ...
+    def total(self) -> float: ...
+    def by_trial(self, trials: np.ndarray) -> np.ndarray: ...
 
 
 E = TypeVar("E", bound=Candidate)

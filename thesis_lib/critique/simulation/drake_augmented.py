@@ -81,16 +81,9 @@ def simulate_augmented_in_drake(
     # drawn for all samples: a body that comes to rest early changes no other's noise
     noises = noise_rng.standard_normal((n, len(samples), 3))[table["trial"], np.rint(table["t"] * rate).astype(int)]
     table[list(POSE)] += [std or 0.0 for std in sigma] * noises
-    header = Header(
-        schema=1,
-        description=f"{n} drops",
-        body=body,
-        surface=Surface(height=model.rig.height),
-        gravity=model.rig.gravity,
-        rate=rate,
-        noise=noise,
-    )
-    return Dataset("drops", header, table)
+    surface, gravity = Surface(height=model.rig.height), model.rig.gravity
+    header = {"schema": 1, "description": f"{n} drops", "body": body, "surface": surface, "gravity": gravity}
+    return Dataset("drops", Header(**header, rate=rate, noise=noise), table)
 
 
 class _Air(LeafSystem):

@@ -15,6 +15,7 @@ from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import POSE
 from thesis_lib.effects.effect import Rig, State
 
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
@@ -58,28 +59,12 @@ def simulate_law_drops(
         pose[alive, k] = measured.q[alive]
         for _ in range(SUBSTEPS):
             state = _step(inner, values, rig, state, h, alive)
-    sigma = np.array([noise.position or 0.0, noise.position or 0.0, noise.angle or 0.0])
+    sigma = [noise.position or 0.0, noise.position or 0.0, noise.angle or 0.0]
     pose = pose + sigma * noise_rng.standard_normal(pose.shape)
-    kept = np.isfinite(pose[:, :, 0])
-    t = np.broadcast_to(np.arange(samples) / rate, (n, samples))
-    table = pd.DataFrame(
-        {
-            "trial": np.broadcast_to(trial[:, None], (n, samples))[kept],
-            "t": t[kept],
-            "x": pose[:, :, 0][kept],
-            "y": pose[:, :, 1][kept],
-            "theta": pose[:, :, 2][kept],
-        }
-    )
-    header = Header(
-        schema=1,  # pyright: ignore[reportCallIssue]
-        description="simulated drops",
-        body=body,
-        gravity=gravity,
-        rate=rate,
-        noise=noise,
-    )
-    return Dataset("drops", header, table)
+    trials, frames = np.nonzero(np.isfinite(pose[:, :, 0]))
+    table = pd.DataFrame({"trial": trials, "t": frames / rate} | dict(zip(POSE, pose[trials, frames].T)))
+    about = {"schema": 1, "description": "simulated drops", "body": body, "gravity": gravity, "rate": rate}
+    return Dataset("drops", Header(**about, noise=noise), table)
 
 
 def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.ndarray) -> State:

@@ -42,7 +42,6 @@ class MeasuredReleases:
     v: np.ndarray
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (m, m, rad) and velocities (m/s, m/s, rad/s), both (n, 3)."""
         count = len(self.q)
         rows = np.r_[np.arange(min(n, count)), rng.integers(count, size=max(n - count, 0))]
         return self.q[rows].copy(), self.v[rows].copy()
@@ -85,10 +84,23 @@ def simulate_model(
         rate, noise = like.rate or RATE, _noise(like, observations)
         n = n or len(releases.q)
     say(f"simulating {n} drops of {duration:.2f} s, engine {engine}")
+    options = {"duration": duration, "rate": rate, "noise": noise, "rng": rng}
     if engine == "drake":
-        dataset = _in_drake(model, releases, n, duration, rate, noise, rng, say)
+        try:
+            from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in_drake
+        except ImportError as error:
+            raise UserError(
+                f"Drake cannot be used here ({error}): install it (pip install drake), or use --engine own."
+            ) from error
+        dataset = simulate_augmented_in_drake(model, releases, n, say=say, **options)
     else:
-        dataset = _in_ours(model, releases, n, duration, rate, noise, rng)
+        body = Body(shape=model.rig.shape, radius_of_gyration=model.rig.radius_of_gyration)
+        values, gravity, height = model.values, model.rig.gravity, model.rig.height
+        dataset = simulate_law_drops(body, releases, n, model.model, values, gravity=gravity, **options)
+        # simulated over y = 0
+        table = dataset.trajectories.assign(y=dataset.trajectories["y"] + height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
+        header = dataset.header.model_copy(update={"surface": Surface(height=height)})
+        dataset = replace(dataset, header=header, trajectories=table)
     effects = ", ".join(model.effects) or "no effects"
     text = f"simulated, not measured: {n} drops by {model.law} with {effects}, engine {engine}"
     return replace(dataset, name="simulated", header=dataset.header.model_copy(update={"description": text}))
@@ -96,10 +108,10 @@ def simulate_model(
 
 def proof_releases(model: SavedModel) -> Release:
     """Releases of the proof, lifted if the body is too large for their lowest height."""
-    spread = PROOF_RELEASE.height
-    lift = max(0.0, model.rig.shape.extent + CLEAR - spread.low)
-    height = spread.model_copy(update={"low": spread.low + lift, "high": spread.high + lift})
-    return PROOF_RELEASE.model_copy(update={"height": height})
+    height = PROOF_RELEASE.height
+    lift = max(0.0, model.rig.shape.extent + CLEAR - height.low)
+    lifted = height.model_copy(update={"low": height.low + lift, "high": height.high + lift})
+    return PROOF_RELEASE.model_copy(update={"height": lifted})
 
 
 def measured_releases(model: SavedModel, like: Dataset, observations: Observations) -> tuple[MeasuredReleases, float]:
@@ -141,44 +153,3 @@ def _noise(like: Dataset, observations: Observations) -> Noise:
         return Noise(position=float(used[:2].mean()), angle=float(used[2]))
     stated = like.header.noise or RIG_NOISE
     return Noise(position=stated.position or RIG_NOISE.position, angle=stated.angle or RIG_NOISE.angle)
-
-
-def _in_ours(
-    model: SavedModel, releases: Releases, n: int, duration: float, rate: float, noise: Noise, rng: np.random.Generator
-) -> Dataset:
-    rig = model.rig
-    dataset = simulate_law_drops(
-        Body(shape=rig.shape, radius_of_gyration=rig.radius_of_gyration),
-        releases,
-        n,
-        model.model,
-        model.values,
-        gravity=rig.gravity,
-        duration=duration,
-        rate=rate,
-        noise=noise,
-        rng=rng,
-    )
-    # simulated over y = 0; the surface is at `rig.height`
-    table = dataset.trajectories.assign(y=dataset.trajectories["y"] + rig.height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
-    header = dataset.header.model_copy(update={"surface": Surface(height=rig.height)})
-    return replace(dataset, header=header, trajectories=table)
-
-
-def _in_drake(
-    model: SavedModel,
-    releases: Releases,
-    n: int,
-    duration: float,
-    rate: float,
-    noise: Noise,
-    rng: np.random.Generator,
-    say: Callable[[str], None],
-) -> Dataset:
-    try:
-        from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in_drake
-    except ImportError as error:
-        raise UserError(
-            f"Drake cannot be used here ({error}): install it (pip install drake), or use --engine own."
-        ) from error
-    return simulate_augmented_in_drake(model, releases, n, duration=duration, rate=rate, noise=noise, rng=rng, say=say)
