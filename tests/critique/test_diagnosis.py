@@ -12,7 +12,7 @@ from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
-from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.critique.drops.residuals import synthesise
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.summary import summary

@@ -132,7 +132,7 @@ def test_a_mirrored_camera_is_beyond_rigid_point_contact():
     from thesis_lib.critique.drops.fit import fit
     from thesis_lib.critique.drops.model import Model
     from thesis_lib.critique.drops.observations import observe
-    from thesis_lib.critique.drops.synthetic import synthesise
+    from thesis_lib.critique.drops.residuals import synthesise
     from thesis_lib.critique.results.tables import _bounds
 
     data = injected_impacts("one", 100, 2, "mirrored_rotation", {"mirrored_rotation.mirrored": 1.0})

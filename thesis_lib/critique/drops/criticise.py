@@ -21,7 +21,7 @@ from thesis_lib.critique.drops.world import Drops, DropsDiscovery, Judgement, te
 from thesis_lib.critique.selection.search import judge_held_out, paired_gain, search, split
 from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.impacts import V_POST, V_PRE
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
@@ -161,17 +161,16 @@ def _refuse_constant(dataset: Dataset) -> None:
     table = dataset.impacts if direct else dataset.trajectories
     if table is None or len(table) < 2:
         return
-    columns = (*V_PRE, *V_POST) if direct else ("x", "y", "theta")
+    columns = (*V_PRE, *V_POST) if direct else POSE
     lowest = dataset.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
     if direct and np.ptp(lowest) > 1e-9 * dataset.shape.extent:
         columns = ("theta", *columns)  # only if the angle moves the contact point
-    stuck = [name for name in columns if table[name].nunique() == 1]
-    if stuck:
-        many = len(stuck) > 1
+    if stuck := [name for name in columns if table[name].nunique() == 1]:
+        column, hold = ("Columns", "hold") if len(stuck) > 1 else ("Column", "holds")
         raise UserError(
-            f"{'Columns' if many else 'Column'} {', '.join(stuck)} of {'impacts' if direct else 'trajectories'}.csv in "
-            f"{dataset.name} {'hold' if many else 'holds'} the same value in all {len(table)} rows, so nothing was "
-            "measured there and no model can be judged. Look at the export of that channel, or measure it."
+            f"{column} {', '.join(stuck)} of {'impacts' if direct else 'trajectories'}.csv in {dataset.name} {hold} "
+            f"the same value in all {len(table)} rows, so nothing was measured there and no model can be judged. "
+            "Look at the export of that channel, or measure it."
         )
 
 
@@ -182,9 +181,8 @@ def _split(
     trials = np.unique(observations.trial)
     if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
         reasons = observations.found.left_out["reason"].value_counts().to_dict()
-        why = "; ".join(f"{count} {name}" for name, count in reasons.items()) or "none"
-        if not reasons and not len(observations):
-            why = "none, because not one was detected"
+        why = "; ".join(f"{count} {name}" for name, count in reasons.items())
+        why = why or ("none" if len(observations) else "none, because not one was detected")
         noticed = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
         noticed = f"What was noticed: {noticed} " if noticed else ""
         raise UserError(

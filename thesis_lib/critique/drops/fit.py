@@ -120,16 +120,14 @@ def fit(
                 tries = [{**t, key: p.discrete} for t in tries]
             elif key not in tries[0]:
                 # off the null, where many effects have no slope
-                options = p.starts or (
-                    (p.null + p.scale, p.null - p.scale) if p.low < p.null < p.high else (p.null + p.scale,)
-                )
-                tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options[:2]]
+                either_side = (p.null + p.scale, p.null - p.scale)
+                options = p.starts[:2] or either_side[: 2 if p.low < p.null < p.high else 1]
+                tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
     if "mu" not in tries[0]:
-        tries = [{**t, **attempt} for t in tries for attempt in _basins(model, observations, t)]
-        best = max((_fit_from(model, observations, attempt, 1) for attempt in tries), key=lambda attempt: attempt.score)
+        tries = [t | basin for t in tries for basin in _basins(model, observations, t)]
+        best = max((_fit_from(model, observations, t, 1) for t in tries), key=lambda fitted: fitted.score)
         return _fit_from(model, observations, best.values, rounds)
-    fits = [_fit_from(model, observations, attempt, rounds) for attempt in tries[:4]]
-    return max(fits, key=lambda attempt: attempt.score)
+    return max((_fit_from(model, observations, t, rounds) for t in tries[:4]), key=lambda fitted: fitted.score)
 
 
 def _fit_from(model: Model, observations: Observations, start: dict[str, float], rounds: int) -> Fit:
@@ -265,9 +263,8 @@ def _best_sigma(model: Model, values: Mapping[str, float], observations: Observa
         z = np.linalg.solve(L, R[:, :, None])[:, :, 0]
         return -_log_t(z, 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)).sum()
 
-    best = minimize_scalar(
-        loss, bounds=(np.log(SIGMA_LOW), np.log(SIGMA_HIGH)), method="bounded", options={"xatol": 0.05}
-    )
+    bounds = (np.log(SIGMA_LOW), np.log(SIGMA_HIGH))
+    best = minimize_scalar(loss, bounds=bounds, method="bounded", options={"xatol": 0.05})
     return float(np.exp(best.x))
 
 

@@ -54,8 +54,7 @@ def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray) -> Flig
     # samples are sorted: a flight begins at a new trial or after a hit
     begins = np.r_[True, (trial[1:] != trial[:-1]) | (next_hit[1:] != next_hit[:-1])][: len(t)]
     first, flight = np.flatnonzero(begins), np.cumsum(begins) - 1
-    count = np.bincount(flight)
-    end = next_hit[first]
+    count, end = np.bincount(flight), next_hit[first]
     ended = end < len(hits)
     ended[ended] = (hits.trial[end[ended]] == trial[first[ended]]) & hits.used[end[ended]]
     rows = np.flatnonzero((count >= MIN_FLIGHT) & ended)

@@ -35,10 +35,8 @@ class Model:
     @property
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
-        named = {p.name: p for p in BASE_PARAMETERS}
-        for effect in self.effects:
-            named |= {f"{effect.name}.{p.name}": p for p in effect.parameters}
-        return named
+        of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in effect.parameters}
+        return {p.name: p for p in BASE_PARAMETERS} | of_effects
 
     @property
     def fitted_parameters(self) -> dict[str, Parameter]:
@@ -68,10 +66,6 @@ class Model:
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""
         return Model(self.law, (*self.effects, effect))
-
-    def without(self, name: str) -> "Model":
-        """The model without the effect of that name."""
-        return Model(self.law, tuple(effect for effect in self.effects if effect.name != name))
 
     def contact(
         self, measured: State, values: Mapping[str, float], rig: Rig, offset: np.ndarray | None = None
@@ -114,13 +108,12 @@ class Model:
             K_nn=1.0 + r_x * r_x * w,
             K_tn=-r_x * r_y * w,
         )
-        n = len(seen.x)
-        mu = np.full(n, values["mu"]) if mu is None else mu
-        epsilon = np.full(n, values["epsilon"]) if epsilon is None else epsilon
+        mu = np.full_like(r_x, values["mu"]) if mu is None else mu
+        epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
         for effect, p in active:
             mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
         with np.errstate(all="ignore"):
-            impulse = Impulse(*self.law.impulse(space, mu, epsilon), np.zeros(n))
+            impulse = Impulse(*self.law.impulse(space, mu, epsilon), np.zeros_like(r_x))
             for effect, p in active:
                 impulse = effect.impulse(impulse, space, mu, epsilon, (r_x, r_y), seen, p, rig)
         touches = space.v_n < 0.0

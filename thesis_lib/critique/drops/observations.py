@@ -66,25 +66,19 @@ class Observations:
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
         """The impacts repeated `copies` times; without samples `nodes` and `weights` are not repeated."""
         names = ("trial", "t", "value", "slope", "bow", "offset") + (("nodes", "weights") if with_samples else ())
-        arrays = {}
-        for name in names:
-            array = getattr(self, name)
-            arrays[name] = np.tile(array, (copies, *(1,) * (array.ndim - 1)))
-        return replace(self, **arrays)
+        return replace(self, **{name: np.concatenate([getattr(self, name)] * copies) for name in names})
 
 
 def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
     """Observations from trajectories with detected impacts, or else from impacts.csv."""
-    impacts = find_impacts(dataset, settings)
+    found = find_impacts(dataset, settings)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
-    return _from_impacts(impacts, rig) if impacts.samples is None else _from_samples(impacts.samples, impacts, rig)
+    return _from_impacts(found, rig) if found.samples is None else _from_samples(found.samples, found, rig)
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
     impacts = found.impacts
     n = len(impacts)
-    value = np.stack([impacts.q, impacts.q], axis=1)
-    slope = np.stack([impacts.v_pre, impacts.v_post], axis=1)
     cov = np.zeros((n, 2, 3, 2, 2))
     if impacts.cov is not None:
         variance = np.einsum("nii->ni", impacts.cov)
@@ -94,8 +88,8 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         rig=rig,
         trial=impacts.trial,
         t=np.where(np.isfinite(impacts.t), impacts.t, 0.0),
-        value=value,
-        slope=slope,
+        value=np.stack([impacts.q, impacts.q], axis=1),
+        slope=np.stack([impacts.v_pre, impacts.v_post], axis=1),
         bow=np.zeros((n, 2, 2)),
         cov=cov,
         nodes=np.zeros((n, 2, NODES)),
@@ -123,12 +117,8 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         rig=rig,
         trial=impacts.trial[rows],
         t=impacts.t[rows],
-        value=lines.value[rows],
-        slope=lines.slope[rows],
-        bow=lines.bow[rows],
+        **{name: getattr(lines, name)[rows] for name in ("value", "slope", "bow", "nodes", "weights")},
         cov=cov[rows],
-        nodes=lines.nodes[rows],
-        weights=lines.weights[rows],
         t_std=found.used_arcs["t_std"].to_numpy()[rows],
         offset=np.zeros((len(rows), 2)),
         arcs=True,

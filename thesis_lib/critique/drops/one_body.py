@@ -56,15 +56,10 @@ class Groups:
 
 
 def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
-    """Raise an error unless the observations `o` may be of one planar rigid body.
-
-    Raises:
-        UserError: the motion is not planar, or the trials are of two bodies.
-    """
+    """Raise a UserError if the motion in `o` is not planar, or its trials are of two bodies."""
     if not len(o):
         return
-    k_g, gravity = o.rig.k_g, o.rig.gravity
-    stray = o.found.noise.stray * [1.0, 1.0, k_g]
+    gravity, stray = o.rig.gravity, o.found.noise.stray * [1.0, 1.0, o.rig.k_g]
     for value, what in ((stray[0], "sideways (x)"), (stray[2], "in rotation (theta, at the radius of gyration)")):
         if o.arcs and value > SIDEWAYS * gravity:
             raise UserError(
@@ -108,11 +103,10 @@ def touch_groups(o: Observations) -> Groups | None:
     """Groups of trials by the heights at impact."""
     impacts = o.found.impacts
     theta = impacts.q[:, 2]
-    r_y = o.rig.shape.contact_point(theta)[:, 1]
+    r_x, r_y = o.rig.shape.contact_point(theta).T
     gap = impacts.q[:, 1] + r_y - o.rig.height
     std = np.ones(len(gap))
     if impacts.cov is not None:
-        r_x = o.rig.shape.contact_point(theta)[:, 0]
         std = np.sqrt(impacts.cov[:, 1, 1] + r_x**2 * impacts.cov[:, 2, 2])
     if o.arcs:
         table = o.found.arcs.set_index(["trial", "impact"]).loc[list(zip(impacts.trial, impacts.impact))]
@@ -124,18 +118,18 @@ def touch_groups(o: Observations) -> Groups | None:
 def balance_groups(o: Observations) -> Groups | None:
     """Groups of trials by the balance of angular momentum."""
     impacts, k2 = o.found.impacts, o.rig.k_g**2
-    theta, dv = impacts.q[:, 2], impacts.dv
-    r = o.rig.shape.contact_point(theta)
-    couple = k2 * dv[:, 2] - r[:, 0] * dv[:, 1] + r[:, 1] * dv[:, 0]
+    theta, (dv_x, dv_y, d_omega) = impacts.q[:, 2], impacts.dv.T
+    r_x, r_y = o.rig.shape.contact_point(theta).T
+    couple = k2 * d_omega - r_x * dv_y + r_y * dv_x
     std = np.ones(len(couple))
     if impacts.cov is not None:
         variance = np.einsum("nii->ni", impacts.cov)
-        v = variance[:, 3:6] + variance[:, 6:9]
-        tilt = r[:, 1] * dv[:, 1] + r[:, 0] * dv[:, 0]
-        std = np.sqrt(k2**2 * v[:, 2] + r[:, 0] ** 2 * v[:, 1] + r[:, 1] ** 2 * v[:, 0] + tilt**2 * variance[:, 2])
+        v_x, v_y, v_omega = (variance[:, 3:6] + variance[:, 6:9]).T
+        tilt = r_y * dv_y + r_x * dv_x
+        std = np.sqrt(k2**2 * v_omega + r_x**2 * v_y + r_y**2 * v_x + tilt**2 * variance[:, 2])
     c, s = np.cos(theta), np.sin(theta)
-    across = np.stack([c * dv[:, 1] - s * dv[:, 0], -s * dv[:, 1] - c * dv[:, 0]], axis=1)
-    return two_groups(impacts.trial, couple, np.column_stack([k2 * dv[:, 2], -across]), std, o.noise_known)
+    X = np.column_stack([k2 * d_omega, -(c * dv_y - s * dv_x), -(-s * dv_y - c * dv_x)])
+    return two_groups(impacts.trial, couple, X, std, o.noise_known)
 
 
 def two_groups(
@@ -146,24 +140,17 @@ def two_groups(
     if len(trials) < 2 * X.shape[1] + 4 or not np.isfinite(std).all() or (std <= 0.0).any():
         return None
     y, X = value / std, X / std[:, None]
-    single = _fit(y, X, np.ones(len(y), bool))
-    residual = y - X @ single
+    residual = y - X @ _fit(y, X, np.ones(len(y), bool))
     scale = _scale(residual)
-    count = np.bincount(of)
-    mean, size = (
-        np.bincount(of, residual) / count,
-        np.bincount(of, np.minimum(np.abs(residual), WILD * scale)) / count,
+    mean, size, raw = (
+        np.bincount(of, values) / np.bincount(of)
+        for values in (residual, np.minimum(np.abs(residual), WILD * scale), y)
     )
     number = np.arange(len(trials))
-    raw = np.bincount(of, y) / count
     starts = [number >= len(trials) // 2, number % 2 == 1, mean > np.median(mean), size > np.median(size)]
     starts += [raw > np.quantile(raw, share) for share in (0.3, 0.5, 0.7)]
-    best = None
-    for second in starts:
-        groups = _alternate(trials, of, y, X, second, scale, noise_known)
-        if groups is not None and (best is None or groups.two < best.two):
-            best = groups
-    return best
+    tries = (_alternate(trials, of, y, X, second, scale, noise_known) for second in starts)
+    return min((groups for groups in tries if groups), key=lambda groups: groups.two, default=None)
 
 
 def _alternate(
@@ -175,7 +162,6 @@ def _alternate(
     scale_of_one: float,
     noise_known: bool,
 ) -> Groups | None:
-    scale = scale_of_one
     for _ in range(ROUNDS):
         masks = (~second[of], second[of])
         if min(mask.sum() for mask in masks) <= 2 * X.shape[1]:

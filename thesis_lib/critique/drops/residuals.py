@@ -1,4 +1,4 @@
-"""Residuals of all measurements, and their covariance.
+"""Residuals of all measurements, their covariance, and measurements drawn from a model.
 
 The residual of an impact has three components, velocity after impact measured minus predicted ("impact").  Trajectories
 add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  The residual of a flight has three,
@@ -13,6 +13,7 @@ noise nor model explains.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -137,3 +138,51 @@ def noise_covariance(
         w = (later - here) / _H_INSTANT
         S += np.broadcast_to(instant, n)[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
     return S
+
+
+def synthesise(
+    model: Model,
+    values: Mapping[str, float],
+    observations: Observations,
+    rng: np.random.Generator,
+    scatter: float = 0.0,
+) -> Observations:
+    """Observations drawn from `model` at `values`, at the states and with the noise of given ones.
+
+    The states before impact and at mid-flight are taken as true.  `scatter`: σ_m in m/s of the velocity after impact.
+    """
+    o, rig = observations, observations.rig
+    before, _ = states_at_impact(model, values, o)
+    active = model.active(values)
+    if o.arcs:
+        # at impact the body touches: set its measured height accordingly
+        true = model.to_true(before, active, rig)
+        raised = model.to_measured(true.moved(y=true.y - model.gap(true, values, rig)), active, rig)
+        before = before.moved(y=raised.y)
+    after = model.predict(before, values, rig, o.offset)
+    jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]
+    after = after.with_velocity(after.v + jitter)
+    value, slope = np.empty_like(o.value), np.empty_like(o.slope)
+    for side, state in enumerate((before, after)):
+        pose, speed = state.q, state.v
+        if o.arcs:
+            if side == 1:
+                # `after` contains the jump already: the pose is that of before plus one jump
+                pose = before.q + model.jump(before, after, values)
+            a = model.acceleration(state, values, rig)
+            if model.has_varying_flight:
+                v = speed + ARC_MEAN * o.bow[:, side, 1:] * a
+                a = model.acceleration(state.with_velocity(v), values, rig)
+            beyond = model.arc(o.nodes[:, side], state, values, rig)
+            if beyond is not None:
+                line = o.weights[:, side] @ beyond
+                pose, speed = pose + line[:, 0], speed + line[:, 1]
+            pose, speed = pose + o.bow[:, side, :1] * a, speed + o.bow[:, side, 1:] * a
+        value[:, side], slope[:, side] = pose, speed
+    L = np.linalg.cholesky(o.cov + 1e-30 * np.eye(2))
+    noise = (L @ rng.standard_normal((*o.cov.shape[:3], 2, 1)))[..., 0]
+    flights = o.flights
+    acceleration = flights.acceleration - flight_residuals(model, values, flights, rig)
+    acceleration = acceleration + np.sqrt(flights.variance) * rng.standard_normal(acceleration.shape)
+    flights = replace(flights, acceleration=acceleration)
+    return replace(o, value=value + noise[..., 0], slope=slope + noise[..., 1], flights=flights)

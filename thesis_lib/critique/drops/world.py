@@ -20,8 +20,7 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.fit import NU, ROUNDS, SLOPE_STEP, Fit, Whitening, fit
 from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, residual_covariance
-from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, residual_covariance, synthesise
 from thesis_lib.critique.selection.search import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World

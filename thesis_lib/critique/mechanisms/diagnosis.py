@@ -124,27 +124,19 @@ def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
     rows = []
     for group in sorted(set(key)):
         at = np.array([k == group for k in key])
-        rows.append(
-            {
-                "coordinate": group[0],
-                "contacts": group[1],
-                "rows": int(at.sum()),
-                "before": float(np.sqrt(np.mean(before[at] ** 2))),
-                "after": float(np.sqrt(np.mean(after[at] ** 2))),
-            }
-        )
+        misfits = (float(np.sqrt(np.mean(z[at] ** 2))) for z in (before, after))
+        names_of_row = ("coordinate", "contacts", "rows", "before", "after")
+        rows.append(dict(zip(names_of_row, (*group, int(at.sum()), *misfits))))
     return rows
 
 
 def _next_experiment(critique: MechanismCritique) -> dict:
     """Measured states at which the chosen effect and its nearest alternative differ most, in units of noise."""
+    scan, weak = critique.discovery.first_scan, critique.training
     step = next((s for s in critique.steps if s.alternatives), None)
-    if step is None:
+    if step is None or step.alternatives[0] not in scan.basis or step.effect.name not in scan.shift:
         return {"why": "", "states": []}
     other = step.alternatives[0]
-    scan, weak = critique.discovery.first_scan, critique.training
-    if other not in scan.basis or step.effect.name not in scan.shift:
-        return {"why": "", "states": []}
     s, B = scan.shift[step.effect.name], scan.basis[other]
     apart = np.bincount(weak.window, (s - B @ (B.T @ s)) ** 2)
     best = np.argsort(-apart)[:STATES]

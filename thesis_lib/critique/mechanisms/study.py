@@ -64,10 +64,9 @@ def true_sizes(kind: MechanismKind, truth: str, sizes: HiddenSizes) -> dict[str,
 
 def is_right(truth: str, critique: MechanismCritique) -> bool:
     """Whether the critique is right; see the module's docstring."""
-    if truth == "nothing":
-        return critique.verdict == "adequate"
-    if truth == OUTSIDE:
-        return critique.verdict == "unexplained"
+    without_answer = {"nothing": "adequate", OUTSIDE: "unexplained"}
+    if truth in without_answer:
+        return critique.verdict == without_answer[truth]
     return truth in critique.first_group and len(critique.first_group) <= GROUP
 
 

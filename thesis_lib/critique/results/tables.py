@@ -26,8 +26,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
-from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance
-from thesis_lib.critique.drops.synthetic import synthesise
+from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance, synthesise
 from thesis_lib.critique.drops.world import Judgement
 from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.search import paired_gain

@@ -18,6 +18,7 @@ import numpy as np
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit, fit
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance, states_at_impact
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
 from thesis_lib.effects import EFFECTS
@@ -71,7 +72,8 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
 
 def _told_apart(critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
     """States at which the chosen effect and another that explains the same differ most."""
-    model = final.model.without(chosen.name).with_effect(other)
+    kept_effects = tuple(effect for effect in final.effects if effect.name != chosen.name)
+    model = Model(final.model.law, (*kept_effects, other))
     kept = {k: v for k, v in final.values.items() if k in model.parameters}
     why = f"These data cannot tell “{chosen.title}” from “{other.title}”."
     checks = [CHECKS[effect.name] for effect in (chosen, other) if effect.name in CHECKS]
