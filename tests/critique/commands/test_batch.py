@@ -177,7 +177,7 @@ def test_ctrl_c_ends_the_processes_and_the_batch_goes_on_to_the_same_index(folde
 def test_no_process_outlives_a_parent_that_is_killed(folders, tmp_path):
     out, paths = tmp_path / "out", folders("hang_a", "hang_b")
     script = Path(__file__).with_name("unruly_work.py")
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[2])}
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[3])}
     parent = subprocess.Popen([sys.executable, str(script), str(out), *map(str, paths)], env=environment)
     files = [out / f"{path.name}.pid" for path in paths]
     try:

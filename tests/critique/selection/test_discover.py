@@ -168,7 +168,7 @@ def test_a_new_effect_is_one_new_file_and_nothing_else(tmp_path):
     def run(where: Path) -> subprocess.CompletedProcess:
         # -P: not the working directory; PYTHONPATH comes before any installed package
         return subprocess.run(
-            [sys.executable, "-P", "-c", FIND_IT, str(Path(__file__).parent)],
+            [sys.executable, "-P", "-c", FIND_IT, str(Path(__file__).parents[1])],
             capture_output=True,
             text=True,
             env={"PYTHONPATH": str(where), "PATH": "", "OPENBLAS_NUM_THREADS": "1"},

@@ -13,7 +13,7 @@ from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.columns import explain
 from thesis_lib.statistics.intervals import wilson
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
