@@ -120,10 +120,10 @@ def figure_5_8(beliefs: DataFrame, runs: DataFrame) -> str:
     )
 
 
-def _settled(own: DataFrame, case: str) -> str:
-    leads = own.loc[own.groupby("step")["belief"].idxmax()].sort_values("step")
+def _settled(beliefs: DataFrame, case: str) -> str:
+    leads = beliefs.loc[beliefs.groupby("step")["belief"].idxmax()].sort_values("step")
     leads = leads[leads["belief"] > SURE]
-    last = own["step"].max()
+    last = beliefs["step"].max()
     parts = []
     for name, rows in groupby(leads.itertuples(), key=lambda row: row.abstraction):
         steps = [row.step for row in rows]

@@ -37,17 +37,17 @@ def verdict(diagnosis: Mapping) -> str:
     return " ".join(sentences)
 
 
-def _missing(diagnosis: Mapping, found: Sequence[Mapping]) -> str:
+def _missing(diagnosis: Mapping, effects: Sequence[Mapping]) -> str:
     from thesis_lib.contact import LAWS  # late: loads every law; the next loads every effect
     from thesis_lib.effects import EFFECTS
 
-    def named(effects: Sequence[Mapping]) -> str:
+    def named(group: Sequence[Mapping]) -> str:
         doubt = " (or what these data cannot tell from it)"
-        return listed([f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in effects])
+        return listed([f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in group])
 
     law = LAWS[diagnosis["base_model"]["name"]].title
-    faults = [effect for effect in found if effect["family"] == "measurement"]
-    physics = [effect for effect in found if effect not in faults]
+    faults = [effect for effect in effects if effect["family"] == "measurement"]
+    physics = [effect for effect in effects if effect not in faults]
     fault = f"; the measurements look faulty: {named(faults)}" if faults else ""
     if diagnosis["verdict"] == "adequate":
         # effects chosen by hand are the only ones tried
