@@ -14,24 +14,17 @@ class CritiqueSettings(SearchSettings):
     """Settings of the critique of drops; all own choices."""
 
     rivals: int = Field(3, ge=1, description="laws with which the first effect is tried")
-    excess_scatter: float = Field(
-        1.5, gt=1, description="median held-out error over that of noise, above which something is left unexplained"
-    )
+    excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")
 
 
 class CritiqueRun(Section):
     """The critique in the pipeline."""
 
     datasets: tuple[Name, ...] = Field(
-        ("planar_impact", "planar_dice", "drops"),
-        description="datasets to criticise; measured ones that are not present are left out, and said so",
+        ("planar_impact", "planar_dice", "drops"), description="to criticise; absent measured ones are left out"
     )
-    effects: dict[Name, tuple[Name, ...]] = Field(
-        {}, description="dataset -> effects to switch on instead of the automatic choice"
-    )
-    max_trials: Annotated[int, Field(ge=10)] | None = Field(
-        None, description="trials used a dataset, the first ones; null: all, as on the command line"
-    )
+    effects: dict[Name, tuple[Name, ...]] = Field({}, description="dataset -> effects to switch on instead of choosing")
+    max_trials: Annotated[int, Field(ge=10)] | None = Field(None, description="first trials used a dataset; null: all")
     proof: tuple[str, ...] = Field(
         ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),
         description="source/truth of the proof's datasets that the pipeline runs again to check the stored table",

@@ -72,12 +72,10 @@ class MechanismCritique:
 
     @property
     def steps(self) -> tuple[Step[MechanismEffect, ForceFit, ForceJudgement], ...]:
-        """Effects in the order of selection."""
         return self.discovery.steps
 
     @property
     def fitted(self) -> ForceFit:
-        """The final model on training trials."""
         return self.discovery.fitted
 
     @property
@@ -142,10 +140,9 @@ def criticise_mechanism(
     rng: np.random.Generator,
     settings: MechanismSettings | None = None,
 ) -> MechanismCritique:
-    """Criticise the believed model of a mechanism with measured trials.
+    """Criticise the believed model of a mechanism with measured trials of a common time step.
 
     Args:
-        trials: measured motion of one mechanism with a common time step.
         candidates: effects that may be missing.
         rng: splits the trials and draws null distributions.
 

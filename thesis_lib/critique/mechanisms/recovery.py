@@ -73,15 +73,9 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
 
 
 def force_error(weak: WeakForm, records: tuple[Record, ...], fitted: ForceFit) -> tuple[float, np.ndarray, np.ndarray]:
-    """Relative rms error of contact forces against those of the simulation.
+    """Relative rms error of contact forces against those of the simulation, over all contact steps except impacts.
 
-    Args:
-        weak: window equations of the exact states of `records`.
-        records: simulated trials with true contact forces.
-        fitted: effects that act besides the believed model.
-
-    Returns:
-        Relative error over all contact steps except impacts; estimated and true forces (n, 2, p) in N, NaN if skipped.
+    Also the estimated and true forces (n, 2, p) in N, NaN where skipped.  `weak` holds the exact states of `records`.
     """
     estimate = np.stack(weak.contact_forces(total_force(weak, fitted.effects, fitted.values)), axis=1)
     true = np.array([(records[i].c_n[k], records[i].c_t[k]) for i, k in zip(weak.step_trial, weak.step)])

@@ -10,16 +10,10 @@ from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKin
 class WindowSettings(Section):
     """How the equations are gathered; own choices."""
 
-    window: int = Field(
-        20, ge=1, description="steps a window, 0.1 s: shorter ones see noise, longer ones blur the cause"
-    )
+    window: int = Field(20, ge=1, description="steps, 0.1 s: shorter windows see noise, longer ones blur the cause")
     min_window: int = Field(5, ge=1, description="steps; shorter ones cost more than they tell")
-    gap_sigmas: float = Field(
-        4.0, gt=0, description="standard deviations of a gap within which a contact counts as active"
-    )
-    exact_db: float = Field(
-        80.0, description="dB; noise-free states are judged as if they had this noise: the accuracy asked of the model"
-    )
+    gap_sigmas: float = Field(4.0, gt=0, description="standard deviations of a gap: within, a contact counts as active")
+    exact_db: float = Field(80.0, description="dB, noise ascribed to exact states: the accuracy asked of the model")
 
 
 class MechanismSettings(Section):

@@ -74,11 +74,6 @@ class Discovery(Generic[E, F, J]):
         """The final model."""
         return self.steps[-1].fitted if self.steps else self.bases[self.base][0]
 
-    @property
-    def judged(self) -> J:
-        """K-fold judgement of the final model."""
-        return self.steps[-1].judged if self.steps else self.bases[self.base][1]
-
     def verdict(self, is_structured: bool) -> str:
         """adequate, effects or unexplained; `is_structured`: something that matters remains."""
         if is_structured:
@@ -113,10 +108,9 @@ def search(
 def judge_held_out(
     training: World[E, F, J], held_out: World[E, F, J], discovery: Discovery[E, F, J]
 ) -> tuple[tuple[tuple[str, F, J], ...], dict[str, J]]:
-    """The ladder of models and the worth of each effect, all judged on held-out trials.
+    """Held-out judgements: the ladder (label, fit, judgement) after 0, 1, ... effects, and the worth of each effect.
 
-    Returns:
-        (label, fit, judgement) after 0, 1, ... effects; by effect, judgement of the final model refitted without it.
+    The latter is, by effect, the judgement of the final model refitted without it.
     """
     fits = [("no effect", discovery.bases[discovery.base][0])]
     fits += [(step.effect.name, step.fitted) for step in discovery.steps]

@@ -54,7 +54,6 @@ def simulate_augmented_in_drake(
         release: distribution of the true release states.
         duration: s; a record ends there or when the body comes to rest.
         rate: samples per s.
-        noise: standard deviation of position and angle; None: no noise.
         rng: spawns the streams for releases and noise, as in `simulate_law_drops`.
         say: receives the number of finished drops.
 

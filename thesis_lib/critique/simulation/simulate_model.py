@@ -115,11 +115,7 @@ def proof_releases(model: SavedModel) -> Release:
 
 
 def measured_releases(model: SavedModel, like: Dataset, observations: Observations) -> tuple[MeasuredReleases, float]:
-    """Releases of a dataset, and the duration to record in s.
-
-    Raises:
-        UserError: no trial shows a release above the surface.
-    """
+    """Releases of a dataset, and the duration to record in s; UserError if no trial shows one above the surface."""
     o = observations
     first = np.flatnonzero(o.found.impacts.impact == 0)
     before = states_at_impact(model.model, model.values, o)[0].select(first)

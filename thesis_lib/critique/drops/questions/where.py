@@ -126,10 +126,7 @@ def regions(
 ) -> list[dict]:
     """Up to `MOST_REGIONS` regions in which errors are larger than elsewhere, worst first.
 
-    Args:
-        table: features of n impacts or flights.
-        error: (n,) in `unit`; z: (n,) error over its expectation.
-        held_out: (n,) mask.
+    `table` has features of n impacts or flights; error (n,) in `unit`, z (n,) over its expectation, held_out (n,) mask.
     """
     known = np.flatnonzero(np.isfinite(z))
     if len(known) > MOST_IMPACTS:
