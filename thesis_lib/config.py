@@ -91,16 +91,12 @@ def parse_config(values: dict, source: str = "configuration") -> Config:
         lines = [f"The {source} has {error.error_count()} mistake(s):"]
         for item in error.errors(include_url=False)[:SHOWN]:
             place = ".".join(str(part)[:60] for part in item["loc"]) or "(top level)"
-            lines.append(f"  {place}: {_in_yaml_terms(item['msg'])} (got {item['input']!r})"[:300])
+            message = item["msg"].replace("a valid tuple", "a list").replace("Tuple", "List")  # YAML has no tuples
+            lines.append(f"  {place}: {message} (got {item['input']!r})"[:300])
         if error.error_count() > SHOWN:
             lines.append(f"  ... and {error.error_count() - SHOWN} more")
         lines.append(f"{SCHEMA} lists every key with its meaning.")
         raise UserError("\n".join(lines)) from error
-
-
-def _in_yaml_terms(message: str) -> str:
-    """A message of the checker in terms of YAML, which has lists but no tuples."""
-    return message.replace("a valid tuple", "a list").replace("Tuple", "List")
 
 
 def read_config(*paths: str | Path) -> Config:

@@ -34,6 +34,7 @@ SHOWN = 5  # failed jobs listed
 TAIL = 20_000  # bytes of a log that are searched for the cause
 PATIENCE = 5.0  # s granted to dying processes
 
+FEWER = "Run fewer jobs at once (--cores 1, CORES=1 with make), or close other programs."
 # text in a log -> cause and remedy
 CAUSES = {
     r"No space left on device|Disk quota exceeded": (
@@ -43,12 +44,9 @@ CAUSES = {
     r"File too large": ("a limit on the size of files was reached (ulimit -f)", "Raise the limit."),
     r"<Signals\.SIGKILL: 9>": (
         "a job was killed from outside (SIGKILL), which is what the system does when memory runs out",
-        "Run fewer jobs at once (--cores 1, CORES=1 with make), or close other programs.",
+        FEWER,
     ),
-    r"MemoryError|Unable to allocate|Cannot allocate memory|std::bad_alloc": (
-        "a job ran out of memory",
-        "Run fewer jobs at once (--cores 1, CORES=1 with make), or close other programs.",
-    ),
+    r"MemoryError|Unable to allocate|Cannot allocate memory|std::bad_alloc": ("a job ran out of memory", FEWER),
 }
 
 
@@ -57,8 +55,7 @@ def run(
 ) -> int:
     """Run `targets` (by default all) of the pipeline in the current folder and return the exit code.
 
-    Raises:
-        UserError: another run is at work here, the disk is nearly full, or a folder cannot be written.
+    UserError if another run is at work here, the disk is nearly full, or a folder cannot be written.
     """
     check_folder(SCALES[scale])
     lock = hold_lock()
@@ -77,9 +74,7 @@ def check_folder(needed: int) -> None:
     """Raise a UserError if `needed` MB of disk or permissions are missing; it names the folder and the remedy."""
     if not Path("Snakefile").is_file():
         raise UserError(f"{Path.cwd()} has no Snakefile; run this in the root folder of the repository.")
-    for folder in WRITTEN:
-        if not folder.is_dir():
-            continue
+    for folder in filter(Path.is_dir, WRITTEN):
         if not os.access(folder, os.W_OK | os.X_OK):
             raise UserError(
                 f"{folder.resolve()} cannot be written by this user; change its owner (an earlier run as root?) "
@@ -168,11 +163,10 @@ def _processes() -> tuple[list, list]:
             continue
         if not words or not re.match(r"python|(ba)?sh$|snakemake", Path(words[0]).name):
             continue  # an editor that shows a script is not a job
+        begins = [Path(word).name for word in words[:2]]
         if any(".snakemake/scripts/" in word for word in words):
             jobs.append(process)
-        elif ["-m", "snakemake"] in [words[i : i + 2] for i in range(1, 4)] or "snakemake" in [
-            Path(word).name for word in words[:2]
-        ]:
+        elif "snakemake" in begins or ["-m", "snakemake"] in [words[i : i + 2] for i in range(1, 4)]:
             snakemakes.append(process)
     orphans = []
     for job in jobs:
@@ -245,11 +239,8 @@ def explain(code: int, log: str, interrupted: bool = False) -> str:
         (rule, (re.search(r"^    log: (\S+)", block, re.MULTILINE) or ["", ""])[1])
         for rule, block in re.findall(r"^Error in rule (\w+):\n((?:    .*\n?)+)", log, re.MULTILINE)
     ]
-    lines = []
-    if interrupted:
-        lines.append("Interrupted.")
-    else:
-        lines.append("The pipeline has stopped.")
+    lines = ["Interrupted." if interrupted else "The pipeline has stopped."]
+    if not interrupted:
         for rule, path in failed[:SHOWN]:
             lines.append(f"  failed: {rule}" + (f", log: {path}" if path else ""))
         if len(failed) > SHOWN:
@@ -288,9 +279,8 @@ def _say(text: str) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m thesis_lib.pipeline", description="Run the pipeline; an interrupted run goes on where it was."
-    )
+    description = "Run the pipeline; an interrupted run goes on where it was."
+    parser = argparse.ArgumentParser(prog="python -m thesis_lib.pipeline", description=description)
     parser.add_argument("targets", nargs="*", metavar="TARGET", help="rules or files (everything)")
     parser.add_argument("--scale", choices=SCALES, default="default", help="size of the studies (default)")
     parser.add_argument("--configfile", action="append", default=[], metavar="FILE", help="overlay with your choices")

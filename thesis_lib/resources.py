@@ -13,8 +13,8 @@ import csv
 import math
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import yaml
 
@@ -38,8 +38,7 @@ HEADER = """\
 """
 
 
-@dataclass(frozen=True)
-class Use:
+class Use(NamedTuple):
     """Use of the jobs of a rule: their number, CPU seconds of all and of the largest, largest peak memory in MB."""
 
     jobs: int
@@ -48,8 +47,7 @@ class Use:
     peak_mb: float
 
 
-@dataclass(frozen=True)
-class Request:
+class Request(NamedTuple):
     """Request of a job: memory in MB, wall time in minutes."""
 
     mem_mb: int
@@ -99,9 +97,7 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
 def read_uses(results: str | Path) -> dict[str, Use]:
     """Use of the jobs of each rule, from the benchmarks of a run.
 
-    Raises:
-        UserError: there are no benchmarks.
-        CorruptFileError: one of them cannot be read.
+    UserError if there are none, CorruptFileError if one of them cannot be read.
     """
     folder = Path(results) / BENCHMARKS
     files = sorted(folder.rglob("*.tsv"))
@@ -149,30 +145,27 @@ def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str
     """`measured` with the numbers of a scale replaced, for the rules that ran."""
     updated = {rule: dict(scales) for rule, scales in measured.items()}
     for rule, use in uses.items():
-        updated.setdefault(rule, {})[scale] = {
-            "peak_mb": float(math.ceil(use.peak_mb)),
-            "cpu_s": float(math.ceil(use.largest_cpu_s)),
-        }
+        largest = float(math.ceil(use.peak_mb)), float(math.ceil(use.largest_cpu_s))
+        updated.setdefault(rule, {})[scale] = dict(zip(KEYS, largest))
     return updated
 
 
 def write_measured(measured: Mapping[str, Mapping[str, Mapping]], path: str | Path = MEASURED) -> None:
     """Write the measured numbers, a line per rule."""
-    lines = []
+    text = HEADER
     for rule in sorted(measured):
         scales = []
         for scale, use in sorted(measured[rule].items()):
             numbers = ", ".join(f"{key}: {use[key]:.0f}" for key in KEYS if key in use)
             scales.append(f"{scale}: {{{numbers}}}")
-        lines.append(f"{rule}: {{{', '.join(scales)}}}\n")
-    write_text(HEADER + "".join(lines), path)
+        text += f"{rule}: {{{', '.join(scales)}}}\n"
+    write_text(text, path)
 
 
 def main(arguments: Iterable[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python -m thesis_lib.resources", description="Memory and CPU time of each rule in the last run."
-    )
+    description = "Memory and CPU time of each rule in the last run."
+    parser = argparse.ArgumentParser(prog="python -m thesis_lib.resources", description=description)
     parser.add_argument("command", nargs="?", default="show", choices=["show", "record"])
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
     parser.add_argument("--scale", choices=["quick", "default", "full"], help="scale of the run (record)")

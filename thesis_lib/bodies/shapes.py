@@ -53,7 +53,7 @@ class Ellipse(_Shape):
     semi_axes: tuple[Length, Length]
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
-        a2, b2 = self.semi_axes[0] ** 2, self.semi_axes[1] ** 2
+        a2, b2 = (axis**2 for axis in self.semi_axes)
         sin, cos = np.sin(theta), np.cos(theta)
         # support point towards n = (0, -1): r = R A R' n / sqrt(n' R A R' n), A = diag(a², b²)
         h = np.sqrt(a2 * sin**2 + b2 * cos**2)

@@ -61,17 +61,14 @@ def write_result(table: pd.DataFrame, path: str | Path) -> None:
 def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """Read a table that this program wrote; `columns` must be present.
 
-    Raises:
-        UserError: the file is missing.
-        CorruptFileError: it cannot be parsed, was cut off, has rows of different lengths, holds text in a column of
-            numbers, or lacks a column.
+    UserError if the file is missing; CorruptFileError if it cannot be parsed, was cut off, has rows of different
+    lengths, holds text in a column of numbers, or lacks a column.
     """
     path = Path(path)
     with _named(path):
         size = regular_size(path, MAX_TABLE)
         table = _read_parquet(path) if path.suffix == ".parquet" else _read_csv(path, size)
-    missing = [name for name in columns if name not in table.columns]
-    if missing:
+    if missing := [name for name in columns if name not in table.columns]:
         raise CorruptFileError(f"{path} lacks column(s) {', '.join(missing)}; delete it and run again.")
     return table
 
@@ -167,9 +164,7 @@ def write_json(value: object, path: str | Path) -> None:
 def read_json(path: str | Path) -> dict:
     """Read a JSON object that this program wrote.
 
-    Raises:
-        UserError: the file is missing.
-        CorruptFileError: it is not JSON, holds NaN or a repeated key, or is not an object.
+    UserError if the file is missing; CorruptFileError if it is not JSON, holds NaN or a repeated key, or is no object.
     """
     path = Path(path)
     with _named(path):

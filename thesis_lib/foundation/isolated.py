@@ -37,10 +37,7 @@ KILLED_FIRST = 800  # oom_score_adj, -1000 to 1000
 
 @dataclass(frozen=True)
 class Task:
-    """Work for a process of its own.
-
-    `arguments` are pickled; `log` is the file for what the process prints, and is replaced.
-    """
+    """Work for a process of its own; `arguments` are pickled, and what the process prints replaces the file `log`."""
 
     name: str
     arguments: tuple
@@ -49,10 +46,9 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a task ended.
+    """How a task ended: either `result` (what the work returned) or `failure` (the reason in words) is None.
 
-    Either `result` (what the work returned) or `failure` (the reason in words) is None.  Times are in s, `peak_mib` is
-    the peak of resident memory; `cpu_s` and `peak_mib` are None if the process was killed.
+    Times are in s, `peak_mib` is the peak of resident memory; that and `cpu_s` are None if the process was killed.
     """
 
     name: str
@@ -131,16 +127,14 @@ class _Running:
                 answer = {}
             self.process.join(GRACE)
             code = self.end()
-            answer = {"result": None, "failure": None} | answer
-            if answer["result"] is None and answer["failure"] is None:
+            if answer.get("result") is None and answer.get("failure") is None:
                 answer["failure"] = _exit_text(code)
-            return Outcome(self.task.name, wall_s=wall, **answer)
-        failure = None
+            return Outcome(self.task.name, **{"result": None, "failure": None} | answer, wall_s=wall)
         if time_limit is not None and wall > time_limit:
             failure = f"took longer than the time limit of {time_limit:g} s"
         elif memory_limit is not None and _resident(self.process.pid) > memory_limit:
             failure = f"took more memory than the limit of {memory_limit / 1e9:g} GB"
-        if failure is None:
+        else:
             return None
         self.end()
         return Outcome(self.task.name, None, failure, wall)

@@ -9,7 +9,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from types import TracebackType
 from typing import Self
 
 from thesis_lib.foundation.command_line import terminal_stream
@@ -29,10 +28,8 @@ class Progress:
         stages: Mapping[str, float] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
-        """
-        Each line begins with `label`; `stages` maps the beginning of a text to the share of the time (0 to 1) that has
-        usually passed by then; `clock` is in seconds.
-        """
+        """Each line begins with `label`; `stages` maps the beginning of a text to the share of the time (0 to 1) that
+        has usually passed by then; `clock` is in seconds."""
         self._label, self._quiet, self._stages, self._clock = label, quiet, stages or {}, clock
         self._stream = terminal_stream(sys.stderr)
         self._text, self._end = "", 0.0  # s from the start
@@ -54,9 +51,7 @@ class Progress:
         if self._stream.terminal and not self._quiet:
             self._show()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self._over.set()
         if not self._quiet:
             self._thread.join()
@@ -67,9 +62,8 @@ class Progress:
         """The current line."""
         spent = self._clock() - self._start
         remaining = self._end - spent
-        return f"{self._label}: {self._text}, {duration(spent)}" + (
-            f"; about {duration(remaining)} left" if remaining > 0.5 else ""
-        )
+        rest = f"; about {duration(remaining)} left" if remaining > 0.5 else ""
+        return f"{self._label}: {self._text}, {duration(spent)}{rest}"
 
     def _share(self, text: str) -> float:
         if counted := re.search(r"(\d+) of (\d+)", text):

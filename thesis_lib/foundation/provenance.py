@@ -14,6 +14,7 @@ import platform
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -55,10 +56,8 @@ def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
 class _Module:
     """The code of a module, ready to be hashed.
 
-    Attributes:
-        code: without docstrings, comments and layout; an import from the package is `_IMPORT`, without its path.
-        imports: (path, name) of each of these imports, in their order in `code`.
-        names: all that is imported from the package, including the packages on the way.
+    `code` is without docstrings, comments and layout, and an import from the package is `_IMPORT`, without its path;
+    `imports` are (path, name) of these, in their order there, `names` all that is imported, with packages on the way.
     """
 
     code: str
@@ -158,19 +157,22 @@ def file_sha256(path: str | Path) -> str:
 
 def folder_sha256(folder: str | Path) -> str:
     """One SHA-256 over names and contents of all files below a folder, as hex digits."""
-    folder, digest = Path(folder), hashlib.sha256()
-    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        digest.update(f"{path.relative_to(folder).as_posix()}:{file_sha256(path)}\n".encode())
+    return _sha256_of(Path(folder).rglob("*"), Path(folder))
+
+
+def _sha256_of(paths: Iterable[Path], root: Path) -> str:
+    """One SHA-256 over names, relative to `root`, and contents of those paths that are files."""
+    digest = hashlib.sha256()
+    for path in sorted(path for path in paths if path.is_file()):
+        digest.update(f"{path.relative_to(root).as_posix()}:{file_sha256(path)}\n".encode())
     return digest.hexdigest()
 
 
 def code_sha256(root: str | Path) -> str:
     """One SHA-256 over the source of a checkout: Snakefile, and all of thesis_lib and workflow except caches."""
-    root, digest = Path(root), hashlib.sha256()
+    root = Path(root)
     files = [root / "Snakefile", *(p for name in (PACKAGE, "workflow") for p in (root / name).rglob("*"))]
-    for path in sorted(p for p in files if p.is_file() and "__pycache__" not in p.parts):
-        digest.update(f"{path.relative_to(root).as_posix()}:{file_sha256(path)}\n".encode())
-    return digest.hexdigest()
+    return _sha256_of((path for path in files if "__pycache__" not in path.parts), root)
 
 
 def value_sha256(value: object) -> str:
@@ -179,15 +181,12 @@ def value_sha256(value: object) -> str:
 
 
 def environment(requirements: str | Path) -> dict:
-    """The other causes of a result's bits: versions, processor, BLAS, commit.
+    """The other causes of a result's bits.
 
-    Args:
-        requirements: file with a line `name==version` for each direct dependency, in the root of the checkout.
-
-    Returns:
-        `python`, `platform`, `processor` (model, and vector instructions that determine kernels), `blas` (library,
-        version and kernel of each in NumPy and SciPy), `packages` (all installed ones, and required ones that are
-        missing), `commit`, `local_changes` (null outside a git checkout), `code` (SHA-256).
+    `requirements`, in the root of the checkout, has a line `name==version` for each direct dependency.  The keys are
+    `python`, `platform`, `processor` (model, and vector instructions that determine kernels), `blas` (library, version
+    and kernel of each in NumPy and SciPy), `packages` (all installed ones, and required ones that are missing),
+    `commit`, `local_changes` (null outside a git checkout) and `code` (SHA-256).
     """
     root = Path(requirements).resolve().parent
     lines = Path(requirements).read_text(encoding="utf-8").splitlines()
@@ -229,16 +228,12 @@ def _blas() -> list[dict]:
     import scipy.linalg  # noqa: F401
     from threadpoolctl import threadpool_info
 
-    libraries = [
-        {
-            "of": Path(library["filepath"]).parent.name.removesuffix(".libs"),
-            "library": library["internal_api"],
-            "version": library["version"],
-            "kernel": library.get("architecture"),
-        }
-        for library in threadpool_info()
-        if library["user_api"] == "blas"
-    ]
+    libraries = []
+    for found in threadpool_info():
+        if found["user_api"] == "blas":
+            of = Path(found["filepath"]).parent.name.removesuffix(".libs")
+            kernel = {"version": found["version"], "kernel": found.get("architecture")}
+            libraries.append({"of": of, "library": found["internal_api"], **kernel})
     return sorted(libraries, key=lambda library: (library["of"], str(library["version"])))
 
 

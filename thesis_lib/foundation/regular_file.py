@@ -26,9 +26,7 @@ class MissingFile(FileProblem):
 def regular_size(path: str | Path, limit: int, within: str | Path | None = None) -> int:
     """Size in bytes of a regular file, at most `limit`; `within` is a folder that links must not leave.
 
-    Raises:
-        MissingFile: there is none.
-        FileProblem: it is not a regular file, is larger than `limit`, or lies outside `within`.
+    MissingFile if there is none; FileProblem if it is not a regular file, is larger, or lies outside `within`.
     """
     try:
         status = os.stat(path)  # noqa: PTH116  (Path.stat says the same)

@@ -48,10 +48,8 @@ class Document:
     def refuse_repeated(self, path: str | Path) -> None:
         """Raise a UserError with the lines of repeated keys, of which YAML would silently keep the last."""
         if self.repeated:
-            repeats = [
-                f"the key '{key[-1]}' stands in line {self.lines[key]} and again in line {line}"
-                for key, line in self.repeated
-            ]
+            said = "the key '{}' stands in line {} and again in line {}"
+            repeats = [said.format(key[-1], self.lines[key], line) for key, line in self.repeated]
             more = f"; and {len(repeats) - 20} more" if len(repeats) > 20 else ""
             raise UserError(f"{path}: {'; '.join(repeats[:20])}{more}. Keep one of them.")
 
@@ -59,9 +57,7 @@ class Document:
 def read_yaml(path: str | Path, within: str | Path | None = None, aliases: bool = True) -> Document:
     """The content of a YAML file; `within` as in `regular_size`, `aliases`: whether they are allowed.
 
-    Raises:
-        FileProblem: there is no such file, or it cannot be read.
-        YamlProblem: it is not YAML of plain values in UTF-8, or exceeds the bounds.
+    FileProblem if it cannot be read; YamlProblem if it is not YAML of plain values in UTF-8, or exceeds the bounds.
     """
     try:
         return _parse(path, read_bytes(path, MAX_BYTES, within).decode("utf-8-sig"), aliases)

@@ -69,10 +69,7 @@ def plain(text: str) -> str:
 
 
 def write_index(rows: Sequence[Mapping], out: Path, *, total: int, seed: int, effects: Sequence[str] | None) -> None:
-    """Write batch.csv, batch.json and index.html into `out`, from the rows of the datasets that ended.
-
-    `total` is the number of datasets in the batch; `seed` and `effects` are the arguments of the critiques.
-    """
+    """Write batch.csv, batch.json and index.html into `out`, from the rows of those of `total` datasets that ended."""
     write_result(pd.DataFrame(rows, columns=COLUMNS).astype({"n_impacts": "Int64"}), out / "batch.csv")
     options = {"seed": seed, "switched_on": None if effects is None else list(effects)}
     write_json({"schema": 1, "n_datasets": total, **options, "datasets": list(rows)}, out / "batch.json")

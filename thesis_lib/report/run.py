@@ -51,12 +51,10 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
     tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
     sections = []
     for n in sorted({figure.chapter for figure, _ in made}):
-        figures_here = [(figure, name) for figure, name in made if figure.chapter == n]
-        tables_here = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
-        groups = _groups(results, figures_here, tables_here)
-        sections.append(
-            {"number": n, "title": f"Chapter {n}: {CHAPTERS[n]}", "contents": _contents(figures_here), "groups": groups}
-        )
+        drawn = [(figure, name) for figure, name in made if figure.chapter == n]
+        written = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
+        content = {"contents": _contents(drawn), "groups": _groups(results, drawn, written)}
+        sections.append({"number": n, "title": f"Chapter {n}: {CHAPTERS[n]}"} | content)
     verdicts = sorted(path for path in findings if path.stem == "verdict")
     return page(
         TEMPLATE,
@@ -73,27 +71,20 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
 
 def _contents(made: Sequence[tuple[Figure, str]]) -> list[dict]:
     """Entries of the contents: a figure's number and title, and an anchor for each of its datasets."""
-    entries = []
-    for name in dict.fromkeys(figure.name for figure, _ in made):
-        same = [(figure, dataset) for figure, dataset in made if figure.name == name]
-        figure = same[0][0]
-        entries.append(
-            {
-                "number": figure.label,
-                "title": figure.title,
-                "anchor": _anchor(figure, ""),
-                "datasets": [(dataset, _anchor(figure, dataset)) for _, dataset in same if dataset],
-            }
-        )
-    return entries
+    entries = {}
+    for figure, dataset in made:
+        new = {"number": figure.label, "title": figure.title, "anchor": _anchor(figure, ""), "datasets": []}
+        entry = entries.setdefault(figure.name, new)
+        if dataset:
+            entry["datasets"].append((dataset, _anchor(figure, dataset)))
+    return list(entries.values())
 
 
 def _groups(
     results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence[Path]
 ) -> list[tuple[str, list[dict], list[dict]]]:
     """Title, figures and tables of each dataset of a chapter."""
-    parents = [path.relative_to(results).parts[1:-1] for path in tables]
-    of_table = {path: parent[0] if parent else "" for path, parent in zip(tables, parents)}
+    of_table = {path: "".join(path.relative_to(results).parts[1:-1][:1]) for path in tables}
     return [
         (
             DATASETS.get(dataset, dataset),
@@ -105,38 +96,29 @@ def _groups(
 
 
 def _figure(results: Path, figure: Figure, dataset: str) -> dict:
-    file = results / figure.files[dataset]
-    caption = figure.text(dataset, results)
+    file, caption = results / figure.files[dataset], figure.text(dataset, results)
+    stem = file.relative_to(results).with_suffix("")
     finding = caption.partition(FOUND_HERE)[2]
     return {
         "anchor": _anchor(figure, dataset),
         "image": _image(file, f"{figure.title}. {finding or caption}"),
         "caption": _paragraphs(figure.label, caption),
-        "links": [
-            (str(file.with_suffix(suffix).relative_to(results)), word)
-            for suffix, word in ((".pdf", "PDF"), (".csv", "numbers"))
-        ],
+        "links": [(f"{stem}.pdf", "PDF"), (f"{stem}.csv", "numbers")],
     }
 
 
 def _table(results: Path, path: Path, dataset: str) -> dict:
     record = records()[path.stem]
-    return {
-        "caption": _paragraphs(record.label, record.text(dataset, results)),
-        "file": str(path.with_suffix(".csv").relative_to(results)),
-    }
+    caption = _paragraphs(record.label, record.text(dataset, results))
+    return {"caption": caption, "file": str(path.with_suffix(".csv").relative_to(results))}
 
 
 def _critique(results: Path, path: Path) -> dict:
-    verdict, folder = _finding(path), path.parent
-    ladder = folder / "ladder.png"
+    verdict, folder, ladder = _finding(path), path.parent, path.with_name("ladder.png")
     alt = f"{folder.name}: held-out error of the models, step by step. {verdict}"
-    return {
-        "name": folder.name,
-        "verdict": verdict,
-        "report": str((folder / "report.html").relative_to(results)),
-        "ladder": _image(ladder, alt) if ladder.is_file() else None,
-    }
+    image = _image(ladder, alt) if ladder.is_file() else None
+    report = str((folder / "report.html").relative_to(results))
+    return {"name": folder.name, "verdict": verdict, "report": report, "ladder": image}
 
 
 def _paragraphs(name: str, text: str) -> list[str]:

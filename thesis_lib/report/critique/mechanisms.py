@@ -18,7 +18,7 @@ from thesis_lib.figures.style import Drawn, save_figure
 from thesis_lib.foundation.files import write_json, write_result, write_text
 from thesis_lib.report.critique.skeleton import critique_page
 from thesis_lib.report.critique.whole_folder import VERDICT_FILE, whole_folder
-from thesis_lib.report.elements import amount, bullets, estimate, interval, paragraph, percent, picture, table
+from thesis_lib.report.elements import amount, bullets, estimate, fitted, interval, paragraph, percent, picture, table
 from thesis_lib.statistics.wording import listed, number
 
 UNITS = {(e.name, p.name): p.unit for effects in CANDIDATES.values() for e in effects for p in e.parameters}
@@ -111,7 +111,7 @@ def _effects(d: Mapping) -> Markup:
         )
     rows = []
     for e in d["effects"]:
-        sizes = [f"{symbol(k)} = {estimate(p['value'], p['std'], p['unit'])}" for k, p in e["parameters"].items()]
+        sizes = [fitted(name, p) for name, p in e["parameters"].items()]
         gain = f"{number(e['gain']['held_out_log_score_per_window'])} {interval(*e['gain']['interval'])}"
         others = _others(e) or "–"
         rows.append((e["title"], e["equation"], "; ".join(sizes), gain, number(e["gain"]["p_value"], 2), others))

@@ -11,11 +11,10 @@ from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
-from thesis_lib.critique.results.numbers import parameter_table
 from thesis_lib.critique.results.titles import effect_title, law_title, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
-from thesis_lib.report.elements import amount, estimate, interval, percent, plus_minus, table
+from thesis_lib.report.elements import amount, estimate, fitted, interval, percent, plus_minus, table
 from thesis_lib.statistics.wording import listed, number
 
 BOUND_WORDS = {
@@ -35,13 +34,12 @@ LEVEL = 0.01
 
 def captions(critique: Critique) -> dict[str, str]:
     """How to read each picture; also the alternative text, after the picture's own title."""
-    paths = ""
+    states = "Histograms of the states before impact, training and held-out trials stacked"
     if critique.source is not None and critique.source.trajectories is not None and critique.observations.arcs:
-        paths = (
+        states = (
             "Top: three trials in the plane, with samples, the flights fitted on either side of each impact, and the "
-            "body's outline at the impacts that were used and left out. Below: "
+            f"body's outline at the impacts that were used and left out. Below: h{states[1:]}"
         )
-    states = f"{'h' if paths else 'H'}istograms of the states before impact, training and held-out trials stacked"
     out = "; the bars count impacts used and left out, by reason." if len(critique.observations.found.left_out) else "."
     two = "left of the base law, right with the effects" if len(critique.ladder) > 1 else "of the base law"
     misfits = ""
@@ -49,7 +47,7 @@ def captions(critique: Critique) -> dict[str, str]:
         parts = "flights, of poses before against after impact, and of the gap at impact"
         misfits = f" Right: misfit of {parts}, in units of noise."
     return {
-        "data": paths + states + out,
+        "data": states + out,
         "laws": "Left: mean held-out error of each law with its 95 % interval, and the bounds. Right: held-out log "
         "score of each law less that of the base law.",
         "budget": "The mean square of the base law's held-out error, split into parts that add up to it.",
@@ -72,10 +70,7 @@ def captions(critique: Critique) -> dict[str, str]:
 def sizes(effect: Mapping) -> list[str]:
     """Each parameter of an effect with its 95 % interval; effects that are on or off have no size."""
     switches = [name for name, p in _declared(effect["name"]).items() if p.discrete is not None]
-    return [
-        "on" if name in switches else f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}"
-        for name, p in effect["parameters"].items()
-    ]
+    return ["on" if name in switches else fitted(name, p) for name, p in effect["parameters"].items()]
 
 
 def _declared(effect: str) -> dict[str, Parameter]:
@@ -124,17 +119,14 @@ def tests_table(where: Mapping) -> Markup:
     """Tests of whole classes of models."""
     rows = []
     for name, test in where.get("class_tests", {}).items():
-        p = test.get("p_value")
+        p, detail = test.get("p_value"), ""
         if p is None:
             rows.append((TESTS.get(name, name), "–", f"not tested: {test.get('why_not', 'no reason given')}"))
             continue
         verdict = "contradicted" if p < LEVEL else "not contradicted"
-        detail = ""
         if name == "rigid_point":
-            detail = (
-                f": {percent(test['share_couple'])} of the impacts need a couple and "
-                f"{percent(test['share_energy_gain'])} gain energy beyond 3 sigma"
-            )
+            couple, gain = percent(test["share_couple"]), percent(test["share_energy_gain"])
+            detail = f": {couple} of the impacts need a couple and {gain} gain energy beyond 3 sigma"
         elif name == "momentum_balance":
             parts = [f"{k} = {estimate(test[k]['value'], test[k]['std'])}" for k in ("a", "b") if test.get(k)]
             detail = f": {listed(parts)}" if parts else ""
@@ -147,18 +139,13 @@ def tests_table(where: Mapping) -> Markup:
 
 def parameters_table(critique: Critique) -> Markup:
     """Each parameter without effects and with all of them."""
-    first, last = critique.ladder[0][0], critique.ladder[-1][0]
-    parameters = parameter_table(critique)
-    before = parameters[parameters["label"] == first].set_index("parameter")
+    fits = [critique.ladder[i][1] for i in ((0, -1) if len(critique.ladder) > 1 else (0,))]
     rows = []
-    for p in parameters[parameters["label"] == last].itertuples():
-        effect, _, name = p.parameter.rpartition(".")
-        of = effect_title(effect) if effect else "base law"
-        old = before.loc[p.parameter] if p.parameter in before.index else None
-        was = "–" if old is None else estimate(old["value"], old["std"], old["unit"])
-        rows.append((symbol(name), of, was, estimate(p.value, p.std, p.unit)))
-    if len(critique.ladder) == 1:
-        rows = [(name, of, now) for name, of, _, now in rows]
+    for full, p in fits[-1].model.parameters.items():
+        effect, _, name = full.rpartition(".")
+        ends = [estimate(fit.values[full], fit.std[full], p.unit) if full in fit.values else "–" for fit in fits]
+        rows.append((symbol(name), effect_title(effect) if effect else "base law", *ends))
+    if len(fits) == 1:
         return table("Parameters [95 % interval]", ("parameter", "of", "value"), rows, numeric=(2,))
     columns = ("parameter", "of", "before", "with all effects")
     return table("Parameters before and after [95 % interval]", columns, rows, numeric=(2, 3))
@@ -166,12 +153,10 @@ def parameters_table(critique: Critique) -> Markup:
 
 def comparison_table(tables: Mapping[str, pd.DataFrame]) -> Markup:
     """Held-out errors of laws, bounds and baseline."""
-    if "comparison" not in tables:
-        return Markup()
     rows = []
-    for r in tables["comparison"].itertuples():
-        fitted = ((r.mu, r.mu_std), (r.epsilon, r.epsilon_std))
-        parameters = ["–" if pd.isna(value) else plus_minus(value, std) for value, std in fitted]
+    for r in tables["comparison"].itertuples() if "comparison" in tables else ():
+        pairs = ((r.mu, r.mu_std), (r.epsilon, r.epsilon_std))
+        parameters = ["–" if pd.isna(value) else plus_minus(value, std) for value, std in pairs]
         score = "–" if pd.isna(r.score) else number(r.score)
         share = "–" if pd.isna(r.share_in_range) else percent(r.share_in_range)
         errors = (number(r.mean), number(r.median), number(r.quantile_90))

@@ -11,12 +11,12 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.results.numbers import law_errors
 from thesis_lib.critique.results.summary import MUCH_LEFT_OUT
-from thesis_lib.critique.results.titles import law_title, symbol
+from thesis_lib.critique.results.titles import law_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
 from thesis_lib.report.critique.effects import capital
 from thesis_lib.report.critique.tables import states_table
-from thesis_lib.report.elements import amount, bullets, estimate, heading, interval, paragraph, percent
+from thesis_lib.report.elements import amount, bullets, fitted, heading, interval, paragraph, percent
 from thesis_lib.statistics.wording import listed, number
 
 NOISE_SOURCES = {"arcs": "estimated from the arcs", "differences": "estimated from differences of neighbouring samples"}
@@ -62,8 +62,7 @@ def data(critique: Critique, d: Mapping) -> Markup:
 def laws(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     errors, best = law_errors(critique)
     base, unit, error = d["base_model"], d["error"]["unit"], d["error"]
-    parameters, floor = base["parameters"].items(), error["noise_floor"]
-    values = listed([f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}" for name, p in parameters])
+    values, floor = listed([fitted(name, p) for name, p in base["parameters"].items()]), error["noise_floor"]
     ends = interval(ladder["error_low"].iloc[0], ladder["error_high"].iloc[0])
     compared = "the noise floor is unknown"
     if floor:
@@ -95,12 +94,9 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
 
 
 def where_it_fails(where: Mapping) -> Markup:
-    regions, flights, after = where.get("regions", []), where.get("flight_regions"), where.get("after")
-    text, in_flight = (
-        "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives.",
-        "",
-    )
-    if regions:
+    text = "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
+    in_flight = then = ""
+    if regions := where.get("regions"):
         r = regions[0]
         times = f" ({number(r['ratio'], 2)} times)" if r["ratio"] else ""
         text = (
@@ -112,22 +108,19 @@ def where_it_fails(where: Mapping) -> Markup:
         "Maps, residuals and rules of this section use all impacts, those of training too; the errors told of a region "
         "are those of held-out impacts where at least 30 lie inside and outside it (column “errors of” of the table)."
     )
-    if flights:
+    if flights := where.get("flight_regions"):
         r = flights[0]
         in_flight = (
             f"Between impacts the base law errs most where {plain_rule(r)}: its accelerations are off by "
             f"{number(r['error_inside'])} there against {number(r['error_outside'])} elsewhere, in standard deviations "
             f"of noise (p = {number(r['p_value'], 2)}, counting all rules for flights)."
         )
-    if not after:
-        return paragraph(text, in_flight) + paragraph(used)
-    rules = after["regions"]
-    then = (
-        f"With the effects the error, over what noise and scatter let expect, is largest where {plain_rule(rules[0])} "
-        f"(p = {number(rules[0]['p_value'], 2)})."
-        if rules
-        else "With the effects no such region is left."
-    )
+    if after := where.get("after"):
+        then = "With the effects no such region is left."
+        for r in after["regions"][:1]:
+            over = "over what noise and scatter let expect"
+            most = f"{plain_rule(r)} (p = {number(r['p_value'], 2)})"
+            then = f"With the effects the error, {over}, is largest where {most}."
     return paragraph(text, in_flight, then) + paragraph(used)
 
 
@@ -160,9 +153,8 @@ def power(d: Mapping) -> Markup:
 
 def sources(d: Mapping) -> list[str]:
     laws = [LAWS[d[key]["name"]] for key in ("base_model", "augmented_model") if d[key]["name"] in LAWS]
+    names = [name for e in d["effects"] for name in (e["name"], *e["indistinguishable_from"][:NAMED])]
+    effects = [EFFECTS[name] for name in names if name in EFFECTS and EFFECTS[name].reference]
     lines = [f"{law.title}: {law.reference}." for law in laws]
-    for effect in d["effects"]:
-        for name in (effect["name"], *effect["indistinguishable_from"][:NAMED]):
-            if name in EFFECTS and EFFECTS[name].reference:
-                lines.append(f"{capital(EFFECTS[name].title)}: {EFFECTS[name].reference}.")
+    lines += [f"{capital(effect.title)}: {effect.reference}." for effect in effects]
     return list(dict.fromkeys([*lines, *METHOD_SOURCES]))
