@@ -107,10 +107,8 @@ def read_uses(results: str | Path) -> dict[str, Use]:
     for path in files:
         rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
         jobs.setdefault(rule, []).append(_read_benchmark(path))
-    return {
-        rule: Use(len(used), sum(s for s, _ in used), max(s for s, _ in used), max(mb for _, mb in used))
-        for rule, used in sorted(jobs.items())
-    }
+    columns = {rule: tuple(zip(*used)) for rule, used in sorted(jobs.items())}
+    return {rule: Use(len(cpu_s), sum(cpu_s), max(cpu_s), max(mb)) for rule, (cpu_s, mb) in columns.items()}
 
 
 def _read_benchmark(path: Path) -> tuple[float, float]:

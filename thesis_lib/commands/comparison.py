@@ -32,20 +32,16 @@ def is_run(path: str | Path) -> bool:
 
 def read_run(path: str | Path) -> dict:
     """The diagnosis in a critique's folder; UserError if the run was interrupted or the format is another."""
+    again, file = "run python -m thesis_lib critique again.", Path(path) / VERDICT_FILE
     if is_unfinished(path):
-        raise UserError(
-            f"{path} holds an unfinished run (it has no {VERDICT_FILE}); run python -m thesis_lib critique again."
-        )
-    content = read_json(Path(path) / VERDICT_FILE)
-    needed = {"verdict", "base_model", "effects", "error"}
+        raise UserError(f"{path} holds an unfinished run (it has no {VERDICT_FILE}); {again}")
+    content = read_json(file)
     try:
-        if content.get("schema") != 1 or not needed <= set(content):
+        if content.get("schema") != 1 or not {"verdict", "base_model", "effects", "error"} <= set(content):
             raise ValueError("of another form")
         compare(content, content)  # fails if anything that is compared is missing
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise UserError(
-            f"{Path(path) / VERDICT_FILE} is no diagnosis of schema 1; run python -m thesis_lib critique again."
-        ) from error
+        raise UserError(f"{file} is no diagnosis of schema 1; {again}") from error
     return content
 
 

@@ -192,15 +192,10 @@ def environment(requirements: str | Path) -> dict:
     lines = Path(requirements).read_text(encoding="utf-8").splitlines()
     pinned = [line.split("==")[0].strip() for line in lines if "==" in line and not line.startswith("#")]
     installed = {package.metadata["Name"]: package.version for package in metadata.distributions()}
-    return {
-        "python": sys.version.split()[0],
-        "platform": platform.platform(),
-        "processor": processor(),
-        "blas": _blas(),
-        "packages": installed | {name: _version(name) for name in pinned},
-        **_commit(root),
-        "code": code_sha256(root),
-    }
+    packages = installed | {name: _version(name) for name in pinned}
+    machine = {"platform": platform.platform(), "processor": processor(), "blas": _blas()}
+    python = sys.version.split()[0]
+    return {"python": python, **machine, "packages": packages, **_commit(root), "code": code_sha256(root)}
 
 
 def _version(name: str) -> str:

@@ -1,21 +1,7 @@
 """Index of a batch of critiques: batch.csv, batch.json and index.html, which links to each report.
 
 A row per dataset, in the order of the command, with no times: a batch that was interrupted and resumed writes the same
-bytes.
-
-| column              | meaning                                                                             |
-|---------------------|-------------------------------------------------------------------------------------|
-| dataset             | its name, which is also that of its folder here                                     |
-| status              | done or failed                                                                      |
-| verdict             | adequate, effects or unexplained                                                    |
-| effects             | effects named, joined by +; those that the data cannot separate joined by /         |
-| base_law, final_law | law alone, and law with the effects                                                 |
-| n_impacts           | impacts used; empty for a mechanism                                                 |
-| base, augmented     | held-out error of the law alone and with the effects, in `unit`                     |
-| noise_floor         | the error of a perfect model; empty if the noise is unknown                         |
-| reason              | why a dataset failed                                                                |
-| mechanism           | arm or wheel; empty for drops                                                       |
-| unit                | of the errors: m/s, of a mechanism sigma (standard deviations of noise)             |
+bytes.  foundation/columns.yaml explains the columns.
 """
 
 from collections import Counter
@@ -41,19 +27,12 @@ SHOWN = 500  # characters of a reason; the dataset's log has all of it
 
 def row_of_verdict(name: str, diagnosis: Mapping) -> dict:
     """The row of a dataset from its diagnosis.json."""
-    error = diagnosis["error"]
     groups = ("/".join([e["name"], *e["indistinguishable_from"]]) for e in diagnosis["effects"])
-    return dict.fromkeys(COLUMNS) | {
-        "dataset": name,
-        "status": "done",
-        "verdict": diagnosis["verdict"],
-        "effects": " + ".join(groups),
-        "base_law": diagnosis["base_model"]["name"],
-        "final_law": diagnosis.get("augmented_model", diagnosis["base_model"])["name"],
-        "n_impacts": diagnosis.get("n_impacts"),
-        **{key: error.get(key) for key in ("base", "augmented", "noise_floor", "unit")},
-        "mechanism": diagnosis.get("mechanism"),
-    }
+    base = diagnosis["base_model"]
+    row = dict.fromkeys(COLUMNS) | {"dataset": name, "status": "done", "effects": " + ".join(groups)}
+    row |= {"base_law": base["name"], "final_law": diagnosis.get("augmented_model", base)["name"]}
+    row |= {key: diagnosis.get(key) for key in ("verdict", "n_impacts", "mechanism")}
+    return row | {key: diagnosis["error"].get(key) for key in ("base", "augmented", "noise_floor", "unit")}
 
 
 def row_of_failure(name: str, reason: str) -> dict:

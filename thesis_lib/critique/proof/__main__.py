@@ -80,31 +80,26 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     run = commands.add_parser("run", help="criticise datasets with hidden effects; stored results are kept")
     run.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
-    run.add_argument(
-        "--truths", nargs="+", default=["all"], metavar="NAME", help="effects, causes, nothing, all, or pairs"
-    )
+    named = "effects, causes, nothing, all, or pairs"
+    run.add_argument("--truths", nargs="+", default=["all"], metavar="NAME", help=named)
     run.add_argument("--seeds", type=int, default=1, help="datasets of each (1)")
     run.add_argument("--first", type=int, default=0, help="offset of the first seed (0)")
     run.add_argument("--drops", type=int, default=150)
     run.add_argument("--noise", type=float, default=1.0, help="times the rig's (1)")
     run.add_argument("--ratio", type=float, default=RATIO, help="misfit over the noise floor (3)")
     run.add_argument("--development", action="store_true", help="tuning seeds; results are printed, not stored")
-    again = commands.add_parser(
-        "check", help="say which stored rows are older than the code, and compute some of them again"
-    )
+    older = "say which stored rows are older than the code, and compute some of them again"
+    again = commands.add_parser("check", help=older)
     again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
     again.add_argument("--sample", type=int, default=SAMPLE, help=f"rows to compute again, 20 s each ({SAMPLE})")
-    again.add_argument(
-        "--all", action="store_true", help="all that are older than the code: over night; goes on with --stamp"
-    )
+    every = "all that are older than the code: over night; goes on with --stamp"
+    again.add_argument("--all", action="store_true", help=every)
     again.add_argument("--stamp", action="store_true", help="store what was computed where the verdict agrees")
     table = commands.add_parser("table", help="the stored results against the targets, the misses, the confusion table")
-    table.add_argument(
-        "--csv", type=Path, metavar="DIR", help="write summary.csv, misses.csv and confusion.csv there too"
-    )
-    size = commands.add_parser(
-        "size", help="find the size of an effect at which the misfit is 3 times the floor again (half a minute)"
-    )
+    files = "write summary.csv, misses.csv and confusion.csv there too"
+    table.add_argument("--csv", type=Path, metavar="DIR", help=files)
+    found = "find the size of an effect at which the misfit is 3 times the floor again (half a minute)"
+    size = commands.add_parser("size", help=found)
     size.add_argument("effect", choices=tuple(EFFECTS))
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")
     return parser

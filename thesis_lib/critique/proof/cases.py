@@ -46,11 +46,10 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Case:
-    """One dataset of the proof.
+    """One dataset of the proof: `drops` releases with `noise` times the rig's.
 
-    Attributes:
-        truth: effect (law) or cause (mechanism, drake), two of them joined by "+", or "nothing".
-        drops: number of releases; noise: times the rig's; ratio: nominal misfit over the noise floor.
+    `truth` is an effect (law) or cause (mechanism, drake), two of them joined by "+", or "nothing"; `ratio` is the
+    nominal misfit over the noise floor.
     """
 
     source: str

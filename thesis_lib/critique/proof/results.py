@@ -29,7 +29,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import NOTHING, SOURCES, Case
-from thesis_lib.critique.proof.compute import Row
+from thesis_lib.critique.proof.compute import Recovered, Row
 from thesis_lib.critique.proof.store import STORE, read_rows
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.intervals import Z95
@@ -75,14 +75,7 @@ def outcomes(store: Path = STORE) -> pd.DataFrame:
 def recovered(store: Path = STORE) -> pd.DataFrame:
     """A row per parameter with a true value in a model with the hidden effect; columns `RECOVERED`."""
     rows = [
-        {
-            **_cell(row.case),
-            "effect": row.case.truth,
-            "parameter": name,
-            "z": (p.found - p.true) / p.std,
-            "inside": abs(p.found - p.true) <= Z95 * p.std,
-            "width": p.std / p.fisher if p.fisher else np.nan,
-        }
+        _cell(row.case) | {"effect": row.case.truth, "parameter": name} | _deviation(p)
         for source in SOURCES
         for row in read_rows(source, store).values()
         for name, p in row.parameters.items()
@@ -91,13 +84,18 @@ def recovered(store: Path = STORE) -> pd.DataFrame:
     return _sorted(pd.DataFrame(rows, columns=list(RECOVERED)), [*CELL, "seed", "parameter"])
 
 
+def _deviation(p: Recovered) -> dict:
+    off, width = p.found - p.true, p.std / p.fisher if p.fisher else np.nan
+    return {"z": off / p.std, "inside": abs(off) <= Z95 * p.std, "width": width}
+
+
 def _sorted(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     orders = {"source": SOURCES, "kind": KINDS}
-    return table.sort_values(
-        by,
-        key=lambda column: column.map(orders[column.name].index) if column.name in orders else column,  # pyright: ignore[reportArgumentType]
-        ignore_index=True,
-    )
+
+    def rank(column: pd.Series) -> pd.Series:
+        return column.map(orders[str(column.name)].index) if column.name in orders else column
+
+    return table.sort_values(by, key=rank, ignore_index=True)
 
 
 def _cell(case: Case) -> dict:
@@ -108,22 +106,14 @@ def _outcome(row: Row) -> dict:
     case = row.case
     effects = case.expected[0] if case.kind == "single" else ()
     sizes = [len(group) for group in _counted(case, row.groups)]
-    return {
-        **_cell(case),
-        "kind": case.kind,
-        "effect": effects[0] if effects else "",
-        "verdict": row.verdict,
-        "named_first": row.groups[0][0] if row.groups else "",
-        "named": row.named,
-        "group_size": float(np.mean(sizes)) if sizes else np.nan,
-        "right": is_right(case, row.verdict, row.groups),
-        "error_before": row.errors["base"],
-        "error_after": row.errors["augmented"],
-        "floor": row.errors["floor"],
-        "before_over_floor": _misfit(row, effects, "base"),
-        "after_over_floor": _misfit(row, effects, "augmented"),
-        "why": row.why,
-    }
+    outcome = _cell(case) | {name: getattr(row, name) for name in ("verdict", "named", "why")}
+    outcome |= {"kind": case.kind, "effect": effects[0] if effects else "", "floor": row.errors["floor"]}
+    outcome |= {"named_first": row.groups[0][0] if row.groups else ""}
+    outcome |= {"group_size": float(np.mean(sizes)) if sizes else np.nan}
+    outcome |= {"right": is_right(case, row.verdict, row.groups)}
+    for when, which in (("before", "base"), ("after", "augmented")):
+        outcome |= {f"error_{when}": row.errors[which], f"{when}_over_floor": _misfit(row, effects, which)}
+    return outcome
 
 
 def _misfit(row: Row, effects: Sequence[str], when: str) -> float:

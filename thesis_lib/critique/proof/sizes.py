@@ -57,8 +57,7 @@ def find_size(name: str, ratio: float, seed: int) -> float:
     body = SQUARE if name == "rounded_corners" else ELLIPSE_BODY
 
     def misfit(factor: float) -> float:
-        values = {"mu": MU, "epsilon": EPSILON}
-        values |= {f"{name}.{k}": v for k, v in law_size(name, factor).items()}
+        values = {"mu": MU, "epsilon": EPSILON} | {f"{name}.{k}": v for k, v in law_size(name, factor).items()}
         rng = generator(seed, "proof sizes", name)
         model = Model(LAWS[LAW], (effect,))
         o = observe(simulate_law_drops(body, PROOF_RELEASE, 80, model, values, noise=RIG_NOISE, rng=rng))

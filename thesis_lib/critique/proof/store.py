@@ -19,8 +19,6 @@ import fcntl
 import io
 import math
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from thesis_lib.critique.proof.cases import Case
@@ -71,11 +69,16 @@ def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
 
 def put_row(row: Row, store: Path = STORE, *, replace: bool = False) -> None:
     """Add a row to the table of its source, or `replace` an existing one; parallel runs wait for each other."""
-    with _alone(store):
+    Path(store).mkdir(parents=True, exist_ok=True)
+    folder = os.open(store, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)  # the kernel releases it when the process ends
         rows = read_rows(row.case.source, store)
         if replace or row.case not in rows:
             rows[row.case] = row
             write_rows(row.case.source, rows, store)
+    finally:
+        os.close(folder)
 
 
 def write_rows(source: str, rows: dict[Case, Row], store: Path) -> None:
@@ -86,18 +89,6 @@ def write_rows(source: str, rows: dict[Case, Row], store: Path) -> None:
     order = sorted(rows, key=lambda case: (case.truth, case.ratio, case.drops, case.noise, case.seed))
     writer.writerows([_text(value) for value in _cells(rows[case])] for case in order)
     write_text(text.getvalue(), Path(store) / f"{source}.csv")
-
-
-@contextmanager
-def _alone(store: Path) -> Iterator[None]:
-    """Lock the folder of the tables; the kernel releases it when the process ends."""
-    Path(store).mkdir(parents=True, exist_ok=True)
-    folder = os.open(store, os.O_RDONLY)
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(folder)
 
 
 def _cells(row: Row) -> list[object]:
@@ -128,7 +119,7 @@ def _row(source: str, cells: dict[str, str]) -> Row:
     if cells["verdict"] not in VERDICTS:
         raise ValueError(f"no verdict is called {cells['verdict']!r}")
     parameters = {}
-    for text in cells["parameters"].split(";") if cells["parameters"] else ():
+    for text in filter(None, cells["parameters"].split(";")):
         name, values = text.split("=")
         parameters[name] = Recovered(*map(_number, values.split(":")))
     return Row(

@@ -43,14 +43,10 @@ Measure = Literal["right", "coverage", "misfit"]
 
 @dataclass(frozen=True)
 class Target:
-    """One figure of the summary.
+    """One figure of the summary, of the datasets of a `kind` (`proof.results.KINDS`) with that many `drops`.
 
-    Attributes:
-        measure: share of right verdicts, coverage of parameters, or misfit over its floor.
-        kind: of the datasets that count, one of `proof.results.KINDS`.
-        at_least, aim: intervals (low, high) for the value.
-        groups: sources that are judged together.
-        drops: releases per dataset.
+    `measure` is the share of right verdicts, the coverage of parameters, or the misfit over its floor; `at_least` and
+    `aim` are intervals (low, high) for it; `groups` are the sources that are judged together.
     """
 
     figure: str
@@ -63,10 +59,8 @@ class Target:
 
     def met(self, value: float) -> str:
         """aim, at least, or missed."""
-        for name, (low, high) in (("aim", self.aim), ("at least", self.at_least)):
-            if low <= value <= high:
-                return name
-        return "missed"
+        limits = {"aim": self.aim, "at least": self.at_least}
+        return next((name for name, (low, high) in limits.items() if low <= value <= high), "missed")
 
 
 _EACH = (MECHANISMS, ("mechanism",), ("drake",))
@@ -94,16 +88,11 @@ def summary(store: Path = STORE) -> pd.DataFrame:
         for group in target.groups:
             sized = of_table(datasets, drops=target.drops)
             counted = sized[(sized["kind"] == target.kind) & sized["source"].isin(group)]
-            row = {
-                "figure": target.figure,
-                "source": "all" if group == SOURCES else " + ".join(group),
-                "at_least": _said(target, target.at_least),
-                "aim": _said(target, target.aim),
-                "n_asked": _asked(target, group),
-                # without a known hidden effect every group is wrong
-                "group_size": counted["group_size"].mean() if target.kind in ("single", "pair") else np.nan,
-                "note": "",
-            }
+            row = {"figure": target.figure, "source": "all" if group == SOURCES else " + ".join(group), "note": ""}
+            row |= {"at_least": _said(target, target.at_least), "aim": _said(target, target.aim)}
+            row |= {"n_asked": _asked(target, group), "group_size": np.nan}
+            if target.kind in ("single", "pair"):  # without a known hidden effect every group is wrong
+                row["group_size"] = counted["group_size"].mean()
             if target.measure == "coverage":
                 counted = of_table(parameters, drops=target.drops)
                 counted = counted[counted["source"].isin(group)]

@@ -118,18 +118,10 @@ def _error(critique: Critique) -> dict:
         if np.isfinite(before.sigmas[name]):
             ends = {"base": np.sqrt(before.sigmas[name]), "augmented": np.sqrt(after.sigmas[name])}
             misfits[name] = {"unit": "sigma", **ends, "noise_floor": 1.0}
-    return {
-        "unit": "m/s",
-        "base": base,
-        "augmented": augmented,
-        "irb_bound": critique.irb,
-        "irb_bound_augmented": critique.irb_augmented,
-        "no_impact": critique.no_impact,
-        "noise_floor": floor,
-        "explained_share": (base - augmented) / (base - floor) if base > floor else None,
-        **misfits,
-        "worst": _worst(critique),
-    }
+    share = (base - augmented) / (base - floor) if base > floor else None
+    bounds = {"irb_bound": critique.irb, "irb_bound_augmented": critique.irb_augmented}
+    errors = {"unit": "m/s", "base": base, "augmented": augmented, "noise_floor": floor, "explained_share": share}
+    return errors | bounds | {"no_impact": critique.no_impact, "worst": _worst(critique)} | misfits
 
 
 def _worst(critique: Critique) -> list[dict]:

@@ -1,8 +1,4 @@
-"""report.html of a mechanism's critique: the four steps of the impacts' page, from the content of diagnosis.json.
-
-Verdict; distance of the believed model from the measurements; where it fails; which effect is missing; what adding it
-changes; what remains open; what the data could have shown.  The page needs no network and no script.
-"""
+"""report.html of a mechanism's critique: the four steps of the impacts' page, from the content of diagnosis.json."""
 
 from collections.abc import Mapping
 from pathlib import Path

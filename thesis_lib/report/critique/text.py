@@ -30,8 +30,7 @@ PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
 def data(critique: Critique, d: Mapping) -> Markup:
-    train, held = critique.training, critique.held_out
-    share = d["left_out"]["share"]
+    train, held, share = critique.training, critique.held_out, d["left_out"]["share"]
     first = f"{d['n_impacts']} impacts of {d['n_trials']} trials are used; "
     first += f"{percent(share)} of the detected impacts were left out." if share else "none was left out."
     if share > MUCH_LEFT_OUT:
