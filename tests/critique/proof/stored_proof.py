@@ -6,9 +6,9 @@ import pandas as pd
 
 from thesis_lib.critique.proof.cases import SEEDS, Case
 from thesis_lib.critique.proof.compute import Recovered, Row
+from thesis_lib.critique.proof.results import confusion
 from thesis_lib.critique.proof.store import put_row
 from thesis_lib.critique.proof.summary import summary
-from thesis_lib.critique.proof.table import confusion
 from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 FLOOR = 0.01  # m/s

@@ -8,10 +8,9 @@ from stored_proof import OUTSIDE
 
 from thesis_lib.critique.proof.cases import DEVELOPMENT, NOTHING, RATIO, SEEDS, SOURCES, Case, make, pairs, truths
 from thesis_lib.critique.proof.compute import compute
-from thesis_lib.critique.proof.results import is_right
+from thesis_lib.critique.proof.results import confusion, is_right
 from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
-from thesis_lib.critique.proof.table import confusion
 from thesis_lib.effects import EFFECTS
 from thesis_lib.simulate.rig.hidden_causes import CAUSES
 

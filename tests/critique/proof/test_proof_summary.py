@@ -8,8 +8,8 @@ import pytest
 from stored_proof import OUTSIDE, error, figure_of, many, parameter, put, refuse
 
 from thesis_lib.critique.proof.cases import NOTHING, Case, truths
+from thesis_lib.critique.proof.results import confusion, misses
 from thesis_lib.critique.proof.summary import TARGETS, report, summary, tables
-from thesis_lib.critique.proof.table import confusion, misses
 from thesis_lib.statistics.intervals import wilson
 
 LAWS_RIGHT, MECHANISMS_RIGHT, SMALL, ADEQUATE, PAIRS, UNEXPLAINED, COVERAGE, MISFIT = (

@@ -7,9 +7,8 @@ import pytest
 from stored_proof import FLOOR, OUTSIDE, cell, error, figure_of, parameter, put, refuse
 
 from thesis_lib.critique.proof.cases import NOTHING, Case
-from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.critique.proof.results import confusion, outcomes, recovered
 from thesis_lib.critique.proof.summary import TARGETS
-from thesis_lib.critique.proof.table import confusion
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.statistics.intervals import wilson
 

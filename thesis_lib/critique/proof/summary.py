@@ -24,9 +24,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import NOTHING, SOURCES, Case, truths
-from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.critique.proof.results import confusion, misses, of_table, outcomes, recovered
 from thesis_lib.critique.proof.store import STORE
-from thesis_lib.critique.proof.table import confusion, misses, of_table
 from thesis_lib.foundation.files import write_result
 from thesis_lib.statistics.intervals import median_interval, wilson
 

@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from thesis_lib.critique.proof.results import TABLE
 from thesis_lib.critique.proof.summary import TARGETS, WIDEST
-from thesis_lib.critique.proof.table import TABLE
 from thesis_lib.critique.results.titles import symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from thesis_lib.critique.proof.table import of_table
+from thesis_lib.critique.proof.results import of_table
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.figures.critique.errors import set_title
