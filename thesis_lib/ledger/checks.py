@@ -16,7 +16,6 @@
 - ordering, argmax and argmin accept `k` or `tie_tolerance`.  With k, two rows must differ by more than k standard
   errors of the difference, √(s₁² + s₂²); the default k = 0 refuses ties.  With `tie_tolerance`, a pair may break the
   order by at most that much.
-- A tolerance, a k or a tie_tolerance requires a `reason`.
 """
 
 import math

@@ -11,9 +11,8 @@ expected:
   full: {...}
 ```
 
-A change in either direction is a failure and needs a person's look.  A claim that newly deviates is a regression; one
-that is newly reproduced has been understood, or its check has become too weak.  `data not present` is neutral: it is
-never stored and never compared.
+A change in either direction is a failure: one that newly deviates is a regression; one that is newly reproduced has
+been understood, or its check has become too weak.  `data not present` is never stored and never compared.
 """
 
 from collections.abc import Mapping, Sequence

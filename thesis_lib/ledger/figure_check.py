@@ -1,8 +1,7 @@
 """Figures' CSVs against small stored copies, column by column within stated tolerances.
 
 Each figure's record (`thesis_lib.records`) states the columns to compare and their tolerances.  A picture without a
-record, a column without a tolerance, a missing CSV and a missing copy are failures, so that no new figure escapes the
-check.  The pictures themselves are judged by eye.
+record, a column without a tolerance, a missing CSV and a missing copy are failures.
 
 A number agrees if abs(ours − stored) ≤ abs + rel · abs(stored).  NaN agrees only with NaN, an infinity only with the
 same infinity.  Rows are compared by position, and their number must not change.

@@ -38,7 +38,6 @@ claims:
   if nothing is published.
 - A folder is read as one ledger, its files ordered by name.  Names of checks and notes hold within one file.  A name
   that is unknown or unused is an error.
-- A NaN or infinite value of ours is an error, never a pass (see `evaluate`).
 """
 
 import re
@@ -112,11 +111,7 @@ class Ledger(Section):
 
 
 def read_ledger(path: str | Path) -> Ledger:
-    """Read and check config/claims/, or one file of claims.
-
-    Raises:
-        UserError: no file was found, or one line for each mistake, with the file, its line and the claim.
-    """
+    """Read config/claims/, or one file of claims; UserError with the file, line and claim of each mistake."""
     path = Path(path)
     files = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
     problems = [] if files else [f"{path} holds no .yaml file of claims."]

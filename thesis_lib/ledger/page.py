@@ -1,8 +1,4 @@
-"""results/claims.html: the ledger as a readable page.
-
-It needs no network and no script.  Statuses have a word and a sign besides the colour, so it also prints in black and
-white.
-"""
+"""results/claims.html: the ledger as a readable page, without network or script, that prints in black and white."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -125,9 +125,8 @@ class Cells:
     def read(cls, path: str | Path) -> Self:
         """Read a CSV with one header line.
 
-        Raises:
-            UserError: the file is missing.
-            CorruptFileError: it is empty, is not UTF-8, repeats a column, or has a row of another length.
+        UserError if the file is missing; CorruptFileError if it is empty or not UTF-8, repeats a column, or has a row
+        of another length.
         """
         path = Path(path)
         try:

@@ -54,10 +54,7 @@ def stuck_group(learner: Hma) -> np.ndarray:
 
 
 def infer_first_steps(learner: Learner, samples: Samples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
-    """First row (m,) of each push with at least `steps` samples, and the belief (m, K) after that many.
-
-    UserError if no push is that long.
-    """
+    """First row (m,) of each push with `steps` samples or more, and the belief (m, K) after them; UserError if none."""
     rows = np.array([rows[:steps] for rows in push_groups(samples) if len(rows) >= steps])
     if not len(rows):
         raise UserError(f"no push has {steps} samples; give fewer steps or longer pushes.")

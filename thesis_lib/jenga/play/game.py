@@ -191,9 +191,8 @@ def play(
 ) -> Game:
     """Play the tower of `seed`, trying at most `blocks` blocks.
 
-    label: find the hidden label of each block before it is touched (for evaluation only).  frames: keep the poses after
-    each extracted block.  A tower that is unusable, or whose simulation breaks down while it stands, gives a refused
-    game.
+    label: find the hidden label of each block before it is touched.  frames: keep the poses after each extracted block.
+    A tower that is unusable, or whose simulation breaks down while it stands, gives a refused game.
     """
     setup = setup or Setup()
     game = Game(policy.name, seed, base_seed, blocks, [], ALL_TRIED)

@@ -7,12 +7,11 @@
 o_t is `push_env.observation` (9,), m_θ the tanh layers `PpoPolicy.layers`; ε, γ, λ are `clip`, `discount`, `trace`.
 
 One training passes all requested numbers of samples and leaves a policy at each.  It runs in segments of at most
-`segment` samples, from checkpoint to checkpoint.  Each segment starts from the saved weights and optimiser with its own
-random streams, so an interrupted and continued training gives the same policies to the last bit (other checkpoints in
-between give another training).  A segment of n samples holds ⌈n / `rollout`⌉ rollouts of equal length: no policy has
-seen more samples than its number, and even 100 samples give an update.  A sample is one step of the environment,
-retreats included.  A file per checkpoint (`ppo_<samples>.pt`) is a declared result; the segments in `segments/` beside
-them are not, so that a pipeline that deletes the results of a failed job keeps them.
+`segment` samples.  Each starts from the saved weights and optimiser with its own random streams, so an interrupted and
+continued training gives the same policies to the last bit.  A segment of n samples holds ⌈n / `rollout`⌉ rollouts of
+equal length: no policy has seen more samples than its number, and even 100 samples give an update.  A sample is one
+step of the environment, retreats included.  A file per checkpoint (`ppo_<samples>.pt`) is a declared result; the
+segments in `segments/` beside them are not, so that a pipeline that deletes the results of a failed job keeps them.
 
 Sources: J. Schulman et al. 2017, doi 10.48550/arXiv.1707.06347; A. Raffin et al., JMLR 22 (268), 2021
 (stable-baselines3); thesis, section 5.5.2.
@@ -56,7 +55,6 @@ class PpoPolicy(Policy):
     name = "ppo"
 
     def __init__(self, state: State):
-        """Build from a state that `train_ppo` saved."""
         self.samples: int = state["samples"]
         self.settings = PpoSettings.model_validate(json.loads(state["record"])["settings"])
         weights = state["policy"]
@@ -94,11 +92,8 @@ def train_ppo(
 
     folder: where the end of each segment is saved; a training with the same settings, setup, seed and checkpoints
     continues from the last one.  device: PyTorch's; "auto" is a GPU if there is one.  say: receives progress lines.
-    The library seeds the global streams of random, numpy and PyTorch.
-
-    Raises:
-        UserError: checkpoints that are not increasing and at least 2 apart.
-        TowerError: unusable towers, see `PushEnv.reset`.
+    The library seeds the global streams of random, numpy and PyTorch.  UserError for checkpoints that do not increase
+    by at least 2; TowerError as in `PushEnv.reset`.
     """
     settings, setup, say = settings or PpoSettings(), setup or Setup(), say or (lambda line: None)
     torch.set_num_threads(1)

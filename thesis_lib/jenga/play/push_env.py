@@ -7,15 +7,14 @@
 `RewardSettings`.
 
 The reward is second-hand: a student's re-implementation quotes it from the paper's supplement, which is not public.
-Own choices fill the gaps.  D2 is 1 instead of 100, counts once and ends the episode.  D3 = 1 if the block reaches the
-goal and no other block is damaged in the push, because extraction is not simulated.  Rewards use the true poses, the
-policy sees readings only.  Retracting gives 0.
+Own choices: D2 is 1 instead of 100, counts once and ends the episode.  D3 = 1 if the block reaches the goal
+and no other block is damaged in the push, because extraction is not simulated.  Rewards use the true poses, the policy
+sees readings only.  Retracting gives 0.
 
 Each push begins on a freshly settled tower, reduced (default) or full.  A new tower is drawn from the training seeds
 after `pushes_per_tower` pushes and after each fall.
 
-Sources: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123 (thesis, section 5.5.2);
-for the interface, gymnasium.
+Source: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123 (thesis, section 5.5.2).
 """
 
 from dataclasses import dataclass

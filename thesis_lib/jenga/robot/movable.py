@@ -1,9 +1,8 @@
 """Which blocks of a tower are movable: the hidden label that the robot has to infer.
 
 Each block is pushed straight at its centre by a few mm; the tower is restored after each push.  A block is movable if
-it follows the finger (x ≥ share · advance) and no other block moves by more than the threshold Δ.  The first condition
-is needed because the finger is compliant: a bottom block that stays put moves no other block either.  The threshold
-was fixed on development towers 0 to 4, where 47 % of the reachable blocks are then movable (thesis, section 5.4.4).
+it follows the finger (x ≥ share · advance: a stuck block may bend the finger alone) and no other block moves by more
+than the threshold, fixed so that 47 % of the blocks of towers 0 to 4 are movable (thesis, section 5.4.4).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -65,14 +64,14 @@ def scan(tower: Tower, settings: MovableSettings, blocks: Iterable[int] = tuple(
 
 
 def fractions(table: pd.DataFrame, settings: MovableSettings, thresholds: Sequence[float]) -> pd.DataFrame:
-    """Share of movable blocks for each tower of a `scan` and threshold (mm): tower, threshold, movable."""
+    """Share of movable blocks for each tower of a `scan` and threshold: tower, threshold_mm, share."""
     rows = []
     for threshold in thresholds:
         varied = settings.model_copy(update={"threshold": 1e-3 * threshold})
         movable = is_movable(table["moved"], table["others"], varied)
         share = pd.Series(movable).groupby(table["tower"].to_numpy()).mean()
         rows += [(seed, threshold, value) for seed, value in share.items()]
-    return pd.DataFrame(rows, columns=["tower", "threshold", "movable"])
+    return pd.DataFrame(rows, columns=["tower", "threshold_mm", "share"])
 
 
 def comes_out(

@@ -6,8 +6,6 @@ and block are set down above a random free place of the top layer (a new layer i
 
 Damage (thesis, section 5.5.3): the primitive displaces another block by more than 10 mm or turns it by more than 15
 degrees.  A run ends when a block has fallen, on or off the tower.
-
-With `weld`, for comparison only, hand and block are rigidly joined instead of held by friction.
 """
 
 from dataclasses import dataclass
@@ -128,6 +126,7 @@ class Gripper:
             mask[row] = mask[row] | JAW if yes else mask[row] & ~JAW
 
     def _weld(self, active: bool) -> None:
+        """Join hand and block rigidly, for comparison only."""
         if not self.settings.weld:
             return
         model, data = self.tower.model, self.tower.data

@@ -6,9 +6,8 @@ layer's long axis, v = z × u.  An action is a contact location on the end face 
 1 mm (cos φ u + sin φ v).  To change the contact location the finger lifts, moves and presses again to the same
 deflection BEFORE the state s_t is read: no model could predict the force across a re-contact.
 
-The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is required beyond 3/4
-(56 mm).  Here the gripper takes over at `goal` = 33 mm: at 45 mm the centre of mass lies beyond the support (37.5 mm)
-and only the layer above would hold the block.
+The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is required beyond 3/4 (56
+mm).  Here the gripper takes over at `goal` = 33 mm: at 45 mm the centre of mass lies beyond the support (37.5 mm).
 
 Readings are z_t = s_t + noise, Gaussian and independent from reading to reading.  The camera sees little of a block at
 the start of a push, so pose noise falls with the advance a (thesis, section 5.5.4): σ_pose(a) = σ_last + (σ_first −
@@ -141,11 +140,6 @@ class Robot:
         mujoco.mj_forward(self.tower.model, self.tower.data)
         self.block = None
 
-    @property
-    def advance(self) -> float:
-        """Advance of the arm along the push since first contact, m."""
-        return float((self.arm - self.first_contact) @ self.u)
-
     def at_end(self) -> bool:
         """Whether the longest push is over: 45 steps, even if re-contacts moved the finger back."""
         return self.steps * self.settings.step >= self.settings.longest_push - 0.5 * self.settings.step
@@ -156,7 +150,8 @@ class Robot:
         yaw = self._yaw() - self.start_yaw
         tower, _ = self.tower.perturbation(self.block, since=self.start_poses)
         pose = MM * (moved @ self.u), MM * (moved @ self.v), RADIUS_OF_GYRATION * np.arctan2(np.sin(yaw), np.cos(yaw))
-        return np.array([*pose, self.force @ self.u, self.force @ self.v, MM * self.advance, MM * tower])
+        advance = float((self.arm - self.first_contact) @ self.u)  # of the arm since first contact
+        return np.array([*pose, self.force @ self.u, self.force @ self.v, MM * advance, MM * tower])
 
     def reached_goal(self) -> bool:
         """Whether the block is out far enough for the gripper."""

@@ -145,12 +145,6 @@ def as_table(samples: Samples) -> pd.DataFrame:
     return pd.DataFrame(table | {"truth": samples.truth})
 
 
-def from_table(table: pd.DataFrame) -> Samples:
-    """Inverse of `as_table`.  Errors as in `Samples`."""
-    groups = {group: table[names].to_numpy() for group, names in _GROUPS.items()}
-    return Samples(**{name: table[name].to_numpy() for name in _INTEGERS}, **groups)
-
-
 def write_samples(samples: Samples, path: str | Path) -> None:
     """Write one CSV.  Errors as in `Samples.check_resistance`."""
     samples.check_resistance()
@@ -160,6 +154,8 @@ def write_samples(samples: Samples, path: str | Path) -> None:
 def read_samples(path: str | Path) -> Samples:
     """Read what `write_samples` wrote.  Errors as in `read_table`, `Samples` and `Samples.check_resistance`."""
     columns = [*_INTEGERS, *(name for names in _GROUPS.values() for name in names)]
-    samples = from_table(read_table(path, columns))
+    table = read_table(path, columns)
+    groups = {group: table[names].to_numpy() for group, names in _GROUPS.items()}
+    samples = Samples(**{name: table[name].to_numpy() for name in _INTEGERS}, **groups)
     samples.check_resistance()
     return samples

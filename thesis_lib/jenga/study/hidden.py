@@ -1,9 +1,8 @@
 """An effect that the learner has never seen: is it noticed, where, and does relearning with few samples help?
 
-The effects are three blocks of a layer glued together, a layer with slippery faces, and a heavier pusher.  On towers
-with the effect the base policy pushes blocks that have it, and as many others.  On the first half of the towers the
-predictive check says which pushes the learned abstractions do not explain, which abstraction fails, and whether a new
-one is needed; it is learned from the failing pushes alone.  On the other half the error before and after is
+On towers with the effect the base policy pushes blocks that have it, and as many others.  On the first half of the
+towers the predictive check says which pushes the learned abstractions do not explain, which abstraction fails, and
+whether a new one is needed; it is learned from the failing pushes alone.  The error on the other half is
 
     e = mean over samples and readings of |z − ẑ|/σ_Δ,    σ_Δ the spread of training's changes, ẑ the mixture's mean
 

@@ -1,9 +1,8 @@
 """Content of a learned model: abstractions against hidden truth, forces against the friction cone and the height.
 
 Held-out pushes come from towers that no learner has seen.  The belief is filtered along each push as in a game; an
-abstraction is described by the model's predictions for samples in which it is the most likely one.  The forces f_n and
-f_t (figure 5-7A, N) are predictions of the next reading; the height (figure 5-7B) is that of the block's centre above
-the base before the game.
+abstraction is described by the predictions for samples in which it is the most likely one.  The forces f_n and f_t
+(figure 5-7A, N) are predictions of the next reading.
 
 A prediction lies inside the cone if |f_t| ≤ μ f_n + n σ, with μ = 0.42 of finger on wood, σ the noise of a force
 reading and n = `SLACK`: both readings and predictions learned from them are noisy.
@@ -98,14 +97,11 @@ def summary(cone: pd.DataFrame, height: pd.DataFrame, rng: np.random.Generator) 
     """
     from scipy.stats import spearmanr
 
-    def share(rows: np.ndarray) -> float:
-        return float(rows.mean())
-
     def rank_correlation(rows: np.ndarray) -> float:
         return float(spearmanr(*rows.T)[0])
 
     quantities = {
-        "inside_cone": (cone.groupby("push")["inside"].mean().to_numpy()[:, None], share),
+        "inside_cone": (cone.groupby("push")["inside"].mean().to_numpy()[:, None], np.mean),
         "height_correlation": (height[["height_mm", "f_n"]].to_numpy(), rank_correlation),
         "height_correlation_predicted": (height[["height_mm", "f_n_pred"]].to_numpy(), rank_correlation),
     }

@@ -31,10 +31,7 @@ CASES = {"stuck": STUCK, "easy": FREE}
 
 
 def straight_pushes(seed: int, setup: Setup, steps: int, rng: np.random.Generator) -> dict[str, dict[str, np.ndarray]]:
-    """For both cases readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,) and the number of the block.
-
-    UserError if the tower has no stuck or no free block.
-    """
+    """Readings (steps + 1, 7), mm and N, actions (steps, 2), context (2,), block of both cases; UserError without."""
     tower = settled_tower(seed, setup)
     settled = tower.save()
     pushes: dict[str, dict[str, np.ndarray]] = {}

@@ -33,14 +33,9 @@ def steering_pushes(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All steps of the pushes of `choice.steered_blocks` free blocks of tower `seed`, and the end of each push.
 
-    Returns:
-        steps: block, edge (mm, contact of the disturbance), steered (0 or 1), step, advance, x, y, yaw (mm, as read
-        before the step), offset (mm), heading (rad), controlled (0 or 1: after the disturbance).
-        ends: block, edge, steered, steps, out (0 or 1), stray (mm).
-
-    Raises:
-        UserError: the tower has fewer free blocks.
-        TowerError: it does not stand.
+    steps: block, edge (mm, contact of the disturbance), steered (0 or 1), step, advance, x, y, yaw (mm, as read before
+    the step), offset (mm), heading (rad), controlled (0 or 1: after the disturbance).  ends: block, edge, steered,
+    steps, out (0 or 1), stray (mm).  UserError if the tower has fewer free blocks, TowerError if it does not stand.
     """
     tower = settled_tower(seed, setup)
     settled = tower.save()

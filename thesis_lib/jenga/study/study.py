@@ -1,13 +1,12 @@
 """The study of chapter 5: tables of the games.
 
-Extractions of one policy differ from tower to tower far more than policies do.  So policies are compared on the same
-towers, block orders and noise:
+Extractions differ from tower to tower far more than policies do, so policies are compared on the same towers, block
+orders and noise:
 
     mean ± t_{n−1} s/√n over towers;    difference of two policies: the same of the differences tower by tower
 
-A refused game (an unusable tower) is counted and leaves its tower out of that policy's comparisons.  `extractions`
-are the consecutive extractions (blocks) of figure 5-5B; `size` is the number of samples, 0 for policies without
-training.
+A refused game (an unusable tower) is counted and leaves its tower out of that policy's comparisons.  `size` is the
+number of samples, 0 for policies without training.
 """
 
 from collections.abc import Sequence

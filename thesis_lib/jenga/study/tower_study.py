@@ -2,9 +2,8 @@
 
     movable  ⇔  in a straight, centred trial push no other block moves more than the threshold, and the block follows
 
-The threshold was fixed on development towers so that 47 % are movable there; test towers check it, with Student's t
-interval over towers.  The first development tower is compared with half the time step, with the reduced tower, and
-with real extraction.
+Test towers check the share, with Student's t interval over towers.  The first development tower is compared with half
+the time step, with the reduced tower, and with real extraction.
 
 Source: thesis, section 5.4.4 (47 %).
 """
@@ -46,9 +45,7 @@ def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: Movabl
         fractions(pd.concat([table for table in tables if len(table)]), settings, THRESHOLDS).assign(set=name)
         for name, tables in scans.items()
     ]
-    table = pd.concat(parts, ignore_index=True)
-    table = table.rename(columns={"threshold": "threshold_mm", "movable": "share"})
-    return table[["set", "tower", "threshold_mm", "share"]]
+    return pd.concat(parts, ignore_index=True)[["set", "tower", "threshold_mm", "share"]]
 
 
 def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFrame]]) -> pd.DataFrame:
@@ -96,9 +93,3 @@ def agreement(comparison: str, full: pd.DataFrame, other: pd.DataFrame) -> list[
         "same_label": (full["movable"] == other["movable"]).mean(),
     }
     return [(comparison, name, float(value), len(full)) for name, value in values.items()]
-
-
-def settled(setup: Setup, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (54, 7) and sizes (54, 3), m, of a settled tower, for drawing."""
-    tower = settled_tower(seed, setup)
-    return tower.poses(), tower.sizes

@@ -10,8 +10,7 @@ the tower satisfies Σ h_(2) − s ≤ H ≤ Σ h_(3) + s, with s for the elasti
 
 The reduced tower is a fast variant for a push in layer l: layers below l − 1 are fixed, layers l − 1 to l + 1 are free,
 and all above form one rigid body of the same mass on its own feet.  Forces agree with the full tower, displacements of
-the tower less well because the upper layers cannot shear.  Collection and training may use it, counts of extractions
-not.
+the tower less well because the upper layers cannot shear: counts of extractions must not use it.
 """
 
 from dataclasses import dataclass

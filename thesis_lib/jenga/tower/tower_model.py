@@ -2,8 +2,7 @@
 
 MuJoCo's box-box contact flips between one and four points when faces are not quite parallel, so a tower of boxes never
 comes to rest.  Here a block's box touches only spheres: 12 feet let into the TOP face of each block (four under each
-place of the layer above, so that the support does not move with a block pushed out above it) and 4 bumpers on its long
-sides.  Contact of a sphere with a box is smooth and exact.
+place of the layer above, so that support does not move with a block pushed out above it) and 4 bumpers on its sides.
 
 | what | contype | conaffinity | touches |
 |---|---|---|---|

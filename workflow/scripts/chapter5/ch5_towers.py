@@ -12,6 +12,7 @@ from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.jenga.study import tower_study as study
 from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.tower import settled_tower
 
 setup, source, out = Setup.model_validate(snakemake.params.setup), snakemake.input, snakemake.output
 scans = {kind: [read_table(path, study.SCAN) for path in source[kind]] for kind in ("development", "test")}
@@ -21,5 +22,6 @@ summary = study.movable_summary(shares, scans)
 write_result(summary, out.summary)
 write_result(study.fidelity(scans["development"][0], setup, say=print), out.fidelity)
 folder = Path(out.movable).parent
-save_figure(*figure_movable(shares, summary, setup.movable.threshold_mm), folder / "figure_movable")
-save_figure(*figure_5_5a(*study.settled(setup)), folder / "figure_5_5a")
+save_figure(*figure_movable(shares, summary, 1e3 * setup.movable.threshold), folder / "figure_movable")
+tower = settled_tower(0, setup)
+save_figure(*figure_5_5a(tower.poses(), tower.sizes), folder / "figure_5_5a")

@@ -91,7 +91,7 @@ def test_shares_of_movable_blocks_grow_with_the_threshold():
     moved = np.array([6.0, 6.0, 6.0, 0.1])
     table = pd.DataFrame({"tower": 3, "moved": moved, "others": [0.1, 0.6, 2.1, 0.0]})
     shares = fractions(table, MovableSettings(), (0.5, 1.0, 3.0))
-    assert shares["movable"].tolist() == [0.25, 0.5, 0.75] and set(shares["tower"]) == {3}
+    assert shares["share"].tolist() == [0.25, 0.5, 0.75] and set(shares["tower"]) == {3}
 
 
 def test_a_scan_says_which_blocks_are_movable():
