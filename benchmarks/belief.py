@@ -14,16 +14,14 @@ import time
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.effects.effect import Rig
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.learners.learners import ImpulseLearner
 from thesis_lib.residual.throwing.compliant_contact import CompliantContact, compliant_path
 from thesis_lib.residual.throwing.contact_map import ContactMap, Regime, contact_features
-from thesis_lib.residual.throwing.flight import first_touch, fly, thrown_body
+from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.propagation import LearnedImpact, ScatteredLaw
 from thesis_lib.residual.throwing.throw import LawImpact, ThrowSettings, simulate_throws
 
@@ -43,9 +41,9 @@ def throws(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 def measure(particles: int, trained_on: int = TRAINED, singly: int = ALONE) -> dict[str, dict[str, float]]:
     """Particle-throws per CPU second of each model, all at once (`batched`) and one at a time (`alone`)."""
     rng = np.random.default_rng(0)
-    half = 0.03
-    shape = Polygon(vertices=((half, half), (-half, half), (-half, -half), (half, -half)))
-    body = thrown_body(Rig(shape, 0.0245, 9.81, 0.0), rho=0.003, c_v=0.5, c_w=0.5)
+    half = 0.03 - 0.003
+    corners = ((half, half), (-half, half), (-half, -half), (half, -half))
+    body = ThrownBody(corners, 0.003, 0.0245, 9.81, c_v=0.5, c_w=0.5)
     law = LawImpact(LAWS["mirtich"], 0.12, 0.48, body.k_g)
     scatter = np.diag([0.03, 0.05, 0.002]) ** 2
 

@@ -16,8 +16,7 @@ from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.dice.data import read_throws
 from thesis_lib.residual.dice.fit import DiceModel
-from thesis_lib.residual.dice.limit import noise_limit
-from thesis_lib.residual.dice.models import critique_model, leave_one_out, scattered
+from thesis_lib.residual.dice.models import Thrower, critique_model, leave_one_out, noise_limit, scattered
 from thesis_lib.residual.dice.results import dice_tables, examples, over_splits
 from thesis_lib.residual.dice.settings import DiceDataSettings, DiceStudySettings
 from thesis_lib.residual.dice.study import dice_study, side_of
@@ -127,10 +126,9 @@ def test_the_limit_is_zero_without_noise_and_grows_with_it(recorded):
     releases, _, _ = read_throws(dataset, hits, DiceDataSettings())
 
     def limit(factor):
-        noisy = type(releases)(
-            releases.trial, releases.q, releases.v, factor * releases.cov, releases.end, {}, releases.sigma
-        )
-        return noise_limit(noisy, MODEL, MODEL.impact, 2 * HALF, 10, ThrowSettings(), np.random.default_rng(0))
+        noisy = replace(releases, cov=factor * releases.cov)
+        thrower = Thrower("law", MODEL, MODEL.impact, MODEL.impact)
+        return noise_limit(thrower, noisy, 2 * HALF, DiceStudySettings(), np.random.default_rng(0))
 
     assert limit(0.0)["spread"].max() < 1e-9 and (limit(0.0)["face_kept"] == 1.0).all()
     assert 0.0 < limit(1.0)["spread"].median() < limit(400.0)["spread"].median()

@@ -7,7 +7,7 @@ from throws_for_tests import BODY, RIG
 
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.dice.double_hits import hit_again
+from thesis_lib.residual.dice.models import hit_again
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
 from thesis_lib.residual.learners.learners import ImpulseLearner
@@ -80,5 +80,5 @@ def test_without_double_hits_fewer_learned_impulses_are_infeasible():
         )
         contact = LearnedImpact(BODY, LAW, trained=learner.fit(some, np.random.default_rng(0)), slowest=0.12)
         contact(new.q, new.v_pre, new.r, np.zeros(len(new), bool), np.random.default_rng(0))
-        rate[name] = contact.tally.rejection_rate
+        rate[name] = contact.tally.columns()["rejection_rate"]
     assert rate["alone"] < 0.5 * rate["all"]

@@ -2,17 +2,14 @@
 
 import numpy as np
 import pytest
-from throws_for_tests import HALF, RIG, starts
+from throws_for_tests import HALF, starts, thrown_square
 
-from thesis_lib.bodies.shapes import Disk
-from thesis_lib.effects.effect import Rig
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.residual.throwing.flight import TOUCH, ThrownBody, first_touch, fly, thrown_body
+from thesis_lib.residual.throwing.flight import TOUCH, ThrownBody, first_touch, fly
 
 
 @pytest.mark.parametrize("drag", [(0.0, 0.0), (0.5, 0.7)])
 def test_a_flight_solves_its_equation_of_motion(drag):
-    body = thrown_body(RIG, c_v=drag[0], c_w=drag[1])
+    body = thrown_square(c_v=drag[0], c_w=drag[1])
     q, v = starts(20, np.random.default_rng(0))
     t = np.full(20, 0.13)
     h = 1e-5
@@ -27,7 +24,7 @@ def test_a_flight_solves_its_equation_of_motion(drag):
 @pytest.mark.parametrize("drag", [(0.0, 0.0), (0.5, 0.7)])
 @pytest.mark.parametrize("rho", [0.0, 0.004])
 def test_no_corner_is_in_the_surface_before_the_first_touch(drag, rho):
-    body = thrown_body(RIG, rho=rho, c_v=drag[0], c_w=drag[1])
+    body = thrown_square(rho=rho, c_v=drag[0], c_w=drag[1])
     q, v = starts(200, np.random.default_rng(1))
     t, corner = first_touch(body, q, v)
     at, _ = fly(body, q, v, t)
@@ -39,14 +36,14 @@ def test_no_corner_is_in_the_surface_before_the_first_touch(drag, rho):
 
 
 def test_a_body_dropped_flat_touches_after_the_time_of_free_fall():
-    body = thrown_body(RIG)
+    body = thrown_square()
     fall = 0.1
     t, _ = first_touch(body, np.array([[0.0, HALF + fall, 0.0]]), np.zeros((1, 3)))
     assert t[0] == pytest.approx(np.sqrt(2 * fall / 9.81), rel=1e-5)
 
 
 def test_a_corner_that_separates_is_no_touch():
-    body = thrown_body(RIG)
+    body = thrown_square()
     q = np.array([[0.0, HALF * np.sqrt(2), np.pi / 4]])
     t, _ = first_touch(body, q, np.array([[0.0, 0.5, 0.0]]))
     assert t[0] == pytest.approx(2 * 0.5 / 9.81, rel=1e-4)  # up and down again
@@ -54,10 +51,10 @@ def test_a_corner_that_separates_is_no_touch():
 
 
 def test_sides_and_heights_of_a_square_and_of_a_shifted_centre():
-    body = thrown_body(RIG, rho=0.003)
+    body = thrown_square(rho=0.003)
     assert np.sort(body.faces) == pytest.approx([-np.pi / 2, 0.0, np.pi / 2, np.pi])
     assert body.rest_height == pytest.approx(HALF)
-    sharp = thrown_body(RIG)
+    sharp = thrown_square()
     assert sharp.barrier == pytest.approx(HALF * (np.sqrt(2) - 1))
     shifted = ThrownBody(tuple(map(tuple, sharp.u - [0.0, 0.005])), 0.0, 0.0245, 9.81)
     down = shifted.face(np.array([0.0, np.pi]))
@@ -67,11 +64,6 @@ def test_sides_and_heights_of_a_square_and_of_a_shifted_centre():
 
 
 def test_whole_turns_do_not_change_the_side():
-    body = thrown_body(RIG)
+    body = thrown_square()
     theta = np.random.default_rng(2).uniform(-4, 4, 50)
     assert (body.face(theta) == body.face(theta + 4 * np.pi)).all()
-
-
-def test_round_shapes_are_refused():
-    with pytest.raises(UserError, match="polygons"):
-        thrown_body(Rig(Disk(radius=0.03), 0.02, 9.81, 0.0))

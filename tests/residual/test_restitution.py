@@ -6,7 +6,7 @@ from throws_for_tests import throws
 
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.fit import DiceModel, contact_path
-from thesis_lib.residual.dice.restitution import restitution
+from thesis_lib.residual.dice.results import restitution
 from thesis_lib.residual.throwing.compliant_contact import CompliantContact
 from thesis_lib.residual.throwing.flight import first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings

@@ -4,12 +4,20 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.effects.effect import Rig
-from thesis_lib.residual.throwing.flight import thrown_body
+from thesis_lib.residual.throwing.flight import ThrownBody
 
 HALF = 0.03
 SQUARE = Polygon(vertices=((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HALF, -HALF)))
 RIG = Rig(SQUARE, 0.0245, 9.81, 0.0)
-BODY = thrown_body(RIG)
+
+
+def thrown_square(rho: float = 0.0, c_v: float = 0.0, c_w: float = 0.0) -> ThrownBody:
+    """The square of the rig, with corners rounded by `rho` (m) and linear drag (1/s)."""
+    corners = np.array(SQUARE.vertices) * (1.0 - rho / HALF)
+    return ThrownBody(tuple(map(tuple, corners.tolist())), rho, RIG.k_g, RIG.gravity, RIG.height, c_v, c_w)
+
+
+BODY = thrown_square()
 
 
 def starts(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -7,11 +7,10 @@ from thesis_lib.datasets.checks import impacts as plausible_impacts
 from thesis_lib.datasets.checks import trajectories as plausible
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
-from thesis_lib.datasets.format.folder import checked_folder
 from thesis_lib.datasets.format.header_file import load_header, salvage_shape
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
 from thesis_lib.datasets.format.tables import load_table
-from thesis_lib.datasets.format.validate import DatasetError, Report, check_impacts, check_trajectories
+from thesis_lib.datasets.format.validate import Report, check_impacts, check_trajectories, read_checked
 
 OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 
@@ -19,20 +18,9 @@ OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 def read_dataset(path: str | Path) -> Dataset:
     """The dataset in the folder `path`; θ of trajectories is made continuous within each trial.
 
-    Raises:
-        DatasetError: something is wrong; its `problems` list everything.  Doubts are in `Dataset.warnings`.
+    DatasetError: something is wrong; its `problems` list everything.  Doubts are in `Dataset.warnings`.
     """
-    folder, name = checked_folder(path, "dataset.yaml and the tables")
-    report = Report()
-    try:
-        dataset = _read(folder, name, report)
-    except OSError as error:
-        what = f"cannot be read ({error.strerror or error})"
-        report.error(str(path), "", what, "check the rights of the files")
-        dataset = None
-    if report.errors or dataset is None:
-        raise DatasetError(name, report.errors)
-    return dataset
+    return read_checked(path, "dataset.yaml and the tables", _read)
 
 
 def _read(folder: Path, name: str, report: Report) -> Dataset | None:

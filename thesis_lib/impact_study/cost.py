@@ -1,11 +1,7 @@
 """Misfit of a law to measured impacts, over grids of parameters (thesis equations 3.7 and 3.8).
 
-| on paper      | in code         | unit | shape     |                                                     |
-|---------------|-----------------|------|-----------|-----------------------------------------------------|
-| c_irb         | `Target.c_t/c_n`| N s  | (n,)      | measured impulse, eq. 3.7                           |
-| (μ, ε)        | `mu`, `epsilon` | 1    | broadcast | parameters                                          |
-| ‖c_irb − c‖   | `misfit`        | N s  | broadcast | metric "impulse", eq. 3.8                           |
-| ‖v⁺ − v̂⁺‖_k   | `misfit`        | m/s  | broadcast | metric "velocity": kinetic norm, as in figure 3-8   |
+    metric "impulse"     ‖c_irb − c‖ in N s, eq. 3.8, with the measured impulse c_irb of eq. 3.7
+    metric "velocity"    ‖v⁺ − v̂⁺‖_k in m/s: kinetic norm, as in figure 3-8
 
 The least squares of eq. 3.7 needs a weighting of Δω against Δv, which the thesis does not state:
 
@@ -32,18 +28,13 @@ BLOCK = 16_384  # misfits at a time: some thirty arrays of 128 KiB; larger ones 
 
 @dataclass(frozen=True)
 class Target:
-    """Measured impulses and contact spaces of n impacts, computed once for all laws and parameters.
-
-    Attributes:
-        c_t, c_n, mass: (n,) measured impulse c_irb in N s, mass in kg.
-        unreachable: (n,) m/s, kinetic norm of the part of Δv that no impulse through the contact point can give.
-    """
+    """Measured impulses and contact spaces of n impacts, computed once for all laws and parameters."""
 
     space: ContactSpace
-    c_t: np.ndarray
+    c_t: np.ndarray  # c_t, c_n: (n,) measured impulse c_irb in N s
     c_n: np.ndarray
-    unreachable: np.ndarray
-    mass: float
+    unreachable: np.ndarray  # (n,) m/s, kinetic norm of the part of Δv that no impulse through the contact can give
+    mass: float  # kg
 
     def __len__(self) -> int:
         return len(self.c_t)
@@ -60,22 +51,12 @@ def target_of(impacts: Impacts, weighting: Weighting = "kinetic") -> Target:
     explained = velocity_change(c_t, c_n, impacts.r, **body)
     unreachable = velocity_error(impacts.dv - explained, impacts.k_g)
     if weighting == "unweighted":
-        c_t, c_n = _unweighted_impulse(impacts)
-    space = contact_space(impacts.v_pre, impacts.r, **body)
-    return Target(space, c_t, c_n, unreachable, impacts.mass)
-
-
-def _unweighted_impulse(impacts: Impacts) -> tuple[np.ndarray, np.ndarray]:
-    """argmin_c ‖Δv − M⁻¹ Jᵀ c‖ with ω in rad/s."""
-    unit, zero = np.ones(len(impacts)), np.zeros(len(impacts))
-    body = {"mass": impacts.mass, "k_g": impacts.k_g}
-    # columns of A = M⁻¹ Jᵀ, (n, 3, 2)
-    A = np.stack(
-        [velocity_change(unit, zero, impacts.r, **body), velocity_change(zero, unit, impacts.r, **body)], axis=-1
-    )
-    A_T = np.swapaxes(A, 1, 2)
-    c = np.linalg.solve(A_T @ A, A_T @ impacts.dv[:, :, None])[:, :, 0]
-    return c[:, 0], c[:, 1]
+        # argmin_c ‖Δv − A c‖ with ω in rad/s and A = M⁻¹ Jᵀ (n, 3, 2)
+        unit, zero = np.ones(len(impacts)), np.zeros(len(impacts))
+        A = np.stack([velocity_change(*c, impacts.r, **body) for c in ((unit, zero), (zero, unit))], axis=-1)
+        A_T = np.swapaxes(A, 1, 2)
+        c_t, c_n = np.linalg.solve(A_T @ A, A_T @ impacts.dv[:, :, None])[:, :, 0].T
+    return Target(contact_space(impacts.v_pre, impacts.r, **body), c_t, c_n, unreachable, impacts.mass)
 
 
 def misfit(law: Law, target: Target, mu: np.ndarray | float, epsilon: np.ndarray | float, metric: Metric) -> np.ndarray:

@@ -1,15 +1,10 @@
 """Energy of a body in flight and over its impacts: the thesis's test of figure 3-6 on all trials of a dataset.
 
-| on paper | in code        | unit | shape  |                                                                |
-|----------|----------------|------|--------|----------------------------------------------------------------|
-| q, v     | `q`, `v`       | m, rad; m/s, rad/s | (n, 3) | pose and velocity                                |
-| E        | `total_energy` | J/kg | (n,)   | g (y − y_rest) + (v_x² + v_y² + k² ω²)/2, per unit mass        |
-| y_rest   | `rest_height`  | m    |        | height of the body frame in its lowest touching pose           |
-
-The total energy should fall at an impact and be conserved until the trial's next one.  Each arc conserves its energy by
-construction, so the test compares two arcs, fitted to separate samples at either end of a flight; flights too short for
-that are left out.  Both statements use all impacts, so that the test does not select its data.  The ellipse
-impacts are no evidence for the fall: the authors kept only drops whose contact-space energy falls.
+The total energy g (y − y_rest) + (v_x² + v_y² + k² ω²)/2 per unit mass should fall at an impact and be conserved until
+the trial's next one.  Each arc conserves its energy by construction, so the test compares two arcs, fitted to separate
+samples at either end of a flight; flights too short for that are left out.  Both statements use all impacts, so that
+the test does not select its data.  The ellipse impacts are no evidence for the fall: the authors kept only drops whose
+contact-space energy falls.
 """
 
 import numpy as np
@@ -32,7 +27,7 @@ def rest_height(shape: Shape, height: float = 0.0) -> float:
 
 
 def total_energy(q: np.ndarray, v: np.ndarray, *, k_g: float, gravity: float, rest: float) -> np.ndarray:
-    """Total energy (n,) in J/kg at poses q (n, 3) and velocities v (n, 3)."""
+    """Total energy (n,) in J/kg at poses q (n, 3; m, rad) and velocities v (n, 3; m/s, rad/s)."""
     return gravity * (q[:, 1] - rest) + 0.5 * np.sum((v * [1.0, 1.0, k_g]) ** 2, axis=1)
 
 

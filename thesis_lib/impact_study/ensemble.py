@@ -24,21 +24,17 @@ TOLERANCE = 1e-6  # width of the final box in μ and ε: far below any standard 
 
 @dataclass(frozen=True)
 class EnsembleFit:
-    """Ensemble parameters with bootstrap standard errors.
-
-    `cost` is the mean misfit in the metric's unit; `replicates` (B, 2) are the bootstrap's (μ, ε); `at_bound` names
-    the parameters that ended at the edge of their box, whose standard errors are then meaningless.
-    """
+    """Ensemble parameters with bootstrap standard errors."""
 
     mu: float
     epsilon: float
-    cost: float
+    cost: float  # mean misfit in the metric's unit
     mu_std: float
     epsilon_std: float
     n: int
     n_failed: int
-    at_bound: tuple[str, ...]
-    replicates: np.ndarray
+    at_bound: tuple[str, ...]  # parameters at the edge of their box, whose standard errors are then meaningless
+    replicates: np.ndarray  # (B, 2) the bootstrap's (μ, ε)
 
     def columns(self) -> dict[str, Any]:
         """A table row without the replicates, with `at_bound` as text."""
@@ -55,25 +51,21 @@ def fit_ensemble(
     bootstrap: int = 0,
     rng: np.random.Generator | None = None,
 ) -> EnsembleFit:
-    """Best common (μ, ε) of n measured impacts.
+    """Best common (μ, ε) of n measured impacts; standard errors from `bootstrap` replicates, which need `rng`.
 
-    Args:
-        trials: (n,) trial of each impact, the unit of the bootstrap; each impact by itself if omitted.
-        bootstrap: replicates for the standard errors; 0 for none, otherwise `rng` is needed.
-
-    Raises:
-        ValueError: no impacts, or bootstrap without rng.
+    `trials` (n,), the trial of each impact, is the unit of the bootstrap; without it, each impact by itself.
+    ValueError: no impacts, or a bootstrap without rng.
     """
     n = len(target)
     if n == 0:
         raise ValueError("there are no impacts to identify from")
-    (best,), cost, n_failed = _zoom(law, target, metric, np.ones((n, 1)), until=TOLERANCE)
+    (best,), cost, n_failed = _zoom(law, target, metric, np.ones((n, 1)))
     replicates = np.zeros((0, 2))
     if bootstrap:
         if rng is None:
             raise ValueError("the bootstrap needs rng")
         weights = _bootstrap_weights(np.arange(n) if trials is None else trials, bootstrap, rng)
-        replicates, _, _ = _zoom(law, target, metric, weights, until=TOLERANCE)
+        replicates, _, _ = _zoom(law, target, metric, weights)
     std = replicates.std(axis=0, ddof=1) if bootstrap > 1 else np.full(2, np.nan)
     edges = {"mu": (best[0], 0.0, MU_MAX), "epsilon": (best[1], 0.0, 1.0)}
     at_bound = tuple(k for k, (x, low, high) in edges.items() if min(x - low, high - x) <= 2 * TOLERANCE)
@@ -94,9 +86,7 @@ def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Gener
     return draw_counts(unit.max() + 1, replicates, rng).T[unit].astype(float)
 
 
-def _zoom(
-    law: Law, target: Target, metric: Metric, weights: np.ndarray, *, until: float
-) -> tuple[np.ndarray, float, int]:
+def _zoom(law: Law, target: Target, metric: Metric, weights: np.ndarray) -> tuple[np.ndarray, float, int]:
     """Minimum of each column of weighted costs: best points (B, 2), the first's mean cost, failures."""
     low, high = np.zeros(2), np.array([MU_MAX, 1.0])
     limits = low.copy(), high.copy()
@@ -110,7 +100,7 @@ def _zoom(
         new_high = np.minimum(points.max(axis=0) + cell, limits[1])
         shrunk = np.all(new_high - new_low > 0.7 * (high - low))
         low, high = new_low, new_high
-        if np.all(high - low <= until) or shrunk:
+        if np.all(high - low <= TOLERANCE) or shrunk:
             break
     first = best[0]
     return points, float(costs[first, 0] / weights[:, 0].sum()), int(failures[first])
@@ -123,8 +113,7 @@ def _costs(
 
     An impact without a solution gets the largest misfit, so that it does not reward a parameter.
     """
-    costs, failures = [], []
-    missing, worst = [], 0.0
+    costs, failures, missing, worst = [], [], [], 0.0
     rows = max(1, CELLS // len(target))
     for start in range(0, len(mu), rows):
         part = slice(start, start + rows)

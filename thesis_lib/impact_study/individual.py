@@ -26,17 +26,14 @@ from thesis_lib.contact.law import Law
 from thesis_lib.impact_study.cost import BLOCK, Metric, Target, misfit, misfit_of_impulse
 
 MU_MAX = 2.0  # our choice: above the friction of dry solids, and above nearly every μ_s of the chapter's data
-# of the impulse: a change below a tenth of any measurement's noise; path-wise laws never stop changing
-STUCK = 1e-3
-# points in μ and ε of the first profile; with half of each, one impact in 300 misses its minimum
-COARSE = (65, 33)
+STUCK = 1e-3  # of the impulse: below a tenth of any measurement's noise; path-wise laws never stop changing
+COARSE = (65, 33)  # points in μ and ε of the first profile; with half of each, one impact in 300 misses its minimum
 DENSE = (33, 9)  # points of the second profile, over two gaps of the first in μ and six in ε
 STARTS = 2  # minima of the first profile that are followed
 SAME = 1e-9  # of the misfit of zero impulse: smaller differences are rounding
 FINE = 5  # points a side of the pattern, whose size halves
 ROUNDS = 20  # leaves a pattern of 1e-9 in μ
-# shares of the linearised step to try, as the model has kinks
-STEPS = np.array([1.0, 0.5, 0.1])[:, None]
+STEPS = np.array([1.0, 0.5, 0.1])[:, None]  # shares of the linearised step to try, as the model has kinks
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ def _ascending(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
+ASCENDING = AfterValidator(_ascending)
 Friction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Restitution = Annotated[float, Field(ge=0, le=1)]
 LawName = Annotated[str, AfterValidator(_known_law), Field(json_schema_extra={"enum": list(LAWS)})]
@@ -43,7 +44,7 @@ class Convergence(Section):
             "whittaker_as_published",
         ),
         min_length=1,
-        description="laws to follow; the thesis shows one and says that it repeated this for all",
+        description="laws to follow; the thesis shows one of them",
     )
     subsets: Count = Field(3, description="random subsets, as in the thesis")
     sizes: tuple[Count, ...] = Field(
@@ -59,12 +60,8 @@ class Topography(Section):
     law: LawName = Field("whittaker_as_published", description="the thesis shows the Whittaker model")
     n: Count = Field(150, description="impacts in the sum, as in the thesis")
     points: Annotated[int, Field(ge=5)] = Field(41, description="a side of the grid")
-    mu: Annotated[tuple[Friction, Friction], AfterValidator(_ascending)] = Field(
-        (0.0, 0.4), description="range of μ, ascending; own choice"
-    )
-    epsilon: Annotated[tuple[Restitution, Restitution], AfterValidator(_ascending)] = Field(
-        (0.2, 0.9), description="range of ε, ascending; own choice"
-    )
+    mu: Annotated[tuple[Friction, Friction], ASCENDING] = Field((0.0, 0.4), description="range of μ; own choice")
+    epsilon: Annotated[tuple[Restitution, Restitution], ASCENDING] = Field((0.2, 0.9), description="range of ε")
 
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
         """Grid lines in μ and ε, (points,) each."""
@@ -76,24 +73,20 @@ class Chapter3(Section):
 
     datasets: tuple[DatasetName, ...] = Field(
         ("planar_impact", "planar_dice", "drops"),
-        description="datasets to study; measured ones that are not present are left out, and said so",
+        description="to study; absent measured ones are left out, and said so",
     )
     filter: Literal["keep", "thesis"] = Field(
-        "keep",
-        description="keep impacts that fail the energy, cone or compression test, or drop them as the thesis did",
+        "keep", description="whether flagged impacts stay, or go as in the thesis"
     )
     max_impacts: Count | None = Field(
-        2000, description="impacts used a dataset, drawn at random: as many as the thesis measured; null: all"
+        2000, description="impacts drawn of a dataset, as many as in the thesis; null: all"
     )
-    train_share: Share = Field(
-        0.5, description="share of trials for identification; own choice: the thesis gives no number"
-    )
+    train_share: Share = Field(0.5, description="share of trials for identification; own choice")
     bootstrap: Annotated[int, Field(ge=2)] = Field(200, description="replicates for standard errors")
     convergence: Convergence = Convergence()
     topography: Topography = Topography()
     range_tolerances: tuple[Annotated[float, Field(gt=0)], ...] = Field(
         (0.00275, 0.00825, 0.0275),
         min_length=1,
-        description="m/s, impulse over mass; an outcome is in range if a law comes as near as this. The thesis gives "
-        "none; its numbers fit the first, 0.1 mN s for the ellipse of 36.4 g",
+        description="m/s, impulse over mass, of an outcome in range; the thesis's numbers fit the first (0.1 mN s)",
     )

@@ -7,11 +7,6 @@
 "Beyond" is relative to the impulse without friction, c_t = 0 at the same c_n: friction has then reversed the slip
 v_t + K_tn c_n that it opposed.  A change of sign of v_t is not enough: in a skewed contact the normal impulse alone can
 cause it, and every law predicts that.  Ties go to the first impact, so that equal data give equal figures.
-
-| on paper | in code                  | unit | shape |                                                           |
-|----------|--------------------------|------|-------|-----------------------------------------------------------|
-| c_irb    | `Target.c_t`, `.c_n`     | N s  | (n,)  | measured impulse, eq. 3.7                                 |
-| r_x      | `Impacts.r[:, 0]`        | m    | (n,)  | how far the contact lies from under the centre of mass    |
 """
 
 import numpy as np
@@ -24,11 +19,7 @@ from thesis_lib.impact_study.individual_statements import MU_ZERO
 
 
 def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> int:
-    """Row of case (a) among impacts with individual `mu` (n,) and remaining `misfit` (n,) in N s.
-
-    Raises:
-        UserError: no impact has individual parameters.
-    """
+    """Row of case (a) among impacts with individual `mu` (n,) and `misfit` (n,) in N s; UserError if all are NaN."""
     usable = np.flatnonzero(np.isfinite(mu) & np.isfinite(misfit))
     if not len(usable):
         raise UserError("No impact has individual parameters, so there is no case with μ = 0 to show.")
@@ -41,11 +32,7 @@ def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> 
 
 
 def spin_reversal_case(target: Target) -> int:
-    """Row of case (b) among n measured impulses.
-
-    Raises:
-        UserError: no impulse is finite.
-    """
+    """Row of case (b) among n measured impulses; UserError if none is finite."""
     beyond = beyond_sticking(target.space, target.c_t, target.c_n)
     usable = np.flatnonzero(np.isfinite(beyond))
     if not len(usable):

@@ -1,10 +1,5 @@
 """The trial of figures 3-5 and 3-6, and its velocities and energies.
 
-| on paper   | in code      | unit     | shape  |                                                               |
-|------------|--------------|----------|--------|---------------------------------------------------------------|
-| v          | `velocity`   | m/s, rad/s | (n, 3) | from the samples, never across an impact                    |
-| E_p, E_k   | `energies`   | J        | (n, 3) | m g (y − y_rest), m (v_x² + v_y² + k² ω²)/2, and their sum     |
-
 Velocities come from the samples, because fitted arcs conserve their energy by construction and would make the figure
 trivial.  Each is the slope of a straight line through x, θ and y + g t²/2 over a few neighbours between the same two
 impacts.  The trial shown is the first whose leading impacts (at most three) are all measured.
@@ -22,16 +17,10 @@ HALF_WINDOW = 5  # samples on either side; at 250 Hz and 0.3 mm this gives veloc
 
 
 def pick_trial(arcs: pd.DataFrame) -> int:
-    """Number of the trial to show; `arcs` has the columns trial, impact and used (whether the impact was measurable).
-
-    Raises:
-        UserError: no impact was measurable.
-    """
+    """Number of the trial to show; `arcs` has columns trial, impact, used (measurable); UserError if none is used."""
     if not arcs["used"].astype(bool).any():
-        raise UserError(
-            "No impact of this dataset could be measured, so there is no trajectory to show; "
-            "left_out.csv gives the reasons."
-        )
+        why = "left_out.csv gives the reasons."
+        raise UserError(f"No impact of this dataset could be measured, so there is no trajectory to show; {why}")
     ordered = arcs.sort_values(["trial", "impact"], kind="stable")
     measured = ordered.assign(used=ordered["used"].astype(int)).groupby("trial")["used"]
     leading = measured.cumprod().groupby(ordered["trial"]).sum().clip(upper=LEADING)
@@ -68,7 +57,7 @@ def sample_velocities(t: np.ndarray, pose: np.ndarray, hits: np.ndarray, gravity
 
 
 def energies(pose: np.ndarray, velocity: np.ndarray, dataset: Dataset) -> np.ndarray:
-    """Potential, kinetic and total energy (n, 3) in J, or J/kg where the dataset gives no mass."""
+    """m g (y − y_rest), m (v_x² + v_y² + k² ω²)/2 and their sum (n, 3) in J, or J/kg where the dataset has no mass."""
     rest = rest_height(dataset.shape, dataset.height)
     mass = 1.0 if dataset.mass is None else dataset.mass
     potential = mass * dataset.gravity * (pose[:, 1] - rest)

@@ -49,13 +49,10 @@ def statements(
     convergence: pd.DataFrame,
     energy: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """All statements, in the kinetic weighting.
+    """All statements, in the kinetic weighting; predictions are judged on impacts with train = 0 in `split` only.
 
-    Args:
-        split: trial, impact, train; predictions are judged on impacts with train = 0 only.
-        ensemble, individual: parameters of both weightings; `individual` of all impacts studied.
-        errors, energy: tables of `held_out_errors` in the kinetic weighting and of `energy_statements`.
-        topography, convergence: as in figure 3-7; `convergence` for any laws.
+    `ensemble` and `individual` (of all impacts studied) are of both weightings, `errors` are the `held_out_errors` in
+    the kinetic one, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`.
     """
     held_out = pick(impacts, split, train=0)
     ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
@@ -75,7 +72,8 @@ def statements(
     if slowest:
         rows.append(("converged_at", "", max(slowest.values()), np.nan, "1"))
     for law, fit in ensemble.iterrows():
-        predicted = _prediction(target.space, str(law), fit["mu"], fit["epsilon"])
+        with np.errstate(all="ignore"):  # branches of the law that are not taken
+            predicted = LAWS[str(law)].impulse(target.space, np.asarray(fit["mu"]), np.asarray(fit["epsilon"]))
         rows.append(("predicted_back_spin", law, *share_of(reverses(target.space, *predicted)), "1"))
         rows.append(("predicted_beyond_sticking", law, *share_of(crosses(target.space, *predicted)), "1"))
         at_ensemble = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
@@ -100,16 +98,8 @@ def crosses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray
     return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
 
 
-def _prediction(space: ContactSpace, law: str, mu: float, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
-    with np.errstate(all="ignore"):  # branches of the law that are not taken
-        return LAWS[law].impulse(space, np.asarray(mu), np.asarray(epsilon))
-
-
 def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
-    """Least k from which μ and ε of every subset stay within `share` of their value at the largest k, or the largest k.
-
-    `convergence` holds one law.
-    """
+    """Least k from which one law's μ and ε of every subset stay within `share` of those at the largest k."""
     sizes = np.sort(convergence["k"].unique())
     off = np.zeros(len(sizes), dtype=bool)
     for _, part in convergence.groupby("subset"):
@@ -133,14 +123,8 @@ def local_minima(topography: pd.DataFrame) -> int:
 def mirrored_rotation(impacts: Impacts) -> Impacts:
     """The same impacts with θ and ω read clockwise, and the corresponding contact point."""
     flip = np.array([1.0, 1.0, -1.0])
-    return replace(
-        impacts,
-        q=impacts.q * flip,
-        v_pre=impacts.v_pre * flip,
-        v_post=impacts.v_post * flip,
-        r=impacts.r * np.array([-1.0, 1.0]),
-        cov=None,
-    )
+    states = {name: getattr(impacts, name) * flip for name in ("q", "v_pre", "v_post")}
+    return replace(impacts, **states, r=impacts.r * np.array([-1.0, 1.0]), cov=None)
 
 
 def _irb(impacts: Impacts) -> np.ndarray:

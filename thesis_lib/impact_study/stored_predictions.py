@@ -24,7 +24,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study.cost import Target, misfit, target_of
+from thesis_lib.impact_study.cost import misfit, target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
 from thesis_lib.impact_study.tables import SIX_AS_PUBLISHED, best_and_worst
 
@@ -91,7 +91,12 @@ def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
     Target unweighted, metric impulse.  Standard errors come from `REPLICATES` bootstrap replicates over trials, whose
     streams derive from `seed` and the law's name.
     """
-    target = _target_after_gravity(impacts)
+    # contact space after the gravity step, and the target for the law's impulse there
+    step = np.broadcast_to(GRAVITY_STEP, impacts.v_pre.shape)
+    part = measured_impulse(step, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
+    measured = target_of(impacts, "unweighted")
+    space = target_of(replace(impacts, v_pre=impacts.v_pre + GRAVITY_STEP)).space
+    target = replace(measured, space=space, c_t=measured.c_t - part[0], c_n=measured.c_n - part[1])
     rows = []
     for law, name in zip(SIX_LAWS, SIX_AS_PUBLISHED):
         stream = generator(seed, "published_parameters", law)
@@ -99,17 +104,6 @@ def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
         fit = fit_ensemble(fed, target, "impulse", trials=impacts.trial, bootstrap=REPLICATES, rng=stream)
         rows.append({"law": law, **fit.columns()})
     return pd.DataFrame(rows).drop(columns="n_failed")
-
-
-def _target_after_gravity(impacts: Impacts) -> Target:
-    """Contact space after the gravity step, and the target for the law's impulse there."""
-    stepped = replace(impacts, v_pre=impacts.v_pre + GRAVITY_STEP)
-    part = measured_impulse(
-        np.broadcast_to(GRAVITY_STEP, impacts.v_pre.shape), impacts.r, mass=impacts.mass, k_g=impacts.k_g
-    )
-    measured = target_of(impacts, "unweighted")
-    space = target_of(stepped).space
-    return replace(measured, space=space, c_t=measured.c_t - part[0], c_n=measured.c_n - part[1])
 
 
 def _with_gravity_step(law: str, variant: Law) -> Law:

@@ -25,11 +25,7 @@ ALL_LAWS = tuple(LAWS)
 
 
 def split_trials(trials: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Mask (n,) of the impacts of training trials: `share` of the trials, at least one on each side.
-
-    Raises:
-        ValueError: fewer than two trials.
-    """
+    """Mask (n,) of the impacts of training trials: a `share` of the trials; ValueError for fewer than two of them."""
     units = np.unique(trials)
     if len(units) < 2:
         raise ValueError("at least two trials are needed to keep training and held-out data apart")
@@ -38,11 +34,7 @@ def split_trials(trials: np.ndarray, share: float, rng: np.random.Generator) -> 
 
 
 def select_impacts(impacts: Impacts, filtering: str, max_impacts: int | None, rng: np.random.Generator) -> Impacts:
-    """Approaching impacts in their order, filtered as in the thesis or not, at most `max_impacts` of them.
-
-    Raises:
-        ValueError: no impact remains.
-    """
+    """At most `max_impacts` approaching impacts, filtered as in the thesis or not; ValueError if none remains."""
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     impacts = impacts.select(contact_space(impacts.v_pre, impacts.r, **body).v_n < 0.0)
     if filtering == "thesis":
@@ -68,7 +60,7 @@ def pick(impacts: Impacts, split: pd.DataFrame, train: int | None = None) -> Imp
 
 def ensemble_table(
     impacts: Impacts,
-    laws: Iterable[str],
+    laws: Sequence[str],
     weightings: Sequence[Weighting],
     metric: Metric,
     bootstrap: int,
@@ -76,7 +68,6 @@ def ensemble_table(
 ) -> pd.DataFrame:
     """Ensemble (μ, ε) with bootstrap standard errors: a row per law and weighting of eq. 3.7."""
     rows = []
-    laws = tuple(laws)
     seed = int(rng.integers(2**63))  # streams by name, so that adding a law changes no other
     for weighting in weightings:
         target = target_of(impacts, weighting)
@@ -152,10 +143,9 @@ def individual_table(
         target = target_of(impacts, weighting)
         for name in laws:
             fit = fit_individual(LAWS[name], target, metric)
-            part = pd.DataFrame({"trial": impacts.trial, "impact": impacts.impact})
-            part["law"], part["weighting"] = name, weighting
-            part["mu"], part["epsilon"], part["misfit"], part["mu_s"] = (fit.mu, fit.epsilon, fit.error, fit.mu_s)
-            parts.append(part)
+            labels = {"trial": impacts.trial, "impact": impacts.impact, "law": name, "weighting": weighting}
+            values = {"mu": fit.mu, "epsilon": fit.epsilon, "misfit": fit.error, "mu_s": fit.mu_s}
+            parts.append(pd.DataFrame(labels | values))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -178,16 +168,9 @@ def held_out_errors(
         errors[row.law] = (velocity, _distance(target, *out.impulse.T))
     # whole columns at once: joining tables would need twice the memory
     velocity, impulse = (np.concatenate(parts) for parts in zip(*errors.values()))
-    return pd.DataFrame(
-        {
-            "trial": np.tile(impacts.trial, len(errors)),
-            "impact": np.tile(impacts.impact, len(errors)),
-            "model": pd.array(list(errors), dtype="str").repeat(len(impacts)),
-            "velocity_error": velocity,
-            "impulse_error": impulse,
-        },
-        copy=False,
-    )
+    columns = {name: np.tile(getattr(impacts, name), len(errors)) for name in ("trial", "impact")}
+    columns["model"] = pd.array(list(errors), dtype="str").repeat(len(impacts))
+    return pd.DataFrame(columns | {"velocity_error": velocity, "impulse_error": impulse}, copy=False)
 
 
 def _distance(target: Target, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
@@ -197,9 +180,6 @@ def _distance(target: Target, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
 def coverage_table(impacts: Impacts, laws: Iterable[str]) -> pd.DataFrame:
     """Share of the admissible set that each law covers, averaged over impacts (figure 3-3)."""
     space = target_of(impacts).space
-    rows = []
-    for name in laws:
-        share = covered_share(LAWS[name], space)
-        share_std = share.std(ddof=1) / np.sqrt(len(share))
-        rows.append({"law": name, "share": share.mean(), "share_std": share_std})
-    return pd.DataFrame(rows)
+    shares = {name: covered_share(LAWS[name], space) for name in laws}
+    rows = [(name, share.mean(), share.std(ddof=1) / np.sqrt(len(share))) for name, share in shares.items()]
+    return pd.DataFrame(rows, columns=["law", "share", "share_std"])

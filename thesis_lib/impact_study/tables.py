@@ -41,24 +41,12 @@ def table_3_1(ensemble: pd.DataFrame, errors: Mapping[str, pd.DataFrame]) -> pd.
         best, worst = best_and_worst(wide[list(laws)].to_numpy())
         for i, name in enumerate(laws):
             fit = ensemble[(ensemble["law"] == name) & (ensemble["weighting"] == weighting)].iloc[0]
-            rows.append(
-                {
-                    "variant": variant,
-                    "weighting": weighting,
-                    "law": SIX_LAWS[i],
-                    "mu": fit["mu"],
-                    "mu_std": fit["mu_std"],
-                    "epsilon": fit["epsilon"],
-                    "epsilon_std": fit["epsilon_std"],
-                    "at_bound": "" if pd.isna(fit["at_bound"]) else fit["at_bound"],  # empty in a file
-                    "best": 100 * best[i],
-                    "best_std": 100 * wilson_std(best[i], len(wide)),
-                    "worst": 100 * worst[i],
-                    "worst_std": 100 * wilson_std(worst[i], len(wide)),
-                    "n_train": int(fit["n"]),
-                    "n_held_out": len(wide),
-                }
-            )
+            row = {"variant": variant, "weighting": weighting, "law": SIX_LAWS[i]}
+            row |= {column: fit[column] for column in ("mu", "mu_std", "epsilon", "epsilon_std")}
+            row["at_bound"] = "" if pd.isna(fit["at_bound"]) else fit["at_bound"]  # empty in a file
+            for column, share in (("best", best[i]), ("worst", worst[i])):
+                row |= {column: 100 * share, f"{column}_std": 100 * wilson_std(share, len(wide))}
+            rows.append(row | {"n_train": int(fit["n"]), "n_held_out": len(wide)})
     return pd.DataFrame(rows)
 
 
@@ -70,18 +58,10 @@ def table_3_2(individual: pd.DataFrame, tolerances: Sequence[float], mass: float
             error = chosen.loc[chosen["law"] == name, "misfit"].to_numpy() / mass
             for tolerance in tolerances:
                 share = float(np.mean(error <= tolerance))
-                rows.append(
-                    {
-                        "variant": variant,
-                        "weighting": weighting,
-                        "law": SIX_LAWS[i],
-                        "tolerance": tolerance,
-                        "fraction": share,
-                        "fraction_std": wilson_std(share, len(error)),
-                        "n": len(error),
-                    }
-                )
-    return pd.DataFrame(rows)
+                std = wilson_std(share, len(error))
+                rows.append((variant, weighting, SIX_LAWS[i], tolerance, share, std, len(error)))
+    columns = ["variant", "weighting", "law", "tolerance", "fraction", "fraction_std", "n"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _by_model(errors: pd.DataFrame, values: str) -> pd.DataFrame:

@@ -1,13 +1,7 @@
 """Are angles given in degrees?  Heuristics that must not misfire on real drops.
 
-| on paper | in code  | unit  |                                                     |
-|----------|----------|-------|-----------------------------------------------------|
-| k        | `k_g`    | m     | radius of gyration                                  |
-| φ_n      | `gap`    | m     | gap between body and surface                        |
-| σ        | `noise`  | m, rad| noise of a sample, from third differences           |
-
 Angles are judged by physics, not by size: θ is continuous, so 20 rad is as good a value as 0.2.  Degrees read as
-radians are 57 times too large.  Each of these reveals them:
+radians are 57 times too large.  Each of these reveals them (k is the radius of gyration):
 
 - steps of more than 1.5 turns between samples: a camera cannot see them, and a wrapped radian angle jumps by one turn
   at most.  A single sample that jumps out and back is a glitch of the tracker, whatever the units;
@@ -21,8 +15,7 @@ speed, or if the angle noise at the rim far exceeds the position noise.
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.checks.known_body import RADIANS, TO_RAD, KnownBody
-from thesis_lib.datasets.checks.shape import BLIND_SHAPE
+from thesis_lib.datasets.checks.known_body import BLIND_SHAPE, RADIANS, TO_RAD, KnownBody
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.format.validate import Table
 
@@ -41,9 +34,7 @@ DEEP_SHARE = 0.05  # ... if it happens this often
 def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
     """Report angles in degrees and bodies deep inside the surface, as warnings if the data do not decide.
 
-    Args:
-        speeds: |Δx|/Δt, |Δy|/Δt (m/s) and |Δθ|/Δt (rad/s) of all steps, by name.
-        noise: (3,) of x, y, θ in m, m, rad.
+    `speeds` are |Δx|/Δt, |Δy|/Δt (m/s) and |Δθ|/Δt (rad/s) of all steps, by name; `noise` (3,) is in m, m, rad.
     """
     shape, k_g, y, theta = body.shape, body.k_g, samples.q[:, 1], samples.q[:, 2]
     why = None

@@ -6,15 +6,8 @@ is as short as the noise allows, so that it fits into the flight of a low bounce
 
     ÿ = 2 c₂/Δt²,   var ÿ = 4 σ²/Δt⁴ · 180/(n (n² − 1)(n² − 4))        (parabola c₀ + c₁ i + c₂ i² through n samples)
 
-| on paper | in code   | unit | shape |                                        |
-|----------|-----------|------|-------|----------------------------------------|
-| n        | `n`       | 1    |       | samples in a window                    |
-| Δt       | `step`    | s    |       | sampling interval                      |
-| σ        | `sigma_y` | m    |       | noise of a sample of y                 |
-| ÿ/g      | `ratio`   | 1    | (m,)  | of each of the m windows; −1 in flight |
+Δt is the sampling interval, σ the noise of a sample of y.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,20 +23,6 @@ NOISE_FLOOR = 1e-6  # m; simulated poses have no noise, but finitely many digits
 CLEARLY = 5.0  # upward falls per downward fall; a true flight has none, small hits give a few
 
 
-@dataclass(frozen=True)
-class FlightWindows:
-    """Number of windows of n samples that look like free flight: falling towards larger y, and towards smaller."""
-
-    up: int
-    down: int
-    n: int
-
-    @property
-    def fall_up(self) -> bool:
-        """Whether bodies clearly fall towards larger y: at least n windows for it, hardly any against it."""
-        return self.up >= self.n and self.up > CLEARLY * self.down
-
-
 def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Integers (N,) that are constant over the rows of a trial without a gap in the times `t` (N,), in s."""
     step = np.diff(t)
@@ -52,18 +31,13 @@ def runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.r_[0, np.cumsum(~usable | (np.abs(step / usual - 1.0) > 0.5))]
 
 
-@dataclass(frozen=True)
-class Accelerations:
-    """ÿ in m/s² (m,) of the windows of n samples that are parabolas."""
+def free_accelerations(samples: Samples, sigma_y: float, precision: float) -> tuple[np.ndarray, int]:
+    """ÿ (m,) in m/s² of the windows of n samples that are parabolas, and n: as few as `precision` allows.
 
-    values: np.ndarray
-    n: int
-
-
-def free_accelerations(samples: Samples, sigma_y: float, precision: float) -> Accelerations:
-    """Accelerations of y in windows as short as `precision` (m/s², one sigma) allows; `sigma_y` in m."""
+    `precision` is one sigma of ÿ in m/s², `sigma_y` that of y in m.
+    """
     inside = samples.run[1:] == samples.run[:-1]
-    none = Accelerations(np.zeros(0), 1)
+    none = np.zeros(0), 1
     if not inside.any():
         return none
     step = float(np.median(np.diff(samples.t)[inside]))
@@ -79,13 +53,16 @@ def free_accelerations(samples: Samples, sigma_y: float, precision: float) -> Ac
     c = [np.correlate(y, basis[:, k], "valid") for k in range(3)]
     rest = np.correlate(y * y, np.ones(n), "valid") - c[0] ** 2 - c[1] ** 2 - c[2] ** 2
     flight = (samples.run[n - 1 :] == samples.run[: len(y) - n + 1]) & (rest < PARABOLA * sigma**2 * (n - 3))
-    return Accelerations((2.0 * c[2] / scale[2, 2] / step**2)[flight], n)
+    return (2.0 * c[2] / scale[2, 2] / step**2)[flight], n
 
 
-def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> FlightWindows:
-    """Count the windows that accelerate by about `gravity` (m/s²); `sigma_y` is the noise of y in m."""
-    windows = free_accelerations(samples, sigma_y, PRECISION * gravity)
-    ratio = windows.values / gravity
+def flight_windows(samples: Samples, sigma_y: float, gravity: float) -> tuple[int, int, int]:
+    """Windows that accelerate by about `gravity` (m/s²) towards larger y, and towards smaller; their samples n.
+
+    `sigma_y` is the noise of y in m.
+    """
+    accelerations, n = free_accelerations(samples, sigma_y, PRECISION * gravity)
+    ratio = accelerations / gravity
     low, high = ABOUT_G
     up, down = (int(np.sum((low < sign * ratio) & (sign * ratio < high))) for sign in (1.0, -1.0))
-    return FlightWindows(up, down, windows.n)
+    return up, down, n

@@ -1,12 +1,5 @@
 """Do the units and signs of impacts.csv agree?  (`trajectories` asks the same of poses.)
 
-| on paper | in code  | unit  | shape |                                                                     |
-|----------|----------|-------|-------|---------------------------------------------------------------------|
-| e        | `extent` | m     |       | largest distance of the outline from the origin                     |
-| k        | `k_g`    | m     |       | radius of gyration                                                  |
-| r        | `r`      | m     | (n,2) | contact point from the body origin, stated or from shape and θ      |
-| E        |          | m²/s² | (n,)  | ½(v_x² + v_y² + k²ω²), kinetic energy per unit mass                 |
-
 Most impacts lose energy; ω in degrees per second makes them gain some.  θ in degrees shows in contact points that fit
 the shape only if θ is converted from degrees, or, without contact points, in gaps to the surface.  Source: energy
 balance of the planar body (thesis section 3.3.1); the limits are our choice.
@@ -23,8 +16,8 @@ from thesis_lib.datasets.checks.known_body import (
     TO_RAD,
     UPWARDS,
     KnownBody,
+    contradictions,
 )
-from thesis_lib.datasets.checks.shape import contradictions
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.validate import Table
 

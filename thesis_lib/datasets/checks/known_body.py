@@ -1,10 +1,4 @@
-"""What is known of the body while units and signs are judged; limits and remedies that these checks share.
-
-| on paper | in code  | unit  |                                                     |
-|----------|----------|-------|-----------------------------------------------------|
-| e        | `extent` | m     | largest distance of the outline from the origin     |
-| k        | `k_g`    | m     | radius of gyration                                  |
-"""
+"""What is known of the body while units and signs are judged; limits and remedies that these checks share."""
 
 from dataclasses import dataclass
 
@@ -12,12 +6,25 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.validate import Problem
 
 FILE = "dataset.yaml"
 LARGEST_BODY = 10.0  # m; what is dropped on a rig fits on a table
 LARGEST_HEIGHT = 300.0  # extents, of the lowest tenth; true bodies come down to 1 extent, in mm to 1000
 LARGEST_SPEED = 100.0  # m/s, 90th percentile; a fall from 500 m
 TO_RAD = np.pi / 180.0
+GROSS_SIZE = 1.4  # ratio of heights at impact to those of the shape; beyond any error of ruler or frame
+FEW_HITS = 10  # impacts below which shape and surface are not judged
+BLIND_SHAPE = 0.1  # extents by which the lowest point moves over a turn; below, the gap does not depend on theta
+FACTORS = {  # likely causes of a shape that is too large by a factor
+    2.0: "diameters given as semi-axes or radius?",
+    10.0: "centimetres for millimetres?",
+    0.1: "millimetres for centimetres?",
+    25.4: "inches?",
+    100.0: "centimetres?",
+    1000.0: "millimetres?",
+}
+NEAR = 0.15  # relative distance to such a factor
 
 RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
@@ -56,3 +63,33 @@ class KnownBody:
         if np.mean(y < self.height) <= 0.5:
             return ""
         return f"the body's centre is below the surface ({self.height:g} m) in most rows"
+
+
+def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
+    """How poses q (n, 3) at impact, in m and rad, contradict the shape and the surface height (m).
+
+    At impact the lowest point touches: y − height = reach(θ).  If the ratio of the two is far from 1 in most impacts,
+    the shape is wrong by that factor or the surface lies elsewhere; the reading with less scatter is reported.
+    """
+    if len(q) < FEW_HITS:
+        return []
+    reach, centre = -shape.contact_point(q[:, 2])[:, 1], q[:, 1] - height
+    ratio = float(np.median(centre / reach))
+    if 1.0 / GROSS_SIZE < ratio < GROSS_SIZE:
+        return []
+    offset = float(np.median(centre - reach))
+
+    def scatter(rest: np.ndarray) -> float:
+        return float(np.median(np.abs(rest - np.median(rest))))
+
+    what = f"at {len(q)} impacts the centre is {ratio:.3g} times as high above the surface as the shape says"
+    closes = f"surface.height {height + offset:.4g} m instead of {height:g} m would close the gap of {offset:+.3g} m"
+    round_body = np.ptp(reach) < BLIND_SHAPE * shape.extent
+    if ratio > 0.0 and (round_body or scatter(centre - ratio * reach) < scatter(centre - reach)):
+        times = 1.0 / ratio
+        why = next((f" ({text})" for factor, text in FACTORS.items() if abs(times / factor - 1.0) < NEAR), "")
+        what += f": the shape is {max(times, ratio):.3g} times too {'large' if times > 1 else 'small'}{why}"
+        what += f"; or {closes}" if round_body else ""
+        return [Problem(FILE, "body.shape", what, SHAPE_METRES + ", semi-axes and not diameters")]
+    remedy = "correct surface.height, or the shape, or y, which must be that of the body's centre of mass"
+    return [Problem(FILE, "surface.height", f"{what}: {closes}", remedy)]

@@ -6,14 +6,13 @@
 - Gravity is measured in free flight (windows of samples that are parabolas).  A factor beyond any effect of a rig is an
   error, reported with its likely cause.
 - Angles are judged by lengths (`angles`), and not at all if lengths or the shape are in doubt.  Shape and surface are
-  judged only if impacts were found (`shape`).
+  judged only if impacts were found (`known_body.contradictions`).
 """
 
 import numpy as np
 
 from thesis_lib.datasets.checks.angles import check_degrees
-from thesis_lib.datasets.checks.difference_noise import noise_from_differences
-from thesis_lib.datasets.checks.free_fall import flight_windows, free_accelerations, runs_of
+from thesis_lib.datasets.checks.free_fall import CLEARLY, flight_windows, free_accelerations, runs_of
 from thesis_lib.datasets.checks.known_body import (
     FILE,
     LARGEST_BODY,
@@ -25,7 +24,7 @@ from thesis_lib.datasets.checks.known_body import (
     KnownBody,
 )
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.samples import Samples, noise_from_differences
 from thesis_lib.datasets.format.validate import MIN_SAMPLES, Report, Table
 
 LARGEST_GRAVITY = 100.0  # m/s²; 9810 mm/s² and 981 cm/s² lie beyond, planets do not
@@ -103,13 +102,13 @@ def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: Kn
     """Report y that points down, or a body below the surface; whether there is such a problem."""
     y = samples.q[:, 1]
     sunk = body.sunk(y)
-    flights = flight_windows(samples, noise[1], body.gravity)
+    up, down, n = flight_windows(samples, noise[1], body.gravity)
     remedy = UPWARDS + ", or correct surface.height in dataset.yaml"
     what = sunk
-    if flights.fall_up:
+    if up >= n and up > CLEARLY * down:  # at least n windows for a fall upwards, hardly any against it
         remedy = UPWARDS + ", and set surface.height in dataset.yaml accordingly"
-        falls = f"bodies fall towards larger y, by about gravity ({flights.up} windows of {flights.n} samples do so, "
-        falls += f"{flights.down} fall towards smaller y)"
+        falls = f"bodies fall towards larger y, by about gravity ({up} windows of {n} samples do so, "
+        falls += f"{down} fall towards smaller y)"
         what = f"{sunk}, and {falls}" if sunk else falls
     if what:
         table.error("column y", what, remedy, y < body.height if sunk else None)
@@ -139,9 +138,9 @@ def _check_lengths(table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, bod
 
 def _check_gravity(table: Table, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
     """Report falls faster or slower than stated by a factor beyond any effect of a rig; whether there are any."""
-    windows = free_accelerations(samples, noise[1], FALL_PRECISION)
-    falls = -windows.values[windows.values < -FALL_CLEAR * FALL_PRECISION] / body.gravity
-    if len(falls) < 5 * windows.n:
+    accelerations, n = free_accelerations(samples, noise[1], FALL_PRECISION)
+    falls = -accelerations[accelerations < -FALL_CLEAR * FALL_PRECISION] / body.gravity
+    if len(falls) < 5 * n:
         return False
     ratio = float(np.median(falls))
     as_stated = np.mean((falls > 1.0 / GROSS_FALL) & (falls < GROSS_FALL))

@@ -22,22 +22,14 @@ TRAJECTORY_COLUMNS = ("trial", "t", "x", "y", "theta")
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Measured or simulated drops of one body.
+    """Measured or simulated drops of one body."""
 
-    Attributes:
-        name: folder name, used in the names of results.
-        trajectories: poses with `TRAJECTORY_COLUMNS` (s, m, m, rad), or None.  θ is continuous within a trial.
-        impacts: table with at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s), or None.
-        path: the folder it was read from, or None.
-        warnings: what is suspicious but not wrong.
-    """
-
-    name: str
+    name: str  # of the folder, used in the names of results
     header: Header
-    trajectories: pd.DataFrame | None = None
-    impacts: pd.DataFrame | None = None
-    path: Path | None = None
-    warnings: tuple["Problem", ...] = ()
+    trajectories: pd.DataFrame | None = None  # `TRAJECTORY_COLUMNS` (s, m, m, rad); θ is continuous within a trial
+    impacts: pd.DataFrame | None = None  # at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s)
+    path: Path | None = None  # the folder it was read from
+    warnings: tuple["Problem", ...] = ()  # what is suspicious but not wrong
 
     @property
     def shape(self) -> Shape:

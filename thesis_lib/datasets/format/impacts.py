@@ -17,34 +17,25 @@ V_PRE = ("vx_pre", "vy_pre", "omega_pre")
 V_POST = ("vx_post", "vy_post", "omega_post")
 STATE = POSE + V_PRE + V_POST  # order of rows and columns of the covariance
 IMPACT_COLUMNS = ("trial", "impact", *STATE)
+COVARIANCE_COLUMNS = tuple(f"cov_{STATE[a]}_{STATE[b]}" for a, b in zip(*np.tril_indices(len(STATE))))
 
 
 @dataclass(frozen=True)
 class Impacts:
-    """n impacts of one body.
+    """n impacts of one body."""
 
-    Attributes:
-        trial, impact: (n,) integers; `trial` is a release and the unit of every split.
-        q: (n, 3) pose at impact, m, m, rad.
-        v_pre, v_post: (n, 3) m/s, m/s, rad/s.
-        r: (n, 2) contact point from the body origin, m.
-        k_g: radius of gyration, m.
-        mass: kg; 1.0 if the dataset states none, and impulses are then per unit mass.
-        t: (n,) instant of impact in s, NaN if unknown.
-        cov: (n, 9, 9) covariance of (q, v_pre, v_post), or None if unknown.
-        flags: (n,) text, ';'-joined names of failed quality tests ('' = none); flagged impacts are kept.
-    """
-
-    trial: np.ndarray
+    trial: np.ndarray  # trial, impact: (n,) integers; `trial` is a release and the unit of every split
     impact: np.ndarray
-    q: np.ndarray
-    v_pre: np.ndarray
+    q: np.ndarray  # (n, 3) pose at impact, m, m, rad
+    v_pre: np.ndarray  # v_pre, v_post: (n, 3) m/s, m/s, rad/s
     v_post: np.ndarray
-    r: np.ndarray
-    k_g: float
-    mass: float = 1.0
+    r: np.ndarray  # (n, 2) contact point from the body origin, m
+    k_g: float  # radius of gyration, m
+    mass: float = 1.0  # kg; 1.0 if the dataset states none, and impulses are then per unit mass
+    # (n,) instant of impact in s, NaN if unknown
     t: np.ndarray = field(default=None)  # type: ignore[assignment]
-    cov: np.ndarray | None = None
+    cov: np.ndarray | None = None  # (n, 9, 9) covariance of (q, v_pre, v_post), or None if unknown
+    # (n,) text, ';'-joined names of failed quality tests ('' = none); flagged impacts are kept
     flags: np.ndarray = field(default=None)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -80,16 +71,15 @@ class Impacts:
 
         Contact points are `r_x`, `r_y` if present, else derived from shape and θ.
         """
-        q = table[list(POSE)].to_numpy(float)
+        q, v_pre, v_post = (table[list(names)].to_numpy(float) for names in (POSE, V_PRE, V_POST))
         has_r = {"r_x", "r_y"} <= set(table.columns)
-        r = table[["r_x", "r_y"]].to_numpy(float) if has_r else shape.contact_point(q[:, 2])
         return cls(
             trial=table["trial"].to_numpy(),
             impact=table["impact"].to_numpy(),
             q=q,
-            v_pre=table[list(V_PRE)].to_numpy(float),
-            v_post=table[list(V_POST)].to_numpy(float),
-            r=r,
+            v_pre=v_pre,
+            v_post=v_post,
+            r=table[["r_x", "r_y"]].to_numpy(float) if has_r else shape.contact_point(q[:, 2]),
             k_g=float(k_g),
             mass=1.0 if mass is None else float(mass),
             t=table["t"].to_numpy(float) if "t" in table else None,  # pyright: ignore[reportArgumentType]
@@ -108,17 +98,8 @@ class Impacts:
         table["flags"] = self.flags
         if self.cov is not None:
             i, j = np.tril_indices(len(STATE))
-            columns = {covariance_column(a, b): self.cov[:, a, b] for a, b in zip(i, j)}
-            table = pd.concat([table, pd.DataFrame(columns)], axis=1)
+            table = pd.concat([table, pd.DataFrame(dict(zip(COVARIANCE_COLUMNS, self.cov[:, i, j].T)))], axis=1)
         return table
-
-
-def covariance_column(i: int | np.integer, j: int | np.integer) -> str:
-    """Column name of the covariance between `STATE[i]` and `STATE[j]` (i ≥ j)."""
-    return f"cov_{STATE[i]}_{STATE[j]}"
-
-
-COVARIANCE_COLUMNS = tuple(covariance_column(a, b) for a, b in zip(*np.tril_indices(len(STATE))))
 
 
 def _covariance_from(table: pd.DataFrame) -> np.ndarray | None:

@@ -8,66 +8,36 @@ from pydantic import Field, model_validator
 
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.settings import Section
+from thesis_lib.statistics.spread import MAD_TO_STD
 
 
 class ArcSettings(Section):
     """Detection of impacts, arc fits and quality tests.  The numbers are own choices; the thesis gives none."""
 
     max_window: int = Field(25, description="samples used at most on either side of an impact")
-    min_window: int = Field(
-        5, ge=3, description="samples needed on either side; two hits nearer than this are `second_hit`"
-    )
-    guard: float = Field(
-        1e-3, ge=0, description="s; samples this near to an impact may fall into the contact (about 1 ms): not used"
-    )
+    min_window: int = Field(5, ge=3, description="samples needed on either side; two nearer hits are `second_hit`")
+    guard: float = Field(1e-3, ge=0, description="s; nearer samples may lie in the contact (about 1 ms): not used")
     double_hit: float = Field(
-        5e-3,
-        ge=0,
-        description="s; two corners of a polygon that touch within this time make one hit in the samples, which is no "
-        "single impact: a sample and a contact of about 1 ms",
+        5e-3, ge=0, description="s between corners that hit as one: a sample and a contact of 1 ms"
     )
-    touch_sigma: float = Field(
-        1e-3,
-        gt=0,
-        description="m; how well 'gap = 0 at impact' is believed. 1 mm covers the millimetre by which measured dice "
-        "hover or dip at rest, and is still ten times the error of 20 samples",
-    )
+    touch_sigma: float = Field(1e-3, gt=0, description="m; of 'gap = 0 at impact': measured dice hover or dip by 1 mm")
     contact_spread: float | None = Field(
-        None, ge=0, description="s; one sigma by which arcs may miss each other, over |Δv|; null: estimated"
+        None, ge=0, description="s; one sigma of the arcs' miss over |Δv|; null: estimated"
     )
-    stray_acceleration: bool = Field(
-        True, description="allow for accelerations beyond gravity of the size found in the arcs"
-    )
-    threshold: float = Field(
-        6.0, gt=0, description="sigmas (root of a chi² with 3 dof) that a velocity jump must exceed"
-    )
-    min_jump: float = Field(
-        0.1, ge=0, description="m/s in the kinetic metric; slower events are rocking and rolling, not impacts"
-    )
+    stray_acceleration: bool = Field(True, description="allow for accelerations beyond gravity as found in the arcs")
+    threshold: float = Field(6.0, gt=0, description="sigmas (root of chi² with 3 dof) of a velocity jump that is a hit")
+    min_jump: float = Field(0.1, ge=0, description="m/s in the kinetic metric; slower events are rocking and rolling")
     scales: tuple[Annotated[int, Field(ge=2)], ...] = Field(
         (2, 3, 5, 8), min_length=1, description="samples on either side of the detector's line fits, fine to coarse"
     )
-    outlier_sigma: float = Field(
-        7.0, gt=0, description="sigmas by which one sample must stand out to be masked as a tracking glitch"
-    )
+    outlier_sigma: float = Field(7.0, gt=0, description="sigmas by which a single sample stands out as a glitch")
     lost_frame: float = Field(1.5, gt=1, description="a step in t above this many sampling intervals is a gap")
-    not_ballistic: float = Field(
-        9.0, gt=1, description="reduced chi² of an arc above which it is no free flight: the impact is left out"
-    )
-    arc_deviation: float = Field(
-        2.0, gt=1, description="reduced chi² of an arc above which (if also significant) the impact is flagged"
-    )
-    meet_sigma: float = Field(
-        6.0,
-        gt=0,
-        description="arcs that miss each other by more sigmas than this, and by more than meet_time, "
-        "belong to more than one hit",
-    )
-    meet_time: float = Field(1e-3, gt=0, description="s; times |Δv|: see meet_sigma")
+    not_ballistic: float = Field(9.0, gt=1, description="reduced chi² of an arc above which the impact is left out")
+    arc_deviation: float = Field(2.0, gt=1, description="reduced chi² of an arc above which the impact is flagged")
+    meet_sigma: float = Field(6.0, gt=0, description="sigmas of a miss of the arcs that means several hits (meet_time)")
+    meet_time: float = Field(1e-3, gt=0, description="s; a miss below this times |Δv| is one hit: see meet_sigma")
     mu_max: float = Field(0.35, gt=0, description="cone test |c_t| ≤ mu_max c_n, as in the authors' code")
-    touch_limit: float = Field(
-        2e-3, gt=0, description="m; gap at impact above this (and above 5 sigma) is flagged `no_touch`"
-    )
+    touch_limit: float = Field(2e-3, gt=0, description="m; a larger gap at impact (and 5 sigma) is flagged `no_touch`")
     noise_ratio: float = Field(1.5, gt=1, description="factor between stated and found noise that calls for a warning")
 
     @model_validator(mode="after")
@@ -113,3 +83,16 @@ def make_samples(trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header
     interval = 1.0 / header.rate if header.rate else (np.median(step[within]) if within.any() else np.inf)
     new_run = ~within | (step > settings.lost_frame * interval)
     return Samples(trial, t, q, np.r_[0, np.cumsum(new_run)][: len(t)])
+
+
+def noise_from_differences(samples: Samples) -> np.ndarray:
+    """Robust noise (3,) of x, y, θ (m, m, rad) from third differences of equally spaced samples; NaN without any.
+
+    Third differences remove a parabola; the few across impacts do not move the median.  Exact zeros (a body at rest,
+    logged with few digits) say nothing about the noise in flight and are dropped.
+    """
+    same = (samples.run[3:] == samples.run[:-3]) if len(samples) > 3 else np.zeros(0, bool)
+    third = np.abs(np.diff(samples.q, n=3, axis=0))[same]
+    scale = MAD_TO_STD / np.sqrt(20.0)  # the variance of (1, −3, 3, −1) is 20 σ²
+    columns = [column[column > 0] for column in third.T]
+    return np.array([scale * np.median(c) if len(c) else np.nan for c in columns])

@@ -5,8 +5,10 @@ the dataset.  "row" is the line in the file: the header of a CSV is row 1, the f
 signs are judged in `datasets.checks`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -14,6 +16,7 @@ import pandas as pd
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, STATE, V_POST, V_PRE
 from thesis_lib.foundation.errors import UserError
 
+T = TypeVar("T")
 MIN_SAMPLES = 10  # two arcs of 5 samples, the fewest that determine a parabola and its covariance
 # clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit, or every second frame dropped
 RATE_TOLERANCE = 0.02
@@ -66,21 +69,13 @@ class Report:
 
 @dataclass(frozen=True)
 class Table:
-    """The usable rows of a file.
+    """The usable rows of a file."""
 
-    Attributes:
-        file: its name.
-        data: the rows; their index counts all data rows of the file, unusable ones included.
-        first_row: row number of index 0.
-        complete: False if unusable rows were removed: counts within a trial then mean nothing.
-        report: receives the problems.
-    """
-
-    file: str
-    data: pd.DataFrame
-    first_row: int
-    complete: bool
-    report: Report
+    file: str  # its name
+    data: pd.DataFrame  # the index counts all data rows of the file, unusable ones included
+    first_row: int  # row number of index 0
+    complete: bool  # False if unusable rows were removed: counts within a trial then mean nothing
+    report: Report  # receives the problems
 
     def rows(self, mask: np.ndarray) -> str:
         """'row 7' or 'rows 7, 8, 9, 10 and 12 more' for a mask over `data`."""
@@ -102,6 +97,40 @@ def row_text(rows: Sequence[int] | np.ndarray) -> str:
     shown = ", ".join(str(int(row)) for row in rows[:SHOWN])
     more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
     return f"row{'s' if len(rows) != 1 else ''} {shown}{more}"
+
+
+def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
+    """The folder at `path` and its name, which results carry; `content` is what it must hold, for the message.
+
+    DatasetError: there is no such folder, or its name holds characters that do not print.
+    """
+    folder = Path(path)
+    try:
+        name, is_folder, there = folder.resolve().name, folder.is_dir(), folder.exists()
+    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, an impossible file name
+        what = f"cannot be opened ({getattr(error, 'strerror', None) or error})"
+        raise DatasetError(folder.name, [Problem(str(path), "", what, "check the path")]) from error
+    if not is_folder:
+        what = "is a file, expected a folder" if there else "the folder does not exist"
+        raise DatasetError(name, [Problem(str(path), "", what, f"give the folder that holds {content}")])
+    if not name.isprintable():
+        # results carry the name: JSON and HTML hold only valid text, and a terminal obeys control characters
+        what = f"the folder's name {name!a} holds characters that do not print"
+        raise DatasetError(ascii(name)[1:-1], [Problem(ascii(str(path)), "", what, "rename the folder")])
+    return folder, name
+
+
+def read_checked(path: str | Path, content: str, read: Callable[[Path, str, Report], T | None]) -> T:
+    """What `read(folder, name, report)` makes of a folder with `content`; DatasetError lists everything wrong in it."""
+    folder, name = checked_folder(path, content)
+    report, result = Report(), None
+    try:
+        result = read(folder, name, report)
+    except OSError as error:
+        report.error(str(path), "", f"cannot be read ({error.strerror or error})", "check the rights of the files")
+    if report.errors or result is None:
+        raise DatasetError(name, report.errors)
+    return result
 
 
 def check_trajectories(table: Table, rate: float | None) -> None:

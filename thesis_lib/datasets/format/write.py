@@ -6,22 +6,17 @@ import pandas as pd
 import yaml
 
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import FLOAT_FORMAT, atomic, write_text
+from thesis_lib.foundation.settings import Section
 
 
 def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None = FLOAT_FORMAT) -> Path:
-    """Write dataset.yaml, trajectories.csv and impacts.csv into `folder` and return it.
+    """Write dataset.yaml, trajectories.csv and impacts.csv into `folder`, which is made if needed, and return it.
 
-    dataset.yaml comes last, so that a killed run leaves no dataset with half its tables.
-
-    Args:
-        folder: made if needed; tables of the same names are replaced.
-        float_format: of the tables; None writes the shortest text that reads back to the same bits.
-
-    Raises:
-        UserError: `folder` holds a table that the dataset lacks (it would be read as part of it).
+    dataset.yaml comes last, so that a killed run leaves no dataset with half its tables.  Tables of the same names are
+    replaced; UserError if the folder holds one that the dataset lacks (it would be read as part of it).  Without
+    `float_format`, numbers are the shortest text that reads back to the same bits.
     """
     folder = Path(folder)
     tables = {"trajectories": dataset.trajectories, "impacts": dataset.impacts}
@@ -46,7 +41,7 @@ def write_csv(table: pd.DataFrame, path: Path, float_format: str | None = None) 
         table.to_csv(tmp, index=False, float_format=float_format, lineterminator="\n")
 
 
-def header_text(header: Header) -> str:
-    """dataset.yaml as text, with the keys in the documented order."""
+def header_text(header: Section) -> str:
+    """dataset.yaml or recording.yaml as text, with the keys in the documented order."""
     content = header.model_dump(mode="json", by_alias=True, exclude_none=True)
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)

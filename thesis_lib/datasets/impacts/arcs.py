@@ -28,17 +28,6 @@ where W = diag(1/σ²), J_n = ∂φ_n/∂q = (0, 1, r_x) and A_i = ∂q̂_i/∂p
 Each is a polynomial c_0 + c_1 τ + c_2 τ² on its side.  The sums in (4) therefore need only the moments Σ_i τ_i^k,
 k = 0 … 4, of the samples on each side, and n impacts are fitted at once without a Jacobian over samples.
 
-| on paper | in code           | unit         | shape  | meaning                                            |
-|----------|-------------------|--------------|--------|----------------------------------------------------|
-| t_c      | `t`               | s            | (n,)   | instant of impact; may lie between samples         |
-| q_c      | `q`               | m, m, rad    | (n, 3) | pose at t_c                                        |
-| v−, v+   | `v_pre`, `v_post` | m/s, rad/s   | (n, 3) | velocities just before and after                   |
-| s        | `spread`          | s            |        | one sigma of the offset d over |Δv|                |
-| s_a      | `stray`           | m/s², rad/s² | (3,)   | one sigma of accelerations beyond gravity          |
-| σ        | `sigma`           | m, m, rad    | (3,)   | noise of each sample of x, y, θ                    |
-| s_φ      | `touch_sigma`     | m            |        | one sigma of the touch                             |
-| φ_n      | `gap`             | m            | (n,)   | distance of the body from the surface              |
-
 Why d: impulses along different axes do not act at quite the same instant of a contact of 1 ms, so that the arcs miss
 each other by a fraction of |Δv| × 1 ms.  That is small beside noise of 0.3 mm, but large beside the 0.03 mm of a good
 tracker; with d = 0 the covariance would be far too small.  Why a: air, guides and cables slow a body in flight.  A spin
@@ -74,52 +63,35 @@ _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 
 class ArcFits:
     """Two-arc fits of n detected impacts (used or not), ordered by trial and time.
 
-    Attributes:
-        at: (n,) index of the last sample before t.
-        t, t_std: (n,) s, instant of impact and its standard error.
-        q, v_pre, v_post: (n, 3); cov: (n, 9, 9), in the order of `impacts.STATE`, t_c marginalised.
-        n_side: (n, 2) samples used before and after.
-        ss: (n, 2, 3) residual sum of squares of free arcs on either side (m², m², rad²), less the part that stray
-            acceleration explains within its prior.
-        ss_free, curvature: (n, 2, 3) the same with any acceleration (n_side − 3 degrees of freedom), and that
-            acceleration in m/s² and rad/s²; bow2: (n, 2) s⁴, for white noise its variance is σ²/bow2.
-        chi2: (n, 2) the same in units of noise, summed over x, y, θ; 3 (n_side − 2) degrees of freedom.
-        chi2_meet: (n,) rise of chi² when the free arcs are made to meet; 2 degrees of freedom.
-        chi2_near: (n,) misfit of the worse of the two samples next to the impact on either side, from a line through
-            the others; 3 degrees of freedom.
-        chi2_rest: (n, 2) reduced chi² of the arcs without those two samples (NaN without degrees of freedom).
-        fall: (n, 2) chi² by which free fall explains y better than support (no acceleration) does.
-        miss, near: (n,) m, misfits of chi2_meet and chi2_near as distances in the kinetic metric √(x² + y² + (kθ)²).
-        miss_noise: (n,) m, root of the expected square of `miss` from noise alone.
-        gap, gap_std: (n,) m, distance from the surface at t_c without the touch measurement.
-        converged: (n,) whether the iteration came to rest within a few samples of the detected instant.
-        lag1: (n, 3) lag-one product sum of the residuals over `ss_free`, both sides together.
+    Misfits are those of free arcs, which need not meet; m and rad, a side each for before and after.
     """
 
-    at: np.ndarray
-    t: np.ndarray
+    at: np.ndarray  # (n,) index of the last sample before t
+    t: np.ndarray  # t, t_std: (n,) s, instant of impact t_c (may lie between samples) and its standard error
     t_std: np.ndarray
-    q: np.ndarray
+    q: np.ndarray  # q, v_pre, v_post: (n, 3) pose at t_c, velocities just before and after, m, rad; m/s, rad/s
     v_pre: np.ndarray
     v_post: np.ndarray
-    cov: np.ndarray
-    n_side: np.ndarray
-    ss: np.ndarray
-    ss_free: np.ndarray
-    curvature: np.ndarray
-    bow2: np.ndarray
-    chi2: np.ndarray
-    chi2_meet: np.ndarray
+    cov: np.ndarray  # (n, 9, 9) in the order of `impacts.STATE`, t_c marginalised
+    n_side: np.ndarray  # (n, 2) samples used
+    ss: np.ndarray  # (n, 2, 3) residual sum of squares, less what stray acceleration explains within its prior
+    ss_free: np.ndarray  # (n, 2, 3) the same with any acceleration (n_side − 3 degrees of freedom)
+    curvature: np.ndarray  # (n, 2, 3) that acceleration in m/s² and rad/s²
+    bow2: np.ndarray  # (n, 2) s⁴; for white noise the variance of `curvature` is σ²/bow2
+    chi2: np.ndarray  # (n, 2) `ss` in units of noise, summed over x, y, θ; 3 (n_side − 2) degrees of freedom
+    chi2_meet: np.ndarray  # (n,) rise of chi² when the arcs are made to meet; 2 degrees of freedom
+    # (n,) misfit of the worse of the two samples next to the impact from a line through the others; 3 dof
     chi2_near: np.ndarray
-    chi2_rest: np.ndarray
-    fall: np.ndarray
+    chi2_rest: np.ndarray  # (n, 2) reduced chi² of the arcs without those two samples (NaN without dof)
+    fall: np.ndarray  # (n, 2) chi² by which free fall explains y better than support (no acceleration) does
+    # miss, near: (n,) m, misfits of chi2_meet and chi2_near as distances in the kinetic metric √(x² + y² + (kθ)²)
     miss: np.ndarray
-    miss_noise: np.ndarray
+    miss_noise: np.ndarray  # (n,) m, root of the expected square of `miss` from noise alone
     near: np.ndarray
-    gap: np.ndarray
+    gap: np.ndarray  # gap, gap_std: (n,) m, distance φ_n from the surface at t_c without the touch measurement
     gap_std: np.ndarray
-    converged: np.ndarray
-    lag1: np.ndarray
+    converged: np.ndarray  # (n,) whether the iteration came to rest within a few samples of the detected instant
+    lag1: np.ndarray  # (n, 3) lag-one product sum of the residuals over `ss_free`, both sides together
 
     def __len__(self) -> int:
         return len(self.t)
@@ -151,17 +123,15 @@ def fit_arcs(
     colour: np.ndarray | float = 1.0,
     stray: np.ndarray | float = 0.0,
 ) -> ArcFits:
-    """Fit two arcs around each of n detected instants, as the module's docstring explains.
+    """Fit two arcs around each of n detected instants in `samples` without glitches, as the module explains.
 
     Args:
-        samples: N poses without glitches.
         at: (n,) ascending; impact i happens between samples at[i] and at[i] + 1, both of one trial.
-        sigma: (3,) noise of x, y, θ in m, m, rad, all above 0.
-        spread: one sigma in s of the arcs' offset over |Δv|.
+        sigma: (3,) noise σ of x, y, θ in m, m, rad, all above 0.
+        spread: s, one sigma in s of the arcs' offset d over |Δv|.
         size: (n, 2) largest number of samples before and after; settings.max_window if None.
-        colour: (3,) factor on the variance of fitted values, above 1 if the noise of neighbouring samples is
-            correlated.  It does not enter the chi² of residuals.
-        stray: (3,) one sigma of accelerations beyond gravity, m/s² and rad/s².
+        colour: (3,) factor on the variance of fitted values, above 1 for correlated noise; not in chi² of residuals.
+        stray: s_a (3,), one sigma of accelerations beyond gravity, m/s² and rad/s².
     """
     at = np.asarray(at, dtype=int)
     n, g = len(at), header.gravity
@@ -251,14 +221,9 @@ def _normal_equations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """H (n, P, P) and b (n, P) of equation 4 from samples and priors, without the touch.
 
-    Args:
-        p: (n, P) unknowns, P = 19, or 13 without stray acceleration.
-        side: (n, 2, W) 1 for the samples used before and after, else 0.
-        tau, q: (n, W) s and (n, W, 3), samples relative to t_c and q_0.
-        weight: (3,) 1/σ².
-        gravity: m/s².
-        offset: (n, 3) s |Δv| (1, 1, 1/k), one sigma of d.
-        stray: (3,) s_a.
+    `p` (n, P) are the unknowns, P = 19, or 13 without stray acceleration; `side` (n, 2, W) is 1 for the samples used
+    before and after, else 0; `tau` (n, W) in s and `q` (n, W, 3) are relative to t_c and q_0; `weight` (3,) is 1/σ²,
+    `gravity` in m/s², `offset` (n, 3) is s |Δv| (1, 1, 1/k), one sigma of d, and `stray` (3,) s_a.
     """
     n, size = p.shape
     with_stray = size > _T + 1

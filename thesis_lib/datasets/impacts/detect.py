@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.checks.difference_noise import noise_from_differences
-from thesis_lib.datasets.checks.shape import contradictions
+from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.impacts.lines import norm
@@ -48,26 +47,17 @@ _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 
 @dataclass(frozen=True)
 class FoundImpacts:
-    """Impacts that can be used, and what was found on the way.
+    """Impacts that can be used, and what was found on the way."""
 
-    Attributes:
-        impacts: the usable ones, with t, cov and flags.
-        left_out: columns trial, impact, t, reason, detail.  Reasons are listed in `quality`; rows of impacts.csv that
-            gain more energy than any impact can have the reason `energy_gain`.
-        arcs: a row per detected impact, used or not, with `ARC_COLUMNS` (s, m, rad; chi2_* per degree of freedom).
-        glitches: columns trial, t: samples masked as tracking glitches.
-        samples: the poses searched, sorted by trial and time, without glitches and without ends of records that stand
-            out; None if impacts.csv was used.
-        warnings: sentences for the user.
-    """
-
-    impacts: Impacts
+    impacts: Impacts  # the usable ones, with t, cov and flags
+    # `LEFT_OUT_COLUMNS`, reasons as in `quality`; `energy_gain`: a row of impacts.csv gains more than any impact can
     left_out: pd.DataFrame
-    arcs: pd.DataFrame
+    arcs: pd.DataFrame  # a row per detected impact, used or not, `ARC_COLUMNS` in s, m, rad; chi2_* per dof
     noise: NoiseEstimate
-    glitches: pd.DataFrame
+    glitches: pd.DataFrame  # columns trial, t: samples masked as tracking glitches
+    # the poses searched, sorted, without glitches and ends of records that stand out; None if impacts.csv was used
     samples: Samples | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # sentences for the user
 
     @property
     def used_arcs(self) -> pd.DataFrame:
@@ -99,19 +89,13 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
         UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
     """
     settings = settings or ArcSettings()
-    impacts = dataset.impacts
-    if impacts is not None and len(impacts):
-        return _from_given(impacts, dataset.header, settings)
+    if dataset.impacts is not None and len(dataset.impacts):
+        return _from_given(dataset.stated_impacts(), dataset.header, settings)
     if dataset.trajectories is None:
         raise UserError(f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them.")
     table, header = dataset.trajectories, dataset.header
-    detected = find_in_arrays(
-        table["trial"].to_numpy(),
-        table["t"].to_numpy(float),
-        table[["x", "y", "theta"]].to_numpy(float),
-        header,
-        settings,
-    )
+    trial, t, q = (table[names].to_numpy() for names in ("trial", "t", ["x", "y", "theta"]))
+    detected = find_in_arrays(trial, t, q, header, settings)
     if wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q):
         raise DatasetError(dataset.name, wrong)
     return detected
@@ -169,9 +153,8 @@ def find_in_arrays(
         cov=fits.cov[used],
         flags=flags[used],
     )
-    left_out = pd.DataFrame(
-        dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))), columns=LEFT_OUT_COLUMNS
-    )
+    left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
+    warnings = _detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial))
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
         left_out=left_out[~used].reset_index(drop=True),
@@ -179,10 +162,7 @@ def find_in_arrays(
         noise=noise,
         glitches=glitches,
         samples=samples,
-        warnings=(
-            *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
-            *noise_warnings(noise, stated, glitches, settings),
-        ),
+        warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings)),
     )
 
 
@@ -226,17 +206,8 @@ def _fit_straightest(
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
 
     def fit(hits: np.ndarray, size: np.ndarray | None = None) -> ArcFits:
-        return fit_arcs(
-            samples,
-            hits,
-            noise.used,
-            header,
-            settings,
-            spread=noise.contact_spread,
-            size=size,
-            colour=noise.colour,
-            stray=noise.stray,
-        )
+        parts = {"spread": noise.contact_spread, "colour": noise.colour, "stray": noise.stray}
+        return fit_arcs(samples, hits, noise.used, header, settings, size=size, **parts)
 
     fits = fit(at)
     bent = is_bent(fits, sigma, settings.arc_deviation)
@@ -270,7 +241,7 @@ def _arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.n
     t_std, gap, gap_std = (np.where(measured, a, np.nan) for a in (fits.t_std, fits.gap, fits.gap_std))
     columns = [trial, ordinal, fits.t, t_std, used, *fits.n_side.T, *rms.T, *fits.reduced.T]
     columns += [fits.chi2_meet / 2.0, np.where(measured, fits.miss, np.nan), gap, gap_std]
-    return pd.DataFrame(dict(zip(ARC_COLUMNS, columns)), columns=ARC_COLUMNS)
+    return pd.DataFrame(dict(zip(ARC_COLUMNS, columns)))
 
 
 def _impossible(given: Impacts) -> np.ndarray:
@@ -280,11 +251,8 @@ def _impossible(given: Impacts) -> np.ndarray:
     return after > _FASTEST * np.maximum(before, typical)
 
 
-def _from_given(given: "Impacts | pd.DataFrame", header: Header, settings: ArcSettings) -> FoundImpacts:
-    body, noise = header.body, header.noise
-    if isinstance(given, pd.DataFrame):
-        given = Impacts.from_table(given, body.shape, body.radius_of_gyration, body.mass)
-    sigma = stated_sigma(header)
+def _from_given(given: Impacts, header: Header, settings: ArcSettings) -> FoundImpacts:
+    noise, sigma = header.noise, stated_sigma(header)
     speeds = (None, None) if noise is None else (noise.velocity, noise.angular_velocity)
     if given.cov is None and np.isfinite(sigma).all() and None not in speeds:
         velocity = [speeds[0], speeds[0], speeds[1]]
@@ -297,7 +265,7 @@ def _from_given(given: "Impacts | pd.DataFrame", header: Header, settings: ArcSe
     given = given.select(~wild)
     return FoundImpacts(
         impacts=flag_physics(given, settings.mu_max),
-        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, left_out)), columns=LEFT_OUT_COLUMNS),
+        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, left_out))),
         arcs=pd.DataFrame(columns=ARC_COLUMNS),
         noise=NoiseEstimate(float(sigma[0]), float(sigma[2]), sigma, sigma, "header"),
         glitches=pd.DataFrame(columns=["trial", "t"]),

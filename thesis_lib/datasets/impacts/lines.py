@@ -21,20 +21,14 @@ def norm(a: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Lines:
-    """Least-squares lines through C channels on both sides of n impacts.
+    """Least-squares lines through C channels on both sides of n impacts."""
 
-    Attributes:
-        value, slope: (n, 2, C) at τ = 0, and per s.
-        count, mean, spread: (n, 2) number, mean time (s) and Σ(τ − mean)² (s²) of the samples used.
-        residual: (n, 2, W, C) of all samples, used or not.
-    """
-
-    value: np.ndarray
+    value: np.ndarray  # value, slope: (n, 2, C) at τ = 0, and per s
     slope: np.ndarray
-    count: np.ndarray
+    count: np.ndarray  # count, mean, spread: (n, 2) number, mean time (s) and Σ(τ − mean)² (s²) of the samples used
     mean: np.ndarray
     spread: np.ndarray
-    residual: np.ndarray
+    residual: np.ndarray  # (n, 2, W, C) of all samples, used or not
 
 
 def lines_through(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> Lines:

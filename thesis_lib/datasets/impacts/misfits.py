@@ -45,13 +45,9 @@ def misfits(
 ) -> dict[str, np.ndarray]:
     """The statistics of `ArcFits` that come from free arcs, by their names there.
 
-    Args:
-        side: (n, 2, W) 1 for the samples used before and after, else 0.
-        tau, z: (n, W) s, time after the impact, and (n, W, 3) poses.
-        white, weight: (3,) 1/σ² of a sample, and of fitted values (noise may be correlated).
-        metric: (3,) = (1, 1, k).
-        gravity: m/s².
-        stray: (3,) one sigma of accelerations beyond gravity.
+    `side` (n, 2, W) is 1 for the samples used before and after, else 0; `tau` (n, W) is the time after the impact in s,
+    `z` (n, W, 3) are poses; `white` and `weight` (3,) are 1/σ² of a sample, and of fitted values (noise may be
+    correlated); `metric` is (1, 1, k), `gravity` in m/s², `stray` (3,) one sigma of accelerations beyond gravity.
     """
     flight = z.copy()
     flight[..., 1] += 0.5 * gravity * tau**2

@@ -6,12 +6,6 @@ errors of a tracker, which third differences cannot see.  Slow errors correlate 
 and make fitted velocities worse than white noise of the same size would:
 
     var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1) noise, lag-one correlation ρ)
-
-| on paper | in code  | unit      | shape |                                                    |
-|----------|----------|-----------|-------|----------------------------------------------------|
-| σ        | `sigma`  | m, m, rad | (3,)  | noise of each sample of x, y, θ                    |
-| ρ        | `lag1`   | 1         | (3,)  | correlation of residuals of neighbouring samples   |
-| s        | `spread` | s         |       | offset of the arcs over |Δv| (see `arcs`)          |
 """
 
 from dataclasses import dataclass, field
@@ -38,30 +32,20 @@ _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
 @dataclass(frozen=True)
 class NoiseEstimate:
-    """One-sigma noise of a sample.
+    """One-sigma noise of a sample; arrays (3,) are of x, y, θ."""
 
-    Attributes:
-        position, angle: m, rad; as estimated (x and y pooled), NaN without data.
-        sigma: (3,) of x, y, θ in m, m, rad, as estimated.
-        used: (3,) the same, as used for the covariances: `stated` if it is a number, else `sigma`.
-        stated: (3,) the header's; NaN if it states none, or if the arcs contradict it.
-        source: "arcs", "differences" or "header".
-        contact_spread: s, see `thesis_lib.datasets.impacts.arcs`.
-        lag1: (3,) correlation ρ of residuals of neighbouring samples of x, y, θ; near 0 for white noise.
-        colour: (3,) factor (1 + ρ)/(1 − ρ) by which covariances exceed those of white noise.
-        stray: (3,) one sigma of accelerations beyond gravity in flight, m/s², m/s², rad/s² (see `arcs`).
-    """
-
-    position: float
+    position: float  # position, angle: m, rad; as estimated (x and y pooled), NaN without data
     angle: float
-    sigma: np.ndarray
-    used: np.ndarray
-    source: str
-    contact_spread: float = 0.0
-    lag1: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
-    colour: np.ndarray = field(default_factory=lambda: np.ones(3))
-    stray: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+    sigma: np.ndarray  # m, m, rad, as estimated
+    used: np.ndarray  # the same, as used for the covariances: `stated` if it is a number, else `sigma`
+    source: str  # "arcs", "differences" or "header"
+    contact_spread: float = 0.0  # s, see `arcs`
+    lag1: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # ρ; near 0 for white noise
+    colour: np.ndarray = field(default_factory=lambda: np.ones(3))  # factor by which covariances exceed white noise's
+    stray: np.ndarray = field(
+        default_factory=lambda: np.zeros(3)
+    )  # accelerations beyond gravity, m/s², rad/s² (`arcs`)
+    stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # the header's; NaN if none or contradicted
 
 
 def stated_sigma(header: Header) -> np.ndarray:
@@ -75,10 +59,7 @@ def stated_sigma(header: Header) -> np.ndarray:
 def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> NoiseEstimate:
     """Noise from the residuals of all long arcs: the median over arcs, which bad arcs hardly move.
 
-    Args:
-        fits: of all detected impacts.
-        rough: (3,) m, m, rad; used if there are too few arcs.
-        stated: (3,) m, m, rad, of the header; NaN if it states none.
+    `rough` (3,) in m, m, rad is used if there are too few arcs; `stated` (3,) is the header's, NaN if it states none.
     """
     n = np.maximum(fits.n_side, 4)
     long = fits.n_side >= _LONG_ARC_SAMPLES
@@ -138,11 +119,8 @@ def estimate_spread(
 ) -> float:
     """s (in s) from how far free arcs miss each other beyond noise: miss/|Δv| is Rayleigh, 2 of 3 dimensions.
 
-    Args:
-        fits: of all detected impacts, made with s = 0.
-        k_g: radius of gyration, m.
-        assumed: (3,) noise of x, y, θ in m, m, rad with which they were made.
-        noise: as estimated from them.
+    `fits` of all detected impacts were made with s = 0 and the noise `assumed` (3,) in m, m, rad; `noise` is as
+    estimated from them; `k_g` in m.
     """
     rescale = np.max(noise.used**2 * noise.colour / assumed**2)
     dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])

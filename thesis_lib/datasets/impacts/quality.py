@@ -50,18 +50,12 @@ _ROUNDING = 1e-9  # an impact without losses (α = 1) must not be flagged by the
 
 @dataclass(frozen=True)
 class ContactMeasures:
-    """Measured impact in contact space.
+    """Measured impact in contact space."""
 
-    Attributes:
-        v_c_pre, v_c_post: (n, 2) contact velocity (v_t, v_n), m/s.
-        impulse: (n, 2) P = (P_t, P_n), N s (per kg if the mass is unknown).
-        alpha: (n,) energy after over before, in contact space.
-    """
-
-    v_c_pre: np.ndarray
+    v_c_pre: np.ndarray  # v_c_pre, v_c_post: (n, 2) contact velocity (v_t, v_n), m/s
     v_c_post: np.ndarray
-    impulse: np.ndarray
-    alpha: np.ndarray
+    impulse: np.ndarray  # (n, 2) P = (P_t, P_n), N s (per kg if the mass is unknown)
+    alpha: np.ndarray  # (n,) energy after over before, in contact space
 
 
 def contact_measures(impacts: Impacts) -> ContactMeasures:

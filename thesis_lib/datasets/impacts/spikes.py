@@ -17,11 +17,7 @@ clean free fall on either side.
 A tracking glitch is masked first: one sample far off the line through its four neighbours, which fit one line among
 themselves, so that no jump of velocity remains.
 
-| on paper | in code  | unit          | shape  |                                                                  |
-|----------|----------|---------------|--------|------------------------------------------------------------------|
-| σ        | `sigma`  | m, m, rad     | (3,)   | noise of each sample                                             |
-| w        | `scales` | 1             |        | samples on either side                                           |
-| T        | `score`  | 1             | (N,)   | of the instant after each sample                                 |
+`sigma` (3,) is the noise of each sample of x, y, θ in m, m, rad; the setting `scales` holds the w.
 """
 
 import numpy as np

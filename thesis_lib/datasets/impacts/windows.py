@@ -17,24 +17,16 @@ _WALK = 3  # samples by which t_c may leave the detected instant: the detector i
 
 @dataclass(frozen=True)
 class Windows:
-    """The W samples around each of n impacts, as many before the detected instant as after it.
+    """The W samples around each of n impacts, as many before the detected instant as after it."""
 
-    Attributes:
-        t_0, q_0: (n,) s and (n, 3): middle of the two samples beside the detected instant.
-        t, q: (n, W) s and (n, W, 3): times and poses relative to these, so that long records lose no digits.
-        usable: (n, W) whether a sample may belong to a flight.
-        low, high: (n,) s, bounds of t_c, relative to t_0.
-        same_trial: (n − 1,) whether an impact and the next one belong to the same trial.
-    """
-
-    t_0: np.ndarray
+    t_0: np.ndarray  # t_0, q_0: (n,) s and (n, 3), middle of the two samples beside the detected instant
     q_0: np.ndarray
-    t: np.ndarray
+    t: np.ndarray  # t, q: (n, W) s and (n, W, 3) relative to these, so that long records lose no digits
     q: np.ndarray
-    usable: np.ndarray
-    low: np.ndarray
+    usable: np.ndarray  # (n, W) whether a sample may belong to a flight
+    low: np.ndarray  # low, high: (n,) s, bounds of t_c, relative to t_0
     high: np.ndarray
-    same_trial: np.ndarray
+    same_trial: np.ndarray  # (n − 1,) whether an impact and the next one belong to the same trial
 
     def moved(self, t: np.ndarray) -> np.ndarray:
         """Samples (n,) by which the instants t (n,), relative to t_0, are later than the detected ones."""
@@ -58,17 +50,9 @@ def windows_around(samples: Samples, at: np.ndarray, size: int) -> Windows:
     usable &= (index >= hit_before[:, None]) & (index <= hit_after[:, None])
     t_0 = 0.5 * (samples.t[at] + samples.t[at + 1])
     q_0 = 0.5 * (samples.q[at] + samples.q[at + 1])
-    low, high = _bounds(samples, at)
-    return Windows(
-        t_0=t_0,
-        q_0=q_0,
-        t=samples.t[index] - t_0[:, None],
-        q=samples.q[index] - q_0[:, None, :],
-        usable=usable,
-        low=low - t_0,
-        high=high - t_0,
-        same_trial=samples.trial[at[1:]] == samples.trial[at[:-1]],
-    )
+    t, q = samples.t[index] - t_0[:, None], samples.q[index] - q_0[:, None, :]
+    low, high = (bound - t_0 for bound in _bounds(samples, at))
+    return Windows(t_0, q_0, t, q, usable, low, high, samples.trial[at[1:]] == samples.trial[at[:-1]])
 
 
 def _bounds(samples: Samples, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

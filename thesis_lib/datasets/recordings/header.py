@@ -10,44 +10,33 @@ of the wheel's hub.  The wheel's x points down its slope and y away from it.  Th
 row until the next; those of a trial's last row are not used.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from thesis_lib.bodies.body import Positive
 from thesis_lib.foundation.settings import Section
 
-FINITE = Field(allow_inf_nan=False)
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Pair = tuple[Positive, Positive]
 
 
 class Arm(Section):
     """A two-link arm that pushes a disk over the ground y = 0."""
 
+    coordinates: ClassVar[tuple[str, ...]] = ("q_1", "q_2", "x", "y", "theta")  # columns of q in rad and m
+    velocities: ClassVar[tuple[str, ...]] = ("dq_1", "dq_2", "vx", "vy", "omega")  # columns of v in rad/s and m/s
+
     kind: Literal["arm"]
     link_lengths: Pair = Field(description="m, joint to joint and joint to tip")
     link_masses: Pair = Field(description="kg")
-    link_coms: tuple[Annotated[float, FINITE], Annotated[float, FINITE]] = Field(
-        description="m, centre of mass of each link along it, from its joint"
-    )
+    link_coms: tuple[Finite, Finite] = Field(description="m, centre of mass of each link along it, from its joint")
     link_inertias: Pair = Field(description="kg m², about the centre of mass")
-    base: tuple[Annotated[float, FINITE], Annotated[float, FINITE]] = Field(
-        (0.0, 0.0), description="m, x and y of the first joint"
-    )
+    base: tuple[Finite, Finite] = Field((0.0, 0.0), description="m, x and y of the first joint")
     disk_radius: Positive = Field(description="m")
     disk_mass: Positive = Field(description="kg")
     disk_inertia: Positive = Field(description="kg m², about the centre, which is the centre of mass")
     driven: bool = Field(True, description="whether states.csv holds the torques u_1 and u_2 in N m")
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Columns of q in rad and m."""
-        return ("q_1", "q_2", "x", "y", "theta")
-
-    @property
-    def velocities(self) -> tuple[str, ...]:
-        """Columns of v in rad/s and m/s."""
-        return ("dq_1", "dq_2", "vx", "vy", "omega")
 
     @property
     def torques(self) -> tuple[str, ...]:
@@ -58,30 +47,17 @@ class Arm(Section):
 class Wheel(Section):
     """A rimless wheel on a slope; its centre of mass is believed to be the hub."""
 
+    coordinates: ClassVar[tuple[str, ...]] = ("x", "y", "theta")  # columns of q in m and rad
+    velocities: ClassVar[tuple[str, ...]] = ("vx", "vy", "omega")  # columns of v in m/s and rad/s
+    torques: ClassVar[tuple[str, ...]] = ()  # a wheel rolls freely
+
     kind: Literal["wheel"]
     spokes: int = Field(ge=3, le=100, description="their number; spoke 0 points along theta")
     length: Positive = Field(description="m, hub to tip")
     mass: Positive = Field(description="kg")
     inertia: Positive = Field(description="kg m², about the hub")
     slope: float = Field(ge=0, lt=1.5, description="rad, of the ground, downhill along +x")
-    payload_radius: float = Field(
-        0.0, ge=0, allow_inf_nan=False, description="m along spoke 0, where a payload would be"
-    )
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Columns of q in m and rad."""
-        return ("x", "y", "theta")
-
-    @property
-    def velocities(self) -> tuple[str, ...]:
-        """Columns of v in m/s and rad/s."""
-        return ("vx", "vy", "omega")
-
-    @property
-    def torques(self) -> tuple[str, ...]:
-        """None: a wheel rolls freely."""
-        return ()
+    payload_radius: Finite = Field(0.0, ge=0, description="m along spoke 0, where a payload would be")
 
 
 class StateNoise(Section):

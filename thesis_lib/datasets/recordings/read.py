@@ -6,9 +6,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import unwrap
-from thesis_lib.datasets.format.folder import checked_folder
 from thesis_lib.datasets.format.tables import load_table
-from thesis_lib.datasets.format.validate import DatasetError, Report, Table, check_trajectories
+from thesis_lib.datasets.format.validate import Report, Table, check_trajectories, read_checked
 from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Wheel
 from thesis_lib.datasets.recordings.recording import HEADER_FILE, STATES, Recording
 from thesis_lib.foundation.regular_file import FileProblem
@@ -20,17 +19,7 @@ ANGLES = ("theta", "q_1", "q_2")
 
 def read_recording(path: str | Path) -> Recording:
     """The recording in `path`, with angles continuous within each trial; DatasetError lists everything wrong in it."""
-    folder, name = checked_folder(path, f"{HEADER_FILE} and {STATES}.csv")
-    report = Report()
-    recording = None
-    try:
-        recording = _read(folder, name, report)
-    except OSError as error:
-        what = f"cannot be read ({error.strerror or error})"
-        report.error(str(path), "", what, "check the rights of the files")
-    if report.errors or recording is None:
-        raise DatasetError(name, report.errors)
-    return recording
+    return read_checked(path, f"{HEADER_FILE} and {STATES}.csv", _read)
 
 
 def _read(folder: Path, name: str, report: Report) -> Recording | None:

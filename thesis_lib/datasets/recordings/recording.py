@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from thesis_lib.datasets.format.validate import Problem
+from thesis_lib.datasets.format.write import header_text, write_csv
 from thesis_lib.datasets.recordings.header import RecordingHeader
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import FLOAT_FORMAT, atomic, write_text
+from thesis_lib.foundation.files import FLOAT_FORMAT, write_text
 
 HEADER_FILE, STATES = "recording.yaml", "states"
 
@@ -61,12 +61,8 @@ def write_recording(recording: Recording, folder: str | Path) -> Path:
             f"{stale} is in the way: it would be read as part of the recording. Delete it, or choose another folder."
         )
     (folder / HEADER_FILE).unlink(missing_ok=True)
-    with atomic(folder / f"{STATES}.csv") as tmp:
-        columns = list(recording.header.columns)
-        recording.states[columns].to_csv(tmp, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
-    content = recording.header.model_dump(mode="json", by_alias=True)
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
-    write_text(text, folder / HEADER_FILE)
+    write_csv(recording.states[list(recording.header.columns)], folder / f"{STATES}.csv", FLOAT_FORMAT)
+    write_text(header_text(recording.header), folder / HEADER_FILE)
     return folder
 
 

@@ -44,14 +44,8 @@ def fetch(
 ) -> Path:
     """Get the published set `name` ('planar-impact', 'planar-dice') and convert it into the folder `<to>/<name>`.
 
-    Args:
-        to: folder of measured datasets, such as data/measured.
-        source_dir: a local copy to use instead of the network, or its parent folder.
-        say: called with lines of text about the progress.
-        raw_host, archive_host: servers of single files and of archives.
-
-    Raises:
-        UserError: no network, a wrong file, or an unsafe archive; nothing is written then.
+    `source_dir` is a local copy to use instead of the network, or its parent folder; `say` is called with lines about
+    the progress.  UserError: no network, a wrong file, or an unsafe archive; nothing is written then.
     """
     name = published_name(name)
     out_dir = Path(to) / name
@@ -83,11 +77,9 @@ def fetch(
 
 
 def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MAX_DOWNLOAD) -> None:
-    """Stream `url` into `path`, at most `limit` bytes.
+    """Stream `url` into `path`; UserError beyond `limit` bytes.
 
-    Raises:
-        OSError, http.client.HTTPException: the network failed, or the connection ended early.
-        UserError: more than `limit` bytes.
+    OSError or http.client.HTTPException: the network failed, or the connection ended early.
     """
     request = urllib.request.Request(url, headers={"User-Agent": "thesis_lib"})
     done, reported = 0, 0

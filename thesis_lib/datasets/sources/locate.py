@@ -22,22 +22,14 @@ SIMULATED = ("drops",)
 
 @dataclass(frozen=True)
 class Located:
-    """A dataset of the pipeline.
-
-    Attributes:
-        origin: see the table above.
-        folder: in our format, relative to the working directory; '' if absent.
-        source: folder with the published files, for origin "published".
-        files: inputs of a rule that reads the dataset.
-        has_trajectories: whether impacts are found in trajectories rather than read.
-    """
+    """A dataset of the pipeline."""
 
     name: str
-    origin: Literal["simulated", "folder", "published", "absent"]
-    folder: str = ""
-    source: str = ""
-    files: tuple[str, ...] = ()
-    has_trajectories: bool = False
+    origin: Literal["simulated", "folder", "published", "absent"]  # see the table above
+    folder: str = ""  # in our format, relative to the working directory; '' if absent
+    source: str = ""  # folder with the published files, for origin "published"
+    files: tuple[str, ...] = ()  # inputs of a rule that reads the dataset
+    has_trajectories: bool = False  # whether impacts are found in trajectories rather than read
 
     @property
     def present(self) -> bool:

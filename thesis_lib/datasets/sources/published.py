@@ -41,19 +41,12 @@ _PROCESSED = "mcubelab/planar-impact-dataset/f24a7e3b31ad0b53652d6b2a6b26a702cc4
 
 @dataclass(frozen=True)
 class Source:
-    """Origin of a published set.
+    """Origin of a published set."""
 
-    Attributes:
-        folders: names under which a local copy of the files may lie.
-        raw: our file name -> owner/repository/commit/path, for files fetched one by one.
-        archive: owner/repository and commit of an archive to fetch instead, or None.
-        inside: folder in the archive that holds the files.
-    """
-
-    folders: tuple[str, ...]
-    raw: dict[str, str]
-    archive: tuple[str, str] | None = None
-    inside: str = ""
+    folders: tuple[str, ...]  # names under which a local copy of the files may lie
+    raw: dict[str, str]  # our file name -> owner/repository/commit/path, for files fetched one by one
+    archive: tuple[str, str] | None = None  # owner/repository and commit of an archive to fetch instead
+    inside: str = ""  # folder in the archive that holds the files
 
 
 SOURCES = {
@@ -62,8 +55,8 @@ SOURCES = {
         raw={
             _STATES: "mcubelab/planar-impact-dataset/31b1787625432b2ae4c1d409ea7c3334bb6e7fd9/processed_data/data.mat",
             **{
-                name: f"{_PROCESSED}/{name}"
-                for name in ("p_models.mat", "v_models.mat", "p_true_data.mat", "w_true_data.mat")
+                f"{name}.mat": f"{_PROCESSED}/{name}.mat"
+                for name in ("p_models", "v_models", "p_true_data", "w_true_data")
             },
             "ellipse_uniform_2000.mat": "Nima-Fazeli/contact_models_and_data/"
             "fac1be5dbfd34042ea0e47bdb24444013182f9e0/data/ellipse_uniform.mat",

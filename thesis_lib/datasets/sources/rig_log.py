@@ -23,14 +23,9 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
 UNITS = {  # name -> (quantity, factor to SI)
-    "m": ("length", 1.0),
-    "cm": ("length", 1e-2),
-    "mm": ("length", 1e-3),
-    "rad": ("angle", 1.0),
-    "deg": ("angle", np.pi / 180.0),
-    "s": ("time", 1.0),
-    "ms": ("time", 1e-3),
-    "us": ("time", 1e-6),
+    **{"m": ("length", 1.0), "cm": ("length", 1e-2), "mm": ("length", 1e-3)},
+    **{"rad": ("angle", 1.0), "deg": ("angle", np.pi / 180.0)},
+    **{"s": ("time", 1.0), "ms": ("time", 1e-3), "us": ("time", 1e-6)},
 }
 MAX_COLUMNS = 1000
 MAX_LOG = 200_000_000  # bytes; as lists of cells a log takes about ten times that
@@ -117,17 +112,11 @@ def convert_logs(
 ) -> Conversion:
     """A dataset of trajectories from CSV logs with a header line each and the same columns.
 
-    Args:
-        units: factors to SI by quantity (`parse_units`).
-        columns: our column -> (column of the log, sign); others are expected under our names.
-        shape, mass (kg), k_g (m), gravity (m/s²), surface_height (m): of the experiment.  k_g is by default that of a
-            uniform lamina.
-        rate: Hz; needed if the log has no time.
-        per_trial_files: each file is one trial, whatever its trial column.
-
-    Raises:
-        UserError: a file or column is missing, a row is too long, a cell is not a number, or a value of the experiment
-            is impossible.
+    `units` are factors to SI by quantity (`parse_units`), `columns` our column -> (column of the log, sign); others are
+    expected under our names.  Mass is in kg, k_g (by default that of a uniform lamina) and surface_height in m, gravity
+    in m/s², rate (needed if the log has no time) in Hz.  With `per_trial_files` each file is one trial, whatever its
+    trial column.  UserError: a file or column is missing, a row is too long, a cell is not a number, or a value of the
+    experiment is impossible.
     """
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise UserError(f"--rate: {rate} Hz is impossible; give a number above 0.")

@@ -9,19 +9,13 @@ Between contacts a pose is a parabola in time.  Its acceleration is nearly known
 A contact reaches from the last sample of one flight to an early sample of the next.  Hits with fewer than `fewest`
 samples between them are one contact: the camera cannot resolve them, and the two flights need no assumption about them.
 
-| on paper | in code            | unit               | shape        | meaning                                  |
-|----------|--------------------|--------------------|--------------|------------------------------------------|
-| q, v     | `q`, `v`           | m, rad; m/s, rad/s | (n, 3)       | at the last sample of the flight         |
-| S        | `cov`              | their products     | (n, 6, 6)    | covariance of (q, v)                     |
-|          | `end`              | m, m, rad          | (n, 3)       | pose at rest                             |
-|          | `span`             | s                  | (n,)         | from the first state to the second       |
-
 A throw is at rest if it moves by less than `still` over its last samples.  Throws without a pose at rest, or without a
 usable first flight, are left out and counted.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 import pandas as pd
@@ -37,31 +31,36 @@ FINEST = 1e-9  # m, rad; simulated poses may have no noise
 
 
 @dataclass(frozen=True)
-class Releases:
-    """Throws with a usable first flight and a pose at rest; see the module's table.
-
-    `left_out` counts the others by reason; `sigma` (3,) is the noise of x, y (m) and θ (rad), correlation included.
-    """
+class ByTrial:
+    """Arrays with a row for each of n measurements; `trial` (n,) is the throw of each."""
 
     trial: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    cov: np.ndarray
-    end: np.ndarray
-    left_out: dict[str, int]
-    sigma: np.ndarray
 
-    def select(self, rows: np.ndarray) -> "Releases":
-        """Throws of a mask or of indices."""
-        parts = (getattr(self, name)[rows] for name in ("trial", "q", "v", "cov", "end"))
-        return Releases(*parts, self.left_out, self.sigma)
+    def __len__(self) -> int:
+        return len(self.trial)
+
+    def select(self, rows: np.ndarray) -> Self:
+        """The measurements of a mask or of indices."""
+        names = [item.name for item in fields(self) if item.name not in ("left_out", "sigma")]
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 @dataclass(frozen=True)
-class MeasuredContacts:
-    """Contacts: states before and after, `span` (s) apart; `first` marks the first contact of a throw."""
+class Releases(ByTrial):
+    """Throws with a usable first flight and a pose at rest."""
 
-    trial: np.ndarray
+    q: np.ndarray  # q, v: (n, 3) at the last sample of the flight, m, rad and m/s, rad/s
+    v: np.ndarray
+    cov: np.ndarray  # (n, 6, 6) of (q, v)
+    end: np.ndarray  # (n, 3) pose at rest
+    left_out: dict[str, int]  # number of the other throws by reason
+    sigma: np.ndarray  # (3,) noise of x, y (m) and θ (rad), correlation included
+
+
+@dataclass(frozen=True)
+class MeasuredContacts(ByTrial):
+    """Contacts: states before and after (n, 3), `span` (s) apart; `first` marks the first contact of a throw."""
+
     first: np.ndarray
     q: np.ndarray
     v: np.ndarray
@@ -69,26 +68,13 @@ class MeasuredContacts:
     v_after: np.ndarray
     span: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.trial)
-
-    def select(self, rows: np.ndarray) -> "MeasuredContacts":
-        """Contacts of a mask or of indices."""
-        names = ("trial", "first", "q", "v", "q_after", "v_after", "span")
-        return MeasuredContacts(*(getattr(self, name)[rows] for name in names))
-
 
 @dataclass(frozen=True)
-class LongFlights:
+class LongFlights(ByTrial):
     """Long flights: change of pose and velocity (n, 3) between an early and the last sample."""
 
-    trial: np.ndarray
     dq: np.ndarray
     dv: np.ndarray
-
-    def select(self, rows: np.ndarray) -> "LongFlights":
-        """Flights of a mask or of indices."""
-        return LongFlights(self.trial[rows], self.dq[rows], self.dv[rows])
 
 
 def flight_drag(flights: LongFlights) -> tuple[float, float]:
@@ -131,25 +117,14 @@ def read_throws(
         for begin, end, inside in flights:
             start, stop = inside[: settings.most], inside[-settings.most :]
             early = t[start[min(3, len(start) - 1)]]
-            fits.append(
-                (
-                    begin,
-                    end,
-                    t[inside[-1]],
-                    _fit(t[stop], pose[stop], t[inside[-1]], sigma, dataset.gravity, settings),
-                    early,
-                    _fit(t[start], pose[start], early, sigma, dataset.gravity, settings),
-                )
-            )
+            last, cov = _fit(t[stop], pose[stop], t[inside[-1]], sigma, dataset.gravity, settings)
+            head, _ = _fit(t[start], pose[start], early, sigma, dataset.gravity, settings)
+            fits.append((begin, end, early, head, t[inside[-1]], last, cov))
             if len(inside) >= settings.long_flight:
-                (last, _), (head, _) = fits[-1][3], fits[-1][5]
                 long.append((trial, *(last - head).T.ravel()))
-        for flight, following in pairwise(fits):
-            if following[0] - flight[1] <= settings.longest_contact:
-                before, after = flight[3][0], following[5][0]
-                contacts.append(
-                    (trial, flight[0] == -np.inf, *before.T.ravel(), *after.T.ravel(), following[4] - flight[2])
-                )
+        for (begin, end, _, _, t_0, before, _), (begin_next, _, t_1, after, *_) in pairwise(fits):
+            if begin_next - end <= settings.longest_contact:
+                contacts.append((trial, begin == -np.inf, *before.T.ravel(), *after.T.ravel(), t_1 - t_0))
         tail = pose[-settings.last :]
         moved = np.ptp(tail * [1.0, 1.0, dataset.k_g], axis=0).max()
         if not fits or fits[0][0] != -np.inf:
@@ -157,7 +132,7 @@ def read_throws(
         elif moved > settings.still:
             left_out["not_at_rest"] += 1
         else:
-            state, cov = fits[0][3]
+            state, cov = fits[0][5:]
             releases.append((trial, *state.T.ravel(), *cov.ravel(), *tail.mean(axis=0)))
     if not releases or not contacts:
         raise UserError(f"{dataset.name} holds no throw with a first flight that comes to rest: nothing to study.")

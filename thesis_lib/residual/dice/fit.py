@@ -10,18 +10,6 @@ influence of contacts that the camera lost.  Contacts are too short to show drag
 (`data.flight_drag`).  Unlike a fit to isolated impacts, this one uses double hits and weighs geometry by its effect on
 them.
 
-| on paper | in code   | unit | meaning                                                                      |
-|----------|-----------|------|------------------------------------------------------------------------------|
-| a        | `half`    | m    | half the length of a side between the arcs of its corners                    |
-| ρ        | `rho`     | m    | radius of the corners                                                        |
-| h        | `height`  | m    | height of the surface in the camera's frame                                  |
-| k        | `k_g`     | m    | radius of gyration                                                           |
-| d_θ      | `d_theta` | rad  | measured minus true angle                                                    |
-| c        | `c_x`,`c_y`| m   | tracked point (taken as centre of mass) from the centre of the square        |
-| c_v, c_w | `c_v`,`c_w`| 1/s | drag in flight                                                               |
-|          | `contact` |      | `compliant_contact.CompliantContact`; None: the law alone                    |
-|          | `law`, `mu`, `epsilon` | | impact law of contacts if `contact` is None, else of the slowest ones    |
-
 Source of CMA-ES: Hansen, arXiv 1604.00772 (constants of its table 1).
 """
 
@@ -35,46 +23,34 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.settings import DiceFitSettings
 from thesis_lib.residual.throwing.compliant_contact import PARAMETERS, CompliantContact, compliant_path
-from thesis_lib.residual.throwing.flight import ThrownBody
+from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, state_at
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # first step of each parameter: a few times a rig's error, enough to change a contact visibly
 BODY_STEPS = {"half": 2e-3, "rho": 2e-3, "height": 1e-3, "k_g": 2e-3, "d_theta": 0.02, "c_x": 5e-4, "c_y": 5e-4}
-CONTACT_STEPS = {
-    "omega": 200.0,
-    "damping": 0.1,
-    "dashpot": 0.05,
-    "mu": 0.03,
-    "tau": 0.2,
-    "dashpot_t": 0.05,
-    "place": 0.05,
-    "width": 0.03,
-    "far": 0.5,
-    "far_dashpot": 0.3,
-    "flat": 0.3,
-    "flat_dashpot": 0.3,
-}
+CONTACT_STEPS = {"omega": 200.0, "damping": 0.1, "dashpot": 0.05, "mu": 0.03, "tau": 0.2, "dashpot_t": 0.05}
+CONTACT_STEPS |= {"place": 0.05, "width": 0.03, "far": 0.5, "far_dashpot": 0.3, "flat": 0.3, "flat_dashpot": 0.3}
 TOUCHES = 1e-5  # m, clearance given to a body that already touches at the last sample of a flight
 
 
 @dataclass(frozen=True)
 class DiceModel:
-    """A square with rounded corners, its drag and its contact; see the module's table."""
+    """A square with rounded corners, its drag and its contact."""
 
-    half: float
-    rho: float
-    height: float
-    k_g: float
-    law: str
+    half: float  # m, half the length of a side between the arcs of its corners
+    rho: float  # m, radius of the corners
+    height: float  # m, of the surface in the camera's frame
+    k_g: float  # m, radius of gyration
+    law: str  # law, mu, epsilon: of contacts if `contact` is None, else of the slowest ones
     mu: float
     epsilon: float
-    gravity: float
-    d_theta: float = 0.0
-    c_x: float = 0.0
+    gravity: float  # m/s²
+    d_theta: float = 0.0  # rad, measured minus true angle
+    c_x: float = 0.0  # c_x, c_y: m, tracked point (taken as centre of mass) from the centre of the square
     c_y: float = 0.0
-    c_v: float = 0.0
+    c_v: float = 0.0  # c_v, c_w: 1/s, drag in flight
     c_w: float = 0.0
     contact: CompliantContact | None = None
 
@@ -101,6 +77,20 @@ class DiceModel:
     def face(self, theta: np.ndarray) -> np.ndarray:
         """Side (n,) that is down at the measured angle `theta` (n,) in rad."""
         return self.body.face(np.asarray(theta) - self.d_theta)
+
+
+def touch_down(
+    model: DiceModel, contacts: MeasuredContacts
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """First touch after measured states: time (n,) in s, pose and velocity (n, 3), contact point (n, 2), approach (n,).
+
+    The approach is the speed of the contact point towards the surface, m/s.
+    """
+    q = model.seen(contacts.q)
+    t, corner = first_touch(model.body, q, contacts.v)
+    q, v = fly(model.body, q, contacts.v, t)
+    r = model.body.contact_point(q[:, 2], corner)
+    return t, q, v, r, -(v[:, 1] + r[:, 0] * v[:, 2])
 
 
 def contact_path(
@@ -130,9 +120,8 @@ def fit_dice(
     if len(rows) > settings.contacts:
         rows = np.sort(rng.choice(rows, settings.contacts, replace=False))
     used = contacts.select(rows)
-    even = CompliantContact(
-        place=float(np.median(used.q[:, 0])), width=max(float(np.std(used.q[:, 0])), 2.0 * CONTACT_STEPS["width"])
-    )
+    width = max(float(np.std(used.q[:, 0])), 2.0 * CONTACT_STEPS["width"])
+    even = CompliantContact(place=float(np.median(used.q[:, 0])), width=width)
     names = [*BODY_STEPS, *CONTACT_STEPS]
 
     def with_values(values: np.ndarray) -> DiceModel:

@@ -21,12 +21,6 @@ with m̄ and S̄ the moments of the sum.  γ = 0.01, as in `belief`: a finite sa
 u = P(p(Y) > p(y)), the smallest region of highest density that holds y, is estimated from samples.  The CRPS of each
 coordinate has a closed form; scores are its means over (v_x, v_y, k ω) and over (x, y, k θ).
 
-| on paper | in code  | unit               | shape        | meaning                                                  |
-|----------|----------|--------------------|--------------|----------------------------------------------------------|
-| m_i, S_i | `mean`, `cov` | m, rad; m/s, rad/s | (n, m, 6), (n, m, 6, 6) | components of n throws                 |
-| s_i      | `sample` | m, rad; m/s, rad/s | (n, m, 6)    | particles                                                |
-| R        | `noise`  | their products     | (n, 6, 6)    | of the measured state after contact                      |
-
 R is the covariance of the measured start, since flights before and after a contact are fitted alike.  States are
 compared at the time of the measured flight after the first contact, with all hits until then (`data` counts hits in
 fast succession as one contact).
@@ -43,8 +37,7 @@ import pandas as pd
 
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.residual.dice.data import MeasuredContacts, Releases
-from thesis_lib.residual.dice.limit import perturbed
-from thesis_lib.residual.dice.models import Thrower
+from thesis_lib.residual.dice.models import Thrower, perturbed
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.tables import spread
 from thesis_lib.residual.throwing.belief import WIDE, GaussianMixture
@@ -58,15 +51,12 @@ MOST = 100  # hits of a throw before the requested time: more are micro-hops tha
 
 @dataclass(frozen=True)
 class StateBelief:
-    """Beliefs over the states of n throws, m equally weighted components each; see the module's table.
+    """Beliefs over the states of n throws (m, rad; m/s, rad/s), m equally weighted components each."""
 
-    `out_of_range` (n,) is the share of particles with a contact outside the range of training.
-    """
-
-    mean: np.ndarray
-    cov: np.ndarray
-    sample: np.ndarray
-    out_of_range: np.ndarray
+    mean: np.ndarray  # m_i (n, m, 6)
+    cov: np.ndarray  # S_i (n, m, 6, 6)
+    sample: np.ndarray  # s_i (n, m, 6)
+    out_of_range: np.ndarray  # (n,) share of particles with a contact outside the range of training
 
     @property
     def particles(self) -> "StateBelief":
@@ -209,8 +199,7 @@ def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.G
             values = column.to_numpy(float)
             interval = spread(values, np.mean, bootstrap, stream(model, belief, name))
             rows.append((model, belief, name, float(values.mean()), *interval, len(values)))
-        # one contact that the camera lost can dominate a mean of logarithms
-        values = part["log_score"].to_numpy()
+        values = part["log_score"].to_numpy()  # whose mean one contact that the camera lost can dominate
         interval = spread(values, np.median, bootstrap, stream(model, belief, "median"))
         rows.append((model, belief, "log_score_median", float(np.median(values)), *interval, len(values)))
     return pd.DataFrame(rows, columns=["model", "belief", "quantity", "value", "std", "low", "high", "n"])

@@ -7,15 +7,11 @@ the flight after the contact is traced back to that time, and the difference is
     residual = ((Δx, Δy, k Δθ)/(s T), (Δv_x, Δv_y, k Δω)/s),    s = √(v_x² + v_y² + k² ω²) at the touch
 
 Its size (1.48 median |.|) is the scatter of a law; a Gaussian process of it is the contact map (`contact_map`).
-
-| on paper | in code    | unit | shape  | meaning                                             |
-|----------|------------|------|--------|-----------------------------------------------------|
-| T        | `duration` | s    |        | of the contact map                                  |
-|          | `residual` | 1    | (m, 6) | see above                                           |
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -28,12 +24,12 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
 from thesis_lib.residual.dice.data import MAD_TO_STD, MeasuredContacts, Releases
-from thesis_lib.residual.dice.double_hits import hit_again
-from thesis_lib.residual.dice.fit import DiceModel, contact_path
+from thesis_lib.residual.dice.fit import DiceModel, contact_path, touch_down
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import fit_gaussian_process
 from thesis_lib.residual.learners.learners import ImpulseLearner
+from thesis_lib.residual.throwing.belief import covariance_root
 from thesis_lib.residual.throwing.contact_map import (
     ContactMap,
     Regime,
@@ -43,9 +39,10 @@ from thesis_lib.residual.throwing.contact_map import (
     split,
     student,
 )
-from thesis_lib.residual.throwing.flight import first_touch, fly
+from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.propagation import LearnedImpact, Sampled, ScatteredLaw
-from thesis_lib.residual.throwing.throw import Throws, simulate_throws
+from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.residual.throwing.throw import LawImpact, Throws, simulate_throws
 
 FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
 KNOWN_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inertia")
@@ -59,7 +56,6 @@ class Thrower:
     model: DiceModel
     contact: Sampled
     certain: Sampled
-    note: str = ""
 
 
 def critique_model(saved: SavedModel, side: float) -> DiceModel:
@@ -105,18 +101,34 @@ def law_models(
     for label, wrench in (("residual", False), ("residual_wrench", True)):
         trained = ImpulseLearner("X1", wrench, LawBase(name), True, settings.process).fit(some, rng)
         parts = {"body": model.body, "law": model.impact, "trained": trained, "slowest": settings.slowest}
-        throwers.append(
-            Thrower(label, model, LearnedImpact(**parts), LearnedImpact(**parts, draws=1, deterministic=True))
-        )
-    errors = pd.DataFrame(
-        [(k, f.mu, f.epsilon, f.cost) for k, f in fits.items()], columns=["law", "mu", "epsilon", "error"]
-    )
-    return throwers, errors
+        certain = LearnedImpact(**parts, draws=1, deterministic=True)
+        throwers.append(Thrower(label, model, LearnedImpact(**parts), certain))
+    errors = [(k, f.mu, f.epsilon, f.cost) for k, f in fits.items()]
+    return throwers, pd.DataFrame(errors, columns=["law", "mu", "epsilon", "error"])
 
 
 def single_hits(model: DiceModel, impacts: Impacts, settings: DiceStudySettings) -> Impacts:
-    """The impacts after which, by the model's law, no other corner hits before a camera could tell (`double_hits`)."""
+    """The impacts after which, by the model's law, no other corner hits before a camera could tell (`hit_again`)."""
     return impacts.select(~hit_again(model.body, model.impact, impacts, settings.data.longest_contact))
+
+
+def hit_again(body: ThrownBody, law: LawImpact, impacts: Impacts, within: float) -> np.ndarray:
+    """Mask (n,) of n impacts after which, by the law and in free flight, another corner hits `within` s.
+
+    A square that lands nearly flat hits with its next corner milliseconds later (thesis 4.4, figure 4-9), and the
+    camera sees one impact that no impulse at one point explains.  A learner of such impulses would see a large
+    residual, count the second hit twice (a simulated throw makes it anyway), and multiply the energy of a body that
+    rocks on its corner, which has the same features X1.  Nothing measured after the impact is used.
+    """
+    q = impacts.q.copy()
+    q[:, 1] -= body.gap(q)  # measured heights are a millimetre off: the lowest corner touches
+    r, corner = body.lowest(q[:, 2])
+    _, after, _ = law(q, impacts.v_pre, r, np.zeros(len(q), bool), np.random.default_rng(0))
+    known = np.isfinite(after).all(axis=1)
+    again = np.zeros(len(q), bool)
+    t, other = first_touch(body, q[known], after[known])
+    again[known] = (t < within) & (other != corner[known])
+    return again
 
 
 def contact_residuals(
@@ -131,16 +143,11 @@ def contact_residuals(
         units, and the model's normal impulse (m,) per unit mass in m/s.
     """
     body = model.body
-    q = model.seen(contacts.q)
-    t, corner = first_touch(body, q, contacts.v)
-    q_0, v_0 = fly(body, q, contacts.v, t)
-    r = body.contact_point(q_0[:, 2], corner)
-    approach = -(v_0[:, 1] + r[:, 0] * v_0[:, 2])
+    t, q_0, v_0, _, approach = touch_down(model, contacts)
     # the flight after the contact, traced back to the end of the duration
     back = contacts.span - t - settings.duration
-    rows = np.flatnonzero(
-        (approach > settings.slowest) & (np.abs(back) < 2.0 * settings.duration) & (t < contacts.span)
-    )
+    soon = (np.abs(back) < 2.0 * settings.duration) & (t < contacts.span)
+    rows = np.flatnonzero((approach > settings.slowest) & soon)
     q_0, v_0, back = q_0[rows], v_0[rows], back[rows]
     path_q, path_v = contact_path(model, q_0, v_0, settings.duration, settings.throw)
     after_q = contacts.q_after[rows] - [0.0, 0.0, model.d_theta]
@@ -159,12 +166,8 @@ def scattered(name: str, model: DiceModel, contacts: MeasuredContacts, settings:
     size = MAD_TO_STD * np.median(np.abs(relative), axis=0)
     # as a wrench about the centre: the couple per normal impulse is k times the spin's share
     wrench = np.diag(size * [1.0, 1.0, model.k_g]) ** 2
-    return Thrower(
-        name,
-        model,
-        ScatteredLaw(model.body, model.impact, relative=wrench),
-        Sampled(model.body, model.impact, draws=1, deterministic=True),
-    )
+    certain = Sampled(model.body, model.impact, draws=1, deterministic=True)
+    return Thrower(name, model, ScatteredLaw(model.body, model.impact, relative=wrench), certain)
 
 
 @dataclass(frozen=True)
@@ -213,19 +216,9 @@ def train_missed(
 
 def contact_map(name: str, model: DiceModel, missed: Missed, settings: DiceStudySettings) -> Thrower:
     """A thrower with the contact map of what `model` misses."""
-
-    def path(q: np.ndarray, v: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
-        return contact_path(model, q, v, duration, settings.throw)
-
-    parts = {
-        "body": model.body,
-        "law": model.impact,
-        "path": path,
-        "regimes": missed.regimes,
-        "freedom": missed.freedom,
-        "duration": settings.duration,
-        "slowest": settings.slowest,
-    }
+    path = partial(contact_path, model, settings=settings.throw)
+    parts = {"body": model.body, "law": model.impact, "path": path, "regimes": missed.regimes}
+    parts |= {"freedom": missed.freedom, "duration": settings.duration, "slowest": settings.slowest}
     return Thrower(name, model, ContactMap(**parts), ContactMap(**parts, draws=1, deterministic=True))
 
 
@@ -236,7 +229,8 @@ def slide_fitted(
     best = None
     for mu in settings.slide_grid:
         thrower = make(replace(model, mu=mu))
-        out = throw_starts(thrower, thrower.certain, releases.q, releases.v, settings, np.random.default_rng(0))
+        rng = np.random.default_rng(0)
+        out = throw_starts(thrower.model, thrower.certain, releases.q, releases.v, settings.throw, rng)
         error = float(np.mean(np.abs(releases.end[:, 0] - out.q[:, 0]))) / side
         if best is None or error < best[0]:
             best = (error, thrower)
@@ -244,13 +238,33 @@ def slide_fitted(
 
 
 def throw_starts(
-    thrower: Thrower,
-    contact: Sampled,
-    q: np.ndarray,
-    v: np.ndarray,
-    settings: DiceStudySettings,
-    rng: np.random.Generator,
+    model: DiceModel, contact: Sampled, q: np.ndarray, v: np.ndarray, settings: ThrowSettings, rng: np.random.Generator
 ) -> Throws:
-    """Ends of throws from measured poses and velocities (n, 3) with one of the two contacts of a thrower."""
-    model = thrower.model
-    return simulate_throws(model.body, model.seen(q), v, contact, model.mu, settings.throw, rng)
+    """Ends of throws from measured poses and velocities (n, 3) with a contact of the model."""
+    return simulate_throws(model.body, model.seen(q), v, contact, model.mu, settings, rng)
+
+
+def perturbed(releases: Releases, copies: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Poses and velocities (n copies, 3) drawn from the covariance of each start, copies of a throw together."""
+    root = covariance_root(releases.cov)
+    noise = np.einsum("nij,ncj->nci", root, rng.standard_normal((len(root), copies, 6)))
+    state = (np.hstack([releases.q, releases.v])[:, None, :] + noise).reshape(-1, 6)
+    return state[:, :3], state[:, 3:]
+
+
+def noise_limit(
+    thrower: Thrower, releases: Releases, side: float, settings: DiceStudySettings, rng: np.random.Generator
+) -> pd.DataFrame:
+    """How far noise of the measured start alone moves the end: trial, spread (in sides of `side` m), face_kept.
+
+    The model without uncertainty throws from each measured state and from states drawn from its covariance.  No
+    prediction from these measurements can be better than the spread: the root mean square of (x_end − x_end of the
+    measured state).  A model whose throws are less sensitive than the true ones gives too low a limit.  `face_kept` is
+    the share of drawn starts that end on the same side as the measured state.
+    """
+    copies = settings.limit_copies
+    still = throw_starts(thrower.model, thrower.certain, releases.q, releases.v, settings.throw, rng)
+    moved = throw_starts(thrower.model, thrower.certain, *perturbed(releases, copies, rng), settings.throw, rng)
+    away = (moved.q[:, 0].reshape(-1, copies) - still.q[:, :1]) / side
+    kept = moved.face.reshape(-1, copies) == still.face[:, None]
+    return pd.DataFrame({"trial": releases.trial, "spread": np.sqrt((away**2).mean(1)), "face_kept": kept.mean(1)})

@@ -15,16 +15,21 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.dice.restitution import restitution
+from thesis_lib.residual.dice.data import MeasuredContacts
+from thesis_lib.residual.dice.fit import DiceModel, contact_path, touch_down
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.study import DiceStudy, first_contacts
 from thesis_lib.residual.dice.tables import easy_and_hard
 from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
+from thesis_lib.residual.throwing.flight import fly
+from thesis_lib.residual.throwing.settings import ThrowSettings
 
 BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
 PLAIN = "law"
 COMPLIANT = "compliant"
 SAMPLES = 200  # of a drawn belief
+ASKEW = 0.75  # 24 degrees from a side: the neighbour touches much later, if at all
+FAST = 0.5  # m/s; slower contacts give poor estimates of restitution
 
 
 @dataclass(frozen=True)
@@ -57,35 +62,27 @@ def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[
     ]
     first = ["model", "kind"]
     coverage = pd.concat(coverages, ignore_index=True)
+    difficulty, first_contact = stacked(studies, lambda s: s.difficulty), stacked(studies, lambda s: s.first_table)
+    counts = [pd.DataFrame({"counted": list(s.counts), "count": list(s.counts.values())}) for s in studies]
     return {
         "dice": over_splits(stacked(studies, lambda s: s.table), ["model", "quantity"], "value"),
         "dice_throws": throws,
         "dice_limit": stacked(studies, lambda s: s.limit),
-        "dice_difficulty": over_splits(
-            stacked(studies, lambda s: s.difficulty), ["model", "spread"], "rank_correlation"
-        ),
+        "dice_difficulty": over_splits(difficulty, ["model", "spread"], "rank_correlation"),
         "dice_rates": stacked(studies, lambda s: s.rates),
         "dice_parameters": stacked(studies, lambda s: s.parameters),
         "dice_laws": stacked(studies, lambda s: s.laws),
         "dice_calibration": coverage[first + [name for name in coverage.columns if name not in first]],
-        "dice_first_contact": over_splits(
-            stacked(studies, lambda s: s.first_table), ["model", "belief", "quantity"], "value"
-        ),
+        "dice_first_contact": over_splits(first_contact, ["model", "belief", "quantity"], "value"),
         "dice_first_contact_throws": stacked(studies, lambda s: s.first),
-        "dice_counts": stacked(
-            studies, lambda s: pd.DataFrame({"counted": list(s.counts), "count": list(s.counts.values())})
-        ),
+        "dice_counts": stacked(counts, lambda table: table),
     }
 
 
-def stacked(studies: Sequence[DiceStudy], table: Callable[[DiceStudy], pd.DataFrame]) -> pd.DataFrame:
+def stacked(studies: Sequence, table: Callable[..., pd.DataFrame]) -> pd.DataFrame:
     """A table of all splits, with `split` as first column."""
-    parts = []
-    for i, study in enumerate(studies):
-        part = table(study).copy()
-        part.insert(0, "split", i)
-        parts.append(part)
-    return pd.concat(parts, ignore_index=True)
+    parts = [table(study).assign(split=i) for i, study in enumerate(studies)]
+    return pd.concat([part[["split", *part.columns[:-1]]] for part in parts], ignore_index=True)
 
 
 def over_splits(table: pd.DataFrame, keys: list[str], value: str) -> pd.DataFrame:
@@ -111,6 +108,27 @@ def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.Da
     """Restitution against place of held-out contacts, measured and by the compliant contact (`restitution`)."""
     held = study.contacts.select(~np.isin(study.contacts.trial, study.train))
     return restitution(study.outcomes[COMPLIANT].thrower.model, held, settings.throw)
+
+
+def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:
+    """Restitution e_n = −v_n⁺/v_n⁻ at the touching corner against its place x (m), measured and by the fitted contact.
+
+    A row per contact: trial, first (0 or 1), x, speed (m/s of approach), measured, model.  Flights after a contact are
+    traced back to the touch.  Contacts of one corner only, far from landing flat and faster than `FAST`.
+    """
+    t, at, _, r, approach = touch_down(model, contacts)
+    shown = (np.abs(np.sin(2.0 * at[:, 2])) > ASKEW) & (approach > FAST) & (t < contacts.span)
+    start_q, start_v, span = model.seen(contacts.q)[shown], contacts.v[shown], contacts.span[shown]
+    ends = {
+        "measured": (contacts.q_after[shown] - [0.0, 0.0, model.d_theta], contacts.v_after[shown]),
+        "model": contact_path(model, start_q, start_v, span, settings),
+    }
+    table = pd.DataFrame({"trial": contacts.trial[shown], "first": contacts.first[shown].astype(int)})
+    table["x"], table["speed"] = at[shown, 0] + r[shown, 0], approach[shown]
+    for name, (end_q, end_v) in ends.items():
+        _, after = fly(model.body, end_q, end_v, t[shown] - span)
+        table[name] = (after[:, 1] + r[shown, 0] * after[:, 2]) / approach[shown]
+    return table.sort_values(["first", "x", "trial"], kind="stable").reset_index(drop=True)
 
 
 def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator) -> Examples:

@@ -40,13 +40,14 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, Releases, flight_drag, read_throws
 from thesis_lib.residual.dice.fit import DiceModel, fit_dice
-from thesis_lib.residual.dice.limit import noise_limit, perturbed
 from thesis_lib.residual.dice.mixture_belief import first_contact_scores, first_contact_summary
 from thesis_lib.residual.dice.models import (
     Thrower,
     contact_map,
     critique_model,
     law_models,
+    noise_limit,
+    perturbed,
     scattered,
     single_hits,
     slide_fitted,
@@ -92,17 +93,9 @@ def dice_study(
 ) -> list[DiceStudy]:
     """Studies of a dataset of throws of a square, one for each of `splits` random splits of the throws.
 
-    Args:
-        dataset: with trajectories.
-        hits: trial, t (s) of all detected hits (arcs.csv).
-        impacts: isolated measured impacts (impacts.csv).
-        critique: the critique's model (model.json); None omits it.
-        settings: of data, fits, throws and splits.
-        rng: for splits, fits, particles and bootstrap.
-        say: called with a line for each split.
-
-    Raises:
-        UserError: the shape is no square, or the critique's model has effects that throws do not know.
+    `hits` are trial and t (s) of all detected hits (arcs.csv), `impacts` the isolated measured ones (impacts.csv);
+    `critique` is the critique's model (model.json), None omits it.  `say` is called with a line for each split.
+    Raises UserError if the shape is no square, or the critique's model has effects that throws do not know.
     """
     side = side_of(dataset)
     measured = Measured(*read_throws(dataset, hits, settings.data), impacts)
@@ -158,16 +151,11 @@ def _one_split(
         [throw_rows(o, held.releases, side, stream("rows", name)) for name, o in outcomes.items()], ignore_index=True
     )
     isolated = single_hits(law_model, held.impacts, settings)
-    pits = [
-        impact_pits(t, isolated) if isinstance(t.contact, LearnedImpact) else contact_pits(t, held.contacts, settings)
-        for t in throwers
-    ]
-    limits = [
-        noise_limit(
-            held.releases, t.model, t.certain, side, settings.limit_copies, settings.throw, stream("limit", t.name)
-        ).assign(model=t.name)
-        for t in throwers
-    ]
+    pits, limits = [], []
+    for t in throwers:
+        learned_impact = isinstance(t.contact, LearnedImpact)
+        pits.append(impact_pits(t, isolated) if learned_impact else contact_pits(t, held.contacts, settings))
+        limits.append(noise_limit(t, held.releases, side, settings, stream("limit", t.name)).assign(model=t.name))
     limit = pd.concat(limits, ignore_index=True)
     first = first_contact_scores(throwers, held.releases, held.contacts, settings, first_rng)
     return DiceStudy(
@@ -179,11 +167,8 @@ def _one_split(
         throws=throws,
         limit=limit,
         difficulty=difficulty(throws, settings.bootstrap, bootstrap_rng),
-        rates=pd.DataFrame([_rejections(t) for t in throwers]),
-        parameters=pd.DataFrame(
-            [(t.name, name, value) for t in throwers for name, value in _numbers(t.model)],
-            columns=["model", "parameter", "value"],
-        ),
+        rates=pd.DataFrame([{"model": t.name, **t.contact.tally.columns()} for t in throwers]),
+        parameters=pd.concat([_parameters(t) for t in throwers], ignore_index=True),
         laws=law_errors,
         contact_pits=pd.concat(pits, ignore_index=True),
         first=first,
@@ -221,23 +206,16 @@ def _compliant_models(
     return throwers, outliers
 
 
-def _rejections(thrower: Thrower) -> dict[str, object]:
-    """Counts and rates of rejected samples."""
-    tally = thrower.contact.tally
-    rates = {name: getattr(tally, name) for name in ("rejection_rate", "first_rejection_rate")}
-    return {"model": thrower.name, **vars(tally), **rates}
-
-
 def throw_held_out(
     thrower: Thrower, releases: Releases, settings: DiceStudySettings, rng: np.random.Generator
 ) -> HeldOutThrows:
     """All held-out throws of one model, with and without uncertainty."""
-    certain = throw_starts(thrower, thrower.certain, releases.q, releases.v, settings, rng)
+    model = thrower.model
+    certain = throw_starts(model, thrower.certain, releases.q, releases.v, settings.throw, rng)
     q, v = perturbed(releases, settings.particles, rng)
-    out = throw_starts(thrower, thrower.contact, q, v, settings, rng)
+    out = throw_starts(model, thrower.contact, q, v, settings.throw, rng)
     shape = (len(releases.trial), settings.particles)
-    metric = np.array([1.0, 1.0, thrower.model.k_g])
-    velocity = (out.snapshot_v[0] * metric).reshape(*shape, 3)
+    velocity = (out.snapshot_v[0] * np.array([1.0, 1.0, model.k_g])).reshape(*shape, 3)
     spread = np.sqrt(np.nanvar(velocity, axis=1).sum(-1))
     return HeldOutThrows(thrower, out.q[:, 0].reshape(shape), out.face.reshape(shape), certain, spread)
 
@@ -251,7 +229,7 @@ def first_contacts(
     """
     row = np.flatnonzero(releases.trial == trial)
     q, v = perturbed(releases.select(row), count, rng)
-    out = throw_starts(thrower, thrower.contact, q, v, settings, rng)
+    out = throw_starts(thrower.model, thrower.contact, q, v, settings.throw, rng)
     parts = [np.column_stack([np.zeros((count, 2)), q])]
     for i, (pose, t) in enumerate(zip(out.snapshot_q, out.snapshot_t), start=1):
         parts.append(np.column_stack([np.full(count, i), t, pose + [0.0, 0.0, thrower.model.d_theta]]))
@@ -272,6 +250,9 @@ def side_of(dataset: Dataset) -> float:
     )
 
 
-def _numbers(model: DiceModel) -> list[tuple[str, float]]:
+def _parameters(thrower: Thrower) -> pd.DataFrame:
+    """The numbers of a model: model, parameter, value."""
+    model = thrower.model
     items = {**vars(model), **(vars(model.contact) if model.contact else {})}.items()
-    return [(name, float(value)) for name, value in items if isinstance(value, float)]
+    rows = [(thrower.name, name, float(value)) for name, value in items if isinstance(value, float)]
+    return pd.DataFrame(rows, columns=["model", "parameter", "value"])

@@ -13,7 +13,6 @@ The critique's parameters were fitted on its own training trials and stay fixed.
 """
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -23,22 +22,6 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.effects.effect import State
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
-
-
-class Base(Protocol):
-    """A prediction without learning, and the frame of its contact."""
-
-    def fit(self, impacts: Impacts) -> "Base":
-        """The base with parameters fitted to training impacts."""
-
-    def predict(self, impacts: Impacts) -> np.ndarray:
-        """Measured velocity after impact, (n, 3)."""
-
-    def seen(self, impacts: Impacts) -> Impacts:
-        """The impacts in the frame of the contact."""
-
-    def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
-        """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact; affine in v_post."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +43,11 @@ class LawBase:
         return LAWS[self.law](impacts.v_pre, impacts.r, **body, mu=self.mu, epsilon=self.epsilon).v_post
 
     def seen(self, impacts: Impacts) -> Impacts:
-        """The impacts themselves."""
+        """The impacts in the frame of the contact: themselves."""
         return impacts
 
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
-        """The velocity itself."""
+        """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact: itself."""
         return v_post
 
 
@@ -84,7 +67,7 @@ class AugmentedBase:
         return m.model.predict(_state(impacts), m.values, m.believed, self._offset(impacts)).v
 
     def seen(self, impacts: Impacts) -> Impacts:
-        """Impacts with true pose, velocities, contact point and radius of gyration."""
+        """Impacts in the frame of the contact: true pose, velocities, contact point and radius of gyration."""
         m = self.model
         before, r_x, r_y, k_g = m.model.contact(_state(impacts), m.values, m.believed, self._offset(impacts))
         after, *_ = m.model.contact(_state(impacts, impacts.v_post), m.values, m.believed)
@@ -94,7 +77,7 @@ class AugmentedBase:
         )
 
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
-        """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact."""
+        """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact; affine in v_post."""
         m = self.model
         active = m.model.active(m.values)
         state, *_ = m.model.contact(_state(impacts), m.values, m.believed)
@@ -110,6 +93,7 @@ class AugmentedBase:
         return np.where(np.abs(offset) > ROUNDED * shape.extent, offset, 0.0)
 
 
+Base = LawBase | AugmentedBase
 ROUNDED = 1e-6  # of the body's size: tables hold nine digits
 
 

@@ -14,11 +14,6 @@ With Φ the normal distribution function, every (s_n, s_t, s_b) ∈ ℝ³ is a f
 
     z_n = R Φ(s_n),   z_t = √(R² − z_n²) (2 Φ(s_t) − 1),   z_b = √(R² − z_n² − z_t²) (2 Φ(s_b) − 1)
 
-| on paper   | in code      | unit | shape       |                                                        |
-|------------|--------------|------|-------------|--------------------------------------------------------|
-| z_n,z_t,z_b| `coordinates`| m/s  | (n, 3)      | velocity in the frame of the contact                   |
-| s          | `latent`     | 1    | (n, 2 or 3) | unbounded coordinates of the feasible set              |
-
 Source of the energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929; ellipsoid: thesis, figure 4-2.
 """
 
@@ -31,20 +26,12 @@ TOLERANCE = 1e-9  # of the speed before impact: rounding
 MARGIN = 1e-3
 
 
-def penetrates(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
-    """Mask (n,): the contact point moves into the surface after impact."""
-    return v_post[:, 1] + r[:, 0] * v_post[:, 2] < -TOLERANCE * velocity_error(v_pre, k_g)
-
-
-def gains_energy(v_pre: np.ndarray, v_post: np.ndarray, k_g: float) -> np.ndarray:
-    """Mask (n,): the kinetic energy is higher after impact than before."""
-    return velocity_error(v_post, k_g) > (1.0 + TOLERANCE) * velocity_error(v_pre, k_g)
-
-
 def feasible(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
     """Mask (n,) of velocities after impact (n, 3) that neither penetrate nor gain energy; NaN is not feasible."""
-    wrong = penetrates(v_pre, v_post, r, k_g) | gains_energy(v_pre, v_post, k_g)
-    return ~wrong & np.isfinite(v_post).all(axis=1)
+    before = velocity_error(v_pre, k_g)
+    penetrates = v_post[:, 1] + r[:, 0] * v_post[:, 2] < -TOLERANCE * before
+    gains_energy = velocity_error(v_post, k_g) > (1.0 + TOLERANCE) * before
+    return ~(penetrates | gains_energy) & np.isfinite(v_post).all(axis=1)
 
 
 def project(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool) -> np.ndarray:

@@ -10,17 +10,10 @@
 
 A wrench is a change of coordinates of Δv and loses nothing; a rigid impulse drops the couple.
 
-| on paper      | in code      | unit              | shape       |                                              |
-|---------------|--------------|-------------------|-------------|----------------------------------------------|
-| X             | `features`   | kg, m/s, N s, rad/s | (n, 2..6) | input of a learner                           |
-| (c, τ)        | `impulse_of` | N s, N m s        | (n, 2 or 3) | target of a learner                          |
-| M⁻¹ Jᵀ        | `velocity_map` | 1/kg, 1/(kg m), 1/(kg m²) | (n, 3, 2 or 3) | Δv by each component of the impulse |
-
 The undefined X5 of the thesis's class 2 is read as X1.  Without a mass, impulses are per kilogram.
 Source: Fazeli, Zapolsky, Drumwright, Rodriguez, "Learning data-efficient rigid-body contact models", CoRL 2017.
 """
 
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -36,41 +29,23 @@ def space_of(impacts: Impacts) -> ContactSpace:
     return contact_space(impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
 
 
-def _x1(impacts: Impacts) -> np.ndarray:
+def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
+    """Features of n impacts, (n, 5), (n, 2), (n, 2) or (n, 6) in kg, m/s, N s, rad/s, from before impact only."""
     space = space_of(impacts)
-    M_c = space.M_c
-    return np.stack([M_c[:, 0, 0], M_c[:, 0, 1], M_c[:, 1, 1], space.v_t, space.v_n], axis=1)
-
-
-def _x2(impacts: Impacts) -> np.ndarray:
-    return -np.stack(space_of(impacts).impulse_to(0.0, 0.0), axis=1)
-
-
-def _x2_polar(impacts: Impacts) -> np.ndarray:
+    if chosen in ("X1", "X1_omega"):
+        M_c = space.M_c
+        x1 = np.stack([M_c[:, 0, 0], M_c[:, 0, 1], M_c[:, 1, 1], space.v_t, space.v_n], axis=1)
+        return x1 if chosen == "X1" else np.column_stack([x1, impacts.v_pre[:, 2]])
+    momentum = -np.stack(space.impulse_to(0.0, 0.0), axis=1)
+    if chosen == "X2":
+        return momentum
     # an approaching contact has mostly downward momentum, so the angle does not jump
-    p_t, p_n = _x2(impacts).T
+    p_t, p_n = momentum.T
     return np.stack([np.arctan2(p_n, p_t), np.hypot(p_t, p_n)], axis=1)
 
 
-def _x1_omega(impacts: Impacts) -> np.ndarray:
-    return np.column_stack([_x1(impacts), impacts.v_pre[:, 2]])
-
-
-_SETS: dict[FeatureSet, Callable[[Impacts], np.ndarray]] = {
-    "X1": _x1,
-    "X2": _x2,
-    "X2_polar": _x2_polar,
-    "X1_omega": _x1_omega,
-}
-
-
-def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
-    """Features of n impacts, (n, 5), (n, 2), (n, 2) or (n, 6), from quantities before impact only."""
-    return _SETS[chosen](impacts)
-
-
 def impulse_of(dv: np.ndarray, impacts: Impacts, *, wrench: bool) -> np.ndarray:
-    """Impulse (c_t, c_n) or wrench (c_t, c_n, τ) of the velocity change dv (n, 3); linear in dv."""
+    """Impulse (c_t, c_n) in N s or wrench (c_t, c_n, τ in N m s) of the velocity change dv (n, 3); linear in dv."""
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     if not wrench:
         return np.stack(measured_impulse(dv, impacts.r, **body), axis=1)
@@ -79,7 +54,7 @@ def impulse_of(dv: np.ndarray, impacts: Impacts, *, wrench: bool) -> np.ndarray:
 
 
 def velocity_map(impacts: Impacts, *, wrench: bool) -> np.ndarray:
-    """A = M⁻¹ Jᵀ, (n, 3, 2) or (n, 3, 3), in Δv = A c; columns are c_t, c_n and τ."""
+    """A = M⁻¹ Jᵀ, (n, 3, 2) or (n, 3, 3) in 1/kg, 1/(kg m), 1/(kg m²); columns are Δv by c_t, c_n and τ."""
     n, w = len(impacts), 1.0 / impacts.mass
     w_I = w / impacts.k_g**2
     A = np.zeros((n, 3, 3 if wrench else 2))

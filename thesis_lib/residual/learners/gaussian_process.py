@@ -5,14 +5,6 @@ Each output is independent, with standardised inputs x and outputs y,
     k(x, x') = s exp(−½ Σ_d (x_d − x'_d)² / l_d²),   K_y = K + σ² W⁻¹,   α = K_y⁻¹ y
     μ* = k*ᵀ α,   var* = s − k*ᵀ K_y⁻¹ k*
 
-| on paper | in code        | unit | shape  |                                          |
-|----------|----------------|------|--------|------------------------------------------|
-| l        | `lengthscale`  | 1    | (p, d) | in standard deviations of the feature    |
-| s        | `signal`       | 1    | (p,)   | prior variance of the function           |
-| σ²       | `noise`        | 1    | (p,)   | variance of the noise                    |
-| w        | `weight`       | 1    | (n, p) | of each measurement, 1 unless it is wild |
-|          | `log_likelihood` | nats | (p,) | of the impacts that gave hyperparameters |
-
 GPyTorch supplies kernel, factorisation and prediction cache (exact, float64, all outputs in one batch); predictions use
 the covariance with the training data only.  `marginal_likelihood` finds the hyperparameters.
 
@@ -53,7 +45,7 @@ def device_of(settings: GaussianProcessSettings) -> "torch.device":
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A trained process: data, standardisation and hyperparameters as NumPy arrays; see the module's table."""
+    """A trained process: data, standardisation and hyperparameters as NumPy arrays."""
 
     x: np.ndarray  # x, y: (n, d) and (n, p) standardised training data
     y: np.ndarray
@@ -61,11 +53,11 @@ class GaussianProcess:
     x_scale: np.ndarray
     y_mean: np.ndarray
     y_scale: np.ndarray
-    lengthscale: np.ndarray
-    signal: np.ndarray
-    noise: np.ndarray
-    weight: np.ndarray
-    log_likelihood: np.ndarray
+    lengthscale: np.ndarray  # l (p, d), in standard deviations of the feature
+    signal: np.ndarray  # s (p,), prior variance of the function
+    noise: np.ndarray  # σ² (p,)
+    weight: np.ndarray  # w (n, p) of each measurement, 1 unless it is wild
+    log_likelihood: np.ndarray  # nats (p,), of the impacts that gave hyperparameters
     n_hyper: int  # training points that gave the hyperparameters
     device: str = "cpu"
 
@@ -130,18 +122,11 @@ def fit_gaussian_process(
     centred: bool = True,
     start: GaussianProcess | None = None,
 ) -> GaussianProcess:
-    """Train one process for each column of Y.
+    """Train one process for each column of outputs Y (n, p) at inputs X (n, d); `rng` draws all starts but the first.
 
-    Args:
-        X, Y: inputs (n, d) and outputs (n, p).
-        rng: draws all starts but the first.
-        settings: restarts and device.
-        centred: whether the prior mean is that of Y, or zero (residuals: without data, the law).
-        start: process on similar data; its hyperparameters are the first start, and are kept if they came from as many
-            impacts as the settings allow.
-
-    Raises:
-        ValueError: shapes that disagree, fewer than two rows, or values that are not finite.
+    The prior mean is that of Y if `centred`, else zero (residuals: without data, the law).  The hyperparameters of
+    `start`, a process on similar data, are the first start, and are kept if they came from as many impacts as the
+    settings allow.  Raises ValueError for shapes that disagree, fewer than two rows, or values that are not finite.
     """
     X, Y = np.asarray(X, dtype=float), np.asarray(Y, dtype=float)
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y):
@@ -191,12 +176,11 @@ def _exact() -> Any:
 
     import gpytorch
 
-    stack = contextlib.ExitStack()
-    stack.enter_context(gpytorch.settings.fast_computations(False, False, False))
-    stack.enter_context(gpytorch.settings.max_cholesky_size(1_000_000))
-    stack.enter_context(gpytorch.settings.fast_pred_var(True))
-    stack.enter_context(gpytorch.settings.debug(False))  # no warning where inputs are training inputs
-    stack.enter_context(gpytorch.settings.max_root_decomposition_size(1_000_000))
+    chosen, stack = gpytorch.settings, contextlib.ExitStack()
+    sizes = chosen.max_cholesky_size(1_000_000), chosen.max_root_decomposition_size(1_000_000)
+    quiet = chosen.debug(False)  # no warning where inputs are training inputs
+    for setting in (chosen.fast_computations(False, False, False), chosen.fast_pred_var(True), quiet, *sizes):
+        stack.enter_context(setting)
     return stack
 
 

@@ -8,11 +8,6 @@ range is certain far outside it.  Nearest neighbours replace a Mahalanobis dista
 point follows a curve: an unseen body angle can lie inside an ellipsoid.  A share 1 − q of new impacts of the same kind
 is flagged.
 
-| on paper | in code     | unit | shape |                                            |
-|----------|-------------|------|-------|--------------------------------------------|
-| d        | `distance`  | 1    | (n,)  | in standard deviations                     |
-| d_q      | `threshold` | 1    |       | leave-one-out quantile                     |
-
 Source: Ramaswamy, Rastogi and Shim 2000 (outliers by distance to nearest neighbours), doi:10.1145/335191.335437.
 """
 
@@ -31,7 +26,7 @@ QUANTILE = 0.99  # flags one in a hundred ordinary impacts
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """Range of n training impacts: centre and scale (6,), standardised `points` (n, 6), and the `threshold`."""
+    """Range of n training impacts: centre and scale (6,), standardised `points` (n, 6), and the `threshold` d_q."""
 
     centre: np.ndarray
     scale: np.ndarray

@@ -10,19 +10,13 @@
 and its covariance.  Infeasible predictions are flagged and given with their projection; impacts outside the range of
 training are flagged.
 
-| on paper | in code      | unit            | shape               |                                                    |
-|----------|--------------|-----------------|---------------------|----------------------------------------------------|
-| c̄        | `impulse`    | N s, N m s      | (n, 2 or 3)         | mean (c_t, c_n) or (c_t, c_n, τ)                   |
-| Σ        | `covariance` | their products  | (n, 2 or 3 square)  | of the function; with `noise=True` of an outcome   |
-| A        | `jacobian`   | 1/kg, 1/(kg m)  | (n, 3, 2 or 3)      | ∂v⁺/∂c, as measured                                |
-
 Where a law has no solution, the impact is left out of training and its prediction is NaN.  The prior mean of class 1 is
 the mean of its outputs, that of residuals zero.  μ and ε are learned from training impacts that the law can explain
 within `RANGE` (from all, if fewer than `FEWEST`), and clipped to 0 ≤ μ ≤ 2 and 0 ≤ ε ≤ 1.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -36,8 +30,7 @@ from thesis_lib.residual.learners.features import FeatureSet, features, impulse_
 from thesis_lib.residual.learners.gaussian_process import GaussianProcess, GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.learners.in_range import TrainingRange
 
-# m/s in the kinetic metric: largest misfit of the best (μ, ε) at which the law explains an outcome
-RANGE = 0.02
+RANGE = 0.02  # m/s in the kinetic metric: largest misfit of the best (μ, ε) at which the law explains an outcome
 FEWEST = 5
 IDENTITY = LawBase("")  # the frame of a learner without a base
 
@@ -46,29 +39,13 @@ IDENTITY = LawBase("")  # the frame of a learner without a base
 class Prediction:
     """Prediction of n impacts."""
 
-    # (n, 3) mean velocity after impact as measured, m/s and rad/s; NaN where the base has none
-    v_post: np.ndarray
-    # impulse, covariance, jacobian: see the module's table; NaN covariance where not requested
-    impulse: np.ndarray
-    covariance: np.ndarray
-    jacobian: np.ndarray
+    v_post: np.ndarray  # (n, 3) mean velocity after impact as measured, m/s, rad/s; NaN where the base has none
+    impulse: np.ndarray  # c̄ (n, 2 or 3), (c_t, c_n) in N s or (c_t, c_n, τ in N m s)
+    covariance: np.ndarray  # Σ (n, 2 or 3 square) of the function, with `noise` of an outcome; NaN if not requested
+    jacobian: np.ndarray  # A (n, 3, 2 or 3) = ∂v⁺/∂c as measured, 1/kg and 1/(kg m)
     feasible: np.ndarray  # (n,) whether v_post neither penetrates nor gains energy
     v_projected: np.ndarray  # (n, 3) the nearest feasible velocity, v_post itself where that is feasible
     in_range: np.ndarray  # (n,) whether the impact lies within the range of training
-
-
-class Trained(Protocol):
-    """A trained contact model."""
-
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
-        """Prediction from quantities before impact; `v_post` of `impacts` is not used."""
-
-
-class Learner(Protocol):
-    """A contact model that can be trained; `start`, trained on other impacts, is where the search starts."""
-
-    def fit(self, impacts: Impacts, rng: np.random.Generator, start: "Trained | None" = None) -> Trained:
-        """Train on impacts; raises ValueError for fewer than two."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +61,7 @@ class ImpulseLearner:
     residual: bool = False
     settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
 
-    def fit(
-        self, impacts: Impacts, rng: np.random.Generator, start: "TrainedImpulse | None" = None
-    ) -> "TrainedImpulse":
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedImpulse":
         """Train on impacts (n ≥ 2)."""
         base = (self.base or IDENTITY).fit(impacts) if self.residual else self.base or IDENTITY
         seen = base.seen(impacts)
@@ -96,14 +71,8 @@ class ImpulseLearner:
         y = impulse_of(target, seen, wrench=self.wrench)
         x = features(seen, self.feature_set)
         known = np.isfinite(y).all(axis=1)
-        process = fit_gaussian_process(
-            x[known],
-            y[known],
-            rng,
-            self.settings,
-            centred=not self.residual,
-            start=None if start is None else start.process,
-        )
+        centred, first = not self.residual, None if start is None else start.process
+        process = fit_gaussian_process(x[known], y[known], rng, self.settings, centred=centred, start=first)
         return TrainedImpulse(self, base, process, TrainingRange.of(seen))
 
 
@@ -120,9 +89,8 @@ class TrainedImpulse:
         """Prediction; see `Prediction`."""
         wrench = self.learner.wrench
         seen = self.base.seen(impacts)
-        impulse, variance = self.process.predict(
-            features(seen, self.learner.feature_set), noise=noise, variance=covariance
-        )
+        x = features(seen, self.learner.feature_set)
+        impulse, variance = self.process.predict(x, noise=noise, variance=covariance)
         if self.learner.residual:
             prior = _seen_prediction(self.base, impacts)
             # keep the part of the law's v⁺ that no impulse through the contact point gives
@@ -141,9 +109,7 @@ class ParameterLearner:
     feature_set: FeatureSet = "X1"
     settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
 
-    def fit(
-        self, impacts: Impacts, rng: np.random.Generator, start: "TrainedParameters | None" = None
-    ) -> "TrainedParameters":
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedParameters":
         """Train on the individual parameters of impacts (n ≥ 2)."""
         target = target_of(impacts)
         individual = fit_individual(LAWS[self.law], target, "velocity")
@@ -151,13 +117,8 @@ class ParameterLearner:
         solved = np.isfinite(individual.error)
         known = solved & (misfit <= RANGE)
         known = known if known.sum() >= FEWEST else solved
-        process = fit_gaussian_process(
-            features(impacts, self.feature_set)[known],
-            np.stack([individual.mu, individual.epsilon], axis=1)[known],
-            rng,
-            self.settings,
-            start=None if start is None else start.process,
-        )
+        x, y = features(impacts, self.feature_set)[known], np.stack([individual.mu, individual.epsilon], axis=1)[known]
+        process = fit_gaussian_process(x, y, rng, self.settings, start=None if start is None else start.process)
         return TrainedParameters(self, process, TrainingRange.of(impacts))
 
 
@@ -171,9 +132,8 @@ class TrainedParameters:
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
         """Prediction; the covariance is that of (μ, ε) through the law, by secants over one standard deviation."""
-        mean, variance = self.process.predict(
-            features(impacts, self.learner.feature_set), noise=noise, variance=covariance
-        )
+        x = features(impacts, self.learner.feature_set)
+        mean, variance = self.process.predict(x, noise=noise, variance=covariance)
         impulse, v_post = self._law(impacts, mean)
         S = _diagonal(np.full_like(mean, np.nan))
         if covariance:
@@ -201,16 +161,13 @@ class FeasibleLearner:
     wrench: bool
     settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
 
-    def fit(
-        self, impacts: Impacts, rng: np.random.Generator, start: "TrainedFeasible | None" = None
-    ) -> "TrainedFeasible":
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedFeasible":
         """Train on impacts (n ≥ 2)."""
         # replace an outcome that no point impulse reaches by the nearest one that it reaches
         v = velocity_after(impulse_of(impacts.dv, impacts, wrench=self.wrench), impacts)
         s = feasibility.to_latent(impacts.v_pre, v, impacts.r, impacts.k_g, wrench=self.wrench)
-        process = fit_gaussian_process(
-            features(impacts, self.feature_set), s, rng, self.settings, start=None if start is None else start.process
-        )
+        x, first = features(impacts, self.feature_set), None if start is None else start.process
+        process = fit_gaussian_process(x, s, rng, self.settings, start=first)
         return TrainedFeasible(self, process, TrainingRange.of(impacts))
 
 
@@ -224,9 +181,8 @@ class TrainedFeasible:
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
         """Prediction at the mean coordinates; covariance by linearisation."""
-        s, variance = self.process.predict(
-            features(impacts, self.learner.feature_set), noise=noise, variance=covariance
-        )
+        x = features(impacts, self.learner.feature_set)
+        s, variance = self.process.predict(x, noise=noise, variance=covariance)
         v_post = feasibility.from_latent(impacts.v_pre, s, impacts.r, impacts.k_g)
         wrench = self.learner.wrench
         impulse = impulse_of(v_post - impacts.v_pre, impacts, wrench=wrench)
@@ -244,7 +200,7 @@ class LawLearner:
 
     base: Base
 
-    def fit(self, impacts: Impacts, rng: np.random.Generator, start: "Trained | None" = None) -> "TrainedLaw":
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedLaw":
         """Fit the base's parameters; `rng` and `start` are not used."""
         base = self.base.fit(impacts)
         return TrainedLaw(base, TrainingRange.of(base.seen(impacts)))
@@ -264,6 +220,12 @@ class TrainedLaw:
         impulse = impulse_of(v_seen - seen.v_pre, seen, wrench=True)
         S = np.zeros((len(impacts), 3, 3))
         return _prediction(self.base, impacts, seen, v_seen, impulse, S, self.range, wrench=True)
+
+
+# `fit` raises ValueError for fewer than two impacts; `start`, trained on others, is where its search starts
+Learner = ImpulseLearner | ParameterLearner | FeasibleLearner | LawLearner
+# `predict` uses quantities before impact only, not the `v_post` of the impacts
+Trained = TrainedImpulse | TrainedParameters | TrainedFeasible | TrainedLaw
 
 
 def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:

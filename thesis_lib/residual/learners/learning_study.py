@@ -47,12 +47,8 @@ def learning_curves(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of all laws, bounds and learners on random splits of impacts from `impact_study.study.select_impacts`.
 
-    Returns:
-        curves: a row per model, n and split; errors: a row per model and held-out impact of the first split, at the
-        size nearest to that of figure 4-5.
-
-    Raises:
-        ValueError: the smallest size exceeds the training impacts of a split.
+    Returns curves, a row per model, n and split; and errors, a row per model and held-out impact of the first split, at
+    the size nearest to that of figure 4-5.  Raises ValueError if the smallest size exceeds a split's training impacts.
     """
     models: dict[str, Learner] = {name: LawLearner(LawBase(name)) for name in settings.laws}
     models |= learners(settings.base_law, settings.gaussian_process)
@@ -93,24 +89,14 @@ def named_physics(
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Named physics, then residual: errors on the trials that the critique held out.
+    """Named physics, then residual: errors on approaching impacts of the trials that the critique held out.
 
-    Args:
-        impacts: approaching impacts.
-        held_out: (n,) mask of impacts whose trials the critique never used to choose.
-        law: the critique's base law.
-        model: the critique's model.json.
-        settings: sizes and splits (here draws of the training impacts).
-        rng: for draws and searches.
-        say: called with a line for each draw.
+    `held_out` (n,) marks impacts whose trials the critique never used to choose; `law` is its base law, `model` its
+    model.json.  The splits of `settings` are here draws of the training impacts; `say` is called with a line for each.
 
-    Returns:
-        curves: a row per model, n and draw; rungs: a row per model at the size of figure 4-5 with mean error over
-        draws, its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published and
-        under the effects.
-
-    Raises:
-        ValueError: no training or no held-out impacts.
+    Returns curves, a row per model, n and draw; and rungs, a row per model at the size of figure 4-5 with mean error
+    over draws, its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published and
+    under the effects.  Raises ValueError without training or held-out impacts.
     """
     if held_out.all() or not held_out.any():
         raise ValueError("there must be impacts on both sides of the critique's held-out trials")
@@ -204,13 +190,9 @@ def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.D
         "law_over_wrench": (base_law, "wrench_x1"),
         "law_over_wrench_omega": (base_law, "wrench_x1_omega"),
     }
-    rows = []
-    for statement, (above, below) in pairs.items():
-        ratio = wide[above] / wide[below]
-        rows.append(
-            {"statement": statement, "n": n, "value": ratio.mean(), "std": ratio.std(ddof=1) / np.sqrt(len(ratio))}
-        )
-    return pd.DataFrame(rows)
+    ratios = {statement: wide[above] / wide[below] for statement, (above, below) in pairs.items()}
+    rows = [(name, n, ratio.mean(), ratio.std(ddof=1) / np.sqrt(len(ratio))) for name, ratio in ratios.items()]
+    return pd.DataFrame(rows, columns=["statement", "n", "value", "std"])
 
 
 def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) -> int:

@@ -4,10 +4,8 @@
     ∂ log p / ∂ log l_d = ½ Σ_ij G_ij (x_id − x_jd)² / l_d²,   G = (α αᵀ − K_y⁻¹) ∘ K     (R. & W., eq. 5.9)
     w_i = min(1, (`WILD`/|z_i|)²),   z_i² = (α_i/κ_i)² / (1/κ_i − σ²/w_i + σ²),   κ_i = [K_y⁻¹]_ii   (eq. 5.12)
 
-| on paper | in code   | unit | shape    |                                                          |
-|----------|-----------|------|----------|----------------------------------------------------------|
-| l, s, σ² | `theta`   | 1    | (d + 2,) | lengths, variance of the function, of the noise; as logs |
-| w        | `weight`  | 1    | (n,)     | of each measurement, 1 unless it is wild                 |
+`theta` (d + 2,) holds the logarithms of the lengths l, of the variance s of the function and of the noise, σ²;
+`weight` (n,) is w, 1 unless a measurement is wild.
 
 With Σ_ij G_ij (x_id − x_jd)² = 2 Σ_i x_id² (G 1)_i − 2 (Xᵀ G X)_dd the gradient needs one Cholesky factor and one
 inverse, without the n × n steps of automatic differentiation.  L-BFGS-B runs from several starts; the first is fixed
@@ -49,18 +47,10 @@ class GaussianProcessSettings(Section):
     """How Gaussian processes are trained; all own choices."""
 
     restarts: int = Field(2, ge=1, description="starts of the search for hyperparameters, the fixed one included")
-    prior: bool = Field(
-        True, description="weak log-normal priors on hyperparameters: without them ten impacts are learned by heart"
-    )
-    robust_rounds: int = Field(
-        2, ge=0, description="how often wild impacts get less weight and the search goes on; 0: all count alike"
-    )
+    prior: bool = Field(True, description="weak log-normal priors: without them ten impacts are learned by heart")
+    robust_rounds: int = Field(2, ge=0, description="how often wild impacts get less weight; 0: all count alike")
     iterations: int = Field(100, ge=1, description="most L-BFGS iterations of a start")
-    hyperparameter_impacts: int = Field(
-        450,
-        ge=10,
-        description="with more training impacts, hyperparameters come from the first ones; all are conditioned on",
-    )
+    hyperparameter_impacts: int = Field(450, ge=10, description="first impacts, which give the hyperparameters")
     device: Literal["auto", "cpu", "cuda"] = Field("auto", description="auto: a CUDA GPU if there is one")
 
 

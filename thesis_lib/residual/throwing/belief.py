@@ -12,12 +12,6 @@ with K sides, b Silverman's width of the M_f particles (of all, if a side has fe
 standard deviation of all particles.  The added 1/K of a particle and the wide part γ = 0.01 give every outcome a
 positive probability; without them one surprise would have likelihood zero.  The thesis gives no kernel.
 
-| on paper | in code      | unit | shape     |                                     |
-|----------|--------------|------|-----------|-------------------------------------|
-| m_i, S_i | `mean`,`cov` | mixed | (m, d), (m, d, d) | of the components           |
-| w_i      | `weight`     | 1    | (m,)      |                                     |
-| x_i, f_i | `x`, `face`  | m, 1 | (M,)      | particles at rest                   |
-
 Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; Silverman, Density Estimation, 1986 (width of
 kernels).
 """
@@ -34,11 +28,11 @@ NARROWEST = 1e-4  # m, a camera's error: least width, for particles that all agr
 
 @dataclass(frozen=True)
 class GaussianMixture:
-    """A mixture of m Gaussians in d dimensions; see the module's table."""
+    """A mixture of m Gaussians in d dimensions."""
 
-    mean: np.ndarray
-    cov: np.ndarray
-    weight: np.ndarray
+    mean: np.ndarray  # m_i (m, d)
+    cov: np.ndarray  # S_i (m, d, d)
+    weight: np.ndarray  # w_i (m,)
 
     @property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
@@ -82,7 +76,7 @@ def through_dynamics(jacobian: np.ndarray, cov: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class RestBelief:
-    """Belief over position x (m) and side at rest, from M equally weighted particles; `sides` is K."""
+    """Belief over position x (m) and side at rest, (M,) each, of equally weighted particles; `sides` is K."""
 
     x: np.ndarray
     face: np.ndarray

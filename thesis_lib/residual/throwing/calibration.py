@@ -13,11 +13,6 @@ of a level is the ellipsoid u ≤ level.  The interval of a coverage is Wilson's
 are dependent, so with `groups` it is a bootstrap over them.  A level passes if |coverage − level| is at most `MARGIN`
 or the level lies within the interval.
 
-| on paper | in code | unit      | shape  |                                   |
-|----------|---------|-----------|--------|-----------------------------------|
-| u        | `pit`   | 1         | (n,)   | probability integral transform    |
-| M        |         |           | (n, M) | samples of each prediction        |
-
 Sources: Gneiting and Raftery 2007, doi:10.1198/016214506000001437; Wilson 1927, doi:10.1080/01621459.1927.10502953;
 Grimit, Gneiting, Berrocal and Johnson 2006, doi:10.1256/qj.05.235 (CRPS of mixtures).
 """
@@ -93,17 +88,11 @@ def coverage_table(
     rng: np.random.Generator | None = None,
     bootstrap: int = 1000,
 ) -> pd.DataFrame:
-    """Coverage of the regions of `LEVELS`.
+    """Coverage of the regions of `LEVELS`: level, coverage, low, high, passes (1 or 0), n, left_out.
 
-    Args:
-        pit: (n,) PIT; NaN values are excluded and counted.
-        central: True for a scalar's PIT (regions about the median), False for χ² probabilities.
-        groups: (n,) trials, for a bootstrap interval; None: Wilson's.
-        rng: needed with groups; ValueError without.
-        bootstrap: number of replicates.
-
-    Returns:
-        level, coverage, low, high, passes (1 or 0), n, left_out.
+    NaN values of `pit` (n,) are excluded and counted.  `central` is True for a scalar's PIT (regions about the median),
+    False for χ² probabilities.  `groups` (n,) are trials for an interval by `bootstrap` replicates, which need `rng`
+    (else ValueError); without them it is Wilson's.
     """
     kept = np.isfinite(pit)
     inside = 2.0 * np.abs(pit[kept] - 0.5) if central else pit[kept]

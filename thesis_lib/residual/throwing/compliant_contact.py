@@ -13,17 +13,6 @@ p describes a surface with the largest restitution at one place x_0, as of a pla
 larger restitution when it lands flat.  Symplectic Euler with the step `DT` integrates all bodies at once; flights
 between contacts have a closed form.
 
-| on paper  | in code             | unit | meaning                                                          |
-|-----------|---------------------|------|------------------------------------------------------------------|
-| Ω         | `omega`             | 1/s  | root of a corner's stiffness per mass; a contact takes about π/Ω |
-| d         | `damping`           | s/m  | Hunt and Crossley's: restitution falls with speed                |
-| ζ         | `dashpot`           | 1    | damping ratio: restitution at all speeds                         |
-| μ         | `mu`                | 1    | friction                                                         |
-| τ, ζ_t    | `tau`, `dashpot_t`  | 1    | tangential over normal stiffness, damping ratio of its spring    |
-| x_0, w    | `place`, `width`    | m    | where the surface gives back most, and how far that reaches      |
-| g_d, g_ζ  | `far`, `far_dashpot`| 1    | more damping far from x_0                                        |
-| b_d, b_ζ  | `flat`, `flat_dashpot` | 1 | less damping on a flat side                                      |
-
 Sources: Hunt and Crossley 1975, doi:10.1115/1.3423596; Mindlin's tangential spring as in Stronge, Impact Mechanics,
 2000, chapter 5.  p and o were found in the residuals of the dice.
 """
@@ -43,39 +32,28 @@ _ROUNDS = 12  # of flight and contact, at most
 
 @dataclass(frozen=True)
 class CompliantContact:
-    """Stiffness, damping and friction of the corners; see the module's table."""
+    """Stiffness, damping and friction of the corners."""
 
-    omega: float = 1000.0
-    damping: float = 0.3
-    dashpot: float = 0.1
+    omega: float = 1000.0  # Ω, 1/s: root of a corner's stiffness per mass; a contact takes about π/Ω
+    damping: float = 0.3  # d, s/m, Hunt and Crossley's: restitution falls with speed
+    dashpot: float = 0.1  # ζ, damping ratio: restitution at all speeds
     mu: float = 0.15
-    tau: float = 0.5
-    dashpot_t: float = 0.1
-    place: float = 0.0
-    width: float = 0.1
-    far: float = 0.0
+    tau: float = 0.5  # τ, tangential over normal stiffness
+    dashpot_t: float = 0.1  # ζ_t, damping ratio of the tangential spring
+    place: float = 0.0  # x_0, m: where the surface gives back most
+    width: float = 0.1  # w, m: how far that reaches
+    far: float = 0.0  # g_d, with g_ζ = far_dashpot: more damping far from x_0
     far_dashpot: float = 0.0
-    flat: float = 0.0
+    flat: float = 0.0  # b_d, with b_ζ = flat_dashpot: less damping on a flat side
     flat_dashpot: float = 0.0
 
     @property
     def margin(self) -> float:
         """Negative by how far a parameter is outside its meaningful range."""
-        return min(
-            self.omega / 200.0 - 1.0,
-            3000.0 / self.omega - 1.0,  # a stiffer one needs smaller steps
-            self.damping,
-            self.dashpot,
-            0.9 - self.dashpot,
-            self.mu,
-            self.tau - 0.02,
-            self.dashpot_t,
-            self.width - 0.02,
-            self.far + 1.0,
-            self.far_dashpot + 1.0,
-            1.0 - self.flat,
-            1.0 - self.flat_dashpot,
-        )
+        stiffness = min(self.omega / 200.0 - 1.0, 3000.0 / self.omega - 1.0)  # a stiffer one needs smaller steps
+        positive = min(self.damping, self.dashpot, self.mu, self.dashpot_t, self.tau - 0.02, self.width - 0.02)
+        below_one = min(0.9 - self.dashpot, 1.0 - self.flat, 1.0 - self.flat_dashpot)
+        return min(stiffness, positive, below_one, self.far + 1.0, self.far_dashpot + 1.0)
 
 
 PARAMETERS = tuple(field.name for field in fields(CompliantContact))

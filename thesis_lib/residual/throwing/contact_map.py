@@ -16,12 +16,6 @@ follow Student's t in d = 6 dimensions with a common number of degrees of freedo
 
     log p(z) = Σ_j −log a_j − (ν + d)/2 log(1 + Σ_j (z_j/a_j)²/ν) + const          a by EM, ν from a grid
 
-| on paper | in code    | unit | shape | meaning                                                      |
-|----------|------------|------|-------|--------------------------------------------------------------|
-| T        | `duration` | s    |       |                                                              |
-| a        | `scale`    | 1    | (6,)  | of z; without a process, of the residual itself              |
-| ν        | `freedom`  | 1    |       | degrees of freedom                                           |
-
 Source of the leave-one-out residuals: Rasmussen and Williams 2006, eq. 5.12; of the EM: Lange, Little and Taylor 1989,
 doi:10.1080/01621459.1989.10478852.
 """
@@ -33,7 +27,7 @@ import numpy as np
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.residual.learners.gaussian_process import GaussianProcess
-from thesis_lib.residual.throwing.propagation import Sampled
+from thesis_lib.residual.throwing.propagation import Distribution, Sampled
 
 FREEDOMS = (2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
 _EM = 30  # iterations; scales change by less than a per cent after ten
@@ -41,7 +35,10 @@ _EM = 30  # iterations; scales change by less than a per cent after ten
 
 @dataclass(frozen=True)
 class Regime:
-    """Error at speeds up to `fastest` (m/s): a process, or None for its scatter alone; `scale` is a (6,)."""
+    """Error at speeds up to `fastest` (m/s): a process, or None for its scatter alone.
+
+    `scale` is a (6,) of z; without a process, of the residual itself.
+    """
 
     fastest: float
     process: GaussianProcess | None
@@ -60,9 +57,7 @@ class ContactMap(Sampled):
     duration: float = 0.012
     slowest: float = 0.12
 
-    def distribution(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """State (n, 6) after `duration` and its diagonal covariance, noise included."""
         mean, cov, took, in_range = super().distribution(q, v, r, slow)
         fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)

@@ -13,17 +13,6 @@ Conservative advancement finds the first touch.  In a flight φ̈_i ≥ −A wit
 R = max |u_i|, so no corner touches before the positive root of φ_i + φ̇_i t − A t²/2 = 0.  Steps of the least of these
 roots never pass a touch and converge near it like Newton's method.
 
-| on paper | in code       | unit          | shape  | meaning                                               |
-|----------|---------------|---------------|--------|-------------------------------------------------------|
-| q, v     | `q`, `v`      | m, rad; m/s, rad/s | (n, 3) | pose and velocity of the centre of mass          |
-| u_i      | `corners`     | m             | (k, 2) | centres of the corners' arcs from the centre of mass  |
-| ρ        | `rho`         | m             |        | radius of the corners' arcs                           |
-| h        | `height`      | m             |        | height of the surface                                 |
-| k        | `k_g`         | m             |        | radius of gyration                                    |
-| c_v, c_w | `c_v`, `c_w`  | 1/s           |        | linear drag of translation and spin                   |
-| φ_i      | `gap`         | m             | (n, k) | distance of each corner from the surface              |
-| r        | `r`           | m             | (n, 2) | contact point from the centre of mass                 |
-
 Source: conservative advancement, Mirtich, Impulse-based Dynamic Simulation, thesis, UC Berkeley 1996, section 2.3;
 the bound for flight with linear drag is derived here.
 """
@@ -33,24 +22,23 @@ from functools import cached_property
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.effects.effect import Rig
-from thesis_lib.foundation.errors import UserError
-
 TOUCH = 1e-7  # m, gap at which a corner touches: far below the resolution of a camera, far above rounding
 _ADVANCES = 200  # steps of the advancement; ten are usual, and bodies that need more count as touching
 
 
 @dataclass(frozen=True)
 class ThrownBody:
-    """A thrown polygon with rounded corners over a level surface; see the module's table."""
+    """A thrown polygon with rounded corners over a level surface.
 
-    corners: tuple[tuple[float, float], ...]
-    rho: float
-    k_g: float
-    gravity: float
-    height: float = 0.0
-    c_v: float = 0.0
+    Poses (n, 3) in m, rad and velocities (n, 3) in m/s, rad/s are those of its centre of mass.
+    """
+
+    corners: tuple[tuple[float, float], ...]  # m, u_i: centres of the corners' arcs from the centre of mass
+    rho: float  # m, radius of the arcs
+    k_g: float  # m, radius of gyration
+    gravity: float  # m/s²
+    height: float = 0.0  # m, of the surface
+    c_v: float = 0.0  # c_v, c_w: 1/s, linear drag of translation and spin
     c_w: float = 0.0
 
     @cached_property
@@ -81,8 +69,7 @@ class ThrownBody:
     def barrier(self) -> float:
         """Least rise in m of the centre of mass needed to roll from any side to a neighbour."""
         top = np.hypot(*self.u.T) + self.rho
-        over = np.minimum(top, np.roll(top, -1)) - self.rest_height
-        return float(np.min(over))
+        return float(np.min(np.minimum(top, np.roll(top, -1)) - self.rest_height))
 
     def face(self, theta: np.ndarray) -> np.ndarray:
         """Index (n,) of the side nearest to lying on the surface at angle `theta` (n,)."""
@@ -106,19 +93,6 @@ class ThrownBody:
         """Distance (n,) in m of the lowest corner from the surface."""
         r, _ = self.lowest(q[:, 2])
         return q[:, 1] + r[:, 1] - self.height
-
-
-def thrown_body(rig: Rig, *, rho: float = 0.0, c_v: float = 0.0, c_w: float = 0.0) -> ThrownBody:
-    """The body of a rig, with corners rounded by `rho` (m) and linear drag (1/s); UserError without corners."""
-    if not isinstance(rig.shape, Polygon):
-        raise UserError(f"Throws are simulated for polygons, but the shape is a {rig.shape.kind}.")
-    # the outline of the polygon shrunk by ρ, counter-clockwise
-    from thesis_lib.effects.rounded_corners import _corners
-
-    corners, inward, largest = _corners(rig.shape.vertices)
-    rho = min(rho, largest)
-    inner = corners + rho * inward
-    return ThrownBody(tuple(map(tuple, inner.tolist())), float(rho), rig.k_g, rig.gravity, rig.height, c_v, c_w)
 
 
 def fly(body: ThrownBody, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,13 +11,6 @@ model is wrong; the share of all samples also grows with how wrong it is, since 
     learned impact     c ~ N(c̄, Σ) of a trained model of `learners`   eqs. 4.12 to 4.15
     contact map        the model's path over a time T + what it misses        double hits as one event (`contact_map`)
 
-| on paper | in code     | unit            | shape       | meaning                                                   |
-|----------|-------------|-----------------|-------------|-----------------------------------------------------------|
-| m        | `mean`      | m, rad; m/s, rad/s | (n, 6)   | of pose and velocity after contact                        |
-| S        | `cov`       | their products  | (n, 6, 6)   | their covariance                                          |
-| Ξ        | `relative`  | 1, 1, m         | (3, 3)      | covariance of the wrench over c_n                         |
-| T        | `duration`  | s               |             | of the contact map                                        |
-
 Sources: Bauza and Rodriguez, GP-SUM, arXiv 1709.08120; Fazeli, Ajay, Rodriguez, ICRA 2020, arXiv 2009.03994.
 """
 
@@ -34,45 +27,42 @@ from thesis_lib.residual.throwing.throw import LawImpact, push
 PENETRATION = 1e-3  # m; deeper poses are rejected, shallower ones lifted: contacts dent by a millimetre
 
 
+# mean (n, 6), covariance (n, 6, 6), time (n,) in s and in_range (n,), as in `Drawn`
+Distribution = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
 @dataclass
 class Tally:
-    """Counts of an uncertain contact.
+    """Counts of states and samples of an uncertain contact."""
 
-    Samples: `drawn` and `rejected`.  States: `sampled`, `first_rejected` (first sample infeasible), `given_up` (no
-    feasible sample, left to the law), `out_of_range`, and `contacts` in all, certain ones included.
-    """
-
-    contacts: int = 0
-    drawn: int = 0
+    contacts: int = 0  # states in all, certain ones included
+    drawn: int = 0  # drawn, rejected: samples
     rejected: int = 0
     sampled: int = 0
-    first_rejected: int = 0
-    given_up: int = 0
+    first_rejected: int = 0  # states whose first sample is infeasible
+    given_up: int = 0  # states without a feasible sample, left to the law
     out_of_range: int = 0
 
-    @property
-    def rejection_rate(self) -> float:
-        """Share of infeasible samples."""
-        return self.rejected / self.drawn if self.drawn else 0.0
-
-    @property
-    def first_rejection_rate(self) -> float:
-        """Share of states whose first sample is infeasible; each state counts once."""
-        return self.first_rejected / self.sampled if self.sampled else 0.0
+    def columns(self) -> dict[str, float]:
+        """The counts, and the shares of infeasible samples and of states whose first sample is infeasible."""
+        return {
+            **vars(self),
+            "rejection_rate": self.rejected / self.drawn if self.drawn else 0.0,
+            "first_rejection_rate": self.first_rejected / self.sampled if self.sampled else 0.0,
+        }
 
 
 @dataclass(frozen=True)
 class Drawn:
     """Outcomes of n uncertain contacts: Gaussians and a feasible sample of each."""
 
-    # mean, cov: (n, 6) and (n, 6, 6) of pose and velocity; where no sample was feasible, the law's outcome
+    # m (n, 6) of pose and velocity in m, rad and m/s, rad/s, S (n, 6, 6); the law's outcome if no sample was feasible
     mean: np.ndarray
     cov: np.ndarray
     q: np.ndarray  # q, v: (n, 3) the samples
     v: np.ndarray
     took: np.ndarray  # (n,) s
-    # (n,) whether the state lies within the range of training, if the contact is a learned one
-    in_range: np.ndarray
+    in_range: np.ndarray  # (n,) whether the state lies within the range of training, if the contact is learned
 
 
 def draw(
@@ -121,13 +111,11 @@ def draw(
 class Sampled:
     """Base of uncertain contacts: an `ImpactModel` that draws from its distribution."""
 
-    body: ThrownBody  # thrown
-    # for contacts outside the training, and where no sample is feasible
-    law: LawImpact
+    body: ThrownBody
+    law: LawImpact  # for contacts outside the training, and where no sample is feasible
     draws: int = 20  # most samples per state; 0: the law alone
     deterministic: bool = False  # take the mean instead of a sample
-    # degrees of freedom of Student's t for samples of the same covariance; ∞: Gaussian
-    freedom: float = np.inf
+    freedom: float = np.inf  # degrees of freedom of Student's t for samples of the same covariance; ∞: Gaussian
     tally: Tally = field(default_factory=Tally)
 
     def __call__(
@@ -144,12 +132,8 @@ class Sampled:
             return normal
         return normal * np.sqrt((self.freedom - 2.0) / rng.chisquare(self.freedom, n))[:, None]
 
-    def distribution(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Mean (n, 6), covariance (n, 6, 6), time (n,) in s and in_range (n,) of `Drawn`; here the law, without
-        scatter.
-        """
+    def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
+        """The law, without scatter."""
         _, after, _ = self.law(q, v, r, slow, np.random.default_rng(0))
         n = len(q)
         return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n), np.ones(n, bool)
@@ -169,13 +153,11 @@ class Sampled:
 
 @dataclass
 class ScatteredLaw(Sampled):
-    """A law whose impulse scatters in proportion to its normal part; `relative` is Ξ (3, 3)."""
+    """A law whose impulse scatters in proportion to its normal part; `relative` is Ξ (3, 3) in 1, 1, m."""
 
     relative: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
 
-    def distribution(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """The law's outcome, and A Ξ A' c_n²; slow contacts are certain."""
         mean, cov, took, in_range = super().distribution(q, v, r, slow)
         fast = ~slow
@@ -192,9 +174,7 @@ class LearnedImpact(Sampled):
     trained: Trained | None = None
     slowest: float = 0.3
 
-    def distribution(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """Mean impulse and its covariance, noise included, through the dynamics."""
         mean, cov, took, in_range = super().distribution(q, v, r, slow)
         fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)

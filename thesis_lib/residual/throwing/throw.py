@@ -20,17 +20,13 @@ impacts is again infinitely many.  As in Mirtich's microcollisions, contacts slo
 hops stay small, gain no energy, and carry the contact's weight and friction on average.  Particles that still move
 after `max_contacts` contacts are counted and laid on their nearest side.
 
-| on paper | in code     | unit       | shape  | meaning                                                      |
-|----------|-------------|------------|--------|--------------------------------------------------------------|
-| q, v     | `q`, `v`    | m, rad; m/s, rad/s | (n, 3) | pose and velocity                                    |
-| f        | `settle`    | 1          |        | share of the barrier below which a particle lies             |
-| μ        | `mu_slide`  | 1          |        | friction of sliding                                          |
+In code, f is `settle` and μ `mu_slide`; poses are in m and rad, velocities in m/s and rad/s.
 
 Sources: Mirtich 1996 (impulse-based simulation), thesis section 4.3.3.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -39,23 +35,15 @@ from thesis_lib.contact.space import contact_space
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 
-
-class ImpactModel(Protocol):
-    """A model that resolves one contact of each of n particles."""
-
-    def __call__(
-        self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | float]:
-        """Pose and velocity (n, 3) after contact, and its duration (n,) in s, 0 for an impulse.
-
-        `q` and `v` (n, 3) are at the touch, `r` (n, 2) is the contact point, and contacts marked in `slow` (n,) must
-        keep their energy (see the module's text).
-        """
+# A model that resolves one contact of each of n particles, called as model(q, v, r, slow, rng): pose and velocity
+# (n, 3) at the touch, contact point r (n, 2), and a mask (n,) of contacts that must keep their energy (see above).
+# It gives pose and velocity (n, 3) after contact, and its duration (n,) in s, 0 for an impulse.
+ImpactModel = Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray | float]]
 
 
 @dataclass(frozen=True)
 class LawImpact:
-    """An impact law with constant parameters on a body with radius of gyration `k_g` (m)."""
+    """The `ImpactModel` of a law with constant parameters on a body with radius of gyration `k_g` (m)."""
 
     law: Law
     mu: float
@@ -75,8 +63,7 @@ class LawImpact:
 def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.ndarray:
     """v⁺ = v + M⁻¹ Jᵀ c for impulses per unit mass (n, 2) = (c_t, c_n), or (n, 3) with a couple about r."""
     after = v.copy()
-    after[:, 0] += impulse[:, 0]
-    after[:, 1] += impulse[:, 1]
+    after[:, :2] += impulse[:, :2]
     couple = r[:, 0] * impulse[:, 1] - r[:, 1] * impulse[:, 0]
     if impulse.shape[1] == 3:
         couple = couple + impulse[:, 2]
@@ -113,16 +100,13 @@ def simulate_throws(
     n, kept = len(q), settings.snapshots
     q, v = np.array(q, float), np.array(v, float)
     hits, contacts, settled = np.zeros(n, int), np.zeros(n, int), np.zeros(n, bool)
-    snap_q, snap_v = np.full((kept, n, 3), np.nan), np.full((kept, n, 3), np.nan)
-    snap_t = np.full((kept, n), np.nan)
-    clock, last = np.zeros(n), np.full(n, -np.inf)
-    moving = np.arange(n)
+    snap_q, snap_v, snap_t = (np.full((kept, n, *more), np.nan) for more in ((3,), (3,), ()))
+    clock, last, moving = np.zeros(n), np.full(n, -np.inf), np.arange(n)
     for _ in range(settings.max_contacts):
         if not len(moving):
             break
-        q_m, v_m = q[moving], v[moving]
-        t, corner = first_touch(body, q_m, v_m)
-        q_m, v_m = fly(body, q_m, v_m, t)
+        t, corner = first_touch(body, q[moving], v[moving])
+        q_m, v_m = fly(body, q[moving], v[moving], t)
         r = body.contact_point(q_m[:, 2], corner)
         slow = -(v_m[:, 1] + r[:, 0] * v_m[:, 2]) < settings.micro
         q_m, v_m, took = impact(q_m, v_m, r, slow, rng)
