@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from bouncing import Flights, ellipse_header, fly
 
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts, find_in_arrays
 from thesis_lib.datasets.impacts.quality import REASONS
@@ -131,7 +132,7 @@ def test_rows_that_are_no_measurement_are_left_out_of_given_impacts():
     values = [[i, 0, 0.0, 0.037, 0.1, 0.5, -2.0, 3.0, 0.4, 1.0, -5.0] for i in range(20)]
     values[7][9] = 1e6
     table = pd.DataFrame(values, columns=list(IMPACT_COLUMNS))
-    found = find_impacts(SimpleNamespace(name="given", header=ellipse_header(), trajectories=None, impacts=table))
+    found = find_impacts(Dataset("given", ellipse_header(), impacts=table))
     assert list(found.left_out["trial"]) == [7] and list(found.left_out["reason"]) == ["energy_gain"]
     assert len(found.impacts) == 19 and 7 not in found.impacts.trial
 
@@ -197,8 +198,7 @@ def test_impacts_given_by_the_user_win():
         (ellipse_header(noise={"position": 1e-3}), None),
         (ellipse_header(), None),
     ):
-        dataset = SimpleNamespace(name="given", header=header, trajectories=poses, impacts=table)
-        found = find_impacts(dataset)
+        found = find_impacts(Dataset("given", header, poses, table))
         assert len(found.impacts) == 1 and found.left_out.empty
         if diagonal is None:
             assert found.impacts.cov is None

@@ -54,7 +54,7 @@ def identification(out: Path) -> None:
     laws = ("mirtich", "wang_mason", "whittaker")
     rng = generator(SEED, "identification")
     write_result(study.ensemble_table(impacts, laws, ("kinetic",), "impulse", 20, rng), out / "ensemble.csv")
-    write_result(study.individual_table(impacts, laws, ("kinetic",), "impulse"), out / "individual.csv")
+    write_result(study.individual_table(impacts, laws, ("kinetic",)), out / "individual.csv")
 
 
 def dice(out: Path) -> None:

@@ -67,6 +67,6 @@ def small_study() -> Study:
         ensemble,
         individual,
         held_out_errors(impacts, split_table(impacts, np.zeros(len(impacts), bool)), ensemble, "kinetic"),
-        topography_table(impacts, "whittaker", 40, *axes, "kinetic", "impulse", rng),
-        convergence_table(impacts, [TRUTH], "kinetic", "impulse", (10, 40), 2, rng),
+        topography_table(impacts, "whittaker", 40, *axes, rng),
+        convergence_table(impacts, [TRUTH], (10, 40), 2, rng),
     )

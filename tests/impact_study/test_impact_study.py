@@ -124,7 +124,7 @@ class TestConvergence:
 
         monkeypatch.setattr(study, "fit_ensemble", watched)
         table = study.convergence_table(
-            impacts, ("whittaker", "mirtich"), "kinetic", "impulse", (40, 5, 20, 60, 500), 2, np.random.default_rng(3)
+            impacts, ("whittaker", "mirtich"), (40, 5, 20, 60, 500), 2, np.random.default_rng(3)
         )
         assert table["k"].tolist() == [5, 20, 40, 60] * 4
         assert table["subset"].tolist() == [0] * 4 + [1] * 4 + [0] * 4 + [1] * 4
@@ -140,16 +140,12 @@ class TestConvergence:
 class TestTopography:
     def test_it_is_the_mean_misfit_of_the_drawn_impacts(self, impacts):
         mu, epsilon = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.6])
-        table = study.topography_table(
-            impacts, "whittaker", 500, mu, epsilon, "kinetic", "impulse", np.random.default_rng(0)
-        )
+        table = study.topography_table(impacts, "whittaker", 500, mu, epsilon, np.random.default_rng(0))
         assert (table["n"] == 60).all() and (table["law"] == "whittaker").all() and len(table) == 6
         for row in table.itertuples():
             direct = misfit(LAWS["whittaker"], target_of(impacts), row.mu, row.epsilon, "impulse").mean()
             assert row.cost == pytest.approx(direct, rel=1e-12)
-        few = study.topography_table(
-            impacts, "whittaker", 10, mu, epsilon, "kinetic", "impulse", np.random.default_rng(0)
-        )
+        few = study.topography_table(impacts, "whittaker", 10, mu, epsilon, np.random.default_rng(0))
         assert (few["n"] == 10).all() and not np.allclose(few["cost"], table["cost"])
 
     def grid(self, cost) -> pd.DataFrame:
@@ -179,7 +175,7 @@ class TestTopography:
 
 class TestIndividualTable:
     def test_rows_carry_the_right_impact(self, impacts):
-        table = study.individual_table(impacts, ("whittaker", "mirtich"), BOTH, "impulse")
+        table = study.individual_table(impacts, ("whittaker", "mirtich"), BOTH)
         assert len(table) == 60 * 2 * 2
         for (law, weighting), part in table.groupby(["law", "weighting"]):
             np.testing.assert_array_equal(part["trial"], impacts.trial)

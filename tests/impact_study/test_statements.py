@@ -121,10 +121,10 @@ def study_tables():
         "impacts": impacts,
         "split": split,
         "ensemble": ensemble,
-        "individual": study.individual_table(impacts, laws, both, "impulse"),
+        "individual": study.individual_table(impacts, laws, both),
         "errors": study.held_out_errors(impacts, split, ensemble, "kinetic"),
-        "topography": study.topography_table(training, "whittaker", 50, *axes, "kinetic", "impulse", rng),
-        "convergence": study.convergence_table(training, ("whittaker",), "kinetic", "impulse", (5, 20, 80), 2, rng),
+        "topography": study.topography_table(training, "whittaker", 50, *axes, rng),
+        "convergence": study.convergence_table(training, ("whittaker",), (5, 20, 80), 2, rng),
     }
 
 

@@ -15,7 +15,7 @@ impacts at once:
 3. pattern search: a small grid about the best point, and the solution of Model(μ, ε) = c_irb linearised about it; the
    better one is the next centre, and the grid shrinks once the best point lies inside it.
 
-Source: thesis; the search is our choice (the authors use a 20 × 20 grid and a gradient method from its best point).
+The search is our choice (the authors use a 20 × 20 grid and a gradient method from its best point).
 """
 
 from dataclasses import dataclass

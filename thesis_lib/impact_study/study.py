@@ -79,40 +79,27 @@ def ensemble_table(
 
 
 def convergence_table(
-    impacts: Impacts,
-    laws: Iterable[str],
-    weighting: Weighting,
-    metric: Metric,
-    sizes: Sequence[int],
-    subsets: int,
-    rng: np.random.Generator,
+    impacts: Impacts, laws: Iterable[str], sizes: Sequence[int], subsets: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Ensemble parameters and cost against the number of impacts k, for nested random subsets (figure 3-7 b)."""
-    target = target_of(impacts, weighting)
+    """Ensemble parameters and cost (N s) against the number of impacts k, for nested random subsets (figure 3-7 b)."""
+    target = target_of(impacts)
     orders = [rng.permutation(len(impacts)) for _ in range(subsets)]
     rows = []
     for name in laws:
         for subset, order in enumerate(orders):
             for k in sorted({min(k, len(impacts)) for k in sizes}):
-                fit = fit_ensemble(LAWS[name], target[order[:k]], metric)
+                fit = fit_ensemble(LAWS[name], target[order[:k]], "impulse")
                 best = {"mu": fit.mu, "epsilon": fit.epsilon, "cost": fit.cost}
                 rows.append({"law": name, "subset": subset, "k": k, **best})
     return pd.DataFrame(rows)
 
 
 def topography_table(
-    impacts: Impacts,
-    law: str,
-    n: int,
-    mu: np.ndarray,
-    epsilon: np.ndarray,
-    weighting: Weighting,
-    metric: Metric,
-    rng: np.random.Generator,
+    impacts: Impacts, law: str, n: int, mu: np.ndarray, epsilon: np.ndarray, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Mean misfit of n random impacts over a grid of (μ, ε) (figure 3-7 a)."""
+    """Mean misfit (N s) of n random impacts over a grid of (μ, ε) (figure 3-7 a)."""
     rows = rng.choice(len(impacts), size=min(n, len(impacts)), replace=False)
-    cost = cost_grid(LAWS[law], target_of(impacts, weighting)[rows], metric, mu, epsilon)
+    cost = cost_grid(LAWS[law], target_of(impacts)[rows], "impulse", mu, epsilon)
     grid = {"mu": np.repeat(mu, len(epsilon)), "epsilon": np.tile(epsilon, len(mu)), "cost": cost.ravel()}
     return pd.DataFrame({"law": law, "n": len(rows), **grid})
 
@@ -134,15 +121,13 @@ def convexity_violations(topography: pd.DataFrame) -> float:
     return float(np.mean(values < slack))
 
 
-def individual_table(
-    impacts: Impacts, laws: Iterable[str], weightings: Sequence[Weighting], metric: Metric
-) -> pd.DataFrame:
+def individual_table(impacts: Impacts, laws: Iterable[str], weightings: Sequence[Weighting]) -> pd.DataFrame:
     """Individual (μ_i, ε_i), misfit and sticking bound μ_s: a row per impact, law and weighting (figure 3-10)."""
     parts = []
     for weighting in weightings:
         target = target_of(impacts, weighting)
         for name in laws:
-            fit = fit_individual(LAWS[name], target, metric)
+            fit = fit_individual(LAWS[name], target, "impulse")
             labels = {"trial": impacts.trial, "impact": impacts.impact, "law": name, "weighting": weighting}
             values = {"mu": fit.mu, "epsilon": fit.epsilon, "misfit": fit.error, "mu_s": fit.mu_s}
             parts.append(pd.DataFrame(labels | values))

@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.contact import SIX_LAWS
 from thesis_lib.contact.bounds import best_post_hoc
+from thesis_lib.impact_study.settings import SIX_AS_PUBLISHED
 from thesis_lib.statistics.intervals import wilson_std
 
-# the authors' code where it differs from the law of that name, the law itself elsewhere
-SIX_AS_PUBLISHED = tuple(f"{name}_as_published" if f"{name}_as_published" in LAWS else name for name in SIX_LAWS)
 VARIANTS = {"as_published": SIX_AS_PUBLISHED, "as_defined": SIX_LAWS}
 
 

@@ -61,12 +61,9 @@ def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarra
         _doubt_degrees_of_a_disk(table, theta, speed, k_g * float(np.median(speeds["theta"])), noise, k_g)
     inside = _share_inside(shape, body.height, y, theta, 2.5 * DEEP)
     if inside > DEEP_SHARE:
-        table.warn(
-            "columns y and theta",
-            f"the body is deep inside the surface in {inside:.0%} of the rows",
-            "check surface.height, the shape (in m), and that theta is counter-clockwise and 0 where the shape is "
-            "as drawn",
-        )
+        remedy = "check surface.height, the shape (in m), and that theta is counter-clockwise and 0 where the shape is "
+        what = f"the body is deep inside the surface in {inside:.0%} of the rows"
+        table.warn("columns y and theta", what, remedy + "as drawn")
 
 
 def _doubt_degrees_of_a_disk(
@@ -81,12 +78,9 @@ def _doubt_degrees_of_a_disk(
         times = f"{rim / position:.0f} times as much as the position"
         why.append(f"theta scatters by {noise[2]:.2g} rad, at the rim {times}")
     if why:
-        table.warn(
-            "column theta",
-            f"may be in degrees ({theta.min():.4g} to {theta.max():.4g}; {'; '.join(why)}); the contact of a round "
-            "body cannot tell",
-            f"{RADIANS}; nothing, if it is in radians and the body spins fast or its angle is hard to measure",
-        )
+        what = f"may be in degrees ({theta.min():.4g} to {theta.max():.4g}; {'; '.join(why)})"
+        remedy = f"{RADIANS}; nothing, if it is in radians and the body spins fast or its angle is hard to measure"
+        table.warn("column theta", f"{what}; the contact of a round body cannot tell", remedy)
 
 
 def _blind_steps(run: np.ndarray, theta: np.ndarray) -> int:

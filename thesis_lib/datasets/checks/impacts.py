@@ -36,11 +36,9 @@ def check_impacts(table: Table, body: KnownBody) -> None:
     speeds = {name: float(np.median(np.abs(data[name].to_numpy(float)))) for name in (*V_PRE[:2], *V_POST[:2])}
     if fast := {name: value for name, value in speeds.items() if value > LARGEST_SPEED}:
         name, value = next(iter(fast.items()))
-        table.error(
-            f"column{'s' if len(fast) > 1 else ''} {', '.join(fast)}",
-            f"looks like mm/s or cm/s (median of {name}: {value:.4g})",
-            "give velocities in m/s: divide by 1000 if they are in mm/s",
-        )
+        where, what = f"column{'s' if len(fast) > 1 else ''} {', '.join(fast)}", "looks like mm/s or cm/s"
+        remedy = "give velocities in m/s: divide by 1000 if they are in mm/s"
+        table.error(where, f"{what} (median of {name}: {value:.4g})", remedy)
     shape = body.shape
     if shape is None or body.oversized:  # contact points and inertia mean nothing if the shape is oversized
         return
@@ -89,12 +87,9 @@ def _check_angles_and_energy(
 
     as_given, as_degrees = misfit(q[:, 2]), misfit(q[:, 2] * TO_RAD)
     if as_given > max(MISFIT, FITS_BETTER * as_degrees) and float(np.ptp(q[:, 2])) > 2.0 * np.pi:
-        table.error(
-            "column theta",
-            f"looks like degrees ({q[:, 2].min():.4g} to {q[:, 2].max():.4g}; read as degrees, the contact points "
-            f"fit the shape {as_given / max(as_degrees, 1e-9):.0f} times better)",
-            RADIANS,
-        )
+        better = f"the contact points fit the shape {as_given / max(as_degrees, 1e-9):.0f} times better"
+        what = f"looks like degrees ({q[:, 2].min():.4g} to {q[:, 2].max():.4g}; read as degrees, {better})"
+        table.error("column theta", what, RADIANS)
 
     r = shape.contact_point(q[:, 2]) if stated is None else stated
 
@@ -112,13 +107,9 @@ def _check_angles_and_energy(
         remedy = "give omega in rad/s: multiply by pi/180"
         table.error("columns omega_pre, omega_post", f"look like degrees per second ({what})", remedy)
     elif gain > EXCHANGED and leaving.mean() > EXCHANGED and (v_n(v_post) < 0.0).mean() > EXCHANGED:
-        table.error(
-            "columns *_pre and *_post",
-            f"_pre and _post are exchanged: {gain:.0%} of the impacts gain energy, and the contact point moves "
-            "away from the surface before them and towards it after",
-            "exchange the columns vx, vy, omega of _pre and _post",
-            leaving,
-        )
+        what = f"_pre and _post are exchanged: {gain:.0%} of the impacts gain energy, and the contact point moves "
+        what += "away from the surface before them and towards it after"
+        table.error("columns *_pre and *_post", what, "exchange the columns vx, vy, omega of _pre and _post", leaving)
         return
     elif gain > 0.5:
         remedy = "check units, and that _pre and _post are not exchanged"
@@ -126,9 +117,6 @@ def _check_angles_and_energy(
 
     away = v_n(v_pre) >= 0.0
     if np.mean(away) > 0.5:
-        table.warn(
-            "columns vy_pre and omega_pre",
-            "the contact point does not approach the surface before the impact in most rows (v_n >= 0)",
-            "check the signs: y up, theta and omega counter-clockwise, _pre before _post",
-            away,
-        )
+        what = "the contact point does not approach the surface before the impact in most rows (v_n >= 0)"
+        remedy = "check the signs: y up, theta and omega counter-clockwise, _pre before _post"
+        table.warn("columns vy_pre and omega_pre", what, remedy, away)

@@ -107,22 +107,22 @@ def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report
     remedy = next((_REMEDIES[part] for part in enclosing if part in _REMEDIES), "see the format")
     value = _short(mistake.get("input"))
     context = mistake.get("ctx", {})
-    what = {
-        "missing": "the key is missing",
-        "greater_than": f"is {value}, but must be above {context.get('gt')}",
-        "finite_number": f"is {value}, but must be a finite number",
-        "float_parsing": f"is {value}, but must be a number",
-        "float_type": f"is {value}, but must be a number",
-        "literal_error": f"is {value}, but must be {context.get('expected')}",
-        "union_tag_not_found": "the key kind is missing",
-        "string_type": f"is {value}, but must be text",
-    }.get(kind)
-    if kind == "union_tag_invalid":
+    must_be = {
+        "greater_than": f"above {context.get('gt')}",
+        "finite_number": "a finite number",
+        "float_parsing": "a number",
+        "float_type": "a number",
+        "literal_error": context.get("expected"),
+        "string_type": "text",
+        "model_type": "a mapping of keys to values",
+        "model_attributes_type": "a mapping of keys to values",
+    }
+    what = {"missing": "the key is missing", "union_tag_not_found": "the key kind is missing"}.get(kind)
+    if kind in must_be:
+        what = f"is {value}, but must be {must_be[kind]}"
+    elif kind == "union_tag_invalid":
         tag = str(context.get("tag"))
-        what = f"kind is '{tag}', which is not a shape"
-        remedy = _suggest(tag, list(SHAPES)) or remedy
-    elif kind in ("model_type", "model_attributes_type"):
-        what = f"is {value}, but must be a mapping of keys to values"
+        what, remedy = f"kind is '{tag}', which is not a shape", _suggest(tag, list(SHAPES)) or remedy
     report.error(FILE, where, what or f"is {value}: {mistake['msg']}", remedy)
 
 

@@ -18,8 +18,7 @@ from thesis_lib.foundation.errors import UserError
 
 T = TypeVar("T")
 MIN_SAMPLES = 10  # two arcs of 5 samples, the fewest that determine a parabola and its covariance
-# clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit, or every second frame dropped
-RATE_TOLERANCE = 0.02
+RATE_TOLERANCE = 0.02  # clocks of cameras agree to 1e-4; 2 % is a typo, a wrong unit, or frames dropped
 SLOWEST = 0.1  # s between samples; a bounce of a hand-sized body lasts a few tenths of a second
 SHOWN = 4  # row numbers spelled out before "and n more"
 SHOWN_PROBLEMS = 100  # nobody reads more; the rest is counted
@@ -148,21 +147,19 @@ def check_trajectories(table: Table, rate: float | None) -> None:
     if table.complete:
         trials, count = np.unique(trial, return_counts=True)
         if np.any(short := count < MIN_SAMPLES):
-            table.error(
-                f"column trial, {row_text(trials[short]).replace('row', 'trial')}",
-                f"fewer than {MIN_SAMPLES} samples in a trial (the shortest has {count.min()})",
-                "remove these trials, or log them at a higher rate: a fit on either side of an impact needs 5 samples",
+            where = f"column trial, {row_text(trials[short]).replace('row', 'trial')}"
+            what = f"fewer than {MIN_SAMPLES} samples in a trial (the shortest has {count.min()})"
+            remedy = (
+                "remove these trials, or log them at a higher rate: a fit on either side of an impact needs 5 samples"
             )
+            table.error(where, what, remedy)
     _check_copies(table, ["x", "y", "theta"])
     if np.any(forward := same & (step > 0.0)):
         usual = float(np.median(step[forward]))
         _check_step(table, usual, rate)
-        table.warn(
-            "column t",
-            "samples are missing before these rows (the time step is more than 1.5 times the usual one)",
-            "nothing, if frames were lost; impacts that fall into a gap are left out",
-            same & (step > 1.5 * usual),
-        )
+        what = "samples are missing before these rows (the time step is more than 1.5 times the usual one)"
+        remedy = "nothing, if frames were lost; impacts that fall into a gap are left out"
+        table.warn("column t", what, remedy, same & (step > 1.5 * usual))
 
 
 def _check_copies(table: Table, columns: list[str]) -> None:
@@ -181,12 +178,9 @@ def _check_copies(table: Table, columns: list[str]) -> None:
     if not pairs:
         return
     shown = ", ".join(f"{a} and {b}" for a, b in pairs[:SHOWN])
-    more = f" and {len(pairs) - SHOWN} more pairs" if len(pairs) > SHOWN else ""
-    table.error(
-        "column trial",
-        f"trials {shown}{more} hold the same measurements to the last digit",
-        "keep one of each: copies would be in the training and in the held-out part, and count twice",
-    )
+    shown += f" and {len(pairs) - SHOWN} more pairs" if len(pairs) > SHOWN else ""
+    remedy = "keep one of each: copies would be in the training and in the held-out part, and count twice"
+    table.error("column trial", f"trials {shown} hold the same measurements to the last digit", remedy)
 
 
 def _check_step(table: Table, step: float, rate: float | None) -> None:
@@ -195,11 +189,8 @@ def _check_step(table: Table, step: float, rate: float | None) -> None:
         what = f"the median time step is {step:.4g} s, too slow to see a bounce; t looks like {hint}"
         table.error("column t", what, "give t in seconds")
     elif rate is not None and abs(step * rate - 1.0) > RATE_TOLERANCE:
-        table.error(
-            "column t",
-            f"the median time step is {step:.6g} s ({1.0 / step:.6g} Hz), but dataset.yaml says rate: {rate:g} Hz",
-            "correct rate in dataset.yaml (or leave it out), or t if it is not in seconds",
-        )
+        what = f"the median time step is {step:.6g} s ({1.0 / step:.6g} Hz), but dataset.yaml says rate: {rate:g} Hz"
+        table.error("column t", what, "correct rate in dataset.yaml (or leave it out), or t if it is not in seconds")
 
 
 def check_impacts(table: Table) -> None:

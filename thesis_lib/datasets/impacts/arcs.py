@@ -14,7 +14,7 @@ The 19 unknowns of an impact, p = (q_c, v−, v+, u, t_c, w−, w+), minimise
 
     χ² = Σ_i ‖(q_i − q̂_i)/σ‖² + (φ_n(q_c)/s_φ)² + ‖u‖² + ‖w−‖² + ‖w+‖².                                       (3)
 
-The second term says that the body touches the surface at t_c.  It determines t_c even if |Δv| is small.  Beside 20
+The second term says that the body touches the surface at t_c, which determines t_c even if |Δv| is small; beside 20
 samples of decent noise it is too weak for a wrong surface height to move the result.
 
 Gauss-Newton steps δ solve H δ = b, where H is the information matrix; its inverse is the covariance of p:
@@ -28,13 +28,11 @@ where W = diag(1/σ²), J_n = ∂φ_n/∂q = (0, 1, r_x) and A_i = ∂q̂_i/∂p
 Each is a polynomial c_0 + c_1 τ + c_2 τ² on its side.  The sums in (4) therefore need only the moments Σ_i τ_i^k,
 k = 0 … 4, of the samples on each side, and n impacts are fitted at once without a Jacobian over samples.
 
-Why d: impulses along different axes do not act at quite the same instant of a contact of 1 ms, so that the arcs miss
-each other by a fraction of |Δv| × 1 ms.  That is small beside noise of 0.3 mm, but large beside the 0.03 mm of a good
-tracker; with d = 0 the covariance would be far too small.  Why a: air, guides and cables slow a body in flight.  A spin
-that changes by 1 rad/s between two hits is not known to 0.1 rad/s at either of them, however well a line fits.
-`find_impacts` estimates s and s_a from the data; each is 0 if noise explains everything.
+Why d: impulses along different axes do not act at quite the same instant of a contact of 1 ms, and the arcs miss each
+other by a fraction of |Δv| × 1 ms, which is large beside the 0.03 mm of a good tracker.  Why a: air, guides and cables
+slow a body in flight.  `find_impacts` estimates s and s_a; each is 0 if noise explains everything.
 
-Sources: parabolas on either side, thesis section 3.4.  Joint fit and covariance are our own.
+Source: parabolas on either side, thesis section 3.4.  Joint fit and covariance are our own.
 """
 
 from dataclasses import dataclass, fields
@@ -51,8 +49,7 @@ from thesis_lib.datasets.impacts.windows import Windows, sides_of, windows_aroun
 _Q, _PRE, _POST, _U, _T = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), 12
 _W_PRE, _W_POST = slice(13, 16), slice(16, 19)
 _PARAMETERS = 19
-# Steps are damped as if by a prior of this sigma about the current value.  That moves no converged result, but keeps H
-# regular if a side has no samples (such impacts are left out later).  m, m/s, 1, s.
+# Damping of steps, a prior of this sigma about the current value (m, m/s, 1, s): H stays regular without samples
 _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
 _SETTLE = 4  # iterations after which samples keep their sides, so that the fit converges
 _ITERATIONS = 12

@@ -84,9 +84,7 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
 
     Impacts in impacts.csv are taken as they are, even beside trajectories: our fits should not replace impacts measured
     by better means.  Their covariance comes from the table, else from the header's noise, else it is None.
-
-    Raises:
-        UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
+    UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
     """
     settings = settings or ArcSettings()
     if dataset.impacts is not None and len(dataset.impacts):

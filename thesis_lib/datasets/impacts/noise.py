@@ -1,9 +1,8 @@
 """Measurement noise from trajectories: third differences first, then the residuals of the arcs.
 
-Third differences of white noise have 20 times its variance, and those of a parabola vanish.  Their median size ignores
-the few that span an impact.  Residuals of the arcs fitted to the flights give the final value.  They also show slow
-errors of a tracker, which third differences cannot see.  Slow errors correlate the residuals of neighbouring samples,
-and make fitted velocities worse than white noise of the same size would:
+Residuals of the arcs fitted to the flights give the final value.  They also show slow errors of a tracker, which third
+differences cannot see.  Slow errors correlate the residuals of neighbouring samples, and make fitted velocities worse
+than white noise of the same size would:
 
     var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1) noise, lag-one correlation ρ)
 """

@@ -59,10 +59,7 @@ class ContactMeasures:
 
 
 def contact_measures(impacts: Impacts) -> ContactMeasures:
-    """Contact velocities, impulse and energy ratio of n measured impacts.
-
-    It does not use contact/, so that an edit of an impact law does not rerun the search for impacts.
-    """
+    """Contact velocities, impulse and energy ratio; without contact/, so that a new law reruns no search."""
     rx, ry = impacts.r[:, 0], impacts.r[:, 1]
     m, k2 = impacts.mass, impacts.k_g**2
 
@@ -155,8 +152,7 @@ def assess_arcs(
 def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
     """Time (n,) in s from the impact of a polygon's lowest corner to that of the next one; ∞ for other shapes.
 
-    It follows from the state before the impact, for impulses without friction; the longer of the times for little and
-    much restitution counts.  Two hits within that time are one hit in the samples, whatever the contact.
+    From the state before the impact and impulses without friction: the longer time of little and much restitution.
     """
     wait = np.full(len(fits), np.inf)
     if not isinstance(header.body.shape, Polygon):

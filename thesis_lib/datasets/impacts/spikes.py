@@ -6,9 +6,8 @@ At every instant between two samples it takes the jump of velocity between lines
     T = Σ_i (slope_i^right − slope_i^left)² / var_i,    i = x, y + g t²/2, θ,
 
 which is chi² with 3 degrees of freedom where the body flies freely.  Instants at which T peaks above a threshold are
-impacts.  The detector runs from fine to coarse w; each pass treats the impacts of earlier passes as ends of a trial.
-The fine filter separates strong hits, the coarse one finds weak ones, and the shoulders of a strong hit are not taken
-for further hits.
+impacts.  The detector runs from fine w, which separates strong hits, to coarse w, which finds weak ones; each pass
+treats the impacts of earlier passes as ends of a trial.
 
 A body at rest on the surface does not fall.  The part of the jump of v_y that such support explains is removed first.
 That hides the weakest hits; a last pass looks for them without this allowance, and keeps those with ten samples of

@@ -6,14 +6,12 @@
     s_i ~ N(m(s_i), S(s_i)), feasible           repeated for each contact before the requested time
     m → fly(m),  S → F S Fᵀ,  F = ∂fly/∂s       exact, as flights are affine in the state
 
-The weights stay 1/m because nothing is observed on the way.  Samples that penetrate or gain energy are rejected; a
-state without a feasible sample follows the law, without added uncertainty.  The Gaussians are not truncated.  The
-particle belief has the same feasible samples s_i with kernels of covariance S_i = h² cov(s), h = (4/(5 m))^(1/7)
-(Silverman's in three dimensions).
+The weights stay 1/m because nothing is observed on the way; the Gaussians are not truncated.  The particle belief has
+the same feasible samples s_i with kernels of covariance S_i = h² cov(s), h = (4/(5 m))^(1/7) (Silverman's in three
+dimensions).
 
-Log score and PIT use the velocity in the kinetic metric.  They leave out the pose: most contacts add no uncertainty to
-it, and it is measured a hundred times more finely than any body is known.  The measurement is y = v + noise of
-covariance R,
+Log score and PIT use the velocity in the kinetic metric; most contacts add no uncertainty to the pose.  The measurement
+is y = v + noise of covariance R,
 
     p(y) = (1 − γ) Σ_i N(y | m_i, S_i + R)/m + γ N(y | m̄, 25 S̄)
 
@@ -21,9 +19,7 @@ with m̄ and S̄ the moments of the sum.  γ = 0.01, as in `belief`: a finite sa
 u = P(p(Y) > p(y)), the smallest region of highest density that holds y, is estimated from samples.  The CRPS of each
 coordinate has a closed form; scores are its means over (v_x, v_y, k ω) and over (x, y, k θ).
 
-R is the covariance of the measured start, since flights before and after a contact are fitted alike.  States are
-compared at the time of the measured flight after the first contact, with all hits until then (`data` counts hits in
-fast succession as one contact).
+R is the covariance of the measured start, since flights before and after a contact are fitted alike.
 
 Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; regions of highest density: Hyndman 1996,
 doi:10.1080/00031305.1996.10474359.

@@ -137,10 +137,8 @@ def contact_residuals(
     """What a model misses of measured contacts, at `duration` after the first touch.
 
     Contacts slower than `slowest`, or followed by a flight later than twice the duration after the touch, are left out.
-
-    Returns:
-        Indices (m,) of the contacts used, pose and velocity (m, 3) at the touch, residual (m, 6) in the contact map's
-        units, and the model's normal impulse (m,) per unit mass in m/s.
+    Returns indices (m,) of the contacts used, pose and velocity (m, 3) at the touch, residual (m, 6) in the contact
+    map's units, and the model's normal impulse (m,) per unit mass in m/s.
     """
     body = model.body
     t, q_0, v_0, _, approach = touch_down(model, contacts)

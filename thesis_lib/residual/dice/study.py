@@ -18,11 +18,9 @@ once without uncertainty, as in the thesis.  `tables` defines the scores.
 Published: 750 throws, of which 500 are public.  For compliant models, the friction of sliding and of the slowest
 contacts is the value on a grid with the least mean |error| of training throws; the others slide with their law's μ.
 
-The settings `slowest` = g T and the use of all training contacts in the processes have reasons independent of the
-throws.  Yet the held-out throws were not wholly unseen.  Variants of the learned models, including `slowest` and the
-number of contacts, were compared on held-out throws of some splits while this study was written.  The residuals of the
-first contacts of all throws showed that contacts take time, and that restitution depends on the place and on the angle
-of landing.
+The held-out throws were not wholly unseen.  Variants of the learned models, including `slowest` and the number of
+contacts, were compared on held-out throws of some splits while this study was written, and the residuals of the first
+contacts of all throws showed that contacts take time and that restitution depends on the place and angle of landing.
 """
 
 from collections.abc import Callable

@@ -8,9 +8,8 @@ Each output is independent, with standardised inputs x and outputs y,
 GPyTorch supplies kernel, factorisation and prediction cache (exact, float64, all outputs in one batch); predictions use
 the covariance with the training data only.  `marginal_likelihood` finds the hyperparameters.
 
-GPU and CPU sum in different orders.  Both use float64, and the GPU draws no random numbers.  With the same
-hyperparameters predictions agree within `SAME` of the outputs' spread.  After training they agree within
-`SAME_TRAINED`, because the search stops where the likelihood changes by less than a hundredth of a nat.
+GPU and CPU sum in different orders (both in float64; the GPU draws no random numbers).  With the same hyperparameters
+predictions agree within `SAME` of the outputs' spread; after training, whose search stops early, `SAME_TRAINED`.
 
 Sources: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006; Gardner et al. 2018 (GPyTorch),
 arXiv 1809.11165.

@@ -29,17 +29,12 @@ from thesis_lib.foundation.settings import Section
 if TYPE_CHECKING:
     import torch
 
-# median and spread (of the logarithm) of the priors of l, s, σ²: smooth functions with some noise, within a factor of
-# three to four; each impact brings 1/2 nat, so beyond some fifty impacts the priors matter little
+# median and spread (of the logarithm) of the priors of l, s, σ²; beyond some fifty impacts they matter little
 PRIOR = ((4.0, 1.0), (1.0, 1.5), (0.5, 1.0))
-# l, s, σ² of the first start: half of the variance a smooth function, half of it noise
-START = (3.0, 0.5, 0.5)
-# wider than any standardised problem needs: a feature with a length of 100 standard deviations does not matter;
-# with noise below 1e-6 of the variance, rounding of the factorisation would decide between nearly equal impacts
+START = (3.0, 0.5, 0.5)  # l, s, σ² of the first start: half of the variance a smooth function, half of it noise
+# with less noise, rounding of the factorisation would decide between nearly equal impacts
 BOUNDS = {"lengthscale": (0.05, 100.0), "signal": (1e-3, 1e3), "noise": (1e-6, 4.0)}
-# nats: where nothing can be learned, noise and a function of very short length explain the data equally well;
-# the first start has noise, and is kept unless another is clearly better
-EQUAL = 1.0
+EQUAL = 1.0  # nats; where nothing can be learned, the first start, which has noise, is kept unless another is better
 WILD = 3.0  # standard deviations
 
 

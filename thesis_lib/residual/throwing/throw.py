@@ -8,10 +8,9 @@ A particle is at rest once it can no longer leave its side.  After each impact,
 
     E = (v_y² + k² ω²)/2 + g (y − y_side)  <  f g (y_corner − y_side)
 
-with y_corner the height of the centre above the surface on the lower of the side's two corners.  For f = 1 no motion of
-the rattling body passes the barrier unless friction turns sliding into spin; f (setting `settle`) is small so that the
-omitted hops move nothing.  The infinitely many hops of a real bounce (Zeno) end here: friction at the mean impulse of
-many small hops is that of sliding, so the remaining v_x is lost at the rate μ g + c_v v_x, over
+with y_corner the height of the centre above the surface on the lower of the side's two corners; f (setting `settle`) is
+small so that the omitted hops move nothing.  The infinitely many hops of a real bounce (Zeno) end here: friction at the
+mean impulse of many small hops is that of sliding, so the remaining v_x is lost at the rate μ g + c_v v_x, over
 
     Δx = sign(v_x) (|v_x|/c_v − (μ g/c_v²) ln(1 + c_v |v_x|/(μ g)))         (v_x²/(2 μ g) where c_v → 0)
 

@@ -35,9 +35,9 @@ by_velocity = study.ensemble_table(
 )
 write_result(by_velocity, out.ensemble_velocity)
 c = settings.convergence
-convergence = study.convergence_table(training, c.laws, "kinetic", "impulse", c.sizes, c.subsets, stream("convergence"))
+convergence = study.convergence_table(training, c.laws, c.sizes, c.subsets, stream("convergence"))
 write_result(convergence, out.convergence)
 g = settings.topography
-topography = study.topography_table(training, g.law, g.n, *g.axes(), "kinetic", "impulse", stream("topography"))
+topography = study.topography_table(training, g.law, g.n, *g.axes(), stream("topography"))
 write_result(topography, out.topography)
-write_result(study.individual_table(impacts, study.ALL_LAWS, both, "impulse"), out.individual)
+write_result(study.individual_table(impacts, study.ALL_LAWS, both), out.individual)
