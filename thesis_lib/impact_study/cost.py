@@ -81,8 +81,7 @@ def misfit_of_impulse(target: Target, c_t: np.ndarray, c_n: np.ndarray, metric: 
     d_t, d_n = c_t - target.c_t, c_n - target.c_n
     if metric == "impulse":
         return np.sqrt(d_t * d_t + d_n * d_n)
-    space = target.space
-    # only a kinetic target makes this the velocity error
+    space = target.space  # only a kinetic target makes this the velocity error
     form = d_t * (space.K_tt * d_t + 2.0 * space.K_tn * d_n) + d_n * (space.K_nn * d_n)
     return np.sqrt(form / target.mass + target.unreachable**2)
 

@@ -15,8 +15,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.impact_study.cost import Metric, Target, misfit_table
 from thesis_lib.statistics.bootstrap import draw_counts
 
-# our choice: three times the friction of an inclined-plane test; a fit that ends here is reported
-MU_MAX = 1.0
+MU_MAX = 1.0  # our choice: three times the friction of an inclined-plane test; a fit that ends here is reported
 GRID = 21  # points a side
 CELLS = 5_000_000  # of the table in memory at a time: 40 MB
 TOLERANCE = 1e-6  # width of the final box in μ and ε: far below any standard error
@@ -111,7 +110,7 @@ def _costs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weighted misfits (G, B) at the points mu, epsilon (G,), and numbers (G,) of impacts without a solution.
 
-    An impact without a solution gets the largest misfit, so that it does not reward a parameter.
+    These get the largest misfit, so that they do not reward a parameter.
     """
     costs, failures, missing, worst = [], [], [], 0.0
     rows = max(1, CELLS // len(target))

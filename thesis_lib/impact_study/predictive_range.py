@@ -27,14 +27,10 @@ def region(law: Law, space: ContactSpace, *, points: int = POINTS) -> tuple[np.n
 
 
 def covered_share(law: Law, space: ContactSpace) -> np.ndarray:
-    """Area of the law's region over the area of the admissible set, (n,).
-
-    Grid cells with a corner outside the admissible set (some laws gain energy or penetrate) are omitted.
-    """
+    """Area (n,) of the law's region over that of the admissible set, without grid cells that reach out of the set."""
     c_t, c_n = region(law, space)
     v_t, v_n = space.velocity_after(c_t, c_n)
-    before = space.energy(space.v_t, space.v_n)
-    slack = 1e-9
+    before, slack = space.energy(space.v_t, space.v_n), 1e-9
     inside = (c_n >= 0.0) & (v_n >= slack * space.v_n) & (space.energy(v_t, v_n) <= (1.0 + slack) * before)
     inside = inside[1:, 1:] & inside[:-1, 1:] & inside[1:, :-1] & inside[:-1, :-1]
     # area of each cell from its diagonals

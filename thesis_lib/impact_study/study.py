@@ -105,12 +105,9 @@ def topography_table(
 
 
 def convexity_violations(topography: pd.DataFrame) -> float:
-    """Share of neighbouring triples on the grid, along both axes and diagonals, that break convexity.
-
-    A convex cost has c(a) + c(b) ≥ 2 c(middle); 1e-9 of the cost's range is allowed for rounding.
-    """
+    """Share of triples of neighbours on the grid, along axes and diagonals, with c(a) + c(b) < 2 c(middle)."""
     cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
-    slack = -1e-9 * np.ptp(cost)
+    slack = -1e-9 * np.ptp(cost)  # for rounding
     second = [
         cost[2:, :] - 2 * cost[1:-1, :] + cost[:-2, :],
         cost[:, 2:] - 2 * cost[:, 1:-1] + cost[:, :-2],

@@ -81,16 +81,9 @@ def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
     wide = _by_model(errors, "velocity_error")
     for variant, laws in VARIANTS.items():
         wide[f"best_post_hoc_{variant}"] = best_post_hoc(wide[list(laws)].to_numpy())[1]
-    rows = [
-        {
-            "model": model,
-            "mean": values.mean(),
-            "mean_std": values.std(ddof=1) / np.sqrt(values.count()),
-            "median": values.median(),
-            "quantile_90": values.quantile(0.9),
-            "n": int(values.count()),
-            "n_failed": int(values.isna().sum()),
-        }
-        for model, values in wide.items()
-    ]
-    return pd.DataFrame(rows)
+    rows = []
+    for model, values in wide.items():
+        mean = values.mean(), values.std(ddof=1) / np.sqrt(values.count())
+        rows.append((model, *mean, values.median(), values.quantile(0.9), values.count(), values.isna().sum()))
+    columns = ["model", "mean", "mean_std", "median", "quantile_90", "n", "n_failed"]
+    return pd.DataFrame(rows, columns=columns)

@@ -14,8 +14,7 @@ import numpy as np
 from thesis_lib.datasets.format.samples import Samples
 
 PRECISION = 0.1  # one sigma of ÿ/g: rest (0) and flight (1) are then ten sigmas apart
-# |ÿ|/g that passes for a flight: y may be scaled a little wrong, which other checks judge
-ABOUT_G = (0.5, 2.0)
+ABOUT_G = (0.5, 2.0)  # |ÿ|/g that passes for a flight: y may be scaled a little wrong, which other checks judge
 SMALLEST_WINDOW = 5  # samples; recognising a parabola takes two degrees of freedom
 LARGEST_WINDOW = 1000
 PARABOLA = 3.0  # reduced chi² of a window that may pass for a parabola

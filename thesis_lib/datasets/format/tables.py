@@ -28,8 +28,7 @@ INTEGERS = ("trial", "impact")
 LARGEST_INTEGER = 2**53  # CSV readers that go through floats confuse larger numbers
 TEXT = ("flags",)
 # columns of a motion in space that a planar motion lacks
-SPATIAL = ("z", "vz", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw")
-SPATIAL += ("omega_x", "omega_y", "wx", "wy")
+SPATIAL = ("z", "vz", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw", "omega_x", "omega_y", "wx", "wy")
 MAY_BE_EMPTY = ("t",)  # impacts.csv: the instant may be unknown
 
 
@@ -80,14 +79,13 @@ def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
         remedy = "export with commas and decimal points (or use the init command with --delimiter)"
         raise _NoTable("row 1", f"columns are separated by {shown}, expected commas", remedy)
     if all(_is_number(name) for name in names):
-        what = "holds numbers, expected the column names"
-        raise _NoTable("row 1", what, "put the column names in the first line")
+        raise _NoTable("row 1", "holds numbers, expected the column names", "put the column names in the first line")
     if len(names) > MAX_COLUMNS:
         what = f"has {len(names):,} columns; the limit is {MAX_COLUMNS:,}"
         raise _NoTable("row 1", what, "keep the columns of the documented format")
     if repeated := sorted(name for name, count in Counter(names).items() if count > 1):
-        what = "the name occurs more than once in row 1"
-        raise _NoTable(f"column {', '.join(repeated)}", what, "keep one of them")
+        where = f"column {', '.join(repeated)}"
+        raise _NoTable(where, "the name occurs more than once in row 1", "keep one of them")
     try:
         bad_rows, rows = _ragged(path, len(names), report)
         with warnings.catch_warnings():
@@ -172,8 +170,7 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]
         raise
     except Exception as error:  # the library raises many kinds of errors for a broken file
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        what = f"cannot be read as Parquet ({reason})"
-        raise _NoTable("", what, "write it again, or use CSV") from error
+        raise _NoTable("", f"cannot be read as Parquet ({reason})", "write it again, or use CSV") from error
     frame.columns = [str(name) for name in frame.columns]
     if len(set(frame.columns)) < len(frame.columns):
         raise _NoTable("", "column names occur more than once", "keep one of each")

@@ -25,8 +25,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.dice.settings import DiceDataSettings
 
 ROBUST = 4.0  # standard deviations beyond which a sample counts as lost
-# four digits of the value in statistics.spread: dice are chaotic, more digits would change the stored throws
-MAD_TO_STD = 1.4826
+MAD_TO_STD = 1.4826  # four digits, unlike statistics.spread: dice are chaotic, more would change the stored throws
 FINEST = 1e-9  # m, rad; simulated poses may have no noise
 
 
@@ -165,14 +164,13 @@ def _noise(throws: list, settings: DiceDataSettings) -> np.ndarray:
             freedom += len(rows) - 3
     if not residuals or freedom < 1:
         raise UserError("No throw begins with a flight before its first hit.")
-    # one lost frame must not raise the noise of all throws
+    # so that a lost frame does not raise the noise of all throws
     limit = ROBUST * MAD_TO_STD * np.median(np.abs(np.concatenate(residuals)), axis=0)
     residuals = [np.clip(residual, -limit, limit) for residual in residuals]
     square = sum((residual**2).sum(0) for residual in residuals)
     rho = sum((residual[1:] * residual[:-1]).sum(0) for residual in residuals) / np.maximum(square, 1e-300)
     rho = np.clip(rho, 0.0, 0.9)
-    sigma = np.sqrt(square / freedom * (1.0 + rho) / (1.0 - rho))
-    return np.maximum(sigma, FINEST)
+    return np.maximum(np.sqrt(square / freedom * (1.0 + rho) / (1.0 - rho)), FINEST)
 
 
 def _fit(

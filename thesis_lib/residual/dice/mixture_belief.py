@@ -191,11 +191,11 @@ def first_contact_summary(scores: pd.DataFrame, bootstrap: int, rng: np.random.G
     for (model, belief), part in scores.groupby(["model", "belief"], sort=False):
         quantities = {f"coverage_{level:.0%}".rstrip("%"): part["pit"] <= level for level in LEVELS}
         quantities |= {name: part[name] for name in ("log_score", "crps_velocity", "crps_pose", "out_of_range")}
-        for name, column in quantities.items():
+        taken = [(name, column, np.mean, name) for name, column in quantities.items()]
+        # one contact that the camera lost can dominate a mean of logarithms
+        taken.append(("log_score_median", part["log_score"], np.median, "median"))
+        for name, column, statistic, key in taken:
             values = column.to_numpy(float)
-            interval = spread(values, np.mean, bootstrap, stream(model, belief, name))
-            rows.append((model, belief, name, float(values.mean()), *interval, len(values)))
-        values = part["log_score"].to_numpy()  # whose mean one contact that the camera lost can dominate
-        interval = spread(values, np.median, bootstrap, stream(model, belief, "median"))
-        rows.append((model, belief, "log_score_median", float(np.median(values)), *interval, len(values)))
+            interval = spread(values, statistic, bootstrap, stream(model, belief, key))
+            rows.append((model, belief, name, float(statistic(values)), *interval, len(values)))
     return pd.DataFrame(rows, columns=["model", "belief", "quantity", "value", "std", "low", "high", "n"])

@@ -34,18 +34,14 @@ FAST = 0.5  # m/s; slower contacts give poor estimates of restitution
 
 @dataclass(frozen=True)
 class Examples:
-    """An easy and a hard held-out throw of the first split, chosen by the belief alone.
-
-    `samples`: contact, t, x, y, theta of the hard throw's belief; `rest`: its x at rest in m; `beliefs`: case and
-    distance at rest of both throws; `marks`: case, law and measured end.  Distances are in sides from the start.
-    """
+    """An easy and a hard held-out throw of the first split, chosen by the belief alone; distances in sides."""
 
     easy: int
     hard: int
-    samples: pd.DataFrame
-    rest: np.ndarray
-    beliefs: pd.DataFrame
-    marks: pd.DataFrame
+    samples: pd.DataFrame  # contact, t, x, y, theta of the hard throw's belief
+    rest: np.ndarray  # its x at rest in m
+    beliefs: pd.DataFrame  # case, and distance at rest from the start, of both throws
+    marks: pd.DataFrame  # case, law and measured end
 
 
 def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[str, pd.DataFrame]:
@@ -143,11 +139,6 @@ def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np
         beliefs.append(pd.DataFrame({"case": case, "distance": (rest[case] - start) / side}))
         ends = (plain.certain.q[row, 0], held.end[row, 0])
         marks.append((case, *((x - start) / side for x in ends)))
-    return Examples(
-        easy,
-        hard,
-        first_contacts(believed.thrower, held, hard, SAMPLES, settings, rng),
-        rest["hard"],
-        pd.concat(beliefs, ignore_index=True),
-        pd.DataFrame(marks, columns=["case", "law", "measured"]),
-    )
+    samples = first_contacts(believed.thrower, held, hard, SAMPLES, settings, rng)
+    ends = pd.DataFrame(marks, columns=["case", "law", "measured"])
+    return Examples(easy, hard, samples, rest["hard"], pd.concat(beliefs, ignore_index=True), ends)

@@ -30,16 +30,13 @@ FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
 
 @dataclass(frozen=True)
 class HeldOutThrows:
-    """Held-out throws of one model: particles x (n, M) in m and their face (n, M), and throws without uncertainty.
-
-    `after_first` (n,) is the spread of the velocity after the first contact in the kinetic norm, m/s.
-    """
+    """Held-out throws of one model."""
 
     thrower: Thrower
-    x: np.ndarray
+    x: np.ndarray  # x, face: (n, M) of particles, in m
     face: np.ndarray
-    certain: Throws
-    after_first: np.ndarray
+    certain: Throws  # without uncertainty
+    after_first: np.ndarray  # (n,) spread of the velocity after the first contact in the kinetic norm, m/s
 
 
 def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStudySettings) -> pd.DataFrame:
@@ -123,6 +120,12 @@ def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
 def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
     """A row per model and quantity, with a 95 % bootstrap interval over throws; `limit_…`: the limit of noise."""
     rows, stream = [], streams(rng)
+
+    def add(model: object, quantities: dict[str, tuple[np.ndarray, Callable]]) -> None:
+        for name, (values, statistic) in quantities.items():
+            interval = spread(values, statistic, bootstrap, stream(model, name))
+            rows.append((model, name, float(statistic(values)), *interval))
+
     for model, part in throws.groupby("model", sort=False):
         error, certain = part["error"].to_numpy(), part["error_certain"].to_numpy()
         quantities = {
@@ -136,14 +139,10 @@ def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.r
             "log_score": (part["log_score"].to_numpy(), np.mean),
             "crps": (part["crps"].to_numpy(), np.mean),
         }
-        for name, (values, statistic) in quantities.items():
-            interval = spread(values, statistic, bootstrap, stream(model, name))
-            rows.append((model, name, float(statistic(values)), *interval))
+        add(model, quantities)
     for model, part in limit.groupby("model", sort=False):
-        for name, column, statistic in (("limit_std", "spread", np.median), ("limit_face", "face_kept", np.mean)):
-            values = part[column].to_numpy()
-            interval = spread(values, statistic, bootstrap, stream(model, name))
-            rows.append((model, name, float(statistic(values)), *interval))
+        still, kept = part["spread"].to_numpy(), part["face_kept"].to_numpy()
+        add(model, {"limit_std": (still, np.median), "limit_face": (kept, np.mean)})
     return pd.DataFrame(rows, columns=["model", "quantity", "value", "std", "low", "high"])
 
 

@@ -22,8 +22,7 @@ import numpy as np
 from thesis_lib.contact.space import velocity_error
 
 TOLERANCE = 1e-9  # of the speed before impact: rounding
-# least distance of targets from the boundary, where s is infinite, as a share of the half ball's radius
-MARGIN = 1e-3
+MARGIN = 1e-3  # least distance of targets from the boundary, where s is infinite, as a share of the radius
 
 
 def feasible(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
@@ -64,8 +63,7 @@ def to_latent(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, 
     for i in range(s.shape[1]):
         share = z[:, i] / np.sqrt(np.maximum(remaining, 1e-300))
         share = share if i == 0 else 0.5 * (1.0 + share)
-        share = np.clip(share, MARGIN, 1.0 - MARGIN)
-        s[:, i] = ndtri(share)
+        s[:, i] = ndtri(np.clip(share, MARGIN, 1.0 - MARGIN))
         remaining = remaining - z[:, i] ** 2
     return s
 
@@ -87,11 +85,8 @@ def from_latent(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float
 
 def latent_slopes(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
     """∂v⁺/∂s, (n, 3, 2 or 3), by central differences; carries uncertainty of s to the velocity."""
-    step = 1e-4
-    columns = []
-    for i in range(latent.shape[1]):
-        shift = np.zeros(latent.shape[1])
-        shift[i] = step
+    step, columns = 1e-4, []
+    for shift in step * np.eye(latent.shape[1]):
         ends = [from_latent(v_pre, latent + sign * shift, r, k_g) for sign in (1.0, -1.0)]
         columns.append((ends[0] - ends[1]) / (2.0 * step))
     return np.stack(columns, axis=2)

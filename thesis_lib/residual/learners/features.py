@@ -47,10 +47,9 @@ def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
 def impulse_of(dv: np.ndarray, impacts: Impacts, *, wrench: bool) -> np.ndarray:
     """Impulse (c_t, c_n) in N s or wrench (c_t, c_n, τ in N m s) of the velocity change dv (n, 3); linear in dv."""
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
-    if not wrench:
-        return np.stack(measured_impulse(dv, impacts.r, **body), axis=1)
-    tau = residual_couple(dv, impacts.r, **body)
-    return np.column_stack([impacts.mass * dv[:, :2], tau])
+    if wrench:
+        return np.column_stack([impacts.mass * dv[:, :2], residual_couple(dv, impacts.r, **body)])
+    return np.stack(measured_impulse(dv, impacts.r, **body), axis=1)
 
 
 def velocity_map(impacts: Impacts, *, wrench: bool) -> np.ndarray:

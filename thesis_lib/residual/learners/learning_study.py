@@ -126,10 +126,7 @@ def named_physics(
 
 
 def held_out_by(critique: pd.DataFrame, impacts: Impacts) -> np.ndarray:
-    """Mask (n,) of impacts whose trials the critique held out or did not use.
-
-    `critique` is its impacts.csv, with columns trial and held_out, of the same dataset.
-    """
+    """Mask (n,) of impacts whose trials the critique (its impacts.csv: trial, held_out) held out or did not use."""
     held = critique.groupby("trial")["held_out"].max()
     return held.reindex(impacts.trial).fillna(1).to_numpy() == 1
 
@@ -245,15 +242,9 @@ def _row(name: str, n: int, split: int, p: Prediction, held_out: Impacts) -> dic
 
 
 def _error_row(name: str, n: int, split: int, error: np.ndarray) -> dict:
-    return {
-        "model": name,
-        "n": n,
-        "split": split,
-        "mean": float(np.nanmean(error)),
-        "median": float(np.nanmedian(error)),
-        "n_held_out": len(error),
-        "n_failed": int(np.isnan(error).sum()),
-    }
+    averages = {"mean": float(np.nanmean(error)), "median": float(np.nanmedian(error))}
+    counts = {"n_held_out": len(error), "n_failed": int(np.isnan(error).sum())}
+    return {"model": name, "n": n, "split": split, **averages, **counts}
 
 
 def _bounds(table: Mapping[str, np.ndarray], laws: Sequence[str], held_out: Impacts) -> dict[str, np.ndarray]:
@@ -266,9 +257,8 @@ def _bounds(table: Mapping[str, np.ndarray], laws: Sequence[str], held_out: Impa
 
 def _errors(name: str, error: np.ndarray, p: Prediction | None, held_out: Impacts) -> pd.DataFrame:
     table = pd.DataFrame({"model": name, "trial": held_out.trial, "impact": held_out.impact, "error": error})
-    table["feasible"] = 1 if p is None else p.feasible.astype(int)
-    table["in_range"] = 1 if p is None else p.in_range.astype(int)
-    return table
+    feasible, in_range = (1, 1) if p is None else (p.feasible.astype(int), p.in_range.astype(int))
+    return table.assign(feasible=feasible, in_range=in_range)
 
 
 def _interval(error: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> dict[str, float]:

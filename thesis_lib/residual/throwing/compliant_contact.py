@@ -82,7 +82,7 @@ def compliant_path(
         remaining[moving] -= t
         moving = moving[remaining[moving] > 1e-9]
         if not len(moving):
-            return q, v
+            break
         q[moving], v[moving], took = press(body, contact, q[moving], v[moving], remaining[moving], longest, dt)
         remaining[moving] -= took
         # bodies that still press after `longest` continue from the surface
@@ -90,7 +90,7 @@ def compliant_path(
         q[pressed, 1] += np.maximum(-body.gap(q[pressed]), 0.0)
         moving = moving[remaining[moving] > 1e-9]
         if not len(moving):
-            return q, v
+            break
     q[moving], v[moving] = np.nan, np.nan
     return q, v
 
