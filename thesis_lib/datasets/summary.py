@@ -1,8 +1,4 @@
-"""What a dataset holds and which impacts are detected in it, as numbers and as text, for the check command.
-
-A well-formed dataset is useless if no impact is found in it, or if none touches the surface.  The summary therefore
-reports what the pipeline will use, not only what the files hold.
-"""
+"""What a dataset holds and which impacts are detected in it, as numbers and as text, for the check command."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -47,12 +47,10 @@ def check_header(header: Header, report: Report) -> None:
         what = f"the body reaches {extent:g} m from its centre, more than {LARGEST_BODY:g} m: millimetres?"
         error("body.shape", what, SHAPE_METRES)
     elif body.radius_of_gyration > extent:
-        error(
-            "body.radius_of_gyration",
-            f"{body.radius_of_gyration:g} m is larger than the body, which reaches {extent:g} m from its centre",
-            "give sqrt(I/m) in m (not the moment of inertia, not millimetres); "
-            f"a uniform lamina of this shape has {body.shape.radius_of_gyration:.6g}",
-        )
+        what = f"{body.radius_of_gyration:g} m is larger than the body, which reaches {extent:g} m from its centre"
+        lamina = f"a uniform lamina of this shape has {body.shape.radius_of_gyration:.6g}"
+        remedy = f"give sqrt(I/m) in m (not the moment of inertia, not millimetres); {lamina}"
+        error("body.radius_of_gyration", what, remedy)
     elif body.mass is not None and body.mass > DENSEST * (2.0 * extent) ** 3:
         what = f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?"
         report.warn(FILE, "body.mass", what, "give the mass in kg")

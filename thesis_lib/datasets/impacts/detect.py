@@ -198,8 +198,8 @@ def _fit_straightest(
 ) -> ArcFits:
     """Arc fits in which a bent arc is cut to half its samples if that makes it straight.
 
-    A bent far end (an unseen weak hit, the body coming to rest) must not spoil the velocity at the near end.  Bending
-    is judged by the noise found in the data: a wrong header should not shorten every window.
+    A bent far end (a weak hit, the body coming to rest) must not spoil the velocity at the near end.  The noise found
+    in the data judges: a wrong header should not shorten every window.
     """
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
 

@@ -24,8 +24,7 @@ _MIN_ARC_SAMPLES = 8
 _LONG_ARC_SAMPLES = 16  # enough long arcs are used alone: short ones are rattle, and hide correlation
 _MAX_LAG1 = 0.8  # above, an arc of 25 samples cannot separate noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
-# ratio of stated noise to that of the arcs (known to 10 %) beyond which the header is not believed
-CONTRADICTED = 2.0
+CONTRADICTED = 2.0  # ratio of stated noise to that of the arcs (known to 10 %) beyond which it is not believed
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
 
@@ -93,11 +92,9 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
 
 
 def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Mask (3,) of stated noise that is far from the scatter about the arcs.
-
-    Larger scatter that is not white may be a motion that no arc describes; it must not pass for noise.
-    """
+    """Mask (3,) of stated noise that is far from the scatter about the arcs."""
     sigma = np.fmax(sigma, SIGMA_FLOOR)
+    # larger scatter that is not white may be a motion that no arc describes; it must not pass for noise
     return (sigma * CONTRADICTED < stated) | ((sigma > CONTRADICTED * stated) & (colour == 1.0))
 
 

@@ -59,9 +59,9 @@ def locate(name: str, search: Sequence[str | Path]) -> Located:
             return Located(name, "published", folder, str(source), (f"{folder}/dataset.yaml",), trajectories)
     if name in SOURCES:
         return Located(name, "absent")
-    places = ", ".join(f"{base}/{name}" for base in search)
+    places, known = ", ".join(f"{base}/{name}" for base in search), ", ".join((*SOURCES, *SIMULATED))
     raise UserError(
-        f"There is no dataset {name!r}: no dataset.yaml in {places}. Known by name are "
-        f"{', '.join((*SOURCES, *SIMULATED))}; a dataset of your own is a folder in one of those that are searched "
-        "(measured: in the configuration; python -m thesis_lib datasets init makes one from a log file)."
+        f"There is no dataset {name!r}: no dataset.yaml in {places}. Known by name are {known}; a dataset of your own "
+        "is a folder in one of those that are searched (measured: in the configuration; python -m thesis_lib datasets "
+        "init makes one from a log file)."
     )

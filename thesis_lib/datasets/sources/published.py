@@ -94,10 +94,7 @@ def find_source(name: str, base: str | Path) -> Path | None:
 
 
 def convert_published(name: str, source_dir: str | Path, out_dir: str | Path) -> Path:
-    """Convert the files in `source_dir` (or in a known folder in it) into the dataset folder `out_dir`.
-
-    UserError if files are missing or a checksum differs; nothing is written then.
-    """
+    """Convert the files in `source_dir` (or a known folder in it) into `out_dir`; UserError for any other file."""
     name = published_name(name)
     folder = find_source(name, source_dir)
     if folder is None:

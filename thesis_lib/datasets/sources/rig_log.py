@@ -55,10 +55,7 @@ def parse_units(text: str) -> dict[str, float]:
 
 
 def parse_columns(text: str) -> dict[str, tuple[str, float]]:
-    """'t=time_s,y=-Z' -> {'t': ('time_s', 1.0), 'y': ('Z', -1.0)}: our column -> (column of the log, sign).
-
-    UserError if the text has another form or names a column that is not ours.
-    """
+    """'t=time_s,y=-Z' -> {'t': ('time_s', 1.0), 'y': ('Z', -1.0)}: our column -> (column of the log, sign)."""
     columns: dict[str, tuple[str, float]] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, log_column = (piece.strip() for piece in part.partition("="))
@@ -89,10 +86,8 @@ def parse_shape(text: str) -> Shape:
     except (ValueError, ValidationError) as error:
         reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
         raise UserError(f"--shape: '{text}' is not a shape ({reason}).") from error
-    raise UserError(
-        f"--shape: '{kind}' is unknown; give ellipse:A,B (semi-axes), disk:R, square:SIDE or polygon:x1,y1;x2,y2;… "
-        "in m."
-    )
+    known = "ellipse:A,B (semi-axes), disk:R, square:SIDE or polygon:x1,y1;x2,y2;…"
+    raise UserError(f"--shape: '{kind}' is unknown; give {known} in m.")
 
 
 def convert_logs(
@@ -120,8 +115,7 @@ def convert_logs(
     """
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise UserError(f"--rate: {rate} Hz is impossible; give a number above 0.")
-    notes: list[str] = []
-    warnings: list[str] = []
+    notes, warnings = [], []
     source = {column: columns.get(column, (column, 1.0)) for column in TRAJECTORY_COLUMNS}
     logs = [_read_log(Path(file), delimiter, warnings) for file in files]
     tables = []

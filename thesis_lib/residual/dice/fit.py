@@ -96,10 +96,7 @@ def touch_down(
 def contact_path(
     model: DiceModel, q: np.ndarray, v: np.ndarray, until: np.ndarray | float, settings: ThrowSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """True pose and velocity (n, 3) at the times `until` in s, all contacts by the model alone.
-
-    A body that chatters all the time stays where it was, at rest.
-    """
+    """True pose and velocity (n, 3) at the times `until` in s; a body that chatters all the time stays, at rest."""
     until = np.broadcast_to(until, len(q))
     if model.contact is not None:
         end_q, end_v = compliant_path(model.body, model.contact, q, v, until)

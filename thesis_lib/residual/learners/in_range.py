@@ -3,10 +3,9 @@
     d(x) = mean distance of x to its K nearest training impacts,   x = (X1, ω) in their standard deviations
     x is in range  ⇔  d(x) ≤ d_q,   d_q = the q quantile of d over the training impacts, each without itself
 
-Distance is used instead of the predictive variance, since a process that learned a long length scale from a narrow
-range is certain far outside it.  Nearest neighbours replace a Mahalanobis distance, since the inertia of the contact
-point follows a curve: an unseen body angle can lie inside an ellipsoid.  A share 1 − q of new impacts of the same kind
-is flagged.
+Not the predictive variance: a process that learned a long length scale from a narrow range is certain far outside it.
+Not a Mahalanobis distance: the inertia of the contact point follows a curve, and an unseen body angle can lie inside an
+ellipsoid.  A share 1 − q of new impacts of the same kind is flagged.
 
 Source: Ramaswamy, Rastogi and Shim 2000 (outliers by distance to nearest neighbours), doi:10.1145/335191.335437.
 """

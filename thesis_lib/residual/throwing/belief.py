@@ -12,8 +12,7 @@ with K sides, b Silverman's width of the M_f particles (of all, if a side has fe
 standard deviation of all particles.  The added 1/K of a particle and the wide part γ = 0.01 give every outcome a
 positive probability; without them one surprise would have likelihood zero.  The thesis gives no kernel.
 
-Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; Silverman, Density Estimation, 1986 (width of
-kernels).
+Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; Silverman, Density Estimation, 1986 (kernel width).
 """
 
 from dataclasses import dataclass

@@ -64,10 +64,7 @@ def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 
 def crps_of_mixture(outcome: np.ndarray, mean: np.ndarray, std: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """CRPS (n,) in closed form of outcomes (n,) under mixtures of m Gaussians.
-
-    `mean` and `std` > 0 are (n, m); `weight` (m,) sums to one.
-    """
+    """CRPS (n,) of outcomes (n,) under mixtures of m Gaussians: `mean`, `std` > 0 (n, m), `weight` (m,) of sum 1."""
     from scipy.special import ndtr
 
     def size(mu: np.ndarray, sigma: np.ndarray) -> np.ndarray:

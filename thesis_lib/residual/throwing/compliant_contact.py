@@ -23,8 +23,8 @@ import numpy as np
 
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 
-# s; 30 steps in a contact of 3 ms; half the step changes results by less than the scatter (tests)
-DT = 1e-4
+DT = 1e-4  # s; 30 steps in a contact of 3 ms; half the step changes results by less than the scatter (tests)
+LONGEST = 0.012  # s, after which a contact is cut off
 CLEAR = 1e-4  # m, gap above which a corner has left the surface even if it comes back
 KEPT = 0.75  # the arrays are compacted once the share of bodies in contact is below this
 _ROUNDS = 12  # of flight and contact, at most
@@ -60,18 +60,9 @@ PARAMETERS = tuple(field.name for field in fields(CompliantContact))
 
 
 def compliant_path(
-    body: ThrownBody,
-    contact: CompliantContact,
-    q: np.ndarray,
-    v: np.ndarray,
-    until: np.ndarray,
-    longest: float = 0.012,
-    dt: float = DT,
+    body: ThrownBody, contact: CompliantContact, q: np.ndarray, v: np.ndarray, until: np.ndarray, dt: float = DT
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) of thrown bodies at the times `until` (n,) in s, with flights and contacts in turn.
-
-    Bodies with too many contacts by then are NaN.
-    """
+    """Pose and velocity (n, 3) at the times `until` (n,) in s, flights and contacts in turn; NaN for too many."""
     n = len(q)
     q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
     moving = np.arange(n)
@@ -83,10 +74,10 @@ def compliant_path(
         moving = moving[remaining[moving] > 1e-9]
         if not len(moving):
             break
-        q[moving], v[moving], took = press(body, contact, q[moving], v[moving], remaining[moving], longest, dt)
+        q[moving], v[moving], took = press(body, contact, q[moving], v[moving], remaining[moving], LONGEST, dt)
         remaining[moving] -= took
-        # bodies that still press after `longest` continue from the surface
-        pressed = moving[took >= longest - 1e-9]
+        # bodies that still press after `LONGEST` continue from the surface
+        pressed = moving[took >= LONGEST - 1e-9]
         q[pressed, 1] += np.maximum(-body.gap(q[pressed]), 0.0)
         moving = moving[remaining[moving] > 1e-9]
         if not len(moving):
@@ -101,7 +92,7 @@ def press(
     q: np.ndarray,
     v: np.ndarray,
     left: np.ndarray,
-    longest: float = 0.012,
+    longest: float = LONGEST,
     dt: float = DT,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One contact of each of n touching bodies, until no corner presses or is about to return.

@@ -79,8 +79,7 @@ class Throws:
     hits: np.ndarray  # (n,) hits of single corners
     settled: np.ndarray  # (n,) whether the criterion was met (else: laid down after `max_contacts`)
     contacts: np.ndarray  # (n,) contacts, nearby hits merged
-    # snapshot_q, snapshot_v: (snapshots, n, 3) pose and velocity just after the last hit of each of the first
-    # contacts; NaN where there was none
+    # snapshot_q, snapshot_v: (snapshots, n, 3) just after the last hit of each of the first contacts; else NaN
     snapshot_q: np.ndarray
     snapshot_v: np.ndarray
     snapshot_t: np.ndarray  # (snapshots, n) time in s
@@ -138,10 +137,7 @@ def state_at(
     settings: ThrowSettings,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) of thrown particles at the times `until` (n,) in s, and hits by then (n,).
-
-    Particles that exceed `max_contacts` are NaN.
-    """
+    """Pose and velocity (n, 3) at the times `until` (n,) in s, NaN beyond `max_contacts`, and hits by then (n,)."""
     n = len(q)
     q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
     hits, moving = np.zeros(n, int), np.arange(n)
