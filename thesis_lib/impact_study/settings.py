@@ -52,7 +52,9 @@ class Topography(Section):
     n: Count = Field(150, description="impacts in the sum, as in the thesis")
     points: Annotated[int, Field(ge=5)] = Field(41, description="a side of the grid")
     mu: Annotated[tuple[Friction, Friction], ASCENDING] = Field((0.0, 0.4), description="range of μ; own choice")
-    epsilon: Annotated[tuple[Restitution, Restitution], ASCENDING] = Field((0.2, 0.9), description="range of ε")
+    epsilon: Annotated[tuple[Restitution, Restitution], ASCENDING] = Field(
+        (0.2, 0.9), description="range of ε; own choice"
+    )
 
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
         """Grid lines in μ and ε, (points,) each."""
@@ -79,5 +81,5 @@ class Chapter3(Section):
     range_tolerances: tuple[Annotated[float, Field(gt=0)], ...] = Field(
         (0.00275, 0.00825, 0.0275),
         min_length=1,
-        description="m/s, impulse over mass, of an outcome in range; the thesis's numbers fit the first (0.1 mN s)",
+        description="m/s, impulse over mass, of an outcome in range; own choice: the thesis's numbers fit the first",
     )

@@ -20,7 +20,7 @@ class ArcSettings(Section):
     double_hit: float = Field(
         5e-3, ge=0, description="s between corners that hit as one: a sample and a contact of 1 ms"
     )
-    touch_sigma: float = Field(1e-3, gt=0, description="m; of 'gap = 0 at impact': measured dice hover or dip by 1 mm")
+    touch_sigma: float = Field(1e-3, gt=0, description="m; one sigma of 'gap = 0 at impact': dice hover or dip by 1 mm")
     contact_spread: float | None = Field(
         None, ge=0, description="s; one sigma of the arcs' miss over |Δv|; null: estimated"
     )
@@ -33,11 +33,11 @@ class ArcSettings(Section):
     outlier_sigma: float = Field(7.0, gt=0, description="sigmas by which a single sample stands out as a glitch")
     lost_frame: float = Field(1.5, gt=1, description="a step in t above this many sampling intervals is a gap")
     not_ballistic: float = Field(9.0, gt=1, description="reduced chi² of an arc above which the impact is left out")
-    arc_deviation: float = Field(2.0, gt=1, description="reduced chi² of an arc above which the impact is flagged")
-    meet_sigma: float = Field(6.0, gt=0, description="sigmas of a miss of the arcs that means several hits (meet_time)")
-    meet_time: float = Field(1e-3, gt=0, description="s; a miss below this times |Δv| is one hit: see meet_sigma")
+    arc_deviation: float = Field(2.0, gt=1, description="reduced chi² of an arc that is flagged if significant")
+    meet_sigma: float = Field(6.0, gt=0, description="sigmas of a miss of the arcs, beyond meet_time: several hits")
+    meet_time: float = Field(1e-3, gt=0, description="s; times |Δv|: a smaller miss is one hit, see meet_sigma")
     mu_max: float = Field(0.35, gt=0, description="cone test |c_t| ≤ mu_max c_n, as in the authors' code")
-    touch_limit: float = Field(2e-3, gt=0, description="m; a larger gap at impact (and 5 sigma) is flagged `no_touch`")
+    touch_limit: float = Field(2e-3, gt=0, description="m; a gap above this and 5 sigma is flagged `no_touch`")
     noise_ratio: float = Field(1.5, gt=1, description="factor between stated and found noise that calls for a warning")
 
     @model_validator(mode="after")

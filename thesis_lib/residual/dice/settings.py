@@ -15,7 +15,9 @@ class DiceDataSettings(Section):
     most: int = Field(14, ge=4, description="samples of a flight that are used, those nearest to the contact")
     longest_contact: float = Field(0.03, gt=0, description="s between flights up to which all hits are one contact")
     drag: float = Field(0.35, ge=0, description="1/s; in flight: 0.3 in the dice's first flights, 0.5 later")
-    stray: tuple[float, float, float] = Field((0.4, 0.4, 6.0), description="m/s², m/s², rad/s²: one sigma beside drag")
+    stray: tuple[float, float, float] = Field(
+        (0.4, 0.4, 6.0), description="m/s², rad/s²: one sigma beside drag, as arcs find"
+    )
     long_flight: int = Field(25, ge=10, description="samples from which a flight tells the drag")
     still: float = Field(0.002, gt=0, description="m (rotation: times k) moved in the last samples, at most, at rest")
     last: int = Field(10, ge=2, description="samples at the end of a throw that give its resting pose")
@@ -24,26 +26,24 @@ class DiceDataSettings(Section):
 class DiceFitSettings(Section):
     """The fit of body and contact."""
 
-    evaluations: int = Field(3500, ge=50, description="of the misfit, until its 19 parameters settle")
+    evaluations: int = Field(3500, ge=50, description="of the misfit in 19 parameters; with 2500 it is 5 % larger")
     contacts: int = Field(400, ge=20, description="training contacts used, drawn at random from those fast enough")
     slowest: float = Field(0.6, ge=0, description="m/s in the kinetic metric, of contacts that count")
     cap: float = Field(1.0, gt=0, description="m/s, e_max")
 
 
 class DiceStudySettings(Section):
-    """The study of thrown dice; numbers without a reason are own choices."""
+    """The study of thrown dice."""
 
     train_share: float = Field(0.5, gt=0, lt=1, description="share of throws that train")
-    splits: int = Field(3, ge=1, description="random splits of the throws: what one split says is partly its luck")
-    particles: int = Field(40, ge=10, description="of each held-out throw's belief")
+    splits: int = Field(3, ge=1, description="random splits of the throws: one alone is partly luck (own choice)")
+    particles: int = Field(40, ge=10, description="of each held-out throw's belief (own choice)")
     limit_copies: int = Field(10, ge=2, description="perturbed starts of each held-out throw for the limit")
     bootstrap: int = Field(1000, ge=0, description="replicates over throws for intervals")
     training_contacts: int = Field(2000, ge=20, description="most contacts a process learns: all of the public throws")
     duration: float = Field(0.012, gt=0, description="s, T of the contact map: longer than double hits last")
-    slowest: float = Field(0.12, gt=0, description="m/s, g T: slower contacts are like resting and left to the law")
-    edges: tuple[float, ...] = Field(
-        (1.6,), description="m/s between ranges of a process each: first and later contacts"
-    )
+    slowest: float = Field(0.12, gt=0, description="m/s, g T, as weight alone gives; slower ones are left to the law")
+    edges: tuple[float, ...] = Field((1.6,), description="m/s between ranges with own processes; gap 1.5 to 2.2")
     outlier: float = Field(6.0, gt=1, description="median residuals above which a contact does not train; counted")
     slide_grid: tuple[float, ...] = Field(
         (0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.32, 0.4, 0.5, 0.7, 1.0, 1.4),

@@ -45,7 +45,7 @@ class GaussianProcessSettings(Section):
     prior: bool = Field(True, description="weak log-normal priors: without them ten impacts are learned by heart")
     robust_rounds: int = Field(2, ge=0, description="how often wild impacts get less weight; 0: all count alike")
     iterations: int = Field(100, ge=1, description="most L-BFGS iterations of a start")
-    hyperparameter_impacts: int = Field(450, ge=10, description="first impacts, which give the hyperparameters")
+    hyperparameter_impacts: int = Field(450, ge=10, description="first impacts that give them; all are conditioned on")
     device: Literal["auto", "cpu", "cuda"] = Field("auto", description="auto: a CUDA GPU if there is one")
 
 
