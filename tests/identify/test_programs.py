@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.base_parameters.identifiability import require_identifiable
 from thesis_lib.identify.base_parameters.projection import project_to_contact
 from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_window
-from thesis_lib.identify.programs import nonlinear as programs
 from thesis_lib.identify.programs.mode_qp import PROGRAMS, edges_of, solve_mode_qp
-from thesis_lib.identify.programs.nonlinear import ContactProgram, identify
+from thesis_lib.identify.programs.nonlinear import ContactProgram
 from thesis_lib.identify.programs.result import SolveStatus, complementarity_residual, dynamics_residual, judged
 from thesis_lib.identify.programs.study import SUCCESS, ProgramRun, TrueWindow, cases, study
 from thesis_lib.simulate.chapter2.motions import block
@@ -54,7 +54,8 @@ def test_equation_2_14_succeeds_at_every_length(kind: str, n_steps: int) -> None
 
 def test_ipopt_cross_checks_snopt(drops: list[TrueWindow]) -> None:
     for case in drops:
-        found = identify(case.window, "2.14", solver="ipopt", warm_start=False, rng=np.random.default_rng(3))
+        program = ContactProgram(case.window, "2.14")
+        found = program.answer(program.random_point(np.random.default_rng(3)), "ipopt")
         assert found.solver == "ipopt" and found.solved
         assert max(case.errors(found)) < SUCCESS
 
@@ -62,7 +63,9 @@ def test_ipopt_cross_checks_snopt(drops: list[TrueWindow]) -> None:
 def test_arm_and_disk_give_six_base_parameters_and_both_forces() -> None:
     case = cases("arm_disk", 100, 1, np.random.default_rng(5))[0]
     assert len(case.theta) == 6
-    for found in (solve_mode_qp(case.window), identify(case.window, warm_start=False, rng=np.random.default_rng(0))):
+    program = ContactProgram(case.window, "2.14")
+    nonlinear = program.answer(program.random_point(np.random.default_rng(0)), "snopt")
+    for found in (solve_mode_qp(case.window), nonlinear):
         assert found.solved and max(case.errors(found)) < SUCCESS
 
 
@@ -120,14 +123,6 @@ def test_residuals_see_each_violation(drops: list[TrueWindow]) -> None:
     assert complementarity_residual(case.window, -case.c_n, case.c_t) > 0.1  # pulling
 
 
-def test_warm_start_needs_no_luck_and_random_starts_are_counted(drops: list[TrueWindow]) -> None:
-    found = identify(drops[0].window, starts=3, rng=np.random.default_rng(0))
-    assert found.solved and found.n_starts == 3 and found.n_solved == 3
-    assert identify(drops[0].window).n_starts == 1
-    with pytest.raises(ValueError, match="rng"):
-        identify(drops[0].window, starts=2)
-
-
 def test_projection_makes_the_manifold_exact_and_strict_programs_usable() -> None:
     """With noise eq. 2.12 admits no force at all; on projected poses it does (treatment 3)."""
     body, mu = block(), 0.7
@@ -149,7 +144,7 @@ def test_projection_makes_the_manifold_exact_and_strict_programs_usable() -> Non
 def test_no_contact_in_the_window_is_said(drops: list[TrueWindow]) -> None:
     record = simulate(block(), [0.0, 5.0, 0.4], [0.3, 0.0, 2.0], None, 5e-3, 30, 0.7, 0.6)
     with pytest.raises(UserError, match="no contact and no known force"):
-        identify(free_body_window(record, 0.7, known={"m": 1.0}))
+        require_identifiable(free_body_window(record, 0.7, known={"m": 1.0}))
 
 
 def test_nan_in_the_data_is_said_with_its_step() -> None:
@@ -173,40 +168,8 @@ def test_ipopt_is_not_asked_for_more_equations_than_unknowns() -> None:
     assert np.isfinite(nlp.answer(point, "snopt").theta).all()
 
 
-def test_missing_solvers_are_said_and_ipopt_stands_in(drops: list[TrueWindow], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(programs, "available", lambda solver: solver == "ipopt")
-    with pytest.raises(UserError, match="no SNOPT"):
-        identify(drops[0].window, solver="snopt")
-    assert identify(drops[0].window).solver == "ipopt"
-    monkeypatch.setattr(programs, "available", lambda solver: False)
-    with pytest.raises(UserError, match="neither"):
-        identify(drops[0].window)
-
-
-def test_ipopt_takes_over_from_a_start_at_which_snopt_fails(
-    drops: list[TrueWindow], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    case, whole = drops[0], ContactProgram.answer
-
-    def failing(self: ContactProgram, point: object, solver: str, **limits: float) -> object:
-        if solver == "snopt":
-            return judged(self.window, "2.14", "snopt", True, 2.0 * case.theta, case.c_n, case.c_t, -1.0, 0.0)
-        return whole(self, point, solver, **limits)
-
-    monkeypatch.setattr(ContactProgram, "answer", failing)
-    found = identify(case.window)
-    # the lower cost and the claim of the wrong answer do not help it
-    assert found.solver == "ipopt" and found.solved and found.n_solved == 1
-    only = identify(case.window, solver="snopt")
-    assert only.claimed and not only.solved and only.n_solved == 0
-
-
 def test_wrong_arguments_are_said(drops: list[TrueWindow]) -> None:
     window = drops[0].window
-    with pytest.raises(UserError, match="no program"):
-        identify(window, "2.15")
-    with pytest.raises(UserError, match="no solver"):
-        identify(window, solver="gurobi")
     with pytest.raises(UserError, match="no parameter"):
         window.fix({"mass": 1.0})
     with pytest.raises(UserError, match="windows of"):

@@ -14,7 +14,7 @@ where π_e a_e is the sum of the edge's complementarity products.  With B the ed
     2.14 soft  min ‖Y Θ − B a − f‖² + π'a         over all edges
 
 are convex (three quadratic programs and a linear one).  Their minimum is global and serves as a reference for the
-nonlinear programs of `nonlinear.py`.  (In 2.14 both friction products weigh w_t.)
+nonlinear programs of `nonlinear.py`.  (Both friction products of 2.14 weigh w_t; both weights are 1.)
 
 If the least-squares solution over edges of price 0 has a ≥ 0, it is the answer; eliminating the forces step by step
 takes time linear in the window.  Otherwise Clarabel solves the program, and least squares on the edges in use polishes
@@ -67,19 +67,17 @@ class Edges:
         )
 
 
-def edges_of(
-    window: ContactWindow, program: Program, *, reach: float = REACH, w_n: float = 1.0, w_t: float = 1.0
-) -> Edges:
+def edges_of(window: ContactWindow, program: Program, *, reach: float = REACH) -> Edges:
     """Edges that a program admits on a window, with their prices; gap and slip are priced per scale of the window.
 
-    `reach` in m is the largest gap of a contact with edges; `w_n`, `w_t` weigh the products of gap and of friction.
+    `reach` in m is the largest gap of a contact with edges.
     """
     step, pair = np.nonzero(window.gap <= reach)
     step, pair, sign = np.repeat(step, 2), np.repeat(pair, 2), np.tile([1.0, -1.0], len(step))
     gap, v = window.gap[step, pair], window.v_t[step, pair]
     direction = window.J_n[step, pair] + sign[:, None] * window.mu * window.J_t[step, pair]
     slip = np.abs(v) + sign * v
-    price = w_n * gap / window.gap_scale + w_t * window.mu * slip / window.speed_scale
+    price = gap / window.gap_scale + window.mu * slip / window.speed_scale
     edges = Edges(step, pair, sign, direction, price)
     if program == "2.12":
         return edges[(gap == 0.0) & (slip == 0.0)]
@@ -92,15 +90,12 @@ def solve_mode_qp(
     window: ContactWindow,
     program: Program = "2.12",
     *,
-    reach: float = REACH,
-    w_n: float = 1.0,
-    w_t: float = 1.0,
     tolerance: float = RESIDUAL_TOLERANCE,
     dynamics_tolerance: float | None = None,
 ) -> ProgramResult:
-    """Global minimum of a program on a window; arguments as in `edges_of` and `result.judged`."""
+    """Global minimum of a program on a window; the tolerances as in `result.judged`."""
     begin = time.process_time()
-    edges = edges_of(window, program, reach=reach, w_n=w_n, w_t=w_t)
+    edges = edges_of(window, program)
     free = edges[edges.price == 0.0]
     theta, amplitude, misfit = least_squares(window, free)
     admissible = _admissible(window, theta, amplitude)
@@ -116,20 +111,8 @@ def solve_mode_qp(
     cost = float(edges.price @ amplitude / F)
     if program != "2.14":
         cost += float(np.sum((window.residual(theta, c_n, c_t) / F) ** 2))
-    cpu_s = time.process_time() - begin
-    return judged(
-        window,
-        program,
-        solver,
-        claimed,
-        theta,
-        c_n,
-        c_t,
-        cost,
-        cpu_s,
-        tolerance=tolerance,
-        dynamics_tolerance=dynamics_tolerance,
-    )
+    answer = (program, solver, claimed, theta, c_n, c_t, cost, time.process_time() - begin)
+    return judged(window, *answer, tolerance=tolerance, dynamics_tolerance=dynamics_tolerance)
 
 
 def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

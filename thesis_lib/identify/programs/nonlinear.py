@@ -15,13 +15,12 @@ all of non-negative factors (every program has the linear constraints c, λ, μ 
 Eq. 2.14 as printed repeats the products as constraints; the text moves them to the cost, as is done here.  Products as
 constraints are kept below a bound that falls to zero over a sequence of programs, each started at the last answer
 (Scholtes); `products="strict"` solves at zero at once.  Treatment 3, projection of the poses to the contact manifold,
-acts on the data: see `projection.py`.  Starts are the convex program's answer (`mode_qp`) and random points.
+acts on the data: see `projection.py`.  Starts are random points; the weights w_n and w_t are 1.
 
 | on paper    | in code        | unit | shape  |                                                                      |
 |-------------|----------------|------|--------|----------------------------------------------------------------------|
 | Θ, c, λ     | `ProgramPoint` | 1    |        | in units of T, F and V, which make them about 1                      |
 | φ, v_rel    | `gap`, `v`     | 1    | (K,)   | of the contacts within reach, per L and V                            |
-| w_n, w_t    | `w_n`, `w_t`   | 1    |        | weights of the products against the squared dynamics residual        |
 
 Sources: thesis section 2.3.2; S. Scholtes, SIAM J. Optim. 11 (2001), doi 10.1137/S1052623499361233; P. Gill, W. Murray,
 M. Saunders, SIAM Review 47 (2005), doi 10.1137/S0036144504446096 (SNOPT); A. Wächter, L. Biegler, Math. Program. 106
@@ -29,21 +28,18 @@ M. Saunders, SIAM Review 47 (2005), doi 10.1137/S0036144504446096 (SNOPT); A. W�
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.base_parameters.identifiability import require_identifiable
 from thesis_lib.identify.base_parameters.window import ContactWindow
-from thesis_lib.identify.programs.mode_qp import PROGRAMS, REACH, Program, parameter_scale, solve_mode_qp
-from thesis_lib.identify.programs.result import RESIDUAL_TOLERANCE, ProgramResult, judged
+from thesis_lib.identify.programs.mode_qp import REACH, Program, parameter_scale
+from thesis_lib.identify.programs.result import ProgramResult, judged
 
 if TYPE_CHECKING:
     from pydrake.solvers import MathematicalProgram, SolverOptions
 
-Solver = Literal["auto", "snopt", "ipopt"]
 Products = Literal["relaxed", "strict"]
 # bounds of the products in scaled units; the last: the solvers' zero
 RELAXATION = (1e-1, 1e-3, 1e-5, 1e-7, 1e-10)
@@ -73,105 +69,29 @@ class ProgramPoint:
         return np.concatenate([self.theta, self.c_n, self.c_plus, self.c_minus, self.lam])
 
 
-def identify(
-    window: ContactWindow,
-    program: Program = "2.14",
-    *,
-    solver: Solver = "auto",
-    starts: int = 1,
-    rng: np.random.Generator | None = None,
-    theta_guess: np.ndarray | None = None,
-    warm_start: bool = True,
-    products: Products = "relaxed",
-    reach: float = REACH,
-    w_n: float = 1.0,
-    w_t: float = 1.0,
-    tolerance: float = RESIDUAL_TOLERANCE,
-    dynamics_tolerance: float | None = None,
-) -> ProgramResult:
-    """Parameters and contact forces of a window from the best of several starts, with a status judged on residuals.
-
-    Args:
-        solver: "auto" uses SNOPT, and IPOPT where SNOPT fails or is not available.
-        starts: number of starts; the first is the convex program's answer if `warm_start`, the others are random.
-        rng: of the random starts; needed unless the only start is the warm one.
-        theta_guess: (n_Θ,) sizes around which random starts scatter; default: those whose effect is the largest force.
-        products: how 2.12 and 2.13 hold the products at zero.
-        reach, w_n, w_t, tolerance, dynamics_tolerance: as in `mode_qp.edges_of` and `result.judged`.
-
-    Raises:
-        UserError: the window cannot identify its parameters, the program or solver does not exist or is not available.
-    """
-    if program not in PROGRAMS:
-        raise UserError(f"there is no program {program!r}; choose one of {', '.join(PROGRAMS)}")
-    if starts < 1:
-        raise UserError(f"at least one start is needed, got {starts}")
-    engines = _engines(solver)
-    require_identifiable(window)
-    if rng is None and not (warm_start and starts == 1):
-        raise ValueError("random starts need rng")
-
-    nlp = ContactProgram(window, program, reach=reach, w_n=w_n, w_t=w_t, products=products)
-    limits = {"tolerance": tolerance, "dynamics_tolerance": dynamics_tolerance}
-    best: ProgramResult | None = None
-    n_solved, cpu_s = 0, 0.0
-    for start in range(starts):
-        begin = time.process_time()
-        first = nlp.warm_point(tolerance) if start == 0 and warm_start else nlp.random_point(rng, theta_guess)
-        for engine in engines:
-            result = nlp.answer(first, engine, **limits)
-            if best is None or _rank(result) < _rank(best):
-                best = replace(result, start=start)
-            if result.solved:
-                break
-        n_solved, cpu_s = n_solved + result.solved, cpu_s + time.process_time() - begin
-    return replace(best, n_solved=n_solved, n_starts=starts, cpu_s=cpu_s)
-
-
-def _rank(result: ProgramResult) -> tuple[bool, float]:
-    return not result.solved, result.cost if np.isfinite(result.cost) else np.inf
-
-
 class ContactProgram:
-    """One program on one window, in scaled variables; arguments as in `identify`."""
+    """One program on one window, in scaled variables.
+
+    `reach` is as in `mode_qp.edges_of`; `products` says how 2.12 and 2.13 hold the products at zero.
+    """
 
     def __init__(
-        self,
-        window: ContactWindow,
-        program: Program,
-        *,
-        reach: float = REACH,
-        w_n: float = 1.0,
-        w_t: float = 1.0,
-        products: Products = "relaxed",
+        self, window: ContactWindow, program: Program, *, reach: float = REACH, products: Products = "relaxed"
     ) -> None:
         self.window, self.program, self.products = window, program, products
-        self.reach, self.w_n, self.w_t = reach, w_n, w_t
         self.step, self.pair = np.nonzero(window.gap <= reach)
         self.F, self.T = window.force_scale, parameter_scale(window)
         self.gap = window.gap[self.step, self.pair] / window.gap_scale
         self.v = window.v_t[self.step, self.pair] / window.speed_scale
 
-    def warm_point(self, tolerance: float = RESIDUAL_TOLERANCE) -> ProgramPoint:
-        """The convex program's answer."""
-        answer = solve_mode_qp(
-            self.window, self.program, reach=self.reach, w_n=self.w_n, w_t=self.w_t, tolerance=tolerance
-        )
-        c_t = answer.c_t[self.step, self.pair] / self.F
-        c_n = answer.c_n[self.step, self.pair] / self.F
-        return ProgramPoint(answer.theta / self.T, c_n, np.maximum(c_t, 0.0), np.maximum(-c_t, 0.0), np.abs(self.v))
-
-    def random_point(self, rng: np.random.Generator, theta_guess: np.ndarray | None = None) -> ProgramPoint:
+    def random_point(self, rng: np.random.Generator) -> ProgramPoint:
         """Parameters scattered by a factor of ten either way, forces of about the largest known one, λ = |v_rel|.
 
         λ is known and not scattered.  At a contact without force nothing would move a random λ while c_n = 0, and force
         there would seem to cost λ μ c_n: a false minimum of eq. 2.14.
         """
-        K = len(self.step)
-        guess = np.ones(len(self.T)) if theta_guess is None else np.asarray(theta_guess, dtype=float) / self.T
-        theta = guess * np.exp(rng.uniform(-START_RANGE, START_RANGE, len(guess)))
-        c = rng.exponential(1.0, (3, K))
-        return ProgramPoint(theta, *c, np.abs(self.v))
+        theta = np.exp(rng.uniform(-START_RANGE, START_RANGE, len(self.T)))
+        return ProgramPoint(theta, *rng.exponential(1.0, (3, len(self.step))), np.abs(self.v))
 
     def unscaled(self, point: ProgramPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Θ (n_Θ,), c_n and c_t (m, p) in N of a point."""
@@ -190,28 +110,12 @@ class ContactProgram:
                 break
         return claimed, cost, point
 
-    def answer(
-        self,
-        point: ProgramPoint,
-        solver: str,
-        *,
-        tolerance: float = RESIDUAL_TOLERANCE,
-        dynamics_tolerance: float | None = None,
-    ) -> ProgramResult:
-        """The program solved from a point, with a judged status; arguments as in `identify`."""
+    def answer(self, point: ProgramPoint, solver: str) -> ProgramResult:
+        """The program solved from a point by "snopt" or "ipopt", with a judged status."""
         begin = time.process_time()
         claimed, cost, point = self.solve(point, solver)
-        return judged(
-            self.window,
-            self.program,
-            solver,
-            claimed,
-            *self.unscaled(point),
-            cost,
-            time.process_time() - begin,
-            tolerance=tolerance,
-            dynamics_tolerance=dynamics_tolerance,
-        )
+        cpu_s = time.process_time() - begin
+        return judged(self.window, self.program, solver, claimed, *self.unscaled(point), cost, cpu_s)
 
     def _solve_once(self, point: ProgramPoint, solver: str, bound: float) -> tuple[bool, float, ProgramPoint]:
         from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver
@@ -300,13 +204,11 @@ class ContactProgram:
                     # φ c_n <= t is a bound on c_n
                     prog.AddBoundingBoxConstraint(0.0, bound / gap if gap > 0.0 else np.inf, x[0])
                 else:
-                    prog.AddLinearCost([self.w_n * gap], x[:1])
+                    prog.AddLinearCost([gap], x[:1])
                 prog.AddQuadraticConstraint(Q_cone, np.zeros(4), -np.inf, bound, x)
                 prog.AddQuadraticConstraint(Q_slip, slip, -np.inf, bound, x)
             else:
-                linear = self.w_t * slip
-                linear[0] += self.w_n * gap
-                prog.AddQuadraticCost(self.w_t * (Q_cone + Q_slip), linear, x, is_convex=False)
+                prog.AddQuadraticCost(Q_cone + Q_slip, np.array([gap, v, -v, 0.0]), x, is_convex=False)
 
 
 def solver_options(solver: str, scale: int = 0) -> "SolverOptions":
@@ -329,28 +231,3 @@ def solver_options(solver: str, scale: int = 0) -> "SolverOptions":
         options.SetOption(IpoptSolver.id(), "max_iter", MAX_ITERATIONS)
         options.SetOption(IpoptSolver.id(), "print_level", 0)
     return options
-
-
-def available(solver: str) -> bool:
-    """Whether this installation of Drake can run "snopt" or "ipopt"."""
-    from pydrake.solvers import IpoptSolver, SnoptSolver
-
-    engine = SnoptSolver() if solver == "snopt" else IpoptSolver()
-    return bool(engine.available() and engine.enabled())
-
-
-def _engines(asked: str) -> tuple[str, ...]:
-    """Solvers to try in turn."""
-    if asked not in ("auto", "snopt", "ipopt"):
-        raise UserError(f"there is no solver {asked!r}; choose auto, snopt or ipopt")
-    if asked != "auto":
-        if not available(asked):
-            raise UserError(
-                f"this installation of Drake has no {asked.upper()}; take solver='auto' or "
-                f"{'ipopt' if asked == 'snopt' else 'snopt'}, or a build of Drake that has it"
-            )
-        return (asked,)
-    solvers = tuple(solver for solver in ("snopt", "ipopt") if available(solver))
-    if not solvers:
-        raise UserError("this installation of Drake has neither SNOPT nor IPOPT; take mode_qp.solve_mode_qp instead")
-    return solvers

@@ -40,7 +40,7 @@ class SolveStatus(StrEnum):
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """Result of one program from its best start; symbols as in the module's table."""
+    """Result of one program; symbols as in the module's table."""
 
     program: str  # "2.12", "2.13", "2.14" or "2.14 soft"
     solver: str
@@ -52,10 +52,7 @@ class ProgramResult:
     dynamics: float
     complementarity: float
     cost: float  # value of the program's cost, dimensionless
-    cpu_s: float  # CPU seconds of all starts
-    start: int = 0  # index of the best start
-    n_solved: int = 0  # n_solved, n_starts: number of starts that ended SOLVED, and of all starts
-    n_starts: int = 1
+    cpu_s: float  # CPU seconds
     names: tuple[str, ...] = ()  # (n_Θ,) of the parameters
 
     @property

@@ -18,9 +18,9 @@ unknown.
 | c        | `force_error` | 1    |       | relative rms error of the contact forces, per start          |
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
@@ -30,10 +30,10 @@ from thesis_lib.identify.base_parameters.combinations import base_parameters
 from thesis_lib.identify.base_parameters.identifiability import require_identifiable
 from thesis_lib.identify.base_parameters.regressor import PlantRegressor
 from thesis_lib.identify.base_parameters.window import ALLOWANCE, ContactWindow, free_body_window, window_of
-from thesis_lib.identify.programs.mode_qp import REACH, Program, solve_mode_qp
+from thesis_lib.identify.programs.mode_qp import Program, solve_mode_qp
 from thesis_lib.identify.programs.nonlinear import ContactProgram, Products
 from thesis_lib.identify.programs.result import ProgramResult
-from thesis_lib.identify.settings import Programs
+from thesis_lib.identify.settings import Mechanism, Programs
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, arm_disk, arm_trajectories, releases
 from thesis_lib.simulate.stepping.stepping import Record, simulate
 
@@ -75,20 +75,15 @@ def cases(
     Raises:
         UserError: there is no such kind, or hardly any window of that length identifies its parameters.
     """
-    makers: dict[str, Callable[..., Iterator[Record]]] = {
-        "block": _drops,
-        "ellipse": _drops,
-        "wheel": _drops,
-        "arm_disk": _arm_motions,
-    }
-    if kind not in makers:
-        raise UserError(f"there are windows of {', '.join(makers)}; got {kind!r}")
+    kinds = get_args(Mechanism)
+    if kind not in kinds:
+        raise UserError(f"there are windows of {', '.join(kinds)}; got {kind!r}")
     if kind == "arm_disk":
         arm = settings.arm.model_copy(update={"mu": ARM_MU, "steps": max(settings.arm.steps, n_steps)})
         settings = settings.model_copy(update={"arm": arm})
     windows: list[TrueWindow] = []
     refused = ""
-    for tried, record in enumerate(makers[kind](kind, n_steps, rng, settings)):
+    for tried, record in enumerate(_motions(kind, n_steps, rng, settings)):
         if tried >= 5 * n + 20:
             raise UserError(f"only {len(windows)} of {tried} windows of {n_steps} steps can be identified; {refused}")
         contact = np.flatnonzero(record.c_n.any(axis=1))
@@ -112,17 +107,15 @@ def cases(
     return windows
 
 
-def _drops(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
-    body = BODIES[kind](settings)
+def _motions(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
     surface = settings.wheel if kind == "wheel" else settings
+    steps = max(settings.steps, n_steps)
     while True:
-        q, v = releases(kind, 1, rng, settings)
-        yield simulate(body, q[0], v[0], None, settings.h, max(settings.steps, n_steps), surface.mu, surface.epsilon)
-
-
-def _arm_motions(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
-    while True:
-        yield arm_trajectories(1, rng, settings).records[0]
+        if kind == "arm_disk":
+            yield arm_trajectories(1, rng, settings).records[0]
+        else:
+            (q,), (v,) = releases(kind, 1, rng, settings)
+            yield simulate(BODIES[kind](settings), q, v, None, settings.h, steps, surface.mu, surface.epsilon)
 
 
 def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> TrueWindow:
@@ -168,7 +161,6 @@ class ProgramRun:
     program: Program
     solver: str
     products: Products = "relaxed"
-    reach: float = REACH
 
 
 STUDIES = {
@@ -224,10 +216,10 @@ def study(
 
 def _answers(what: ProgramRun, window: ContactWindow, starts: int, rng: np.random.Generator) -> Iterator[ProgramResult]:
     if what.solver == "mode_qp":
-        yield solve_mode_qp(window, what.program, reach=what.reach)
+        yield solve_mode_qp(window, what.program)
         return
     for _ in range(starts):
-        nlp = ContactProgram(window, what.program, reach=what.reach, products=what.products)
+        nlp = ContactProgram(window, what.program, products=what.products)
         yield nlp.answer(nlp.random_point(rng), what.solver)
 
 

@@ -19,6 +19,9 @@ contact longer than `LONGEST` contact times.
 not depend on the number of drops (except under wear, which counts them).  Sources: see `hidden_causes`.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise
@@ -60,6 +63,7 @@ def simulate_compliant_drops(
     rate: float = 250.0,
     noise: Noise | None = None,
     rng: np.random.Generator,
+    engine: Callable[..., Any] | None = None,
 ) -> Drops:
     """Release n bodies over a plate and record their poses.
 
@@ -74,6 +78,7 @@ def simulate_compliant_drops(
         rate: sampling rate, Hz.
         noise: one-sigma noise of position (x, y each) and angle; channels that are None or absent have no noise.
         rng: spawns the streams for releases, noise and phases.
+        engine: class that integrates the motion, with the arguments and results of `_Drops`, which is the default.
 
     Returns:
         Drops whose `impacts` also have duration (s) and separated (False where the recording ended during the contact),
@@ -83,15 +88,20 @@ def simulate_compliant_drops(
         UserError: the body has no mass, an argument is out of range, or a release touches the plate.
     """
     contact, hidden = contact or CompliantContact(), hidden or HiddenCauses()
-    check_hidden_request(body, release, hidden, n=n, gravity=gravity, duration=duration, rate=rate)
+    reach = (
+        body.shape.extent * max(1.0 + hidden.size_error, 1.0)
+        + np.hypot(hidden.com_offset_x, hidden.com_offset_y)
+        + max(hidden.surface_height, 0.0)
+        + hidden.plate_amplitude
+    )
+    check_request(body, release, reach, n=n, gravity=gravity, duration=duration, rate=rate)
     release_rng, noise_rng, phase_rng = rng.spawn(3)
     pose, velocity = release.draw(n, release_rng)
     mechanics = Mechanics(body, contact, hidden, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
 
     samples = sample_times(duration, rate)
     lagged = samples - hidden.time_lag
-    drops = _Drops(mechanics, pose, velocity, _ticks(samples, lagged[lagged > 0.0], rate))
-    drops.run()
+    drops = (engine or _Drops)(mechanics, pose, velocity, samples, lagged, rate)
     poses = drops.poses_at(samples)
     late = poses[..., 2]
     if hidden.time_lag:
@@ -102,18 +112,8 @@ def simulate_compliant_drops(
         poses, late = poses + shown, late + shown[..., 2]
     poses = reported(poses, late, samples, hidden)
     dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng)
-    return Drops(*dataset, impacts, trial_table(pose, velocity, contacts=drops.contacts, t_end=drops.t))
-
-
-def check_hidden_request(body: Body, release: Release, hidden: HiddenCauses, **positive: float) -> None:
-    """`check_request`, and its UserError, for a body and a surface that hidden causes may move."""
-    reach = (
-        body.shape.extent * max(1.0 + hidden.size_error, 1.0)
-        + np.hypot(hidden.com_offset_x, hidden.com_offset_y)
-        + max(hidden.surface_height, 0.0)
-        + hidden.plate_amplitude
-    )
-    check_request(body, release, reach, **positive)
+    count = np.bincount(impacts["trial"], minlength=n)
+    return Drops(*dataset, impacts, trial_table(pose, velocity, contacts=count, t_end=drops.t))
 
 
 def contact_truth(
@@ -139,10 +139,21 @@ def contact_truth(
 
 
 class _Drops:
-    """State of n drops, their poses at the ticks and the record of their contacts."""
+    """State of n drops, their poses at the ticks and the record of their contacts; `t` (n,) ends the recordings in s.
 
-    def __init__(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, ticks: np.ndarray) -> None:
-        n = len(pose)
+    Poses and velocities of release are (n, 3); `samples` and `lagged` are the times in s at which poses are asked for.
+    """
+
+    def __init__(
+        self,
+        mechanics: Mechanics,
+        pose: np.ndarray,
+        velocity: np.ndarray,
+        samples: np.ndarray,
+        lagged: np.ndarray,
+        rate: float,
+    ) -> None:
+        n, ticks = len(pose), _ticks(samples, lagged[lagged > 0.0], rate)
         self.mechanics, self.ticks = mechanics, ticks
         # the loose mass starts at rest in the body
         centre, rate = mechanics.centre_state(pose, velocity)
@@ -154,13 +165,9 @@ class _Drops:
         self.poses[:, 0] = pose
         self.slow, self.contacts = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
         self.records: list[dict[str, np.ndarray]] = []
-
-    def run(self) -> None:
-        """Advance all drops to the last tick or to rest."""
-        flying = np.arange(len(self.q))
+        flying = np.arange(n)
         while len(flying):
-            landed = self._fly(flying)
-            flying = self._contact(landed)
+            flying = self._contact(self._fly(flying))
 
     # --- flight ---
 

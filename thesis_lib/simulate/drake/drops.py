@@ -17,6 +17,7 @@ Randomness is as in `compliant`: the same generator gives the same releases, noi
 Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
 """
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,18 +28,18 @@ from thesis_lib.simulate.compliant.drops import (
     LONGEST,
     MAX_CONTACTS,
     SLOW_TOUCHES,
-    TRUTH,
     V_SLOW,
-    check_hidden_request,
     contact_truth,
+    simulate_compliant_drops,
 )
 from thesis_lib.simulate.compliant.forces import Mechanics
-from thesis_lib.simulate.rig.camera import reported, wobble
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
-from thesis_lib.simulate.rig.record import Drops, as_dataset, contact_table, sample_times, trial_table
+from thesis_lib.simulate.rig.record import Drops
 from thesis_lib.simulate.rig.release import Release
 
 if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
+
     from thesis_lib.simulate.drake.clock import Clock
 
 FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm undetected
@@ -77,26 +78,19 @@ def simulate_drake_drops(
     """
     contact, hidden = contact or CompliantContact(), hidden or HiddenCauses()
     _refuse(contact, hidden)
-    check_hidden_request(body, release, hidden, n=n, gravity=gravity, duration=duration, rate=rate)
-    release_rng, noise_rng, phase_rng = rng.spawn(3)
-    pose, velocity = release.draw(n, release_rng)
-    mechanics = Mechanics(body, contact, hidden, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
-    drops = _Drops(body, contact, mechanics, gravity, accuracy)
-    samples = sample_times(duration, rate)
-    lagged = samples - hidden.time_lag
-    poses, late = np.full((n, len(samples), 3), np.nan), np.full((n, len(samples)), np.nan)
-    for i in range(n):
-        drops.run(i, pose[i], velocity[i], samples)
-        poses[i] = drops.poses_at(samples)
-        late[i] = drops.poses_at(np.maximum(lagged, 0.0))[:, 2] + np.minimum(lagged, 0.0) * velocity[i, 2]
-    impacts = contact_table(drops.records, TRUTH, {"separated": bool})
-    if hidden.wobble:
-        shown = wobble(impacts, samples, n, hidden, body.radius_of_gyration)
-        poses, late = poses + shown, late + shown[..., 2]
-    poses = reported(poses, late, samples, hidden)
-    dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng)
-    count = np.bincount(impacts["trial"], minlength=n)
-    return Drops(*dataset, impacts, trial_table(pose, velocity, contacts=count, t_end=drops.ends))
+    return simulate_compliant_drops(
+        body,
+        release,
+        n,
+        contact=contact,
+        hidden=hidden,
+        gravity=gravity,
+        duration=duration,
+        rate=rate,
+        noise=noise,
+        rng=rng,
+        engine=partial(_Drops, body, gravity, accuracy),
+    )
 
 
 def _refuse(contact: CompliantContact, m: HiddenCauses) -> None:
@@ -113,14 +107,27 @@ def _refuse(contact: CompliantContact, m: HiddenCauses) -> None:
 
 
 class _Drops:
-    """Drake's simulators, path of the last drop and record of all contacts; states hold body, then loose mass."""
+    """Drake's simulators, and paths and contacts of all drops; states hold body, then loose mass.
+
+    After the first three, arguments are those of the compliant engine.
+    """
 
     def __init__(
-        self, body: Body, contact: CompliantContact, mechanics: Mechanics, gravity: float, accuracy: float
+        self,
+        body: Body,
+        gravity: float,
+        accuracy: float,
+        mechanics: Mechanics,
+        pose: np.ndarray,
+        velocity: np.ndarray,
+        samples: np.ndarray,
+        lagged: np.ndarray,
+        rate: float,
     ) -> None:
         from thesis_lib.simulate.drake.clock import Clock
         from thesis_lib.simulate.drake.plant import drop_plant, pad_of
 
+        contact = mechanics.contact
         self.body, self.contact, self.mechanics = body, contact, mechanics
         self.gravity, self.accuracy = gravity, accuracy
         every = mechanics.epsilon
@@ -128,11 +135,14 @@ class _Drops:
         self._pads = [pad_of(body, contact, mechanics.hidden, float(epsilon)) for epsilon in self._nodes]
         self._flight = Clock(drop_plant(body, contact, mechanics.hidden, gravity), FLIGHT_STEP, accuracy)
         self._plate: tuple[float, Clock] | None = None
-        self.ends = np.zeros(len(every))
         self.records: list[dict[str, np.ndarray]] = []
+        self._paths = [self._run(i, pose[i], velocity[i], samples) for i in range(len(pose))]
+        self.t = np.array([path.x[-1] for path in self._paths])
 
-    def run(self, trial: int, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> None:
-        """Simulate one drop from the pose and velocity (3,) of its origin to the last sample, or to rest."""
+    def _run(self, trial: int, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> "CubicHermiteSpline":
+        """Path of one drop from the pose and velocity (3,) of its origin to the last sample, or to rest."""
+        from scipy.interpolate import CubicHermiteSpline
+
         from thesis_lib.simulate.drake.clock import fly
 
         flight = self._flight
@@ -157,11 +167,10 @@ class _Drops:
             path.append((np.array([t]), q[None, :3], v[None, :3]))
             if not separated or slow == SLOW_TOUCHES:
                 break
-        self._times, self._q, self._v = (np.concatenate(part) for part in zip(*path))
+        times, q, v = (np.concatenate(part) for part in zip(*path))
         # a flight begins with the state in which the contact ended
-        self._times, first = np.unique(self._times, return_index=True)
-        self._q, self._v = self._q[first], self._v[first]
-        self.ends[trial] = self._times[-1]
+        times, first = np.unique(times, return_index=True)
+        return CubicHermiteSpline(times, q[first], v[first])
 
     def _touch_down(
         self, trial: int, t: float, q: np.ndarray, v: np.ndarray
@@ -199,13 +208,13 @@ class _Drops:
         return self._plate[1]
 
     def poses_at(self, times: np.ndarray) -> np.ndarray:
-        """Poses (len(times), 3) of the body's origin in the last drop; NaN after the end of its recording."""
-        from scipy.interpolate import CubicHermiteSpline
-
-        q = CubicHermiteSpline(self._times, self._q, self._v)(times)
-        out = np.column_stack([q[:, :2] - self.mechanics.origin(q[:, 2]), q[:, 2]])
-        out[times > self._times[-1] + 1e-9] = np.nan
-        return out
+        """Poses (n, len(times), 3) of the body's origin; NaN after the end of a recording."""
+        poses = []
+        for path in self._paths:
+            q = path(times)
+            poses.append(np.column_stack([q[:, :2] - self.mechanics.origin(q[:, 2]), q[:, 2]]))
+            poses[-1][times > path.x[-1] + 1e-9] = np.nan
+        return np.array(poses)
 
     def _record(self, trial: int, before: tuple, after: tuple, separated: bool) -> float:
         """Record a contact between two states (q, v, t); returns the speed of approach in m/s."""
