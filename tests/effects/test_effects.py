@@ -113,9 +113,9 @@ def test_declaration(effect: Effect) -> None:
         assert p.discrete is None or (p.low <= p.discrete <= p.high and p.discrete != p.null)
 
 
-def test_module_says_equation_and_source(effect: Effect) -> None:
+def test_module_says_its_symbols_and_the_effect_its_source(effect: Effect) -> None:
     text = inspect.getmodule(effect).__doc__
-    assert "| on paper" in text and "ource" in text
+    assert "| on paper" in text and effect.reference
     assert all(f"`{p.name}`" in text for p in effect.parameters)
 
 

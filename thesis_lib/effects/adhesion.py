@@ -7,8 +7,6 @@ Below the speed v_s / ε the body stays on the surface.  The first derivative by
 | on paper | in code | unit | shape |                                                         |
 |----------|---------|------|-------|---------------------------------------------------------|
 | v_s      | `v_s`   | m/s  |       | normal speed whose energy adhesion takes; 0 is absent   |
-
-Source: Thornton and Ning 1998, doi:10.1016/S0032-5910(98)00099-0.
 """
 
 import numpy as np
@@ -19,8 +17,6 @@ SLOWEST = 1e-3  # m/s, below every impact that a camera sees; keeps the quotient
 
 
 class Adhesion(Effect):
-    """Restitution less a fixed energy."""
-
     name = "adhesion"
     family = "contact_law"
     title = "adhesion"

@@ -7,7 +7,6 @@
 | d_θ      | `d_theta` | rad  |       | angle that the camera adds                 |
 
 The contact point follows from the true angle; a disk has the same one at every angle.  Breaks mirror symmetry.
-Source: camera calibration.
 """
 
 import math
@@ -17,8 +16,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class AngleOffset(Effect):
-    """Measured minus true angle, constant."""
-
     name = "angle_offset"
     family = "measurement"
     title = "angle offset"

@@ -22,8 +22,6 @@ from thesis_lib.effects.effect import Effect, Impulse, Parameter
 
 
 class AnisotropicFriction(Effect):
-    """μ_+ for slip along +t, μ_− for slip along −t."""
-
     name = "anisotropic_friction"
     family = "contact_law"
     title = "friction depends on direction"

@@ -13,7 +13,7 @@ With c = (c_x, c_y) the true minus the believed centre of mass in the body frame
 | C        | `C_x`, `C_y` | m    | (n,)  | axes of the surface                                                |
 | α        | `a[:, 2]`    | rad/s² | (n,) | angular acceleration                                               |
 
-The radius of gyration stays that about the true centre of mass.  Source: rigid-body kinematics.
+The radius of gyration stays that about the true centre of mass.
 """
 
 import numpy as np
@@ -22,8 +22,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class ComOffset(Effect):
-    """True minus believed centre of mass, in the body frame."""
-
     name = "com_offset"
     family = "geometry"
     title = "displaced centre of mass"

@@ -14,8 +14,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class ContactPointOffset(Effect):
-    """A constant shift of the contact point along the surface."""
-
     name = "contact_point_offset"
     family = "geometry"
     title = "contact point offset"

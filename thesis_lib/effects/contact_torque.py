@@ -21,8 +21,6 @@ from thesis_lib.effects.impulse_path import STEPS, NormalPath, added, friction, 
 
 
 class ContactTorque(Effect):
-    """Couple against the rolling rate, proportional to the normal impulse."""
-
     name = "contact_torque"
     family = "contact_law"
     title = "contact torque"

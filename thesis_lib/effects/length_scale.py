@@ -6,16 +6,12 @@
 |----------|--------------|------|-------|------------------------------------------------------------|
 | s_L      | `s_L`        | 1    |       | relative error of the camera's scale                       |
 | H        | `rig.height` | m    |       | height of the surface, where y is correct                  |
-
-Source: camera calibration.
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
 
 
 class LengthScale(Effect):
-    """Relative error of the camera's scale."""
-
     name = "length_scale"
     family = "measurement"
     title = "wrong length scale"

@@ -6,8 +6,6 @@
 |----------|---------|------|-------|------------------------------|
 | c_v      | `c_v`   | 1/s  |       | rate at which velocity fades |
 | c_w      | `c_w`   | 1/s  |       | rate at which spin fades     |
-
-Source: Stokes 1851.
 """
 
 import numpy as np
@@ -16,8 +14,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class LinearDrag(Effect):
-    """Velocity and spin fade exponentially."""
-
     name = "linear_drag"
     family = "flight"
     title = "linear drag"

@@ -7,7 +7,6 @@
 | k_m      | `k_m`   | 1    |       | mass of the air carried round, over the body's mass        |
 
 The force is perpendicular to the velocity and does no work.
-Source: Rubinow and Keller 1961, doi:10.1017/S0022112061000640.
 """
 
 import numpy as np
@@ -16,8 +15,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class Magnus(Effect):
-    """Lift of a spinning body."""
-
     name = "magnus"
     family = "flight"
     title = "Magnus effect"

@@ -7,16 +7,12 @@ The contact point follows from the true angle.  It looks like a huge contact tor
 | on paper | in code    | unit | shape |                            |
 |----------|------------|------|-------|----------------------------|
 |          | `mirrored` | 1    |       | 0 off, 1 on                |
-
-Source: handedness of axes.
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
 
 
 class MirroredRotation(Effect):
-    """Angle and spin with the opposite sign."""
-
     name = "mirrored_rotation"
     family = "measurement"
     title = "mirrored rotation"

@@ -7,15 +7,13 @@
 | V        | `V`     | m/s  |       | velocity of the surface along +t           |
 
 Impacts alone cannot tell it from a camera that drifts at the same velocity (the laws are the same in both frames).
-Breaks mirror symmetry.  Source: Galilean invariance.
+Breaks mirror symmetry.
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
 
 
 class MovingSurface(Effect):
-    """Slip is relative to a surface that moves."""
-
     name = "moving_surface"
     family = "surface"
     title = "moving surface"

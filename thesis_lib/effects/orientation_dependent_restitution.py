@@ -18,8 +18,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class OrientationDependentRestitution(Effect):
-    """ε varies with the body angle."""
-
     name = "orientation_dependent_restitution"
     family = "contact_law"
     title = "restitution depends on body angle"

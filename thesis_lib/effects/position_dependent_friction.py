@@ -8,7 +8,7 @@ x is the position of the body origin; μ is then the value at x = 0, wherever th
 |----------|-----------|------|-------|------------------------------------|
 | g_μ      | `g_mu`    | 1/m  |       | relative slope along +t            |
 
-Breaks mirror symmetry.  Source: first order of a smooth dependence on place.
+Breaks mirror symmetry.
 """
 
 import numpy as np
@@ -17,8 +17,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class PositionDependentFriction(Effect):
-    """μ is linear in x."""
-
     name = "position_dependent_friction"
     family = "surface"
     title = "friction depends on place"

@@ -8,7 +8,7 @@ x is the position of the body origin; ε is then the value at x = 0, wherever th
 |----------|-----------|------|-------|------------------------------------|
 | g_ε      | `g_eps`   | 1/m  |       | relative slope along +t            |
 
-Breaks mirror symmetry.  Source: first order of a smooth dependence on place.
+Breaks mirror symmetry.
 """
 
 import numpy as np
@@ -17,8 +17,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class PositionDependentRestitution(Effect):
-    """ε is linear in x."""
-
     name = "position_dependent_restitution"
     family = "surface"
     title = "restitution depends on place"

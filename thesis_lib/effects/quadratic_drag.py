@@ -15,8 +15,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class QuadraticDrag(Effect):
-    """Deceleration with the square of the speed."""
-
     name = "quadratic_drag"
     family = "flight"
     title = "air drag"

@@ -23,8 +23,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class RoundedCorners(Effect):
-    """The contact point moves along the arc of a rounded corner as the body turns."""
-
     name = "rounded_corners"
     family = "geometry"
     title = "rounded corners"

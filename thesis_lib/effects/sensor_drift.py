@@ -8,7 +8,6 @@
 | t        | `state.t` | s    | (n,)  | since the first sample; where unknown, x stays as it is |
 
 A body at rest would show it.  Impacts alone cannot tell it from a moving surface.  Breaks mirror symmetry.
-Source: Galilean invariance.
 """
 
 import numpy as np
@@ -17,8 +16,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class SensorDrift(Effect):
-    """Velocity along x that the camera adds."""
-
     name = "sensor_drift"
     family = "measurement"
     title = "drifting camera"

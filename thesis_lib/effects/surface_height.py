@@ -6,15 +6,13 @@
 |----------|---------|------|-------|----------------------------------|
 | h        | `h`     | m    |       | true minus believed height       |
 
-Velocities after impact do not depend on it.  Source: definition of the gap.
+Velocities after impact do not depend on it.
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
 
 
 class SurfaceHeight(Effect):
-    """True minus believed height of the surface."""
-
     name = "surface_height"
     family = "surface"
     title = "wrong surface height"

@@ -9,8 +9,6 @@ to the right.
 |----------|---------------|------|-------|------------------------------|
 | φ        | `phi`         | rad  |       | angle of the surface         |
 | g        | `rig.gravity` | m/s² |       | believed gravity             |
-
-Source: inclined plane.
 """
 
 import math
@@ -19,8 +17,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class SurfaceTilt(Effect):
-    """Gravity turned in the axes of the surface."""
-
     name = "surface_tilt"
     family = "surface"
     title = "tilted surface"

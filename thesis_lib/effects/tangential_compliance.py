@@ -38,8 +38,6 @@ _SHORTEST = 1e-6  # of restitution against compression, for ε = 0
 
 
 class TangentialCompliance(Effect):
-    """Impulse of a contact that stores tangential energy while it sticks."""
-
     name = "tangential_compliance"
     family = "contact_law"
     title = "tangential compliance"

@@ -7,8 +7,6 @@ so that v_t⁺ = −e_t v_t as long as the impulse stays inside the cone; c_n is
 | on paper | in code | unit | shape |                                                       |
 |----------|---------|------|-------|-------------------------------------------------------|
 | e_t      | `e_t`   | 1    |       | tangential restitution; 0 absent, 1 reverses the slip |
-
-Sources: Walton 1993; Chatterjee and Ruina 1998, doi:10.1115/1.2791929.
 """
 
 import numpy as np
@@ -19,8 +17,6 @@ TOLERANCE = 1e-9  # relative: above the rounding of laws that search for a root,
 
 
 class TangentialRestitution(Effect):
-    """v_t⁺ = −e_t v_t for contacts that stick and stay inside the cone."""
-
     name = "tangential_restitution"
     family = "contact_law"
     title = "tangential restitution"

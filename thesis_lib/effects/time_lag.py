@@ -8,8 +8,6 @@ At an impact the angle is reported ω T too small before it and ω⁺ T too smal
 | on paper | in code | unit | shape |                                              |
 |----------|---------|------|-------|----------------------------------------------|
 | T        | `lag`   | s    |       | lag of θ behind x and y; negative: ahead     |
-
-Source: kinematics.
 """
 
 import numpy as np
@@ -18,8 +16,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class TimeLag(Effect):
-    """θ is late by a constant time."""
-
     name = "time_lag"
     family = "measurement"
     title = "angle lags behind position"

@@ -21,8 +21,6 @@ from thesis_lib.effects.impulse_path import added, walk
 
 
 class VelocityDependentFriction(Effect):
-    """μ follows a Stribeck curve in the speed of the slip, along the path of the impact."""
-
     name = "velocity_dependent_friction"
     family = "contact_law"
     title = "friction depends on speed"

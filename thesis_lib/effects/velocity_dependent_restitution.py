@@ -25,8 +25,6 @@ SLOWEST = 1e-3  # m/s, below every impact that a camera sees; keeps the power fi
 
 
 class VelocityDependentRestitution(Effect):
-    """ε falls with the normal contact speed, by a power and an exponential."""
-
     name = "velocity_dependent_restitution"
     family = "contact_law"
     title = "restitution depends on speed"

@@ -9,8 +9,6 @@ on which others are predicted with it.
 |----------|---------------|---------|-------|------------------------------------------------|
 | w        | `w`           | 1/trial |       | relative change a release; negative: it wears  |
 | i        | `state.trial` | 1       | (n,)  | order in which the releases were made          |
-
-Source: first order of a slow drift (our choice).
 """
 
 import numpy as np
@@ -19,8 +17,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class Wear(Effect):
-    """ε is linear in the number of the release."""
-
     name = "wear"
     family = "contact_law"
     title = "wear"

@@ -5,16 +5,12 @@
 | on paper | in code | unit | shape |                               |
 |----------|---------|------|-------|-------------------------------|
 | dg       | `dg`    | m/s² |       | true minus believed gravity   |
-
-Source: free fall.
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
 
 
 class WrongGravity(Effect):
-    """True minus believed gravity."""
-
     name = "wrong_gravity"
     family = "flight"
     title = "wrong gravity"

@@ -6,8 +6,6 @@
 |----------|---------|------|-------|------------------------------------------------|
 | d_I      | `d_I`   | 1    |       | relative error of the moment of inertia        |
 | k        | `k_g`   | m    |       | radius of gyration                             |
-
-Source: definition of the radius of gyration.
 """
 
 import math
@@ -16,8 +14,6 @@ from thesis_lib.effects.effect import Effect, Parameter
 
 
 class WrongInertia(Effect):
-    """Relative error of the moment of inertia."""
-
     name = "wrong_inertia"
     family = "inertia"
     title = "wrong inertia"

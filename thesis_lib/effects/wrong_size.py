@@ -7,15 +7,13 @@
 | s        | `s`     | 1    |       | true size is (1 + s) times the believed one       |
 | r_shape  | `r`     | m    | (n, 2)| contact point of the believed shape               |
 
-The radius of gyration is measured on its own and stays.  Source: similarity of shapes.
+The radius of gyration is measured on its own and stays.
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
 
 
 class WrongSize(Effect):
-    """The believed shape is scaled."""
-
     name = "wrong_size"
     family = "geometry"
     title = "wrong size"
