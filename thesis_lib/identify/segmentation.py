@@ -29,7 +29,7 @@ from thesis_lib.statistics.spread import robust_std
 
 MIN_SAMPLES = 8  # of a drop: fewer do not give enough second differences for the noise
 SIGMA_FLOOR = 1e-6  # of a channel's spread: exact data count as noisy by that much, so that χ² stays finite
-_PENALTY = 60.0  # χ² to be saved by a further flight: 6 numbers and a place at log(1500) each, with a margin
+PENALTY = 60.0  # χ² to be saved by a further flight: 6 numbers and a place at log(1500) each, with a margin
 
 
 def without_gravity(h: float, q: np.ndarray, v: np.ndarray, gravity: float) -> tuple[np.ndarray, np.ndarray]:
@@ -100,10 +100,10 @@ def flight_costs(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> n
     return cost
 
 
-def impact_steps(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray, penalty: float = _PENALTY) -> np.ndarray:
+def impact_steps(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     """Steps k (n_impacts,), ascending, at which the velocity changes from v_k to v_{k+1}; arguments as `flight_costs`.
 
-    A further flight has to save χ² of `penalty`.  Flights need not meet at the impacts; `mass_ratio.estimate` enforces
+    Flights need not meet at the impacts; `mass_ratio.estimate` enforces
     that and moves the steps.
     """
     cost = flight_costs(h, q, v, sigma)
@@ -112,7 +112,7 @@ def impact_steps(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray, pena
     for b in range(1, n + 1):
         total = best[:b] + cost[:b, b]
         previous[b] = np.argmin(total)
-        best[b] = total[previous[b]] + penalty
+        best[b] = total[previous[b]] + PENALTY
     steps, b = [], n
     while (b := previous[b]) > 0:
         steps.append(b - 1)

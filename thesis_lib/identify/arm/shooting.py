@@ -37,6 +37,7 @@ from thesis_lib.statistics.spread import robust_std
 
 STEP = 1e-6  # of a parameter's or a state's scale: forward differences, whose rounding is then 1e-8
 DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that an iteration tries side by side
+SETTLED = 1e-3  # relative fall of χ² in an iteration
 LARGEST_STEP = 1.5  # of a logarithm: no parameter changes by more than a factor of 4.5 in an iteration
 CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off there
 
@@ -224,10 +225,8 @@ class Shooting:
         jacobian = (r[:, 1:] - base[:, None]) / steps[:, None, None]
         return base, np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0).transpose(0, 2, 1, 3)
 
-    def minimise(
-        self, stage: Stage, point: Candidates, iterations: int, steps: np.ndarray | None = None, tolerance: float = 1e-3
-    ) -> Candidates:
-        """Levenberg-Marquardt of P candidates side by side, each until χ² falls by less than `tolerance` twice.
+    def minimise(self, stage: Stage, point: Candidates, iterations: int, steps: np.ndarray | None = None) -> Candidates:
+        """Levenberg-Marquardt of P candidates side by side, each until χ² falls by less than `SETTLED` twice.
 
         `steps` as in `differences`.  Steps of one standard error average the slope over the kinks of χ², at which a
         search with derivatives gets stuck.
@@ -257,7 +256,7 @@ class Shooting:
             for i, a in enumerate(run):
                 b = best[i]
                 if trial[i, b] < cost[a]:
-                    idle[a] = idle[a] + 1 if cost[a] - trial[i, b] < tolerance * cost[a] else 0
+                    idle[a] = idle[a] + 1 if cost[a] - trial[i, b] < SETTLED * cost[a] else 0
                     p[a], x[a], cost[a] = new_p[i, b], new_x[i, b], trial[i, b]
                     damping[a] = max(damping[a] * DAMPING[b], 1e-9)
                 else:

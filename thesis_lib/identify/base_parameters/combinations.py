@@ -43,7 +43,6 @@ class BaseParameters:
     combination: np.ndarray  # (r, n) matrix from all parameters to the base parameters
     # (n, n − r) changes of the parameters without effect, one per column, largest entry 1
     null_space: np.ndarray
-    singular_values: np.ndarray  # (n,) of the stacked regressor with columns of unit norm, descending
 
     @property
     def rank(self) -> int:
@@ -64,12 +63,8 @@ class BaseParameters:
         return Y[..., self.columns]
 
 
-def base_parameters(Y: np.ndarray, names: Sequence[str], tolerance: float = RANK_TOLERANCE) -> BaseParameters:
-    """Base set of a regressor stacked over a window of m steps.
-
-    Args:
-        Y: (m, nv, n), in parameters `names`.
-        tolerance: ratio to R's largest diagonal element below which a column counts as dependent.
+def base_parameters(Y: np.ndarray, names: Sequence[str]) -> BaseParameters:
+    """Base set of a regressor Y (m, nv, n), in parameters `names`, stacked over a window of m steps.
 
     Raises:
         UserError: Y is zero (nothing moves) or not finite.
@@ -95,7 +90,7 @@ def base_parameters(Y: np.ndarray, names: Sequence[str], tolerance: float = RANK
     A = np.where(acts, A / scale, 0.0)
     R, pivots = qr(A, mode="economic", pivoting=True)[1:]
     diagonal = np.abs(np.diag(R))
-    r = int((diagonal > tolerance * diagonal[0]).sum())
+    r = int((diagonal > RANK_TOLERANCE * diagonal[0]).sum())
     coefficients = solve_triangular(R[:r, :r], R[:r, r:])
     order = np.argsort(pivots[:r])
     columns, dependent = pivots[:r][order], pivots[r:]
@@ -109,10 +104,7 @@ def base_parameters(Y: np.ndarray, names: Sequence[str], tolerance: float = RANK
     null_space[columns] = -coefficients
     null_space[dependent, np.arange(n - r)] = 1.0
     null_space /= np.abs(null_space).max(axis=0, initial=1.0)
-    values = np.zeros(n)
-    nonzero = np.linalg.svd(A, compute_uv=False)
-    values[: len(nonzero)] = nonzero
-    return BaseParameters(tuple(names), columns, combination, null_space, values)
+    return BaseParameters(tuple(names), columns, combination, null_space)
 
 
 def linear_combination(coefficients: np.ndarray, names: Sequence[str]) -> str:

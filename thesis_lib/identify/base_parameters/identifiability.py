@@ -79,22 +79,19 @@ def projected(window: ContactWindow) -> tuple[np.ndarray, np.ndarray]:
     return Y, f
 
 
-def identifiability(window: ContactWindow, *, floor: float = FLOOR) -> Identifiability:
-    """Rank, null space and excitation of a window, with the reasons for any deficiency.
-
-    Args:
-        floor: rms of a regressor column's entries up to which it counts as zero (rounding, or noise of the data).
-    """
+def identifiability(window: ContactWindow) -> Identifiability:
+    """Rank, null space and excitation of a window, with the reasons for any deficiency."""
     Y, _ = projected(window)
     n = Y.shape[2]
     size = np.linalg.norm(window.Y.reshape(-1, n), axis=0)
-    silent = size <= floor * np.sqrt(window.f.size)
+    silent = size <= FLOOR * np.sqrt(window.f.size)
     scale = np.where(silent, 1.0, size)
     A = np.where(silent, 0.0, Y.reshape(-1, n) / scale)
     # a column that contact forces explain to the last digits is zero: its rounding must not count
-    explained = np.linalg.norm(A, axis=0) * scale <= floor * np.sqrt(window.f.size)
+    explained = np.linalg.norm(A, axis=0) * scale <= FLOOR * np.sqrt(window.f.size)
     A[:, explained] = 0.0
-    values, V = np.linalg.svd(A)[1:] if len(A) < 4 * n else _thin_svd(A)
+    # all n right singular vectors are there when rows outnumber columns
+    values, V = np.linalg.svd(A, full_matrices=len(A) < 4 * n)[1:]
     values = np.concatenate([values, np.zeros(n - len(values))])
     rank = int((values > RANK_TOLERANCE * max(values[0], np.finfo(float).tiny)).sum())
     null_space = V[rank:].T / scale[:, None]
@@ -104,18 +101,13 @@ def identifiability(window: ContactWindow, *, floor: float = FLOOR) -> Identifia
         null_space *= np.sign(null_space[np.abs(null_space).argmax(axis=0), np.arange(null_space.shape[1])])
     alpha = float(values[-1] ** 2 / len(window))
     return Identifiability(
-        window.names, values, rank, null_space, alpha, tuple(_warnings(window, null_space, floor)) if rank < n else ()
+        window.names, values, rank, null_space, alpha, tuple(_warnings(window, null_space)) if rank < n else ()
     )
 
 
-def _thin_svd(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    # all n right singular vectors are there when rows outnumber columns
-    return np.linalg.svd(A, full_matrices=False)[1:]
-
-
-def _warnings(window: ContactWindow, null_space: np.ndarray, floor: float) -> list[str]:
+def _warnings(window: ContactWindow, null_space: np.ndarray) -> list[str]:
     touching = window.touching
-    forced = np.abs(window.f).max() > floor
+    forced = np.abs(window.f).max() > FLOOR
     seen = ", ".join(linear_combination(column, window.names) for column in null_space.T)
     what = f"this change of the parameters alters nothing that is observed: {seen}"
     if not touching.any() and not forced:
@@ -142,13 +134,13 @@ def _warnings(window: ContactWindow, null_space: np.ndarray, floor: float) -> li
     return reasons
 
 
-def require_identifiable(window: ContactWindow, *, floor: float = FLOOR) -> Identifiability:
+def require_identifiable(window: ContactWindow) -> Identifiability:
     """The identifiability of a window that determines every parameter.
 
     Raises:
         UserError: it does not; the text names what cannot be identified and why.
     """
-    result = identifiability(window, floor=floor)
+    result = identifiability(window)
     if result.warnings:
         raise UserError(
             f"the window determines {result.rank} of {len(result.names)} parameters ({', '.join(result.names)}): "

@@ -32,7 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.base_parameters.regressor import FREE_BODY_PARAMETERS, free_body_regressor
+from thesis_lib.identify.base_parameters.regressor import free_body_regressor
 from thesis_lib.simulate.stepping.contact_modes import TOUCH
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.stepping import Record
@@ -219,14 +219,13 @@ def free_body_window(
     *,
     gravity: tuple[float, float] = (0.0, -9.81),
     known: dict[str, float] | None = None,
-    centred: bool = True,
     start: int = 0,
     stop: int | None = None,
     closed: np.ndarray | None = None,
     gap_tolerance: float = GAP_TOLERANCE,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
-    """Window of one free body, unknown (m, m c_x, m c_y, I), or (m, I) if `centred`: the origin is the centre of mass.
+    """Window of one free body of unknown (m, I), whose origin is its centre of mass.
 
     `known` gives known parameters, such as {"m": 1.0}; without one and without external force, forces and parameters
     have no common scale.  External forces do not enter the expected gap; within a step they change it by h² f/m, so
@@ -236,21 +235,17 @@ def free_body_window(
         UserError: as `window_of` and `ContactWindow.fix`.
     """
     a = np.diff(record.v, axis=0) / record.h
-    Y = free_body_regressor(record.q[:-1], record.v[:-1], a, gravity)
-    names = FREE_BODY_PARAMETERS
-    if centred:
-        Y, names = Y[:, :, [0, 3]], (names[0], names[3])
+    Y = free_body_regressor(record.q[:-1], record.v[:-1], a, gravity)[:, :, [0, 3]]
     a_free = np.broadcast_to([gravity[0], gravity[1], 0.0], a.shape)
-    theta_min = np.array([0.0 if name in ("m", "I") else -np.inf for name in names])
     window = window_of(
         record,
         Y,
         a_free,
         mu,
-        names,
+        ("m", "I"),
         start=start,
         stop=stop,
-        theta_min=theta_min,
+        theta_min=np.zeros(2),
         closed=closed,
         gap_tolerance=gap_tolerance,
         v_tolerance=v_tolerance,

@@ -88,8 +88,6 @@ def estimate_ratio(
     *,
     law: bool = False,
     use_gap: bool = True,
-    correct: bool = True,
-    sigma: np.ndarray | None = None,
 ) -> Estimate:
     """Estimate m/I from one drop on the level surface y = 0.
 
@@ -98,30 +96,28 @@ def estimate_ratio(
         q, v: (m+1, 3) noisy positions (m, m, rad) and velocities; θ continuous.
         law: assume Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop.
         use_gap: use that an impulse acts in the first step that would end in the surface.
-        correct: remove the second-order bias.
-        sigma: (2, 3) noise if known; estimated otherwise.
 
     Raises:
         UserError: states of wrong shape, with NaN or infinity, or too few.
     """
     check_states(h, q, v)
     q, v = without_gravity(h, np.asarray(q), np.asarray(v), gravity)
-    noise = noise_from_differences(q, v) if sigma is None else np.asarray(sigma, dtype=float)
+    noise = noise_from_differences(q, v)
     steps = impact_steps(h, q, v, noise)
     if not 0 < len(steps) <= MAX_IMPACTS:
         status = EstimateStatus.TOO_MANY_IMPACTS if len(steps) else EstimateStatus.NO_IMPACT
-        return _without_value(status, steps, noise)
+        nan = np.nan
+        return Estimate(nan, nan, status, nan, 0, nan, impacts=tuple(steps.tolist()), vertices=(), sigma=noise)
     sums = ArcSums(h, q, v)
     drop = DropHypotheses(sums, h, shape, gravity, use_gap, floored(noise, q, v))
-    if sigma is None:
-        drop.estimate_noise(steps)
+    drop.estimate_noise(steps)
     best = drop.fit_best(steps)
     estimate = _estimate(best, noise, drop.sigma, len(q))
     if law and best.any:
         lawful = drop.fit_law(best)
         if lawful.any and lawful.p_value >= P_MISFIT:
             best, estimate = lawful, _estimate(lawful, noise, drop.sigma, len(q))
-    if correct and estimate.status == EstimateStatus.OK:
+    if estimate.status == EstimateStatus.OK:
         bias = drop.bias(best)
         if abs(bias) < estimate.std:
             estimate = replace(estimate, value=estimate.value - bias)
@@ -161,18 +157,4 @@ def _estimate(best: FittedHypotheses, noise: np.ndarray, sigma: np.ndarray, n: i
         epsilon=float(f.eta[row, 1]) if lawful else np.nan,
         mu=float(f.eta[row, 2]) if lawful and (best.modes[row] != STICK).any() else np.nan,
         hypotheses=best.tried,
-    )
-
-
-def _without_value(status: EstimateStatus, steps: np.ndarray, sigma: np.ndarray) -> Estimate:
-    return Estimate(
-        value=np.nan,
-        std=np.nan,
-        status=status,
-        chi2=np.nan,
-        dof=0,
-        p_value=np.nan,
-        impacts=tuple(int(k) for k in steps),
-        vertices=(),
-        sigma=sigma,
     )

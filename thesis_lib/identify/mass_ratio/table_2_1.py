@@ -123,7 +123,6 @@ def study(
     rng: np.random.Generator,
     settings: Table21 | None = None,
     bodies: Chapter2Bodies = DEFAULT,
-    methods: tuple[Method, ...] = METHODS,
 ) -> pd.DataFrame:
     """A row per drop, ratio and method.
 
@@ -138,7 +137,7 @@ def study(
             noisy = add_noise(record, snr, rng)
             exact = (record.h, record.q, record.v, noisy.sigma, impacts, body.shape, bodies.gravity)
             bounds = [100.0 * ratio_bound(*exact, law=law) / truth for law in (False, True)]
-            for method in methods:
+            for method in METHODS:
                 value, std, status = _apply(method, body, record.h, noisy, impacts, mu, bodies.gravity)
                 error = 100.0 * (value / truth - 1.0)
                 rows.append((kind, snr, i, method, value, error, 100.0 * std / truth, *bounds, status))

@@ -212,7 +212,7 @@ def _believed(chi2_n: float, p_white: float, n: int) -> bool:
     return chi2_n <= 1.0 + CHI2_SIGMAS * 2.0 * 1.7 / np.sqrt(6.0 * n) and p_white >= P_WHITE
 
 
-def white(residuals: np.ndarray, lags: int = LAGS) -> float:
+def white(residuals: np.ndarray) -> float:
     """Probability of a larger Q of Ljung and Box, pooled over the channels of residuals (2, n, 3)."""
     from scipy.stats import chi2
 
@@ -220,10 +220,10 @@ def white(residuals: np.ndarray, lags: int = LAGS) -> float:
     n, count = channels.shape
     power = np.sum(channels**2, axis=0)
     q = 0.0
-    for j in range(1, lags + 1):
+    for j in range(1, LAGS + 1):
         rho = np.sum(channels[j:] * channels[:-j], axis=0) / power
         q += n * (n + 2.0) * float(np.sum(rho**2)) / (n - j)
-    return float(chi2.sf(q, lags * count))
+    return float(chi2.sf(q, LAGS * count))
 
 
 class _Fit:
