@@ -38,11 +38,7 @@ def _further_laws() -> dict[str, Law]:
 _FURTHER = _further_laws()
 LAWS: dict[str, Law] = {
     **{module.LAW.name: module.LAW for module in _MODULES},
-    **{
-        module.LAW_AS_PUBLISHED.name: module.LAW_AS_PUBLISHED
-        for module in _MODULES
-        if hasattr(module, "LAW_AS_PUBLISHED")
-    },
+    **{law.name: law for module in _MODULES if (law := getattr(module, "LAW_AS_PUBLISHED", None))},
     **_FURTHER,
 }
 CANDIDATE_LAWS: tuple[str, ...] = (*SIX_LAWS, *_FURTHER)  # what the critique fits to a dataset

@@ -18,7 +18,6 @@ divides each error by the bound of its drop; it is 1 for an efficient estimator.
 The thesis's column for the ellipse contradicts its text: its percentages are those of m/I near 6, not of 0.8.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
@@ -77,7 +76,7 @@ def make_drops(
     """
     settings = settings or Table21()
     body = BODIES[kind](bodies)
-    reasons: Counter[str] = Counter({reason: 0 for reason in LEFT_OUT})
+    reasons = dict.fromkeys(LEFT_OUT, 0)
     records, impacts = [], []
     for _ in range(_MAX_BATCHES):
         for q, v in zip(*releases(kind, _BATCH, rng, bodies)):
@@ -89,8 +88,8 @@ def make_drops(
             records.append(record)
             impacts.append(window_impacts)
             if len(records) == n:
-                return KeptDrops(body, tuple(records), tuple(impacts), dict(reasons))
-    raise RuntimeError(f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {dict(reasons)}")
+                return KeptDrops(body, tuple(records), tuple(impacts), reasons)
+    raise RuntimeError(f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {reasons}")
 
 
 def _window(record: Record, mu: float, settings: Table21) -> tuple[Record, TrueImpacts | None, str]:

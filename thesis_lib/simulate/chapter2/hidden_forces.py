@@ -46,13 +46,8 @@ from thesis_lib.simulate.stepping.stepping import Force, Record, simulate, step_
 MechanismKind = Literal["arm", "wheel"]
 TRUTHS: dict[MechanismKind, tuple[str, ...]] = {
     "arm": (
-        "nothing",
-        "viscous_joint_friction",
-        "coulomb_joint_friction",
-        "gravity_direction",
-        "payload",
-        "rolling_resistance",
-        "cogging",
+        *("nothing", "viscous_joint_friction", "coulomb_joint_friction", "gravity_direction"),
+        *("payload", "rolling_resistance", "cogging"),
     ),
     "wheel": ("nothing", "gravity_direction", "payload", "rolling_resistance"),
 }
@@ -261,21 +256,20 @@ def run_with(
             mechanism = LoadedWheel(mechanism, sizes.wheel_payload, np.array([sizes.payload_radius, 0.0]))
         radius, ground = mechanism.length, tuple(range(mechanism.spokes))
     records = []
+    hidden = {
+        "viscous_joint_friction": lambda plan: viscous_joint_friction(sizes.viscous),
+        "coulomb_joint_friction": lambda plan: coulomb_joint_friction(sizes.coulomb, sizes.coulomb_speed),
+        "cogging": lambda plan: cogging(sizes.cogging, sizes.cogging_periods),
+        "gravity_direction": lambda plan: gravity_direction(mechanism, sizes.tilt),
+        "rolling_resistance": lambda plan: rolling_resistance(
+            mechanism, plan.f_ext, plan.h, mu, epsilon, sizes.rolling, radius, ground, sizes.rolling_speed
+        ),
+        "payload": lambda plan: None,
+    }[truth]
     for plan in plans:
-        hidden: Force | None = None
-        if truth == "viscous_joint_friction":
-            hidden = viscous_joint_friction(sizes.viscous)
-        elif truth == "coulomb_joint_friction":
-            hidden = coulomb_joint_friction(sizes.coulomb, sizes.coulomb_speed)
-        elif truth == "cogging":
-            hidden = cogging(sizes.cogging, sizes.cogging_periods)
-        elif truth == "gravity_direction":
-            hidden = gravity_direction(mechanism, sizes.tilt)
-        elif truth == "rolling_resistance":
-            hidden = rolling_resistance(
-                mechanism, plan.f_ext, plan.h, mu, epsilon, sizes.rolling, radius, ground, sizes.rolling_speed
-            )
-        record = simulate(mechanism, plan.q[0], plan.v[0], plan.f_ext, plan.h, plan.steps, mu, epsilon, hidden=hidden)
+        record = simulate(
+            mechanism, plan.q[0], plan.v[0], plan.f_ext, plan.h, plan.steps, mu, epsilon, hidden=hidden(plan)
+        )
         if record.solved:
             records.append(record)
     return tuple(records)

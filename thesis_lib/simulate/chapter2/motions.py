@@ -13,7 +13,6 @@ The disk spins when it lands.  If it only rolls on the ground, only m + I/R² of
 identifiable, even if it slips on the arm; a landing that slips adds I/m, and both are identifiable.
 """
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -172,28 +171,15 @@ def wheel(settings: Chapter2Bodies = DEFAULT) -> RimlessWheel:
 
 
 BODIES: dict[str, Callable[[Chapter2Bodies], PlanarFreeBody]] = {
-    "block": block,
-    "ellipse": ellipse,
-    "disk": disk,
-    "rod": rod,
-    "wheel": wheel,
+    make.__name__: make for make in (block, ellipse, disk, rod, wheel)
 }
 
 
 def arm_disk(settings: Chapter2Bodies = DEFAULT) -> ArmDisk:
     """Two-link arm, disk and ground (thesis figure 2-1)."""
     a = settings.arm
-    return ArmDisk(
-        a.link_lengths,
-        a.link_masses,
-        a.link_coms,
-        a.link_inertias,
-        a.disk_radius,
-        a.disk_mass,
-        a.disk_inertia,
-        settings.gravity,
-        a.base,
-    )
+    links, disk = (a.link_lengths, a.link_masses, a.link_coms, a.link_inertias), (a.disk_radius, a.disk_mass)
+    return ArmDisk(*links, *disk, a.disk_inertia, settings.gravity, a.base)
 
 
 def releases(
@@ -208,12 +194,7 @@ def releases(
         made = wheel(settings)
         starts = [made.standing(0.0, omega) for omega in settings.wheel.omega.quantile(rng.random(n))]
         return np.array([q for q, _ in starts]).reshape(n, 3), np.array([v for _, v in starts]).reshape(n, 3)
-    spreads = {
-        "block": settings.block_release,
-        "ellipse": settings.ellipse_release,
-        "disk": settings.disk_release,
-        "rod": settings.rod_release,
-    }
+    spreads = {name: getattr(settings, f"{name}_release") for name in BODIES if name != "wheel"}
     if kind not in spreads:
         raise UserError(f"There are releases of {', '.join(spreads)} and wheel; got {kind!r}.")
     q, v = spreads[kind].draw(n, rng)
@@ -247,7 +228,7 @@ def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies 
     """
     arm, a = arm_disk(settings), settings.arm
     kept: list[Record] = []
-    reasons: Counter[str] = Counter({reason: 0 for reason in FILTERS})
+    reasons: dict[str, int] = dict.fromkeys(FILTERS, 0)
     tried = 0
     while len(kept) < n:
         if tried >= MAX_TRIES * (len(kept) + 1):
@@ -263,7 +244,7 @@ def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies 
             reasons[reason] += 1
         else:
             kept.append(record)
-    return ArmTrajectories(tuple(kept), tried, dict(reasons))
+    return ArmTrajectories(tuple(kept), tried, reasons)
 
 
 def _start(

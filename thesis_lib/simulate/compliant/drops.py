@@ -156,9 +156,9 @@ class _Drops:
         n, ticks = len(pose), _ticks(samples, lagged[lagged > 0.0], rate)
         self.mechanics, self.ticks = mechanics, ticks
         # the loose mass starts at rest in the body
-        centre, rate = mechanics.centre_state(pose, velocity)
+        centre, motion = mechanics.centre_state(pose, velocity)
         self.q = np.column_stack([centre, pose[:, 2], centre])
-        self.v = np.column_stack([rate, velocity[:, 2], rate])
+        self.v = np.column_stack([motion, velocity[:, 2], motion])
         self.t = np.zeros(n)
         self.next = np.ones(n, dtype=int)  # number of the next tick
         self.poses = np.full((n, len(ticks), 3), np.nan)

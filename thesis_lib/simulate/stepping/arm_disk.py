@@ -165,18 +165,6 @@ class ArmDisk(Mechanism):
         if distance.min(initial=np.inf) < MIN_DISTANCE:
             raise UserError(ON_LINK)
         n = away / distance[:, None]
-        return self.contact_rows(q, elbow, C, n, distance - self.disk_radius, q[:, 3] - self.disk_radius)
-
-    def contact_rows(
-        self,
-        q: np.ndarray,
-        elbow: np.ndarray,
-        C: np.ndarray,
-        n: np.ndarray,
-        phi_arm: np.ndarray,
-        phi_ground: np.ndarray,
-    ) -> ContactGeometry:
-        """Gaps and Jacobians from the touching points C (n, 2) of link 2 and the normals n (n, 2) there."""
         t = np.stack([n[:, 1], -n[:, 0]], axis=1)
         J_n, J_t = np.zeros((2, len(q), 2, 5))
         for J, direction in ((J_n, n), (J_t, t)):
@@ -186,7 +174,7 @@ class ArmDisk(Mechanism):
             J[:, 0, 2:4] = direction
         J_t[:, :, 4] = self.disk_radius
         J_n[:, 1, 3] = J_t[:, 1, 2] = 1.0
-        return ContactGeometry(np.stack([phi_arm, phi_ground], axis=1), J_n, J_t)
+        return ContactGeometry(np.stack([distance, q[:, 3]], axis=1) - self.disk_radius, J_n, J_t)
 
 
 def _fixed(plant: "MultibodyPlant", name: str, parent: object, pose: object) -> object:
