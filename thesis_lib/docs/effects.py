@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-from thesis_lib.docs.markdown import code, docstring, table
+from thesis_lib.docs.markdown import code, docstring, table, with_links
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.effect import FAMILIES, Parameter
 
@@ -40,10 +40,11 @@ def _overview(family: str) -> tuple[str, str]:
 def _entry(effect: Effect) -> str:
     changes = "; ".join(CHANNELS[channel] for channel in effect.channels)
     needs = " Needs trajectories." if effect.needs_trajectories else ""
+    source = f" Source: {with_links(effect.reference)}." if effect.reference else ""
     about = docstring(import_module(f"thesis_lib.effects.{effect.name}"))
     parameters = table(HEAD, map(_parameter, effect.parameters))
     picture = f"![{picture_text(effect)}](pictures/effects/{effect.name}.png)"
-    return f"### {effect.name}\n\n{about}\n\n{parameters}\n\nChanges: {changes}.{needs}\n\n{picture}"
+    return f"### {effect.name}\n\n{about}\n\n{parameters}\n\nChanges: {changes}.{needs}{source}\n\n{picture}"
 
 
 def _parameter(p: Parameter) -> tuple[str, str, str, str, str]:

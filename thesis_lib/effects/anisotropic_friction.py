@@ -12,7 +12,7 @@ all else is as the law has it:
 |----------|---------|------|-------|-------------------------------------------------|
 | a_t      | `a_t`   | 1    |       | half the relative difference; 0 is isotropic    |
 
-Breaks mirror symmetry.  Source: Zmitrowicz 1981 (constitutive equations of anisotropic friction).
+Breaks mirror symmetry.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ class AnisotropicFriction(Effect):
     title = "friction depends on direction"
     equation = "μ = μ₀ (1 + a_t sign(v_t))"
     parameters = (Parameter("a_t", "1", null=0.0, low=-0.95, high=0.95, scale=0.1),)
-    reference = "Zmitrowicz 1981"
+    reference = "Zmitrowicz 1981 (constitutive equations of anisotropic friction)"
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         return mu * (1.0 + p["a_t"] * np.sign(space.v_t)), epsilon

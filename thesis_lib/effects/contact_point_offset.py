@@ -7,7 +7,6 @@
 | d_r      | `d_r`   | m    |       | shift along t, constant        |
 
 Seen as a couple d_r c_n about the believed contact point.  Breaks mirror symmetry.
-Source: Brach 1989 (rigid body collisions: distributed contact).
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
@@ -19,7 +18,7 @@ class ContactPointOffset(Effect):
     title = "contact point offset"
     equation = "r_x = r_x,shape + d_r"
     parameters = (Parameter("d_r", "m", null=0.0, low=-0.01, high=0.01, scale=5e-4),)
-    reference = "Brach 1989"
+    reference = "Brach 1989 (rigid body collisions: distributed contact)"
 
     def contact_point(self, r_x, r_y, state, p, rig):
         return r_x + p["d_r"], r_y

@@ -10,8 +10,6 @@ dv_n = r_x dτ / k² it also changes the slip and the end of restitution, which 
 |----------|---------|------|-------|--------------------------------------------------------------|
 | m_r      | `m_r`   | m    |       | lever of rolling resistance, at most the patch's half-width  |
 | k²       | `k2`    | m²   | (n,)  | radius of gyration squared, as the contact space has it      |
-
-Sources: Brach 1989 (rigid body collisions: moment coefficient); Johnson 1985, chapter 8 (rolling resistance).
 """
 
 import numpy as np
@@ -26,7 +24,7 @@ class ContactTorque(Effect):
     title = "contact torque"
     equation = "dτ = −m_r sign(ω) dp, |dτ| ≤ m_r dp where ω = 0"
     parameters = (Parameter("m_r", "m", null=0.0, low=0.0, high=0.02, scale=5e-4),)
-    reference = "Brach 1989; Johnson 1985"
+    reference = "Brach 1989 (rigid body collisions: moment coefficient); Johnson 1985, chapter 8 (rolling resistance)"
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
         if p["m_r"] == 0.0:

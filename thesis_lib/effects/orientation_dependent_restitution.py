@@ -8,8 +8,6 @@ Second harmonic of the body angle: a body turned by half a turn is the same.
 |----------|---------|------|-------|------------------------------------------------------|
 | a_c      | `a_c`   | 1    |       | ends against sides                                   |
 | a_s      | `a_s`   | 1    |       | one diagonal against the other; breaks the mirror    |
-
-Source: Stoianovici and Hurmuzlu 1996 (rebound of slender bars at different angles).
 """
 
 import numpy as np
@@ -26,7 +24,7 @@ class OrientationDependentRestitution(Effect):
         Parameter("a_c", "1", null=0.0, low=-0.9, high=0.9, scale=0.1),
         Parameter("a_s", "1", null=0.0, low=-0.9, high=0.9, scale=0.1),
     )
-    reference = "Stoianovici and Hurmuzlu 1996"
+    reference = "Stoianovici and Hurmuzlu 1996 (rebound of slender bars at different angles)"
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         angle = 2.0 * state.theta

@@ -6,7 +6,7 @@
 |----------|---------|------|-------|-----------------------------------------|
 | c_q      | `c_q`   | 1/m  |       | over a path 1 / c_q, v falls to 1/e     |
 
-Spin is left as it is.  Source: Newton, Principia, book II; e.g. Batchelor 1967.
+Spin is left as it is.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ class QuadraticDrag(Effect):
     parameters = (Parameter("c_q", "1/m", null=0.0, low=0.0, high=10.0, scale=0.1),)
     channels = ("flight",)
     needs_trajectories = True
-    reference = "Batchelor 1967"
+    reference = "Newton, Principia, book II; Batchelor 1967"
 
     def acceleration(self, a, state, p, rig):
         rate = p["c_q"] * np.hypot(state.vx, state.vy)

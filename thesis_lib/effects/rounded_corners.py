@@ -11,7 +11,7 @@ The body is the polygon shrunk by ρ and grown by a disk of radius ρ.  With u_i
 | ρ        | `rho`   | m    |       | radius of the corners, at most the largest that fits           |
 | v_i, u_i | `corners`, `inner` | m | (k, 2) | corners of the convex hull, in the body frame           |
 
-Ellipses and disks have no corners.  Source: Minkowski sums, e.g. de Berg et al., Computational Geometry, 2008.
+Ellipses and disks have no corners.
 """
 
 from functools import lru_cache
@@ -29,7 +29,7 @@ class RoundedCorners(Effect):
     equation = "r = lowest point of (polygon ⊖ ρ) ⊕ disk(ρ)"
     parameters = (Parameter("rho", "m", null=0.0, low=0.0, high=0.05, scale=2e-3),)
     channels = ("impact", "touch")
-    reference = "de Berg et al. 2008, doi:10.1007/978-3-540-77974-2"
+    reference = "Minkowski sums: de Berg et al. 2008, doi:10.1007/978-3-540-77974-2"
 
     def applies_to(self, rig):
         return isinstance(rig.shape, Polygon)

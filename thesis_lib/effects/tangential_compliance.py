@@ -16,9 +16,6 @@ rigid path, also changes v_n and the end of restitution (impulse_path.py).
 | η = k_n / k_t | `eta`   | 1    |       | compliance ratio; (2 − ν)/(2(1 − ν)) ≈ 1.2 for smooth elastic bodies     |
 | ζ             | `zeta`  | 1    |       | damping ratio of the tangential spring with K_tt                        |
 | z             | `z`     | m Ω  | (n,)  | stretch of the tangential spring                                        |
-
-Sources: Maw, Barber and Fawcett 1976, doi:10.1016/0043-1648(76)90201-5; Stronge 1994,
-doi:10.1016/0734-743X(94)80027-7.
 """
 
 import numpy as np
@@ -46,7 +43,9 @@ class TangentialCompliance(Effect):
         Parameter("eta", "1", null=0.0, low=0.0, high=4.0, scale=0.05, starts=(0.05, 0.5)),
         Parameter("zeta", "1", null=0.2, low=0.02, high=0.9, scale=0.02, starts=(0.2,)),
     )
-    reference = "Maw, Barber and Fawcett 1976, doi:10.1016/0043-1648(76)90201-5; Stronge 1994"
+    reference = (
+        "Maw, Barber and Fawcett 1976, doi:10.1016/0043-1648(76)90201-5; Stronge 1994, doi:10.1016/0734-743X(94)80027-7"
+    )
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
         if p["eta"] == 0.0:

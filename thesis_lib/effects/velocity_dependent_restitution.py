@@ -11,9 +11,6 @@ exponential has that first order and stays positive; c ≈ (1 + ε) d / 3.
 | p        | `p`       | 1    |       | exponent of yield; 0: none                      |
 | c        | `c`       | s/m  |       | slope of viscous dissipation; 0: none           |
 | v_0      | `SPEED`   | m/s  |       | fixed scale                                     |
-
-Sources: Johnson, Contact Mechanics, 1985, section 11.5, doi:10.1017/CBO9781139171731; Hunt and Crossley 1975,
-doi:10.1115/1.3423596.
 """
 
 import numpy as np
@@ -33,7 +30,9 @@ class VelocityDependentRestitution(Effect):
         Parameter("p", "1", null=0.0, low=-1.0, high=1.0, scale=0.15, starts=(0.05,)),
         Parameter("c", "s/m", null=0.0, low=-0.5, high=0.5, scale=0.05, starts=(0.02,)),
     )
-    reference = "Johnson 1985, doi:10.1017/CBO9781139171731; Hunt and Crossley 1975, doi:10.1115/1.3423596"
+    reference = (
+        "Johnson 1985, section 11.5, doi:10.1017/CBO9781139171731; Hunt and Crossley 1975, doi:10.1115/1.3423596"
+    )
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         speed = np.maximum(np.abs(space.v_n), SLOWEST) / SPEED

@@ -22,7 +22,7 @@ class Wear(Effect):
     title = "wear"
     equation = "ε = ε₀ (1 + w · trial)"
     parameters = (Parameter("w", "1/trial", null=0.0, low=-0.02, high=0.02, scale=1e-3),)
-    reference = "first order of a slow drift"
+    reference = "first order of a slow drift (our choice)"
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["w"] * state.trial), 0.0, 1.0)
