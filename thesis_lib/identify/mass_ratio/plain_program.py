@@ -5,14 +5,8 @@
 
 impulses per mass.  The samples fix the gap, the Jacobians and the sliding velocity.  For each m/I the program splits
 into one convex problem of two unknowns per step, solved in closed form (projection on a plane cone), so the whole is a
-search over one number.  In a step one pair may act, the lowest at its end.  With noise no sample lies on the contact
-manifold; as the thesis softens the distance (its approach 1), a gap or a sliding velocity within `TOLERANCE` standard
-deviations of zero counts as zero.  Whether the thesis used this variant is not known.
-
-| on paper | in code   | unit   | shape    |                                                           |
-|----------|-----------|--------|----------|-----------------------------------------------------------|
-| b        | `b`       | m/s, rad/s | (s, 3) | velocity change beyond gravity in s steps near contact  |
-| A        | `A_t`, `A_n` |     | (r, s, 3) | columns diag(1, 1, m/I) J', for r trial values of m/I    |
+search over one number.  In a step one pair may act, the lowest at its end.  As the thesis softens the distance (its
+approach 1), a gap or a sliding velocity within `TOLERANCE` standard deviations of zero counts as zero.
 """
 
 import numpy as np
@@ -33,10 +27,8 @@ def plain_ratio(
 ) -> float:
     """m/I in 1/m² by eq. 2.23; NaN if no sample is near contact.
 
-    Args:
-        body: only its shape and gravity are used.
-        h, q, v: time step in s, (m+1, 3) noisy states.
-        sigma: (2, 3) noise of q and v, for the tolerances; None: exact data.
+    Only shape and gravity of `body` are used; `h` in s; `q`, `v` (m+1, 3) are noisy states, whose noise `sigma` (2, 3)
+    sets the tolerances (None: exact data).
 
     Raises:
         UserError: the states cannot be a drop, or the friction coefficient is negative.
@@ -46,12 +38,8 @@ def plain_ratio(
         raise UserError(f"The program of eq. 2.23 needs a friction coefficient of at least 0; got {mu}.")
     sigma = np.zeros((2, 3)) if sigma is None else np.asarray(sigma, dtype=float)
     free = h * body.gravity(q[0]) / body.mass
-    contacts = body.contacts_of(q[:-1])
-    # the time stepper acts when the step would end below: gap after the free step, cut at 0
-    ahead = contacts.phi + h * np.einsum("kpi,ki->kp", contacts.J_n, v[:-1] + free)
-    rows, lowest = np.arange(len(q) - 1), ahead.argmin(axis=1)
-    J_n, J_t = contacts.J_n[rows, lowest], contacts.J_t[rows, lowest]
-    gap = np.maximum(ahead[rows, lowest], 0.0)
+    ahead, J_n, J_t = _lowest_pair(body, h, q[:-1], v[:-1] + free)
+    gap = np.maximum(ahead, 0.0)
     gap_std = np.sqrt(sigma[0, 1] ** 2 + (J_n[:, 2] * sigma[0, 2]) ** 2)
     near = gap <= TOLERANCE * gap_std + EXACT
     if not near.any():
@@ -81,13 +69,20 @@ def impact_least_squares(body: PlanarFreeBody, h: float, q: np.ndarray, v: np.nd
     if not len(steps):
         return np.nan
     free = h * body.gravity(q[0]) / body.mass
-    contacts = body.contacts_of(q[steps])
-    ahead = contacts.phi + h * np.einsum("kpi,ki->kp", contacts.J_n, v[steps] + free)
-    rows, lowest = np.arange(len(steps)), ahead.argmin(axis=1)
-    r_x, minus_r_y = contacts.J_n[rows, lowest, 2], contacts.J_t[rows, lowest, 2]
+    _, J_n, J_t = _lowest_pair(body, h, q[steps], v[steps] + free)
     change = v[steps + 1] - v[steps] - free
-    lever = r_x * change[:, 1] + minus_r_y * change[:, 0]
+    lever = J_n[:, 2] * change[:, 1] + J_t[:, 2] * change[:, 0]
     return float(lever @ change[:, 2] / (lever @ lever))
+
+
+def _lowest_pair(
+    body: PlanarFreeBody, h: float, q: np.ndarray, v_free: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least gap (s,) in m after s free steps (the time stepper acts below 0), and that pair's J_n, J_t (s, 3)."""
+    contacts = body.contacts_of(q)
+    ahead = contacts.phi + h * np.einsum("kpi,ki->kp", contacts.J_n, v_free)
+    at = np.arange(len(q)), ahead.argmin(axis=1)
+    return ahead[at], contacts.J_n[at], contacts.J_t[at]
 
 
 def _extent(body: PlanarFreeBody) -> float:
@@ -97,7 +92,10 @@ def _extent(body: PlanarFreeBody) -> float:
 def _cost(
     ratio: np.ndarray, b: np.ndarray, J_n: np.ndarray, J_t: np.ndarray, mu: float, sign: np.ndarray
 ) -> np.ndarray:
-    """Σ_k min_c |b - A c|² (r,) for trial ratios (r,), up to Σ |b|²; `sign` (s,) of c_t where sliding, else 0."""
+    """Σ_k min_c |b - A c|² (r,) for trial ratios (r,), up to Σ |b|², with A = diag(1, 1, m/I) J'.
+
+    `b` (s, 3): velocity changes beyond gravity in s steps near contact; `sign` (s,) of c_t where sliding, else 0.
+    """
     weight = np.stack([np.ones_like(ratio), np.ones_like(ratio), ratio], axis=1)[:, None, :]
     A_t, A_n = weight * J_t, weight * J_n
     tt, nn, tn = (A_t**2).sum(-1), (A_n**2).sum(-1), (A_t * A_n).sum(-1)
