@@ -11,12 +11,6 @@ differences of q̃ over √6.  Segmentation: with C(a, b) the χ² of the best f
 O(1) each), F(b) = min_a F(a) + C(a, b) + penalty is the exact minimum over all numbers and places of impacts.  Step k
 is an impact if a flight ends with sample k: the velocity changes from v_k to v_{k+1}.
 
-| on paper | in code   | unit             | shape    |                                          |
-|----------|-----------|------------------|----------|------------------------------------------|
-| q, v     | `q`, `v`  | m, rad; m/s, rad/s | (m+1, 3) | noisy states of one drop               |
-| σ        | `sigma`   | as q, v          | (2, 3)   | standard deviations of q (row 0), v (row 1) |
-| C        | `cost`    | 1                | (m+1, m+2) | χ² of a flight from a to before b      |
-
 Sources: thesis section 2.4 (drops, eq. 2.23); R. Bellman, Communications of the ACM 4 (1961) 284,
 doi 10.1145/366573.366611 (curve fitting by segments); F. R. Hampel, Journal of the American Statistical
 Association 69 (1974) 383, doi 10.1080/01621459.1974.10482962 (median deviation).
@@ -62,7 +56,7 @@ def check_states(h: float, q: np.ndarray, v: np.ndarray) -> None:
 
 
 def noise_from_differences(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Standard deviations (2, 3) of q and v from states without gravity, (m+1, 3) each; robust against impacts."""
+    """σ (2, 3) of q (row 0, m and rad) and v (row 1, per s) from states without gravity, (m+1, 3) each."""
     second = q[2:] - 2.0 * q[1:-1] + q[:-2]
     sigma = np.stack([robust_std(second) / np.sqrt(6.0), robust_std(np.diff(v, axis=0)) / np.sqrt(2.0)])
     return floored(sigma, q, v)
@@ -103,8 +97,7 @@ def flight_costs(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> n
 def impact_steps(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     """Steps k (n_impacts,), ascending, at which the velocity changes from v_k to v_{k+1}; arguments as `flight_costs`.
 
-    Flights need not meet at the impacts; `mass_ratio.estimate` enforces
-    that and moves the steps.
+    Flights need not meet at the impacts; `mass_ratio.estimate` enforces that and moves the steps.
     """
     cost = flight_costs(h, q, v, sigma)
     n = len(q)

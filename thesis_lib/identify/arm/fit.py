@@ -15,12 +15,6 @@ maximised in five stages:
 The covariance of (x_0, ξ, ψ) is the inverse of J'J of the whitened residuals (the Cramér-Rao bound at the estimate),
 where J holds differences over a standard error.  The standard errors of the forces use the same perturbations.
 
-| on paper | in code     | unit            | shape   |                                                           |
-|----------|-------------|-----------------|---------|-----------------------------------------------------------|
-| Θ        | `theta`     | kg, kg m, kg m² | (6,)    | base parameters in the order of `parameters.NAMES`        |
-| ψ        | `psi`       | mixed           | (k,)    | parameters of an extra force                              |
-| c_n, c_t | `c_n`, `c_t` | N              | (m, 2)  | contact forces, pairs ("arm", "ground")                   |
-
 Sources: see `shooting`; J. von Neumann, Ann. Math. Statist. 12 (1941), doi 10.1214/aoms/1177731677 (ratio of
 the mean square successive difference to the variance).
 """
@@ -55,15 +49,15 @@ DEFAULT_FIT = ArmFitSettings()
 
 @dataclass(frozen=True)
 class ArmFit:
-    """Result of a fit; symbols as in the module's table."""
+    """Result of a fit."""
 
     names: tuple[str, ...]  # (6+k,) of Θ and ψ
-    theta: np.ndarray
-    psi: np.ndarray
+    theta: np.ndarray  # (6,) Θ in the order of `parameters.NAMES`, kg, kg m, kg m²
+    psi: np.ndarray  # (k,) parameters ψ of an extra force
     covariance: np.ndarray  # (6+k, 6+k) of (Θ, ψ); NaN where the data do not determine them
     q: np.ndarray  # q, v: (m+1, 5) estimated motion
     v: np.ndarray
-    c_n: np.ndarray
+    c_n: np.ndarray  # c_n, c_t: (m, 2) contact forces in N, pairs ("arm", "ground")
     c_t: np.ndarray
     c_n_std: np.ndarray  # c_n_std, c_t_std: (m, 2) standard errors of the forces in N
     c_t_std: np.ndarray
@@ -125,9 +119,7 @@ def fit(
 def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, v0: np.ndarray) -> np.ndarray:
     """Cramér-Rao bound (6,) on the standard errors of Θ, where the start and Θ are unknown.
 
-    Args:
-        data: torques and noise level `sigma`; its states are not used.
-        theta, q0, v0: true Θ (6,) and true start (5,), (5,).
+    The states of `data` are not used; `theta` (6,), `q0` and `v0` (5,) are true.
     """
     shooting = Shooting(arm, data)
     xi = free_coordinates(theta, arm.link_lengths[0])
@@ -317,7 +309,6 @@ def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.
 
 
 def _nothing(data: ArmData, extra: Extra | None, attempts: int, cpu_s: float) -> ArmFit:
-    """The result when no motion was found."""
     k = 0 if extra is None else len(extra.names)
     states, forces = np.full((data.steps + 1, 5), np.nan), np.full((data.steps, 2), np.nan)
     return ArmFit(

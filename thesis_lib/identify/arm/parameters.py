@@ -16,12 +16,6 @@ which is linear in Θ: Y Θ = M v̇ + C v - g.  M is positive definite at every 
 
 so estimators use the unconstrained ξ = (Θ_1, ln L_11, L_21, ln L_22, ln Θ_5, ln Θ_6).
 
-| on paper | in code        | unit            | shape      |                                                     |
-|----------|----------------|-----------------|------------|-----------------------------------------------------|
-| Θ        | `theta`        | kg m, kg m², kg | (..., 6)   | base parameters in the order of `NAMES`             |
-| ξ        | `xi`           | mixed           | (..., 6)   | unconstrained coordinates                           |
-| Y        | returned       | N, N m per Θ    | (n, 5, 6)  | regressor, gravity included                         |
-
 Sources: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
 doi 10.1016/B978-1-903996-66-9.X5000-3; J. C. Pinheiro, D. M. Bates, Statistics and Computing 6 (1996),
 doi 10.1007/BF00140873 (log-Cholesky).
@@ -82,7 +76,7 @@ def base_of(arm: ArmDisk) -> np.ndarray:
 
 
 def regressor(arm: ArmDisk, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Y (n, 5, 6) at configurations, velocities and accelerations (n, 5), with the lengths and gravity of `arm`."""
+    """Y (n, 5, 6), N or N m per Θ, at configurations, velocities and accelerations (n, 5); lengths and g of `arm`."""
     l1, g = arm.link_lengths[0], arm.g
     c1, c12 = np.cos(q[:, 0]), np.cos(q[:, 0] + q[:, 1])
     c2, s2 = l1 * np.cos(q[:, 1]), l1 * np.sin(q[:, 1])

@@ -5,20 +5,11 @@ the motion is simulated with the step of `stepping`, contact modes included.  Mi
 
     χ²(x_0, ξ, ψ) = Σ_k |W (z_k - z(k; x_0, ξ, ψ))|²,     W = 1/σ per channel,  z = (q, v).
 
-Over the whole motion χ² is rough: an impact that comes a step late costs thousands.  The motion is therefore cut into
-segments with free starts, which are lengthened stage by stage, each stage starting at the previous answer.  Many short
-segments have hardly a false minimum; one segment over the whole motion is the likelihood itself.  The segments' starts
-are eliminated from the arrow-shaped normal equations.  Several candidates run side by side, and all their perturbed
-copies are simulated in one batch.
+χ² is rough over the whole motion, where an impact that comes a step late costs thousands, and has hardly a false
+minimum over short segments with free starts.  These are lengthened stage by stage.  Their starts are eliminated from
+the arrow-shaped normal equations; all perturbed copies of all candidates are simulated in one batch.
 
 The noise level is estimated (`noise_level`, `noise_of_residuals`) so that χ²/n near 1 is a test that a fit can fail.
-
-| on paper | in code        | unit             | shape     |                                                           |
-|----------|----------------|------------------|-----------|-----------------------------------------------------------|
-| z        | `q`, `v`       | m, rad; per s    | (m+1, 5)  | measured states                                           |
-| σ        | `sigma`        | as z             | (2, 5)    | noise of q and of v, estimated                            |
-| ξ, ψ     | `p`            | mixed            | (6+k,)    | free coordinates of Θ, then the further parameters        |
-| χ²/n     | `chi2`         | 1                |           | n = 10 (m+1) less the number of unknowns                  |
 
 Sources: H. G. Bock, Recent advances in parameter identification techniques for O.D.E., 1983,
 doi 10.1007/978-1-4684-7324-7_7 (multiple shooting); D. W. Marquardt, SIAM J. 11 (1963), doi 10.1137/0111030.
@@ -47,7 +38,7 @@ class ArmData:
     """Data of one motion: noisy states, torques, and the contacts' coefficients."""
 
     h: float  # s
-    q: np.ndarray  # q, v: (m+1, 5) measured states
+    q: np.ndarray  # q, v: (m+1, 5) measured states z, m, rad and per s
     v: np.ndarray
     f_ext: np.ndarray  # (m, 5) known external force in N, N m
     mu: float  # mu, epsilon: of both pairs
@@ -79,7 +70,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates: p (P, 6+k), starts x (P, S, 10) of the segments, χ² (P,)."""
+    """P candidates: p = (ξ, ψ) (P, 6+k), starts x (P, S, 10) of the segments, χ² (P,)."""
 
     p: np.ndarray
     x: np.ndarray

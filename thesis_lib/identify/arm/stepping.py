@@ -9,13 +9,6 @@ The step is that of `simulate.stepping.stepping` for contact pairs ("arm", "grou
 
 so that four linear equations give the impulse.  The previous step's modes are tried first; copies for which they fail
 try all sixteen pairs of modes.  A copy without a solution is NaN from that step on.
-
-| on paper | in code      | unit           | shape         |                                                       |
-|----------|--------------|----------------|---------------|-------------------------------------------------------|
-| Θ        | `theta`      | kg, kg m, kg m² | (n, 6)       | base parameters of the copies                         |
-| f_ext    | `f_ext`      | N, N m         | (n or 1, m, 5) | known external force                                 |
-| c_n, c_t | `c_n`, `c_t` | N              | (n, m, 2)     | contact forces                                        |
-| K        | `K`          | 1/kg           | (n, 4, 4)     | J M⁻¹ J', rows J_t of both pairs, then J_n            |
 """
 
 from collections.abc import Callable
@@ -62,12 +55,9 @@ def simulate_copies(
 ) -> Copies:
     """Simulate n copies over the m steps of `f_ext`.
 
-    Args:
-        arm: only its lengths, base, radius and gravity are used.
-        theta, q0, v0: (n, 6) base parameters with a positive definite mass matrix, (n, 5) initial states.
-        f_ext: (m, 5) for all copies, or (n, m, 5), in N and N m.
-        h, mu, epsilon: time step in s, friction and restitution of both pairs.
-        extra: further generalised force, evaluated at the start of each step.
+    Only the lengths, base, radius and gravity of `arm` are used.  `theta` (n, 6) has a positive definite mass matrix;
+    `q0`, `v0` (n, 5); `f_ext` (m, 5) or (n, m, 5) in N and N m; `h` in s; `mu`, `epsilon` are those of both pairs.
+    `extra` is evaluated at the start of each step.
     """
     f_ext = np.asarray(f_ext, dtype=float)
     f_ext = f_ext[None] if f_ext.ndim == 2 else f_ext
@@ -179,7 +169,10 @@ def _gaps(arm: ArmDisk, q: np.ndarray) -> np.ndarray:
 def _impulses(
     K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: float, active: np.ndarray, guess: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Impulses c (n, 4) = (c_t, c_n of both pairs) in N s and modes (n, 2); NaN where no modes are consistent."""
+    """Impulses c (n, 4) = (c_t, c_n of both pairs) in N s and modes (n, 2); NaN where no modes are consistent.
+
+    K (n, 4, 4) in 1/kg is J M⁻¹ J', rows J_t of both pairs, then J_n.
+    """
     c, holds = _try_modes(K, v_c, b, mu, active, guess)
     mode = guess.copy()
     rest = np.flatnonzero(~holds)

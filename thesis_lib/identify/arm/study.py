@@ -14,11 +14,6 @@ The error of a pair's force c = (c_t, c_n) is relative, over contact steps witho
 A step has contact if the true or the estimated c_n is positive.  An impact is a step with |c| above ten times its
 median over contact, with its two neighbours: a dead impact takes two steps, and an impact estimated a step late must
 not spoil the other sum.
-
-| on paper | in code            | unit | shape     |                                                          |
-|----------|--------------------|------|-----------|----------------------------------------------------------|
-| c        | `c_n`, `c_t`       | N    | (m, 2)    | contact forces, pairs ("arm", "ground")                  |
-| e        | `force_error`      | 1    |           | without impacts; also `impact_error`                     |
 """
 
 from collections.abc import Callable
@@ -86,12 +81,8 @@ def arm_window(
 ) -> ContactWindow:
     """Window of a motion of arm and disk in its base parameters.
 
-    Args:
-        arm: only its lengths, base, radius and gravity are used.
-        q, v, f_ext: (m+1, 5) states and (m, 5) known force in N, N m.
-        h, mu: time step in s, friction coefficient of both pairs.
-        sigma: (2, 5) noise of q and v; None: states without noise.
-        tolerances: standard deviations of gap and sliding velocity that count as zero.
+    `q`, `v` (m+1, 5) are states, `f_ext` (m, 5) is the known force in N, N m, `h` in s, `sigma` (2, 5) the noise of q
+    and v (None: none); `tolerances` standard deviations of gap and sliding velocity count as zero.
 
     Raises:
         UserError: a value is not finite.

@@ -8,12 +8,6 @@ factorisation with column pivoting
 separates the r = rank Y independent columns b from the dependent ones d.  Each base parameter in Θ is one independent
 parameter plus multiples of dependent ones.  null(Y) holds the changes of π that no force reveals.
 
-| on paper     | in code       | unit    | shape  |  |
-| ------------ | ------------- | ------- | ------ | --- |
-| π            | `names`       | kg ...  | (n,)   | all inertial parameters |
-| Θ            | `theta`       | kg ...  | (r,)   | base parameters |
-| [1 R_1⁻¹R_2] | `combination` | Θ per π | (r, n) | Θ = combination π |
-
 Sources: M. Gautier, J. Robotic Systems 8 (1991), doi 10.1002/rob.4620080405; W. Khalil, F. Bennis, Int. J. Robotics
 Research 14 (1995), doi 10.1177/027836499501400105.
 """
@@ -40,7 +34,7 @@ class BaseParameters:
 
     names: tuple[str, ...]  # (n,) names of all parameters
     columns: np.ndarray  # (r,) indices of the independent columns, ascending
-    combination: np.ndarray  # (r, n) matrix from all parameters to the base parameters
+    combination: np.ndarray  # (r, n) [1 R_1⁻¹R_2]: Θ = combination π
     # (n, n − r) changes of the parameters without effect, one per column, largest entry 1
     null_space: np.ndarray
 

@@ -19,12 +19,6 @@ e = J_n,θ + s μ J_t,θ and s = −sgn(v_rel), for a contact that comes to rest
 
 The last column vanishes: h f_θ J_n,θ e m/I² of the body's own equation and of the contact force cancel.  In eq. 2.18 as
 printed they do not, because it has F_y + h (m/I) F_θ where the normal velocity of a torque is (m/I) J_n,θ F_θ.
-
-| on paper | in code            | unit     | shape        |                                                          |
-|----------|--------------------|----------|--------------|----------------------------------------------------------|
-| Ỹ        | `projected`        | f per Θ  | (m, nv, n_Θ) | regressor outside the span of contact forces             |
-|          | `singular_values`  | 1        | (n_Θ,)       | of Ỹ with columns scaled by those of Y                   |
-| α        | `alpha`            | 1        |              | smallest eigenvalue of the mean of Ỹ'Ỹ, so scaled        |
 """
 
 from dataclasses import dataclass
@@ -42,13 +36,13 @@ RANK_TOLERANCE = 1e-8
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a window determines; symbols as in the module's table."""
+    """What a window determines."""
 
-    names: tuple[str, ...]
-    singular_values: np.ndarray
+    names: tuple[str, ...]  # (n_Θ,)
+    singular_values: np.ndarray  # (n_Θ,) of Ỹ with columns scaled by those of Y, 1
     rank: int  # number of independent combinations of Θ that the window determines
     null_space: np.ndarray  # (n_Θ, n_Θ − rank) changes of Θ that it does not see, largest entry 1
-    alpha: float
+    alpha: float  # smallest eigenvalue of the mean of Ỹ'Ỹ, so scaled, 1
     # a sentence for each reason why something cannot be identified; empty where everything can
     warnings: tuple[str, ...]
 
@@ -162,11 +156,8 @@ def sliding_regressor(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns (n, 3, 4) of (m/I, 1/m, 1/I, m/I²) and left-hand side (n, 3) of eq. 2.18 multiplied out.
 
-    Args:
-        v, v_next: (n, 3) velocities before and after n steps in sliding contact at rest normally.
-        f_ext: (n, 3) external force and torque in N, N m.
-        J_n, J_t: (n, 3) Jacobian rows of the sliding contact.
-        h: s; mu: coefficient of friction; gravity: m/s², downwards.
+    `v`, `v_next` (n, 3) are velocities before and after n steps in sliding contact at rest normally, `f_ext` (n, 3) is
+    in N, N m, `J_n`, `J_t` (n, 3) are the contact's Jacobian rows, `h` is in s, `gravity` in m/s², downwards.
     """
     s = -np.sign(np.einsum("kv,kv->k", J_t, v_next))
     j, e = J_n[:, 2], J_n[:, 2] + s * mu * J_t[:, 2]

@@ -11,11 +11,6 @@ translation: 1 for metres, a squared length for radians.  Contacts that cannot a
 least-squares sense.
 
 The thesis leaves open which contacts touch.  Here tolerances decide; a wrong choice is not corrected later.
-
-| on paper | in code         | unit    | shape       |                                                           |
-|----------|-----------------|---------|-------------|-----------------------------------------------------------|
-| W        | `metric`        |         | (nv,)       | diagonal; 1 for metres, a squared length for radians      |
-| φ        | `phi`           | m       | (n, p)      | gaps, zero at closed contacts after projection            |
 """
 
 from dataclasses import dataclass, replace
@@ -53,11 +48,9 @@ def project_to_contact(
 ) -> ProjectedRecord:
     """Move poses with contact until they touch, and velocities to exact sticking where they nearly stick.
 
-    Args:
-        record: m steps; its gaps and Jacobians are recomputed.
-        a_free: (m, nv) acceleration without contact forces.
-        gap_tolerance, v_tolerance: m and m/s, a few standard deviations of the noise of gap and sliding velocity.
-        metric: (nv,) diagonal of W; ones by default.
+    Gaps and Jacobians of `record` are recomputed; `a_free` (m, nv) is the acceleration without contact forces.
+    `gap_tolerance` and `v_tolerance` (m, m/s) are a few standard deviations of the noise of gap and sliding velocity,
+    `metric` (nv,) is the diagonal of W (ones by default).
 
     Raises:
         UserError: states are not finite.

@@ -14,12 +14,6 @@ For one free body with q = (x, y, θ), acceleration a, rotation R(θ) and p = R 
 For any other mechanism the columns are derivatives of Drake's inverse dynamics by the parameters (automatic
 differentiation).  The dynamics are linear in the parameters, so derivatives at any value are exact.
 
-| on paper | in code       | unit              | shape        |  |
-| -------- | ------------- | ----------------- | ------------ | --- |
-| q, v, v̇ | `q`, `v`, `a` | m, rad; per s, s² | (n, nv)      | states and accelerations; (v_{k+1} − v_k)/h of a step |
-| π        |               | kg, kg m, kg m²   | (4 bodies,)  | in the order of `parameter_names` |
-| Y        | returned      | f per π           | (n, nv, 4 b) |  |
-
 Sources: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, 2002,
 doi 10.1016/B978-1-903996-66-9.X5000-3; R. Tedrake and the Drake development team, Drake, https://drake.mit.edu.
 """
@@ -38,7 +32,7 @@ FREE_BODY_PARAMETERS = ("m", "mc_x", "mc_y", "I")
 def free_body_regressor(
     q: np.ndarray, v: np.ndarray, a: np.ndarray, gravity: Sequence[float] | np.ndarray = (0.0, -9.81)
 ) -> np.ndarray:
-    """Y (n, 3, 4) of one free body in the parameters `FREE_BODY_PARAMETERS`.
+    """Y (n, 3, 4) of one free body in the parameters `FREE_BODY_PARAMETERS` (kg, kg m, kg m, kg m²).
 
     `q`, `v`, `a` (n, 3) are poses (x, y, θ), velocities and accelerations of its origin, `gravity` is in m/s².
 

@@ -13,15 +13,6 @@ At step k a time stepper decides on contact by the gap expected at the end of th
 just before an impact.  λ = |v_rel|, v_rel = J_t,k v_{k+1}, is the sliding speed after the step.  Below `v_tolerance` it
 is set to zero, because a rounding error would turn sticking into sliding.
 
-| on paper   | in code  | unit        | shape          |                                                          |
-|------------|----------|-------------|----------------|----------------------------------------------------------|
-| Y          | `Y`      | f per Θ     | (m, nv, n_Θ)   | regressor of the unknown parameters                      |
-| f_ext      | `f`      | N, N m      | (m, nv)        | known generalised force, known parameters' share removed |
-| φ_n        | `gap`    | m           | (m, p)         | φ̃ above, or 0 within `gap_tolerance`                     |
-| J_n, J_t   | `J_n`... | 1, m        | (m, p, nv)     | contact Jacobians                                        |
-| v_rel      | `v_t`    | m/s         | (m, p)         | sliding velocity after the step                          |
-| h          | `h`      | s           |                | time step                                                |
-
 Sources: thesis eqs. 2.10-2.14; D. Stewart, J. C. Trinkle, Int. J. Numer. Meth. Eng. 39 (1996),
 doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
 """
@@ -51,12 +42,12 @@ class States:
     A simulated `stepping.Record` has the same attributes, shapes and units.
     """
 
-    h: float
-    q: np.ndarray
+    h: float  # s
+    q: np.ndarray  # q, v: (m+1, nv)
     v: np.ndarray
-    f_ext: np.ndarray
-    phi: np.ndarray
-    J_n: np.ndarray
+    f_ext: np.ndarray  # (m, nv) N, N m
+    phi: np.ndarray  # (m, p) m
+    J_n: np.ndarray  # J_n, J_t: (m, p, nv)
     J_t: np.ndarray
 
     @classmethod
@@ -68,16 +59,16 @@ class States:
 
 @dataclass(frozen=True)
 class ContactWindow:
-    """m steps with p contact pairs; attributes as in the module's table, `mu` is the coefficient of friction."""
+    """m steps with p contact pairs."""
 
-    h: float
-    Y: np.ndarray
-    f: np.ndarray
-    gap: np.ndarray
-    J_n: np.ndarray
+    h: float  # s
+    Y: np.ndarray  # (m, nv, n_Θ) regressor of the unknown parameters, f per Θ
+    f: np.ndarray  # (m, nv) known generalised force in N, N m, known parameters' share removed
+    gap: np.ndarray  # (m, p) φ̃ above in m, or 0 within `gap_tolerance`
+    J_n: np.ndarray  # J_n, J_t: (m, p, nv) contact Jacobians
     J_t: np.ndarray
-    v_t: np.ndarray
-    mu: float
+    v_t: np.ndarray  # (m, p) sliding velocity v_rel after the step, m/s
+    mu: float  # coefficient of friction
     names: tuple[str, ...]  # (n_Θ,) names of the unknown parameters, in the order of Y's columns
     theta_min: np.ndarray  # (n_Θ,) lower bounds of the unknown parameters
 

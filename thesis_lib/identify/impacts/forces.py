@@ -23,14 +23,6 @@ impulse only with a *declared* duration T_c and pulse shape, here the half-sine
 and is no better than that declaration; the thesis gives a peak of 135 N and no duration.  Rows also report the true
 peaks of f and of the sensor.
 
-| on paper | in code                   | unit  | shape  |                                            |
-|----------|---------------------------|-------|--------|--------------------------------------------|
-| c        | `c_t`, `c_n`              | N s   |        | impulse on the body, estimated             |
-| ∫ f dt   | `true_c_t`, `true_c_n`    | N s   |        | integral of Drake's contact force          |
-| ∫ s dt   | `sensor_c_n`              | N s   |        | sum of the sensor's samples over its rate  |
-| T_c      | `declared_duration`       | s     |        |                                            |
-| f, s     | `force`, `reading`        | N     | (s, 2), (s,) | over the contact; over the ringing   |
-
 Sources: thesis section 2.5; K. L. Johnson, Contact Mechanics, Cambridge 1985, doi 10.1017/CBO9781139171731, section
 11.4 (half-sine as the shape of an elastic impact).
 """

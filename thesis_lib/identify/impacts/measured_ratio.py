@@ -23,13 +23,6 @@ A dataset without stated noise and trajectories is taken to have equal velocity 
 Variants are hypotheses about the measurement, named as in the critique: the camera's angle (mirrored_rotation, on or
 off; angle_offset) and the contact point (rounded_corners).  Their parameters are estimated with m/I.
 
-| on paper | in code            | unit           | shape     |                                              |
-|----------|--------------------|----------------|-----------|----------------------------------------------|
-| m/I      | `p[0]`             | 1/m²           |           | 1/k² of the planar body                      |
-| L, Δω    | `lever`, `spin`    | m²/s, rad/s    | (n,)      | both sides of (1)                            |
-| C        | `cov`              | of `STATE`     | (n, 9, 9) | covariance of pose and velocities            |
-| ∇g       | `gradient`         |                | (n, 9)    | of g by `STATE`                              |
-
 Sources: thesis section 2.5; W. A. Fuller, Measurement Error Models, Wiley 1987, doi 10.1002/9780470316665, sections
 1.1 and 2.3; P. J. Huber, E. M. Ronchetti, Robust Statistics, Wiley 2009, doi 10.1002/9780470434697.
 """

@@ -13,11 +13,6 @@ uncertain, and the true limit lies above the bound.
 
 Sources: C. R. Rao, Bulletin of the Calcutta Mathematical Society 37 (1945) 81; P. Stoica, B. C. Ng,
 IEEE Signal Processing Letters 5 (1998) 177, doi 10.1109/97.700921 (the bound under constraints).
-
-| on paper | in code  | unit               | shape    |                                            |
-|----------|----------|--------------------|----------|--------------------------------------------|
-| σ        | `sigma`  | m, rad; m/s, rad/s | (2, 3)   | noise of q and v                           |
-| k_j      | `steps`  | 1                  | (J,)     | true impact steps                          |
 """
 
 from dataclasses import dataclass
@@ -68,10 +63,8 @@ def ratio_bound(
 ) -> float:
     """Least standard deviation of m/I in 1/m²; infinite if the drop does not determine it.
 
-    Args:
-        h, gravity: time step in s, m/s².
-        q, v, sigma: (m+1, 3) true states and (2, 3) their noise σ.
-        law: Newton's restitution and Coulomb's friction are known to hold, with unknown coefficients.
+    `h` in s, `gravity` in m/s²; `q`, `v` (m+1, 3) are true states, `sigma` (2, 3) is their noise.  With `law`, Newton's
+    restitution and Coulomb's friction are known to hold, with unknown coefficients.
 
     Raises:
         UserError: the states cannot be a drop, or the noise is not positive.

@@ -17,12 +17,6 @@ and is removed by refitting around the estimate (`hypotheses`).
 
 Sources: thesis section 2.4, table 2.1; A. Gelman et al., Bayesian Data Analysis, 3rd ed., section 7.4 (averaging over
 discrete hypotheses).
-
-| on paper | in code | unit   |                                             |
-|----------|---------|--------|---------------------------------------------|
-| m/I      | `value` | 1/m²   | for a planar body 1 / k², k radius of gyration |
-| ε, μ     | `epsilon`, `mu` | 1 |                                          |
-| σ        | `sigma` | m, rad, m/s, rad/s | (2, 3): of q and of v, estimated |
 """
 
 from dataclasses import dataclass, replace
@@ -91,11 +85,9 @@ def estimate_ratio(
 ) -> Estimate:
     """Estimate m/I from one drop on the level surface y = 0.
 
-    Args:
-        h, gravity: time step between samples in s, m/s².
-        q, v: (m+1, 3) noisy positions (m, m, rad) and velocities; θ continuous.
-        law: assume Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop.
-        use_gap: use that an impulse acts in the first step that would end in the surface.
+    `h` in s, `gravity` in m/s²; `q`, `v` (m+1, 3) are noisy positions (m, m, rad; θ continuous) and velocities.  `law`
+    assumes Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop; `use_gap` that an
+    impulse acts in the first step that would end in the surface.
 
     Raises:
         UserError: states of wrong shape, with NaN or infinity, or too few.

@@ -1,15 +1,8 @@
 """Hypotheses about the impacts of one drop: which steps, which vertices, which modes, one hit or two.
 
-The samples leave the events of a drop open: impact steps up to `STEP_WINDOW` from those of the segmentation, vertices
-of nearly equal height, two vertices that hit within a few steps instead of one, and under the contact law the mode of
-each impact.  χ²_free is cheap and bounds the χ² of a hypothesis from below, which rules out most; the others are fitted
-together (`likelihood`).
-
-| on paper  | in code     | unit | shape  |                                       |
-|-----------|-------------|------|--------|---------------------------------------|
-| k_j       | `steps`     | 1    | (J,)   | impact steps of the segmentation      |
-|           | `vertices`  | 1    | (B, J) | touching vertices, numbered as in the shape |
-|           | `modes`     | 1    | (B, J) | 0 stick, ±1 slide with that sign of c_t |
+Tried are steps up to `STEP_WINDOW` from those of the segmentation, vertices of nearly equal height, two hits within a
+few steps instead of one, and under the contact law every mode.  χ²_free bounds the χ² of a hypothesis from below, which
+rules out most; the others are fitted together (`likelihood`).
 
 Source: A. H. Land, A. G. Doig, Econometrica 28 (1960) 497, doi 10.2307/1910129 (ruling out by a bound).
 """
@@ -50,18 +43,15 @@ SPLIT_GAIN = 20.0  # χ² a split has to save: it adds three unknowns and is sou
 class FittedHypotheses:
     """Fits of B hypotheses with one number of impacts; `modes` is None where impulses are free.
 
-    Attributes:
-        tried: number of hypotheses fitted so far.
-        any: whether one of them converged.
-        row: index of the best one; `chi2_min`, `dof` and `p_value` are its χ² and those of its misfit.
-        weight: (B,) exp(-χ²/2) relative to the best; 0 where not converged.
+    `any`: whether one converged; `row`: of the best, whose χ² is `chi2_min` and whose misfit has `dof` and `p_value`;
+    `weight` (B,): exp(-χ²/2) relative to the best, 0 where not converged.
     """
 
     statistics: ArcStatistics
-    vertices: np.ndarray
-    modes: np.ndarray | None
+    vertices: np.ndarray  # (B, J) that touch, numbered as in the shape
+    modes: np.ndarray | None  # (B, J) 0 stick, ±1 slide with that sign of c_t
     fit: ArcFit
-    tried: int
+    tried: int  # number of hypotheses fitted so far
 
     def __post_init__(self):
         from scipy.stats import chi2

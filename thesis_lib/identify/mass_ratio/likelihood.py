@@ -9,7 +9,6 @@ the arcs u with information N (`sufficient_statistics`), so maximum likelihood i
 
     minimise χ²_free + (u - û)' N (u - û)   over u, η    subject to  g(u, η) = 0,                              (2)
 
-
 with η = (m/I, ε, μ) and g the rows (1).  It is solved by Newton steps on the linearised rows G du + G_η dη + g = 0.  As
 in multiple shooting every arc has its own unknowns, so an early error does not grow through later impacts.  A
 hypothesis gives the impact steps k_j, the vertex of a polygon that hits, and under a contact law the mode of each
@@ -26,14 +25,6 @@ Contact law.  Newton's restitution and Coulomb's friction with unknown ε and μ
 v+ is v_{k+1}:
 
     J_n v+ + ε J_n v- = 0;     J_t v+ = 0 (stick)   or   Δv_x = ± μ Δv_y (slide).                               (4)
-
-| on paper | in code    | unit   | shape   |                                                         |
-|----------|------------|--------|---------|---------------------------------------------------------|
-| η        | `eta`      | 1/m², 1, 1 | (B, 3) | m/I, ε, μ                                             |
-| r, r_x'  | `r`, `dr_x` | m, m/rad | (n, 2), (n,) | contact point, derivative of r_x by θ; that of r_y is r_x |
-| u        | `u`        | m, rad, m/s, rad/s | (B, 3, 2+J) | arcs, see `sufficient_statistics`               |
-| G, G_η   | `G`, `G_eta` |      | (B, n_g, 3, 2+J), (B, n_g, 3) | derivatives of the rows               |
-| S        | `S`        |        | (B, n_g, n_g) | G N⁻¹ G', plus the variance of soft rows (3)        |
 
 Sources: thesis eq. 2.3, 2.18-2.23; W. A. Fuller, Measurement Error Models, Wiley 1987, doi 10.1002/9780470316665 (m/I
 multiplies noisy quantities: least squares on (1) is biased, maximum likelihood not to first order).

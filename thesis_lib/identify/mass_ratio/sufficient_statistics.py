@@ -9,13 +9,6 @@ So χ²(u) = χ²_free + (u - û)' N (u - û) holds exactly, with N and N û fro
 channels (a contact point, a contact law) are fitted to û and N, for many sets of steps at once and at a cost that does
 not grow with the number of samples.
 
-| on paper | in code  | unit     | shape            |                                                        |
-|----------|----------|----------|------------------|--------------------------------------------------------|
-| k_j      | `steps`  | 1        | (B, J)           | impact steps of B hypotheses, ascending                |
-| u, û     | `u`      | m, m/s; rad, rad/s | (B, 3, 2+J) | per channel x, y, θ                           |
-| N        | `N`      | 1/unit²  | (B, 3, 2+J, 2+J) | information of the samples on u                        |
-| χ²_free  | `chi2_free` | 1     | (B,)             | χ² of the arcs with free velocity changes              |
-
 Source: sufficient statistics of the Gaussian linear model, e.g. S. M. Kay, Fundamentals of Statistical Signal
 Processing: Estimation Theory, Prentice Hall 1993, chapters 4 and 5.
 """
@@ -27,13 +20,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ArcStatistics:
-    """Sufficient statistics of B hypotheses of J impacts each."""
+    """Sufficient statistics of B hypotheses of J impacts each, per channel x, y, θ (m, rad and per s)."""
 
-    steps: np.ndarray  # (B, J)
-    u: np.ndarray  # (B, 3, 2+J) best free arcs
-    N: np.ndarray  # (B, 3, 2+J, 2+J) information
+    steps: np.ndarray  # (B, J) impact steps k_j, ascending
+    u: np.ndarray  # (B, 3, 2+J) best free arcs û
+    N: np.ndarray  # (B, 3, 2+J, 2+J) information of the samples on u
     root: np.ndarray  # (B, 3, 2+J, 2+J) R with R'R = N
-    chi2_free: np.ndarray  # (B,)
+    chi2_free: np.ndarray  # (B,) χ² of the arcs with free velocity changes
 
     def take(self, rows: np.ndarray) -> "ArcStatistics":
         """The hypotheses `rows`."""

@@ -20,12 +20,6 @@ If the least-squares solution over edges of price 0 has a ≥ 0, it is the answe
 takes time linear in the window.  Otherwise Clarabel solves the program, and least squares on the edges in use polishes
 the solution.
 
-| on paper | in code     | unit | shape    |                                                     |
-|----------|-------------|------|----------|-----------------------------------------------------|
-| a_e      | `amplitude` | N    | (E,)     | share of an edge                                    |
-| B        | `direction` | 1, m | (E, nv)  | J_n + s μ J_t of an edge                            |
-| π_e      | `price`     | 1    | (E,)     | per unit of a_e over the force scale                |
-
 Sources: thesis section 2.3.2; P. Goulart, Y. Chen, Clarabel, arXiv 2405.12762.
 """
 
@@ -50,13 +44,13 @@ SUPPORT = 1e-7  # of the force scale: Clarabel's zeros end below it
 
 @dataclass(frozen=True)
 class Edges:
-    """Edges of the friction cones that may carry force; symbols as in the module's table."""
+    """Edges of the friction cones that may carry force."""
 
     step: np.ndarray  # step, pair: (E,) contact of each edge
     pair: np.ndarray
     sign: np.ndarray  # (E,) s_e of its friction
-    direction: np.ndarray
-    price: np.ndarray
+    direction: np.ndarray  # (E, nv) B, J_n + s μ J_t
+    price: np.ndarray  # (E,) π_e per unit of a_e over the force scale
 
     def __len__(self) -> int:
         return len(self.step)

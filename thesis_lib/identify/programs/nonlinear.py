@@ -17,11 +17,6 @@ constraints are kept below a bound that falls to zero over a sequence of program
 (Scholtes); `products="strict"` solves at zero at once.  Treatment 3, projection of the poses to the contact manifold,
 acts on the data: see `projection.py`.  Starts are random points; the weights w_n and w_t are 1.
 
-| on paper    | in code        | unit | shape  |                                                                      |
-|-------------|----------------|------|--------|----------------------------------------------------------------------|
-| Θ, c, λ     | `ProgramPoint` | 1    |        | in units of T, F and V, which make them about 1                      |
-| φ, v_rel    | `gap`, `v`     | 1    | (K,)   | of the contacts within reach, per L and V                            |
-
 Sources: thesis section 2.3.2; S. Scholtes, SIAM J. Optim. 11 (2001), doi 10.1137/S1052623499361233; P. Gill, W. Murray,
 M. Saunders, SIAM Review 47 (2005), doi 10.1137/S0036144504446096 (SNOPT); A. Wächter, L. Biegler, Math. Program. 106
 (2006), doi 10.1007/s10107-004-0559-y (IPOPT).
@@ -55,7 +50,7 @@ SOLVER_TOLERANCE = 1e-10  # of feasibility and optimality, on variables of about
 
 @dataclass(frozen=True)
 class ProgramPoint:
-    """Unknowns in scaled units: theta (n_Θ,), and c_n, c_plus, c_minus, lam (K,) of the K contacts."""
+    """Unknowns in units of T, F and V, about 1: theta (n_Θ,), and c_n, c_plus, c_minus, lam (K,) of the K contacts."""
 
     theta: np.ndarray
     c_n: np.ndarray

@@ -7,13 +7,6 @@ residual of eq. 2.12 at λ = |v_rel|, known because v_rel is data,
 
 with c_± = max(±c_t, 0), L the largest gap and V the largest sliding speed of the window (1 where zero).
 
-| on paper | in code           | unit | shape  |                                                    |
-|----------|-------------------|------|--------|----------------------------------------------------|
-| Θ        | `theta`           |      | (n_Θ,) | identified parameters                              |
-| c        | `c_n`, `c_t`      | N    | (m, p) | contact forces                                     |
-|          | `dynamics`        | 1    |        | dynamics residual                                  |
-|          | `complementarity` | 1    |        | complementarity residual                           |
-
 Source: F. Facchinei, J.-S. Pang, Finite-Dimensional Variational Inequalities and Complementarity Problems, 2003,
 doi 10.1007/b97543 (natural residual).
 """
@@ -40,16 +33,16 @@ class SolveStatus(StrEnum):
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """Result of one program; symbols as in the module's table."""
+    """Result of one program."""
 
     program: str  # "2.12", "2.13", "2.14" or "2.14 soft"
     solver: str
     status: SolveStatus
     claimed: bool  # whether the solver reports success; `status` is judged on the residuals
-    theta: np.ndarray
-    c_n: np.ndarray
+    theta: np.ndarray  # (n_Θ,) identified parameters
+    c_n: np.ndarray  # c_n, c_t: (m, p) contact forces, N
     c_t: np.ndarray
-    dynamics: float
+    dynamics: float  # residual, 1; so is `complementarity`
     complementarity: float
     cost: float  # value of the program's cost, dimensionless
     cpu_s: float  # CPU seconds

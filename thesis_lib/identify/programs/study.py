@@ -10,12 +10,6 @@ below tolerance and
 whatever the solver reports; `n_false_claims` counts successes that only the solver reports.  Block, ellipse and wheel
 have known mass, and I (hence m/I) is unknown; arm and disk are driven by known torques, and all base parameters are
 unknown.
-
-| on paper | in code       | unit | shape |                                                              |
-|----------|---------------|------|-------|--------------------------------------------------------------|
-| m        | `n_steps`     | 1    |       | length of the window                                         |
-| Θ        | `theta_error` | 1    |       | largest relative error of the parameters, per start          |
-| c        | `force_error` | 1    |       | relative rms error of the contact forces, per start          |
 """
 
 from collections.abc import Iterator, Sequence

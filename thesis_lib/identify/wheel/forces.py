@@ -27,13 +27,6 @@ The standard errors of the forces are those of η, carried through the time step
 
 Sources: thesis section 2.4; G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297, doi 10.1093/biomet/65.2.297;
 S. J. Julier, J. K. Uhlmann, Proceedings of the IEEE 92 (2004) 401, doi 10.1109/JPROC.2003.823141 (sigma points).
-
-| on paper | in code      | unit               | shape    | meaning                                     |
-|----------|--------------|--------------------|----------|---------------------------------------------|
-| q, v     | `q`, `v`     | m, rad; per s      | (m+1, 3) | noisy states of the hub                     |
-| σ        | `sigma`      | as q, v            | (2, 3)   | standard deviations of q (row 0), v (row 1) |
-| c_n, c_t | `c_n`, `c_t` | N                  | (m, p)   | forces of the p spokes over each step       |
-| P        | `covariance` |                    | (4, 4)   | of η                                        |
 """
 
 from dataclasses import dataclass
@@ -123,11 +116,8 @@ def plain_forces(
 ) -> ProgramResult:
     """Forces and inertia with the samples taken as the truth (thesis eq. 2.12).
 
-    Args:
-        wheel: only its geometry, mass, slope and gravity are used.
-        h, q, v: time step in s, (m+1, 3) states.
-        sigma: (2, 3) noise, which sets the tolerances; None: exact data.
-        program: of the thesis, see `mode_qp`.
+    The inertia of `wheel` is not used; `h` in s; `q`, `v` (m+1, 3) are states, whose noise `sigma` (2, 3) sets the
+    tolerances (None: exact data).
 
     Raises:
         UserError: the states have a wrong shape or are not finite.
@@ -156,10 +146,8 @@ def plain_forces(
 def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: float, epsilon: float = 0.0) -> WheelFit:
     """Motion, inertia and contact forces of a wheel on a spoke without slip at the first sample.
 
-    Args:
-        wheel: only its geometry, mass, slope and gravity are used.
-        h, q, v: time step in s, (m+1, 3) noisy states.
-        mu, epsilon: friction and restitution; mu does not matter as long as nothing slips.
+    The inertia of `wheel` is not used; `h` in s; `q`, `v` (m+1, 3) are noisy states.  `mu` does not matter as long as
+    nothing slips.
 
     Raises:
         UserError: the states have a wrong shape, are not finite or too few, or no spoke comes near the slope.

@@ -17,14 +17,6 @@ the mechanism: a heavier link, or a wheel whose centre of mass is off the hub.
 Starts and torques are drawn for the believed mechanism and applied to the true one, as on a rig whose experiments were
 planned with the believed model.
 
-| on paper | in code  | unit    | shape | meaning                                                  |
-|----------|----------|---------|-------|----------------------------------------------------------|
-| b        | `b`      | N m s   | (2,)  | viscous friction of the joints                           |
-| f        | `f`      | N m     | (2,)  | Coulomb friction of the joints                           |
-| α        | `alpha`  | rad     |       | true direction of gravity, positive downhill along +x    |
-| c_rr     | `c_rr`   | 1       |       | moment over (normal force times radius)                  |
-| m_p, r   | `m_p`    | kg, m   |       | payload                                                  |
-
 Sources: H. Olsson et al., Eur. J. Control 4 (1998), doi 10.1016/S0947-3580(98)70113-X (friction); K. L. Johnson,
 Contact Mechanics, 1985, doi 10.1017/CBO9781139171731, section 9 (rolling resistance).
 """

@@ -208,16 +208,11 @@ def releases(
 
 @dataclass(frozen=True)
 class ArmTrajectories:
-    """Trajectories of arm and disk with enough contact.
-
-    Attributes:
-        tried: number drawn.
-        left_out: number left out, by reason of `FILTERS`.
-    """
+    """Trajectories of arm and disk with enough contact."""
 
     records: tuple[Record, ...]
-    tried: int
-    left_out: dict[str, int]
+    tried: int  # number drawn
+    left_out: dict[str, int]  # number left out, by reason of `FILTERS`
 
 
 def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT) -> ArmTrajectories:

@@ -4,11 +4,6 @@
 
 Each coordinate of q and v of each record is a channel; var is its variance over the record.  A constant channel gets no
 noise.
-
-| on paper | in code  | unit         | shape   | meaning                                     |
-|----------|----------|--------------|---------|---------------------------------------------|
-| SNR      | `snr_db` | dB           |         | ratio of variances, 20 dB is a factor 100   |
-| σ        | `sigma`  | as the state | (2, nv) | standard deviations of the noise of q and v |
 """
 
 from dataclasses import dataclass

@@ -79,18 +79,12 @@ SCENES = SceneSettings()
 
 @dataclass(frozen=True)
 class RodFall:
-    """A rod whose left end lands and sticks and whose right end lands later and slides.
+    """A rod whose left end lands and sticks and whose right end lands later and slides."""
 
-    Attributes:
-        body: its pairs are the left and the right end.
-        modes: (m, 2) `Mode` of the ends in each step.
-        lands: steps in which left and right end first touch.
-    """
-
-    body: PlanarFreeBody
+    body: PlanarFreeBody  # its pairs are the left and the right end
     record: Record
-    modes: np.ndarray
-    lands: tuple[int, int]
+    modes: np.ndarray  # (m, 2) `Mode` of the ends in each step
+    lands: tuple[int, int]  # steps in which left and right end first touch
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,6 @@ drops.
 A recording ends when the body comes to rest: after `SLOW_TOUCHES` slow contacts in a row, `MAX_CONTACTS` contacts, or a
 contact longer than `LONGEST` contact times.
 
-| on paper | in code       | unit               | shape  | meaning                                                  |
-|----------|---------------|--------------------|--------|----------------------------------------------------------|
-| q, v     | `q`, `v`      | m, rad; m/s, rad/s | (n, 5) | x, y, θ of the true centre of mass; x, y of a loose mass |
-| c_t, c_n | `c_t`, `c_n`  | N s                | (n,)   | time integral of the contact forces over one contact     |
-| h        | `contact.dt`  | s                  |        | time step during contact                                 |
-
 `rng` spawns three streams (releases, noise, phase of the plate), each drawn in the order of the drops, so drop i does
 not depend on the number of drops (except under wear, which counts them).  Sources: see `hidden_causes`.
 """
@@ -68,16 +62,10 @@ def simulate_compliant_drops(
     """Release n bodies over a plate and record their poses.
 
     Args:
-        body: shape, mass, radius of gyration, as believed.
-        release: distribution of the release states of the body's origin.
-        n: number of drops.
-        contact: the contact without hidden causes; default if None.
-        hidden: hidden causes; none if None.
-        gravity: believed, m/s².
-        duration: s; samples at 0, 1/rate, ... up to it.
-        rate: sampling rate, Hz.
-        noise: one-sigma noise of position (x, y each) and angle; channels that are None or absent have no noise.
-        rng: spawns the streams for releases, noise and phases.
+        body, gravity: as believed, m/s².
+        contact: the contact without hidden causes.
+        duration, rate: s, Hz; samples at 0, 1/rate, ... up to the duration.
+        noise: one-sigma noise of position (x, y each) and angle; none where it is None or absent.
         engine: class that integrates the motion, with the arguments and results of `_Drops`, which is the default.
 
     Returns:
@@ -141,7 +129,8 @@ def contact_truth(
 class _Drops:
     """State of n drops, their poses at the ticks and the record of their contacts; `t` (n,) ends the recordings in s.
 
-    Poses and velocities of release are (n, 3); `samples` and `lagged` are the times in s at which poses are asked for.
+    `q`, `v` (n, 5), m, rad and per s: x, y, θ of the true centre of mass, then x, y of a loose mass.  Poses
+    and velocities of release are (n, 3); `samples` and `lagged` are the times in s at which poses are asked for.
     """
 
     def __init__(

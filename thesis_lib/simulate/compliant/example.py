@@ -3,11 +3,6 @@
 The drops are those of `compliant`: contact forces integrated in time, without an impact law.  The folder holds only
 what a rig's owner has: dataset.yaml as believed, trajectories.csv with noise, and `NEW_IMPACTS`, the first impacts of
 further drops.  The hidden cause is not written down.
-
-| on paper | in code                      | unit               | shape | meaning                                       |
-|----------|------------------------------|--------------------|-------|-----------------------------------------------|
-| q, v     | x, y, theta; vx, vy, omega   | m, rad; m/s, rad/s | (n,)  | state just before a new impact, without noise |
-| v⁺       | vx_seen, vy_seen, omega_seen | m/s, rad/s         | (n,)  | velocity just after it, without noise         |
 """
 
 from dataclasses import dataclass
@@ -36,28 +31,16 @@ FLOAT_FORMAT = "%.6f"  # of the poses: a micrometre and a microradian, far below
 
 @dataclass(frozen=True)
 class Example:
-    """Log of a rig with a hidden cause.
+    """Log of a rig with a hidden cause."""
 
-    Attributes:
-        dataset: the drops, with the header as believed.
-        new_impacts: x,y,theta,vx,vy,omega (m, rad, m/s, rad/s) just before the first impacts of `NEW_DROPS` further
-            drops, and vx_seen,vy_seen,omega_seen just after, as the camera sees them but without noise, so that they
-            differ from a prediction by the model's error.
-    """
-
-    dataset: Dataset
+    dataset: Dataset  # the drops, with the header as believed
+    # x,y,theta,vx,vy,omega (m, rad, m/s, rad/s) just before the first impacts of `NEW_DROPS` further drops, and
+    # vx_seen,vy_seen,omega_seen just after, as the camera sees them but without noise
     new_impacts: pd.DataFrame
 
 
 def simulate_example(name: str, hidden: str, *, size: float | None = None, drops: int = 150, seed: int = 0) -> Example:
-    """Simulate an example.
-
-    Args:
-        name: of the dataset.
-        hidden: a cause of `CAUSES`, or "nothing".
-        size: of the cause, in its unit; from `CAUSES` if None.
-        drops: number of releases.
-        seed: of the random numbers.
+    """Simulate an example with the cause `hidden` of `CAUSES`, or "nothing"; `size`: in its unit, default there.
 
     Raises:
         UserError: the cause is unknown, its size is out of range, or there are no drops.

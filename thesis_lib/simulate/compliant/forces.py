@@ -12,13 +12,6 @@ At each contact point (every vertex of a polygon, the lowest point of a smooth b
 Step: half a drift, then a kick at the forces there (normal force, friction on the resulting velocity, couple), then the
 second half of the drift.
 
-| in code      | unit               | shape  | meaning                                                              |
-|--------------|--------------------|--------|----------------------------------------------------------------------|
-| `q`, `v`     | m, rad; m/s, rad/s | (n, 5) | true centre of mass x, y, θ; loose mass x, y; and their rates        |
-| `r_x`, `r_y` | m                  | (n, p) | contact points from the true centre of mass                          |
-| `depth`      | m                  | (n, p) | δ                                                                    |
-| `Memory`     |                    | (n, p) | δ_m, bristle s, and ε, μ of each contact point, fixed at touch       |
-
 Impulses follow from integrating the forces, without an impact law.
 """
 
@@ -38,9 +31,9 @@ EPSILON_LOW, EPSILON_HIGH = 0.05, 1.0  # limits where slopes and sectors would e
 class Memory:
     """State of the contact points of n bodies during one contact; arrays (n, p)."""
 
-    deepest: np.ndarray
-    bristle: np.ndarray
-    epsilon: np.ndarray
+    deepest: np.ndarray  # δ_m, m
+    bristle: np.ndarray  # s, m
+    epsilon: np.ndarray  # epsilon, mu: fixed at touch
     mu: np.ndarray
 
     def keep(self, rows: np.ndarray) -> "Memory":
@@ -49,14 +42,11 @@ class Memory:
 
 
 class Mechanics:
-    """Forces on the drops of one run.
+    """Forces on the n drops of one run.
 
-    Args:
-        body: as believed; `hidden` defines how the true one differs.
-        contact, hidden: see `hidden_causes`.
-        gravity: believed, m/s².
-        n: drops.
-        phase: (n,) phase in rad of the vibrating plate in each drop.
+    `body` and `gravity` (m/s²) are as believed, `phase` (n,) is that of the vibrating plate in rad.  States q, v (n, 5)
+    in m, rad and per s are x, y, θ of the true centre of mass and x, y of a loose mass; contact points r_x, r_y and
+    depths (n, p) are in m.
     """
 
     def __init__(

@@ -3,11 +3,6 @@
 Drake steps a flight from sample to sample and logs the state at every step in C++.  The time of the touch, φ_n = 0, is
 found by bisection on the cubic Hermite path (exact for a parabola) of the step that ends below the plate.
 
-| on paper | in code     | unit               | shape   | meaning                                                   |
-|----------|-------------|--------------------|---------|-----------------------------------------------------------|
-| q, v     | `q`, `v`    | m, rad; m/s, rad/s | (size,) | x, y, θ of the body and their rates, then of a loose mass |
-| φ_n      | `gap(q, t)` | m                  | (s,)    | gap between body and surface at q (s, size) and t (s,)    |
-
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
 """
 
@@ -25,11 +20,12 @@ from scipy.interpolate import CubicHermiteSpline
 from thesis_lib.simulate.drake.plant import DropPlant
 
 BISECTIONS = 34  # of a step: 2e-3 s / 2^34 = 1e-13 s
+# gap (s,) in m between body and surface at positions (s, size) and times (s,) in s
 Gap = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class Clock:
-    """A Drake simulator with positions and velocities of the moving bodies."""
+    """A Drake simulator with positions and velocities (size,): x, y, θ (m, rad, per s), then a loose mass's."""
 
     def __init__(self, made: DropPlant, step: float, accuracy: float) -> None:
         with _quiet():

@@ -8,11 +8,6 @@ change of momentum less that due to gravity.
 
 A recording ends when the body comes to rest, by the rules of `compliant`.
 
-| on paper | in code      | unit               | shape   | meaning                                                 |
-|----------|--------------|--------------------|---------|---------------------------------------------------------|
-| q, v     | `q`, `v`     | m, rad; m/s, rad/s | (size,) | x, y, θ of the true centre of mass, then a loose mass's |
-| c_t, c_n | `c_t`, `c_n` | N s                |         | time integral of the contact forces over one contact    |
-
 Randomness is as in `compliant`: the same generator gives the same releases, noise and phases.
 Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (Simulator, RungeKutta3Integrator).
 """

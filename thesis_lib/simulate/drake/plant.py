@@ -67,23 +67,14 @@ _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 @dataclass(frozen=True)
 class DropPlant:
-    """A diagram for drops, in flight or in contact.
-
-    Attributes:
-        diagram: with the plant; over a plate also its geometry.
-        plant: finalized.
-        joint: of the body, whose frame is at the true centre of mass.
-        moving: model instance of body and loose mass; positions begin with the body's x, y, θ.
-        carriage: joint of a moving or vibrating plate, or None.
-        log: of the plant's state at every step; None over a plate.
-    """
+    """A diagram for drops, in flight or in contact."""
 
     diagram: Diagram
-    plant: MultibodyPlant
-    joint: PlanarJoint
-    moving: ModelInstanceIndex
-    carriage: PrismaticJoint | None
-    log: VectorLogSink | None
+    plant: MultibodyPlant  # finalized
+    joint: PlanarJoint  # of the body, whose frame is at the true centre of mass
+    moving: ModelInstanceIndex  # body and loose mass; positions begin with the body's x, y, θ
+    carriage: PrismaticJoint | None  # joint of a moving or vibrating plate
+    log: VectorLogSink | None  # of the plant's state at every step; None over a plate
 
 
 def pad_of(body: Body, contact: CompliantContact, m: HiddenCauses, epsilon: float) -> Pad:
@@ -104,12 +95,8 @@ def drop_plant(
 ) -> DropPlant:
     """Diagram of one body in flight, or over the plate.
 
-    Args:
-        body: as believed; the hidden causes `m` define how the true one differs.
-        contact: for its friction.
-        gravity: believed, m/s².
-        pad: source of restitution; None: no plate, and a log of the flight.
-        air: system from the plant's state to a generalised force on it; None: that of the hidden causes.
+    `body` and `gravity` (m/s²) are as believed; only the friction of `contact` is used.  Without a `pad` there is no
+    plate, but a log of the flight.  `air` goes from the plant's state to a generalised force on it; None: as in `m`.
     """
     builder = DiagramBuilder()
     if pad is None:

@@ -10,13 +10,6 @@ until the contact's force f_0 is 0.  The system is linear, so ε = −u̇_0(end)
 With one layer it would depend on the effective mass of the contact, 1/M = 1/m + r_x²/(m k²), as a layer loses most at
 one frequency.  With two, least squares gives c_i and k_i for which ε is the same for all M of the body.
 
-| on paper | in code                   | unit       | meaning                                                |
-|----------|---------------------------|------------|--------------------------------------------------------|
-| k_0      | `k_contact`               | N/m        | spring of the contact                                  |
-| k_i, c_i | `layers`                  | N/m, N s/m | spring and damper of each layer, from the contact down |
-| p        | `mass`                    | kg         | of a layer                                             |
-| ε, T     | `epsilon`, `contact_time` | 1, s       | of a central impact, M = m                             |
-
 Sources: Lakes 2009, Viscoelastic Materials, doi 10.1017/CBO9780511626722 (chains of Kelvin elements).
 """
 
@@ -39,11 +32,11 @@ _TIMES = 400  # at which the end of a contact is bracketed before it is solved f
 
 @dataclass(frozen=True)
 class Pad:
-    """Springs, dampers and masses from the contact down, in the units of the table; no layers: an elastic contact."""
+    """Springs, dampers and masses from the contact down."""
 
-    k_contact: float
-    layers: tuple[tuple[float, float], ...]
-    mass: float
+    k_contact: float  # k_0, N/m
+    layers: tuple[tuple[float, float], ...]  # (k_i, c_i) in N/m, N s/m; none: an elastic contact
+    mass: float  # p of a layer, kg
 
     @property
     def softness(self) -> float:
@@ -82,9 +75,7 @@ def rebound(mass: float, layers: Sequence[tuple[float, float]], share: float = L
 def design(epsilon: float, contact_time: float, mass: float, lightest: float) -> Pad:
     """Pad with restitution `epsilon` (1) for impacts of a body, in which a central impact lasts `contact_time` (s).
 
-    Args:
-        mass: of the body, kg.
-        lightest: smallest effective mass of the body over its mass, 1.
+    `mass` is that of the body in kg, `lightest` its smallest effective mass over `mass`.
 
     Raises:
         UserError: no pad has so low a restitution.

@@ -5,13 +5,6 @@ impact law; its effect on the impulse follows from integrating the motion (`comp
 is absent at its default, and any set can be combined.  `CAUSES` names the effects that describe each cause (none if it
 is outside the library) and a relevant size.
 
-| on paper | in code                   | unit | meaning                                                          |
-|----------|---------------------------|------|------------------------------------------------------------------|
-| μ, ε     | `mu`, `epsilon`           | 1    | Coulomb friction; root of the share of normal work returned      |
-| T        | `contact_time`            | s    | duration of a central impact at `REFERENCE_SPEED`                |
-| n        | `exponent`                | 1    | normal force k δⁿ on loading: 1 linear, 1.5 Hertz                |
-| k        | `stiffness(mass)`         | N/mⁿ | from T:  k = (n+1) m v² / (2 δ^(n+1)), δ = T v / ((1+ε) I_n)      |
-
 I_n = ∫₀¹ ds / √(1 − s^(n+1)) = √π Γ(1 + 1/(n+1)) / Γ(1/2 + 1/(n+1)) is the time from touch to deepest point, in units
 of deepest point over speed.  The angle β of a place on the body is measured to the contact point in the body frame.
 
@@ -52,7 +45,7 @@ class CompliantContact(Section):
         return self.contact_time / self.steps
 
     def stiffness(self, mass: float) -> float:
-        """k of the force k δⁿ in N/mⁿ for a body of `mass` kg."""
+        """k of the force k δⁿ in N/mⁿ for a body of `mass` kg: (n+1) m v² / (2 δ^(n+1)), δ = T v / ((1+ε) I_n)."""
         n = self.exponent
         shape = math.sqrt(math.pi) * math.gamma(1 + 1 / (n + 1)) / math.gamma(0.5 + 1 / (n + 1))
         depth = self.contact_time * REFERENCE_SPEED / ((1 + self.epsilon) * shape)
@@ -118,17 +111,14 @@ class HiddenCauses(Section):
 class Cause:
     """A hidden cause.
 
-    Attributes:
-        effects: candidate effects that describe it, the best first; () if it is outside the library.
-        size: raises the error of the base law, with μ and ε refitted, to about 3 times the noise floor (flight and
-            scale: the misfit of whole arcs; height: the gap at impact), at 0.3 mm and 3 mrad, for 150 throws of the
-            chapter's ellipse (corners: of a 70 mm square).  A mirrored camera is on or off.
-        polygon_only: whether it does not affect a smooth body.
+    Its size raises the error of the base law, with μ and ε refitted, to about 3 times the noise floor (flight and
+    scale: the misfit of whole arcs; height: the gap at impact), at 0.3 mm and 3 mrad, for 150 throws of the chapter's
+    ellipse (corners: of a 70 mm square).
     """
 
-    effects: tuple[str, ...]
+    effects: tuple[str, ...]  # that describe it, the best first; () if it is outside the library
     size: float
-    polygon_only: bool = False
+    polygon_only: bool = False  # whether it does not affect a smooth body
 
 
 CAUSES: dict[str, Cause] = {

@@ -21,20 +21,14 @@ CONTACT = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", 
 
 @dataclass(frozen=True)
 class Drops:
-    """Simulated drops.
+    """Simulated drops."""
 
-    Attributes:
-        header: content of dataset.yaml as the user believes it, without hidden causes.
-        trajectories: columns trial,t,x,y,theta as the camera reports them, with noise, sorted by trial and t.
-        impacts: the truth, a row per contact: columns of impacts.csv for the body's origin, t (of the touch), r_x, r_y
-            (contact point from the origin), c_t, c_n (N s), energy_change (J, kinetic), and those of the engine.
-        trials: the truth, a row per drop: release x,y,theta,vx,vy,omega of the origin, and columns of the engine.
-    """
-
-    header: Header
-    trajectories: pd.DataFrame
+    header: Header  # content of dataset.yaml as the user believes it, without hidden causes
+    trajectories: pd.DataFrame  # trial,t,x,y,theta as the camera reports them, with noise, sorted by trial and t
+    # the truth, a row per contact: columns of impacts.csv for the body's origin, t (of the touch), r_x, r_y (contact
+    # point from the origin), c_t, c_n (N s), energy_change (J, kinetic), and those of the engine
     impacts: pd.DataFrame
-    trials: pd.DataFrame
+    trials: pd.DataFrame  # the truth, a row per drop: release x,y,theta,vx,vy,omega of the origin, and more
 
 
 def check_request(body: Body, release: Release, reach: float, **positive: float) -> None:

@@ -12,13 +12,6 @@ tangent is t = (n_y, -n_x):
 C moves along the link as the disk rolls on it, but |P - C| is minimal there, so that J_n = ∂φ/∂q still holds.
 The force on the disk is c_n n + c_t t, that on the link its opposite.
 
-| on paper | in code                        | unit      | shape  | meaning                                        |
-|----------|--------------------------------|-----------|--------|------------------------------------------------|
-| l        | `link_lengths`                 | m         | (2,)   | joint to joint, joint to tip                   |
-| c        | `link_coms`                    | m         | (2, 2) | centre of mass from the joint, (along, across) |
-| m, I     | `link_masses`, `link_inertias` | kg, kg m² | (2,)   | of the links, I about the centre of mass       |
-| R        | `disk_radius`                  | m         |        |                                                |
-
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant).
 """
 

@@ -12,13 +12,6 @@ only its sum is unique.
 
 The residual is the largest of -z, -w and |z w|, with impulses divided by v_scale / k_scale and velocities by v_scale;
 k_scale = tr K / (2 k), v_scale is the largest contact velocity in the data.
-
-| on paper | in code      | unit | shape    | meaning                                        |
-|----------|--------------|------|----------|------------------------------------------------|
-| K        | `K`          | 1/kg | (2k, 2k) | rows of J_t of all contacts, then those of J_n |
-| v_C      | `v_t`, `v_n` | m/s  | (k,)     | contact velocities after the free step         |
-| b        | `b`          | m/s  | (k,)     | least normal velocity after the step           |
-| c_t, c_n | `c_t`, `c_n` | N s  | (k,)     | impulses                                       |
 """
 
 from dataclasses import dataclass
@@ -38,21 +31,14 @@ ACCEPTED = 1e-9  # largest accepted residual of a solution, on dimensionless dat
 
 @dataclass(frozen=True, slots=True)
 class StepSolution:
-    """Contact impulses of one step; v, c_n, c_t and residual are NaN where it has no solution.
+    """Contact impulses of one step; v, c_n, c_t and residual are NaN where it has no solution."""
 
-    Attributes:
-        v: (nv,) velocity after the step.
-        c_n, c_t: (p,) impulses in N s.
-        residual, status: dimensionless, an `LcpStatus` code.
-        impulse: whether any contact was active, or the step failed.
-    """
-
-    v: np.ndarray
-    c_n: np.ndarray
+    v: np.ndarray  # (nv,) velocity after the step
+    c_n: np.ndarray  # c_n, c_t: (p,) impulses in N s
     c_t: np.ndarray
-    residual: float
-    status: int
-    impulse: bool
+    residual: float  # dimensionless
+    status: int  # an `LcpStatus` code
+    impulse: bool  # whether any contact was active, or the step failed
 
 
 def solve_contacts(
@@ -69,10 +55,8 @@ def solve_contacts(
 ) -> StepSolution:
     """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
 
-    Args:
-        q, M_inv: (nq,) configuration at the start of the step, (nv, nv).
-        v, v_free: (nv,) velocity before the step and after it without contact.
-        h: s; mu, epsilon: (p,); v_rebound, v_recover: m/s.
+    `q` (nq,) and `M_inv` (nv, nv) are at the start of the step, `v` and `v_free` (nv,) before it and after it without
+    contact; `h` in s; `mu`, `epsilon` (p,); `v_rebound`, `v_recover` in m/s.
     """
     contacts, phi_free = mechanism.contacts(q), mechanism.contacts(q + h * v_free).phi
     phi, J_n, J_t = contacts.phi, contacts.J_n, contacts.J_t
@@ -160,14 +144,10 @@ def solve_one(
 
 
 def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray) -> tuple[np.ndarray, float]:
-    """Impulses of k >= 1 contacts of one mechanism.
+    """Impulses c (2k,) = (c_t, c_n) in N s of k >= 1 contacts of one mechanism, and the residual.
 
-    Args:
-        K, b, mu: (2k, 2k) in 1/kg, which may be singular, (k,) in m/s and (k,).
-        v_c: (2k,) contact velocities after the free step, tangential first, m/s.
-
-    Returns:
-        c (2k,) = (c_t, c_n) in N s and the residual; NaN and infinity where no solver finds a solution.
+    K (2k, 2k) in 1/kg, which may be singular, and the velocities v_c (2k,) in m/s after the free step have tangential
+    rows first; b (k,) is in m/s, mu (k,).  Without a solution, c is NaN and the residual infinite.
     """
     k = len(b)
     if not (np.isfinite(K).all() and np.isfinite(v_c).all() and np.isfinite(b).all()):

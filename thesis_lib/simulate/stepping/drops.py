@@ -12,14 +12,6 @@ All drops are stepped at once with a fixed h.  Mass matrix, gravity and contact 
 Impacts do not depend on h; support does, to first order.  Plastic slow contacts end the infinite sequence of ever
 smaller bounces.  After support, a body that has drifted into the surface (third order in h) is lifted to it.
 
-| on paper      | in code         | unit            | shape  |                                                    |
-|---------------|-----------------|-----------------|--------|----------------------------------------------------|
-| q, v          | `q`, `v`        | m, rad; m/s, rad/s | (n, 3) | pose and velocity of each drop                  |
-| a             | `a`             | m/s², rad/s²    | (3,)   | acceleration in flight                             |
-| φ_n           | `gap`           | m               | (n,)   | gap to the surface y = 0                           |
-| r             | `r`             | m               | (n, 2) | contact point from the body origin                 |
-| h             | `dt`            | s               |        | time step                                          |
-
 `rng` spawns one stream for releases and one for measurement noise.  Each is drawn as one block in the order of the
 drops, so drop i does not depend on the number of drops.
 

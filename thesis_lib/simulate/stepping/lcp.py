@@ -5,8 +5,7 @@ A linear complementarity problem (LCP) asks for z with
     w = M z + q >= 0,   z >= 0,   z'w = 0.
 
 k unknowns have 2^k complementary bases: choose the unknowns S that may be positive, set w_S = 0 and all other z to
-zero, and solve M_SS z_S = -q_S.  For the four unknowns of a planar contact, trying all sixteen is exact, needs no
-pivoting rule and works on batches.
+zero, and solve M_SS z_S = -q_S.  All sixteen of a planar contact are tried, in batches.
 
 The contact impulse is that of Anitescu and Potra with Newton's restitution: unknowns z = (c_n, b_1, b_2, λ), friction
 directions D = (-J_t, J_t), and with K = J M⁻¹ J' the inverse contact-space inertia
@@ -18,14 +17,6 @@ directions D = (-J_t, J_t), and with K = J M⁻¹ J' the inverse contact-space i
 
 The first row makes a closed contact leave at v_n = -ε v_n_pre, the last is Coulomb's cone |c_t| <= μ c_n, and λ is the
 sliding speed.  Energy need not be lost: with ε > 0 and friction it can grow (Kane's paradox).
-
-| on paper | in code                | unit   | shape        |                                                        |
-|----------|------------------------|--------|--------------|--------------------------------------------------------|
-| M        | `M`, `mass`            |        | (n, k, k)    | `M` of the LCP; `mass` of the mechanism, (n, nv, nv)    |
-| K        | `K`                    | 1/kg   | (n, 2, 2)    | inverse contact-space inertia, order (t, n)             |
-| v_C      | `v_c`                  | m/s    | (n, 2)       | contact velocity (v_t, v_n) after the free step         |
-| v_n_pre  | `v_n_pre`              | m/s    | (n,)         | normal velocity that restitution refers to              |
-| c        | `c`                    | N s    | (n, 2)       | impulse (c_t, c_n)                                      |
 
 Sources: M. Anitescu, F. A. Potra, Nonlinear Dynamics 14 (1997), doi 10.1023/A:1008292328909; R. W. Cottle, J.-S. Pang,
 R. E. Stone, The Linear Complementarity Problem, SIAM 2009, doi 10.1137/1.9780898719000 (complementary bases).
@@ -53,19 +44,12 @@ class LcpStatus(IntEnum):
 
 @dataclass(frozen=True)
 class ContactImpulse:
-    """Impulses of n single contacts; c, v_c_post and residual are NaN where the solve failed.
+    """Impulses of n single contacts; c, v_c_post and residual are NaN where the solve failed."""
 
-    Attributes:
-        c: (n, 2) impulse (c_t, c_n) in N s.
-        v_c_post: (n, 2) contact velocity (v_t, v_n) after it, m/s.
-        residual: (n,) complementarity residual max(-z, -w, |z w|) of the dimensionless problem.
-        status: (n,) `LcpStatus` codes.
-    """
-
-    c: np.ndarray
-    v_c_post: np.ndarray
-    residual: np.ndarray
-    status: np.ndarray
+    c: np.ndarray  # (n, 2) impulse (c_t, c_n) in N s
+    v_c_post: np.ndarray  # (n, 2) contact velocity (v_t, v_n) after it, m/s
+    residual: np.ndarray  # (n,) complementarity residual max(-z, -w, |z w|) of the dimensionless problem
+    status: np.ndarray  # (n,) `LcpStatus` codes
 
 
 def solve_lcp_enumeration(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -137,8 +121,8 @@ def contact_lcp(
 ) -> ContactImpulse:
     """Impulse of n independent planar contacts from the Anitescu-Potra LCP with Newton restitution.
 
-    Units and shapes are in the module's table.  `K` is positive definite; `mu`, `epsilon` are scalars or (n,);
-    `v_n_pre` is v_n by default (an isolated impact).
+    `K` (n, 2, 2) in 1/kg, order (t, n), is positive definite; `v_c` (n, 2) is (v_t, v_n) in m/s after the free step;
+    `mu`, `epsilon` are scalars or (n,); restitution refers to `v_n_pre` (n,), by default v_n (an isolated impact).
     """
     K, v_c = np.asarray(K, dtype=float), np.asarray(v_c, dtype=float)
     n = len(v_c)

@@ -11,15 +11,6 @@ surface (2.19, 2.20; equivalent to 2.21 and 2.22 for the ellipse, with the angle
 Each corner, r = R(θ) p, is a pair; a smooth outline has one pair, at its lowest point.  On a surface tilted by α about
 the origin, the axes follow the surface and gravity turns: g = m g (sin α, -cos α, 0), downhill along +x for positive α.
 
-| on paper | in code          | unit            | shape        | meaning                                        |
-|----------|------------------|-----------------|--------------|------------------------------------------------|
-| q, v     | `q`, `v`         | m, rad; per s   | (nv,)        | configuration and velocity; q̇ = v             |
-| M        | `mass_matrix(q)` | kg, kg m, kg m² | (nv, nv)     | joint-space inertia                            |
-| C v      | `bias(q, v)`     | N, N m          | (nv,)        | centrifugal and Coriolis forces                |
-| g        | `gravity(q)`     | N, N m          | (nv,)        | generalised force of gravity (right-hand side) |
-| φ        | `phi`            | m               | (..., p)     | gaps of the pairs, negative in penetration     |
-| J_n, J_t | `J_n`, `J_t`     | 1, m            | (..., p, nv) | rows of the contact Jacobian                   |
-
 Sources: D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39 (1996),
 doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
 """
@@ -36,15 +27,10 @@ from thesis_lib.foundation.errors import UserError
 
 @dataclass(frozen=True)
 class ContactGeometry:
-    """Gaps and Jacobians of p contact pairs, at one configuration or at n (first axis).
+    """Gaps and Jacobians of p contact pairs, at one configuration or at n (first axis)."""
 
-    Attributes:
-        phi: (..., p) gaps in m.
-        J_n, J_t: (..., p, nv) rows of the normal and tangential contact Jacobian.
-    """
-
-    phi: np.ndarray
-    J_n: np.ndarray
+    phi: np.ndarray  # (..., p) gaps in m, negative in penetration
+    J_n: np.ndarray  # J_n, J_t: (..., p, nv) rows of the normal and tangential contact Jacobian
     J_t: np.ndarray
 
 
@@ -60,17 +46,12 @@ class Rod:
 
 
 class Mechanism(ABC):
-    """A planar mechanism with nq = nv coordinates and p contact pairs.
-
-    Attributes:
-        pairs: names of the contact pairs.
-        constant: M and gravity do not depend on q and C v = 0, so that flight is a parabola.
-    """
+    """A planar mechanism with nq = nv coordinates, q̇ = v, and p contact pairs."""
 
     nq: int
     nv: int
-    pairs: tuple[str, ...]
-    constant: bool = False
+    pairs: tuple[str, ...]  # names of the contact pairs
+    constant: bool = False  # M and gravity do not depend on q and C v = 0, so that flight is a parabola
 
     @abstractmethod
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
@@ -102,8 +83,7 @@ class PlanarFreeBody(Mechanism):
         mass, inertia, gravity: kg, kg m² about the centre of mass, m/s².
         tilt: rad, slope of the surface; positive goes downhill along +x.
 
-    Attributes:
-        corners: (p, 2) points in the body frame that can touch, m; None for a smooth outline.
+    `corners` (p, 2) are the points in the body frame that can touch, m; None for a smooth outline.
 
     Raises:
         UserError: mass, inertia or gravity is not a positive finite number, or the tilt is not finite.

@@ -7,14 +7,6 @@ Drake as here.
 
     M(q) v̇ = τ_g(q) + J(q)' λ,        J = (J_t; J_n) = [1, 0, -r_y; 0, 1, r_x]   (one planar body)
 
-| on paper | in code                  | unit      | shape       |                                                |
-|----------|--------------------------|-----------|-------------|------------------------------------------------|
-| q        | `q`                      | m, m, rad | (n, nq)     | configuration                                  |
-| M        | `mass_matrix(q)`         | kg, kg m² | (n, nv, nv) |                                                |
-| τ_g      | `gravity_forces(q)`      | N, N m    | (n, nv)     | generalised forces of gravity                  |
-| r        | `r`                      | m         | (n, 2)      | contact point from body origin, world axes     |
-| J_t, J_n | `contact_jacobian(q, r)` | 1, m      | (n, nv)     | rows of that point's velocity along x and y    |
-
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, PlanarJoint).
 """
 
@@ -32,7 +24,8 @@ from pydrake.multibody.tree import JacobianWrtVariable, PlanarJoint, RigidBody, 
 class PlanarPlant:
     """A finalized MultibodyPlant that moves in its world x-y plane, evaluated at arrays of configurations.
 
-    Drake evaluates one configuration at a time (about 5 µs).  `body` is that of `contact_jacobian`.
+    Drake evaluates one configuration at a time (about 5 µs).  `body` is that of `contact_jacobian`.  A value that
+    is not finite or an array of wrong shape raises a ValueError.
     """
 
     def __init__(self, plant: MultibodyPlant, body: RigidBody) -> None:
@@ -41,11 +34,7 @@ class PlanarPlant:
         self._context = plant.CreateDefaultContext()
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """M (n, nv, nv) in kg, kg m, kg m² at configurations q (n, nq).
-
-        Raises:
-            ValueError: q has the wrong shape or is not finite.
-        """
+        """M (n, nv, nv) in kg, kg m, kg m² at configurations q (n, nq)."""
         q, nv = self._checked(q), self.plant.num_velocities()
         M = np.empty((len(q), nv, nv))
         for i, row in enumerate(q):
@@ -54,11 +43,7 @@ class PlanarPlant:
         return M
 
     def gravity_forces(self, q: np.ndarray) -> np.ndarray:
-        """Generalised gravity forces τ_g (n, nv) in N, N m at q (n, nq), on the right-hand side of M v̇ = τ_g.
-
-        Raises:
-            ValueError: q has the wrong shape or is not finite.
-        """
+        """Generalised gravity forces τ_g (n, nv) in N, N m at q (n, nq), on the right-hand side of M v̇ = τ_g."""
         q = self._checked(q)
         tau = np.empty((len(q), self.plant.num_velocities()))
         for i, row in enumerate(q):
@@ -67,11 +52,7 @@ class PlanarPlant:
         return tau
 
     def contact_jacobian(self, q: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows J_t, J_n (n, nv) of the body-fixed point at r (n, 2) in m, world axes, at configurations q (n, nq).
-
-        Raises:
-            ValueError: q or r has the wrong shape or is not finite.
-        """
+        """Rows J_t, J_n (n, nv) of the body-fixed point at r (n, 2) in m, world axes, at configurations q (n, nq)."""
         q, r = self._checked(q), np.asarray(r, dtype=float)
         if r.shape != (len(q), 2) or not np.isfinite(r).all():
             raise ValueError(f"contact points must be finite and of shape {(len(q), 2)}, got {r.shape}")

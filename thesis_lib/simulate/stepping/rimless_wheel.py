@@ -8,13 +8,6 @@ and the hub falls by 2 l sin(π/n) sin γ, which gives the limit cycle
 
     ω⁺ = r ω⁻,   r = (I + m l² cos(2π/n)) / (I + m l²),      ω⁻² (1 - r²) = 4 m g l sin(π/n) sin γ / (I + m l²)
 
-| on paper | in code           | unit      | meaning                          |
-|----------|-------------------|-----------|----------------------------------|
-| n        | `spokes`          |           | number of spokes                 |
-| l        | `length`          | m         | hub to tip                       |
-| m, I     | `mass`, `inertia` | kg, kg m² | of the wheel, I about the hub    |
-| γ        | `slope`           | rad       | of the ground, downhill along +x |
-
 Source: T. McGeer, Passive dynamic walking, Int. J. Robotics Research 9 (1990), doi 10.1177/027836499000900206.
 """
 
@@ -60,9 +53,7 @@ class RimlessWheel(PlanarFreeBody):
     def standing(self, lean: float, omega: float, spoke: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """State (q, v), (3,) each, in which one spoke is on the slope without slip and turns with omega.
 
-        Args:
-            lean: rad, angle of the hub downhill of the tip's normal; within half the angle between spokes.
-            omega, spoke: rad/s, negative downhill; number of the spoke.
+        `lean` in rad is the angle of the hub downhill of the tip's normal; `omega` in rad/s is negative downhill.
 
         Raises:
             UserError: another spoke would be below the slope.

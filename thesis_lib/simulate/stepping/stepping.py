@@ -20,14 +20,6 @@ One active pair is solved by its modes (stick, slip right, slip left).  Several 
 whose basis is solved again without its tolerance, or else by enumeration of the bases.  A step without solution has a
 status, and the rest of the record is NaN.  In flight, mechanisms with constant M and g take many steps at a time.
 
-| on paper | in code      | unit   | shape   | meaning                                           |
-|----------|--------------|--------|---------|---------------------------------------------------|
-| h        | `h`          | s      |         | time step                                         |
-| f_ext    | `f_ext`      | N, N m | (m, nv) | known external force; neither gravity nor contact |
-| c_n, c_t | `c_n`, `c_t` | N      | (m, p)  | contact forces, impulse over h                    |
-| v_reb    | `V_REBOUND`  | m/s    |         | slowest rebound that happens                      |
-| v_rec    | `V_RECOVER`  | m/s    |         | fastest recovery of a penetration                 |
-
 Sources: D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39 (1996); M. Anitescu, F. A. Potra, Nonlinear
 Dynamics 14 (1997), doi 10.1023/A:1008292328909; E. Drumwright, Drake's MobyLcpSolver.
 """
@@ -42,9 +34,9 @@ from thesis_lib.simulate.stepping.contact_modes import StepSolution, solve_conta
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.multibody import Mechanism
 
-# m/s; velocity from gravity in a step of 5 ms: a slower rebound would end within the step in which it begins
+# v_reb, m/s; velocity from gravity in a step of 5 ms: a slower rebound would end within the step in which it begins
 V_REBOUND = 0.05
-# m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
+# v_rec, m/s; 0.5 mm in a step of 5 ms, the drift of a body of 1 m that rolls with a few rad/s
 V_RECOVER = 0.1
 MAX_START_DEPTH = 1e-6  # m; rounding of a touching pose
 # steps looked ahead in flight at once: with more, most of the work is discarded at a contact
@@ -55,33 +47,19 @@ Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Record:
-    """A simulated motion of m steps with all its forces.
+    """A simulated motion of m steps with all its forces; without a hidden force, the equation above holds exactly."""
 
-    Attributes:
-        h: s, time step.
-        q, v: (m+1, nv) states; NaN after a step that could not be solved.
-        f_ext: (m, nv) known external force during step k in N, N m; without gravity and contact.
-        phi: (m, p) gaps at q_k in m.
-        J_n, J_t: (m, p, nv) contact Jacobians at q_k.
-        c_n, c_t: (m, p) contact forces over step k in N; the impulse is h times them.
-        residual: (m,) largest violation of the step's complementarity problem, dimensionless; 0 without contact.
-        status: (m,) `LcpStatus` codes.
-
-    Without a hidden force, the equation of motion holds exactly:
-    M(q_k) (v_{k+1} - v_k) = h (g(q_k) + f_ext_k - C(q_k, v_k) v_k + J_n' c_n + J_t' c_t).
-    """
-
-    h: float
-    q: np.ndarray
+    h: float  # s, time step
+    q: np.ndarray  # q, v: (m+1, nv) states; NaN after a step that could not be solved
     v: np.ndarray
-    f_ext: np.ndarray
-    phi: np.ndarray
-    J_n: np.ndarray
+    f_ext: np.ndarray  # (m, nv) known external force during step k in N, N m; without gravity and contact
+    phi: np.ndarray  # (m, p) gaps at q_k in m
+    J_n: np.ndarray  # J_n, J_t: (m, p, nv) contact Jacobians at q_k
     J_t: np.ndarray
-    c_n: np.ndarray
+    c_n: np.ndarray  # c_n, c_t: (m, p) contact forces over step k in N; the impulse is h times them
     c_t: np.ndarray
-    residual: np.ndarray
-    status: np.ndarray
+    residual: np.ndarray  # (m,) largest violation of the step's complementarity problem, 1; 0 without contact
+    status: np.ndarray  # (m,) `LcpStatus` codes
 
     @property
     def steps(self) -> int:
