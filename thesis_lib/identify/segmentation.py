@@ -97,7 +97,7 @@ def flight_costs(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> n
 def impact_steps(h: float, q: np.ndarray, v: np.ndarray, sigma: np.ndarray) -> np.ndarray:
     """Steps k (n_impacts,), ascending, at which the velocity changes from v_k to v_{k+1}; arguments as `flight_costs`.
 
-    Flights need not meet at the impacts; `mass_ratio.estimate` enforces that and moves the steps.
+    Flights need not meet there; `mass_ratio.estimate` enforces that and moves the steps.
     """
     cost = flight_costs(h, q, v, sigma)
     n = len(q)

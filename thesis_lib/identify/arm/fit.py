@@ -1,8 +1,7 @@
 """Base parameters and contact forces of arm and disk from noisy states and torques, from blind starts (thesis 2.4).
 
 Lengths, radius, gravity, torques, μ and ε are known.  The base parameters, the start and the noise level are unknown.
-Starting values of the base parameters are drawn from a prior over two decades of mass (`ArmPrior`).  The likelihood is
-maximised in five stages:
+Their starting values are drawn from a prior (`ArmPrior`).  The likelihood is maximised in five stages:
 
 1. screen: prior draws predict short segments from the measured states; the best few are kept;
 2. segments: 10, 25 and 60 steps, each segment with a free start (`shooting`);

@@ -7,8 +7,7 @@ The step is that of `simulate.stepping.stepping` for contact pairs ("arm", "grou
     stick   v_n⁺ = b, v_t⁺ = 0                needs c_n >= 0, |c_t| <= μ c_n
     slip s  v_n⁺ = b, c_t = -s μ c_n          needs c_n >= 0, s v_t⁺ >= 0,       s = ±1,
 
-so that four linear equations give the impulse.  The previous step's modes are tried first; copies for which they fail
-try all sixteen pairs of modes.  A copy without a solution is NaN from that step on.
+so that four linear equations give the impulse.  The previous step's modes are tried first, then all sixteen pairs.
 """
 
 from collections.abc import Callable

@@ -9,8 +9,6 @@ over all its closed contacts at once.  Where the sliding velocity at the end of 
 velocity is projected likewise to J_t v = 0, and the contact sticks exactly.  W (diagonal) weighs rotation against
 translation: 1 for metres, a squared length for radians.  Contacts that cannot all close at once are closed in the
 least-squares sense.
-
-The thesis leaves open which contacts touch.  Here tolerances decide; a wrong choice is not corrected later.
 """
 
 from dataclasses import dataclass, replace

@@ -172,12 +172,9 @@ def window_of(
 ) -> ContactWindow:
     """Steps start..stop of a record as a window.
 
-    Args:
-        Y: (N, nv, n_Θ) regressor of the record's N steps, gravity included: Y Θ = f_ext + J' c.
-        a_free: (N, nv) acceleration without contact forces, for the expected gap.
-        names, theta_min: (n_Θ,) names of the parameters and lower bounds, none by default.
-        closed: (N, p) contacts whose gap is taken as zero, for example those projected to the manifold.
-        gap_tolerance, v_tolerance: m and m/s, below which a gap counts as closed and a contact as sticking.
+    `Y` (N, nv, n_Θ) includes gravity, Y Θ = f_ext + J' c; `a_free` (N, nv) is the acceleration without contact forces,
+    for the expected gap; `names` and lower bounds `theta_min` are (n_Θ,).  The gap of contacts `closed` (N, p) is taken
+    as zero; the tolerances are in m and m/s.
 
     Raises:
         UserError: the window is empty or beyond the record, or its data are not finite.

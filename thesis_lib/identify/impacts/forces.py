@@ -15,13 +15,9 @@ g = Δω − (r_x Δv_y − r_y Δv_x)/k² = 0, by x ← x − C ∇g (∇g' C �
 thesis's assumption of rigid contact; the body turns during the real contact, which the stated intervals ignore.
 In flight only gravity acts, as in the thesis (`stray_acceleration` is off).
 
-Such data do not contain a force: samples are 4 ms apart, the contact lasts a third of that.  A peak follows from an
-impulse only with a *declared* duration T_c and pulse shape, here the half-sine
+A peak follows from an impulse only with a *declared* duration T_c (the thesis gives none) and shape, the half-sine
 
-    f̂(t) = f̂ sin(π t / T_c),     f̂ = π c_n / (2 T_c),                                                        (3)
-
-and is no better than that declaration; the thesis gives a peak of 135 N and no duration.  Rows also report the true
-peaks of f and of the sensor.
+    f̂(t) = f̂ sin(π t / T_c),     f̂ = π c_n / (2 T_c).                                                        (3)
 
 Sources: thesis section 2.5; K. L. Johnson, Contact Mechanics, Cambridge 1985, doi 10.1017/CBO9781139171731, section
 11.4 (half-sine as the shape of an elastic impact).

@@ -7,9 +7,8 @@ steps and vertices, the arcs are linear in their numbers u (information N) and l
     I_η = G_η' (G N⁻¹ G')⁻¹ G_η,     std(m/I) >= √(I_η⁻¹)_{00}.
 
 Without a contact law (free impulses, η = m/I) this bounds every estimator that does not use friction and restitution;
-with the law, η = (m/I, ε, μ).  Two things are left out.  The impact steps carry information on the gap but are not
-differentiable, so an estimator that uses them may fall below the bound.  At a low signal-to-noise ratio the steps are
-uncertain, and the true limit lies above the bound.
+with the law, η = (m/I, ε, μ).  An estimator that uses the impact steps, which are not differentiable, may fall below
+the bound; where noise makes the steps uncertain, the true limit lies above it.
 
 Sources: C. R. Rao, Bulletin of the Calcutta Mathematical Society 37 (1945) 81; P. Stoica, B. C. Ng,
 IEEE Signal Processing Letters 5 (1998) 177, doi 10.1109/97.700921 (the bound under constraints).

@@ -1,7 +1,6 @@
 """The mass-to-inertia ratio m/I of a body from the noisy states of one drop.
 
-m/I multiplies quantities that are measured with noise.  Programs that take the samples as the truth (thesis eqs. 2.12
-and 2.23) are therefore biased, see `plain_program`.  Here the true states are unknown as well:
+Other than in `plain_program`, which noise biases, the true states are unknown as well:
 
 1. noise from differences, flights by dynamic programming (`segmentation`);
 2. noise again, from the residuals of the arcs;

@@ -13,8 +13,7 @@ where π_e a_e is the sum of the edge's complementarity products.  With B the ed
     2.14       min π'a   subject to Y Θ − B a = f over all edges
     2.14 soft  min ‖Y Θ − B a − f‖² + π'a         over all edges
 
-are convex (three quadratic programs and a linear one).  Their minimum is global and serves as a reference for the
-nonlinear programs of `nonlinear.py`.  (Both friction products of 2.14 weigh w_t; both weights are 1.)
+are convex, with a global minimum.  (Both friction products of 2.14 weigh w_t; both weights are 1.)
 
 If the least-squares solution over edges of price 0 has a ≥ 0, it is the answer; eliminating the forces step by step
 takes time linear in the window.  Otherwise Clarabel solves the program, and least squares on the edges in use polishes

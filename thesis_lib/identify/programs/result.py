@@ -61,7 +61,7 @@ def dynamics_residual(window: ContactWindow, theta: np.ndarray, c_n: np.ndarray,
 
 
 def complementarity_residual(window: ContactWindow, c_n: np.ndarray, c_t: np.ndarray) -> float:
-    """Natural residual of all complementarity conditions of a window, dimensionless; see the module's head."""
+    """Natural residual of all complementarity conditions of a window, dimensionless; see above."""
     if not c_n.size:
         return 0.0
     F, L, V = window.force_scale, window.gap_scale, window.speed_scale

@@ -1,8 +1,7 @@
 """Success of the identification programs on noise-free windows from random starts (thesis sections 2.3.2 and 2.4).
 
-For each program, mechanism and window length m (`n_steps`), windows around the first impact of several
-simulated motions are identified from random starts (`nonlinear.ContactProgram.random_point`: parameters within a factor
-of ten of the size whose effect is the largest force, forces of that size).  A start succeeds when its residuals are
+For each program, mechanism and window length (`n_steps`), windows around the first impact of several simulated motions
+are identified from random starts (`nonlinear.ContactProgram.random_point`).  A start succeeds when its residuals are
 below tolerance and
 
     |Θ_j/Θ_j,true − 1| <= 1e-6 for every parameter,        ‖c − c_true‖ <= 1e-6 ‖c_true‖ over the window,

@@ -12,8 +12,8 @@ slip at the start; the time stepper predicts all samples, the sequence of spokes
 
 The minimum is continuous in η, because a dead impact takes two steps that share its impulse (see `stepping`).  The
 start is blind: a parabola through the first samples, with every inertia of `INERTIAS`, first on a short stretch.  If
-that fit is rejected, the best of a grid of angles, speeds and inertias are tried.  A window that begins within a
-touchdown is rejected too, since no standing wheel explains it: begin it elsewhere.
+that fit is rejected, the best of a grid of angles, speeds and inertias are tried.  A window must not begin within a
+touchdown.
 
 σ is estimated, first from third differences d = Δ³ of each channel, σ = median |d| / (0.6745 √20), which are
 insensitive to the smooth motion and the few impacts, then from the residuals r of the fit.  Two tests accept or reject

@@ -1,13 +1,10 @@
 """Accuracy of a rolling rimless wheel's contact forces, and its mass's effect on the motion (figures 2-10, 2-11).
 
-Each record is one start of the wheel.  The same motion is identified by three methods, with mass, geometry, slope and
-contact law known and the inertia unknown:
+Each record is one start of the wheel that the estimators assume, of unknown inertia, identified by three methods:
 
 - noise_free: eq. 2.12 on the exact states (`forces.plain_forces`)
 - plain: the same on noisy states, with tolerances from the true noise level
 - fit: maximum likelihood on the same noisy states, noise level estimated (`forces.fit_wheel`)
-
-The wheel is exactly the one that the estimators assume, so that only noise causes the errors of the fit.
 
 A spoke's touchdown is an impact of two steps, whose forces are 30 times those of the rolling.  It is excluded with a
 step of margin on either side, and judged by its impulse.  With K the other steps and D those of the touchdown,

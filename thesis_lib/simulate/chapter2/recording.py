@@ -1,7 +1,6 @@
 """Simulated recording of a mechanism with one hidden cause, for trying the critique.
 
-The trials are planned with the believed mechanism and run with the hidden cause (`hidden_forces`); states are measured
-with the noise of `NOISE`.  The folder does not name the hidden cause.
+The trials are planned with the believed mechanism and run with the hidden cause (`hidden_forces`).
 """
 
 import numpy as np

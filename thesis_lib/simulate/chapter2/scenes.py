@@ -8,9 +8,6 @@
 | `traces`       | 2-9    | of a few random drops the one that travels farthest, so that its outlines lie apart       |
 | `reaching_arm` | 2-1    | the arm's lowest start, with the disk moved until it touches both arm and ground          |
 
-The record gives the mode of a contact in a step: open without normal force, else sticking or sliding by the velocity of
-the touching point along the surface after the step, J_t v_{k+1}.
-
 Sources: thesis figures 2-1 to 2-9; the falling rod is that of D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods
 Eng. 39 (1996), doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
 """
@@ -99,7 +96,7 @@ class NoisyMotion:
 
 
 def contact_modes(record: Record) -> np.ndarray:
-    """`Mode` (m, p) of each contact pair in each step of a record."""
+    """`Mode` (m, p) of each contact pair in each step: open without normal force, else by J_t v_{k+1}."""
     v_t = np.einsum("kpv,kv->kp", record.J_t, record.v[1:])
     closed = np.where(np.abs(v_t) > SLIPS, Mode.SLIDES, Mode.STICKS)
     return np.where(record.c_n > 0.0, closed, Mode.OPEN)

@@ -1,8 +1,7 @@
 """An example dataset for learning and trying the critique: the log of a rig with one hidden cause.
 
-The drops are those of `compliant`: contact forces integrated in time, without an impact law.  The folder holds only
-what a rig's owner has: dataset.yaml as believed, trajectories.csv with noise, and `NEW_IMPACTS`, the first impacts of
-further drops.  The hidden cause is not written down.
+The folder holds only what a rig's owner has: dataset.yaml as believed, trajectories.csv with noise, and `NEW_IMPACTS`,
+the first impacts of further drops (`compliant.drops`).
 """
 
 from dataclasses import dataclass

@@ -1,10 +1,8 @@
 """Drops of a planar body in Drake with compliant contact: a second source without an impact law.
 
-Drake's MultibodyPlant has the body, the plate and the hidden causes (`plant`).  Its error-controlled Runge-Kutta
-integrator takes steps of at most `FLIGHT_STEP` in flight and some hundreds of about ten nanoseconds in a contact.  No
-Python runs within them: Drake logs its steps, and poses at the samples are interpolated (cubic Hermite, exact for a
-parabola).  A contact lasts from the touch until body and plate, both undeformed, no longer overlap.  Its impulse is the
-change of momentum less that due to gravity.
+Drake's MultibodyPlant has the body, the plate and the hidden causes (`plant`).  Drake logs its steps, and poses at the
+samples are interpolated (cubic Hermite, exact for a parabola).  A contact lasts from the touch until body and plate,
+both undeformed, no longer overlap.  Its impulse is the change of momentum less that due to gravity.
 
 A recording ends when the body comes to rest, by the rules of `compliant`.
 

@@ -5,9 +5,8 @@
 
 The plane is Drake's world x-y plane with gravity along −y.  The contact is Drake's: a spring between half-space and
 body with Hunt-Crossley dissipation d, and Coulomb friction of one coefficient, regularised below a slip of `STICTION`.
-Restitution comes from the pad (`viscoelastic_pad`).  Flight has a separate diagram: the pad is at rest long before the
-next contact, and its dampers would force steps of 0.1 µs on the whole flight.  Every cause is a property of the rig or
-the body:
+Restitution comes from the pad (`viscoelastic_pad`), whose dampers would force steps of 0.1 µs on a flight, which has a
+separate diagram.  Every cause is a property of the rig or the body:
 
 | cause                               | in the plant                                                             |
 |-------------------------------------|--------------------------------------------------------------------------|

@@ -41,15 +41,9 @@ MIN_DISTANCE = 1e-9  # m, of the disk's centre from the link, below which the no
 class ArmDisk(Mechanism):
     """The arm, the disk and the ground; 5 degrees of freedom, contact pairs ("arm", "ground").
 
-    Args:
-        link_lengths, link_masses, link_inertias: two each, in m, kg, kg m² about the centres of mass.
-        link_coms: centre of mass of each link from its joint in m: the distance along the link, or (along, across).
-        disk_radius, disk_mass, disk_inertia: m, kg, kg m² about the centre, which is the centre of mass.
-        gravity, base: m/s², (x, y) of the first joint in m.
-
-    Attributes:
-        plant: the finalized MultibodyPlant (continuous, no geometry) of bodies link_1, link_2 and disk, each with its
-            frame at its joint or centre and x along the link.
+    Lengths are in m, masses in kg, inertias in kg m² about the centres of mass; `link_coms` in m from the joint: the
+    distance along the link, or (along, across); `base` is (x, y) of the first joint in m.  `plant` is the finalized
+    MultibodyPlant of bodies link_1, link_2 and disk, each with its frame at its joint or centre and x along the link.
 
     Raises:
         UserError: a length, mass or inertia is not positive.

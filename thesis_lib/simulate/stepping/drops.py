@@ -74,11 +74,8 @@ def simulate_drops(
 ) -> Drops:
     """Release n bodies over the surface y = 0 and record their poses.
 
-    Args:
-        mu, epsilon, gravity: friction and restitution coefficients, scalars or (n,), 1; m/s².
-        dt: largest time step in s; the step used divides the sampling period.
-        duration, rate: s, Hz; samples at 0, 1/rate, ... up to the duration.
-        noise: one-sigma noise of position (x, y each) and angle; none where it is None or absent.
+    `mu` and `epsilon` are scalars or (n,); `gravity` is in m/s², `dt` the largest time step in s (the step used divides
+    the sampling period).  Samples are at 0, 1/rate, ... up to `duration`, s and Hz; `noise` as in `compliant.drops`.
 
     Returns:
         Drops whose `impacts` (those faster than the plastic limit, and failed solves) also have residual (1) and status

@@ -78,11 +78,8 @@ class Mechanism(ABC):
 class PlanarFreeBody(Mechanism):
     """One rigid body over a flat surface, q = (x, y, θ) of its centre of mass in the axes of the surface.
 
-    Args:
-        shape: polygon (a pair per vertex), rod (a pair per end), ellipse or disk (one pair).
-        mass, inertia, gravity: kg, kg m² about the centre of mass, m/s².
-        tilt: rad, slope of the surface; positive goes downhill along +x.
-
+    Polygons have a pair per vertex, rods one per end, ellipse and disk one.  Mass in kg, inertia in kg m² about the
+    centre of mass, gravity in m/s²; `tilt` in rad is the surface's slope, positive goes downhill along +x.
     `corners` (p, 2) are the points in the body frame that can touch, m; None for a smooth outline.
 
     Raises:

@@ -1,9 +1,7 @@
 """Mass matrix, gravity and contact Jacobians of planar mechanisms, from Drake's MultibodyPlant.
 
-Drake works in three dimensions and takes gravity along -z by default.  Here the plane is Drake's world x-y plane seen
-from +z: x to the right, y up, θ counter-clockwise about +z.  Gravity is set to (g_x, g_y, 0).  A body moves on a
-`PlanarJoint` between the world and the body frame, with positions q = (x, y, θ) and velocities v = (v_x, v_y, ω) in
-Drake as here.
+The plane is Drake's world x-y plane seen from +z: x to the right, y up, θ counter-clockwise.  A body moves on a
+`PlanarJoint` with positions q = (x, y, θ) and velocities v = (v_x, v_y, ω).
 
     M(q) v̇ = τ_g(q) + J(q)' λ,        J = (J_t; J_n) = [1, 0, -r_y; 0, 1, r_x]   (one planar body)
 

@@ -25,10 +25,7 @@ MIN_SPOKES, MAX_SPOKES = 3, 100
 class RimlessWheel(PlanarFreeBody):
     """Rimless wheel with a contact pair per spoke.
 
-    Args:
-        spokes, length: 3 to 100; m, hub to tip.
-        mass, inertia: kg, and kg m² about the hub, which is the centre of mass.
-        slope, gravity: rad, at least 0 and below π/2; m/s².
+    `length` in m, hub to tip; mass in kg, inertia in kg m² about the hub, the centre of mass; slope in rad.
 
     Raises:
         UserError: a number is out of its range.

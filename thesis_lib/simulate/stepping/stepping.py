@@ -16,9 +16,8 @@ curved path leaves the surface in one step and is caught in the next, and the co
 two steps: one closes the gap, one stops.  v_rec bounds the speed at which a penetration is undone, and so the energy
 that this can add.
 
-One active pair is solved by its modes (stick, slip right, slip left).  Several are solved by Drake's `MobyLcpSolver`,
-whose basis is solved again without its tolerance, or else by enumeration of the bases.  A step without solution has a
-status, and the rest of the record is NaN.  In flight, mechanisms with constant M and g take many steps at a time.
+`contact_modes` solves the active pairs; after a step without solution, the record is NaN.  In flight, mechanisms with
+constant M and g take many steps at a time.
 
 Sources: D. E. Stewart, J. C. Trinkle, Int. J. Numer. Methods Eng. 39 (1996); M. Anitescu, F. A. Potra, Nonlinear
 Dynamics 14 (1997), doi 10.1023/A:1008292328909; E. Drumwright, Drake's MobyLcpSolver.
@@ -96,11 +95,8 @@ def step_lcp(
 ) -> tuple[np.ndarray, np.ndarray, StepSolution]:
     """One step from state (q, v) (nv,) under f_ext (nv,) in N, N m.
 
-    `h` is in s; the friction and restitution coefficients `mu`, `epsilon` are scalars or (p,).
-
-    Returns:
-        q and v (nv,) after the step, NaN where it has no solution, and the contact impulses c_n, c_t (p,) in N s with
-        residual and status.
+    `h` is in s; `mu`, `epsilon` are scalars or (p,).  Returns q and v (nv,) after the step, NaN where it has no
+    solution, and the contact impulses.
     """
     p = len(mechanism.pairs)
     M_inv = np.linalg.inv(mechanism.mass_matrix(q))
