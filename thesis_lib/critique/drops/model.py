@@ -2,10 +2,30 @@
 
 A measured state passes through the camera to the true state, the effects to what the contact sees, the law, and back;
 `thesis_lib/effects/effect.py` names the stages.
+
+A real contact takes time.  Let s(t) be the share of the impulse that has acted t after touch.  Between touch and
+release the body moves by v⁻ t + Δv ∫ s dt, so to first order the free arcs before and after meet at the centroid
+t̄ = ∫ t s' dt of the impulse, in a pose where the contact point is t̄ |v_n| below the surface:
+
+    φ_n = −t̄ |v_n|,    t̄ = τ / √K_nn        (a spring under the mass that the contact sees, m / K_nn)
+
+Until the impulse acts the body has turned by more than that arc says, because Δω builds up meanwhile.  Weighted with
+the impulse this is Δω ∫ s' S dt with S = ∫ s dt; for a half sine of force t̄ = T/2 and the integral is T/8:
+
+    r = r(θ + Δω t̄/4)
+
+A half sine that returns the share ε² of its work from a steeper spring (Walton and Braun 1986) has
+τ = T (ε + (1 − ε) 2/π) / (1 + ε), so T is 1.6 to 2 times τ.  Impacts without trajectories do not show τ.
+
+| on paper | in code | unit | shape | meaning                                                                  |
+|----------|---------|------|-------|--------------------------------------------------------------------------|
+| τ        | `tau`   | s    |       | time from touch to the centroid of the impulse, in a central impact      |
+| t̄        | `delay` | s    | (n,)  | the same in each impact                                                  |
+| T        |         | s    |       | duration of a central contact                                            |
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +37,14 @@ BASE_PARAMETERS = (
     Parameter("mu", "1", null=0.1, low=0.0, high=2.0, scale=0.05),
     Parameter("epsilon", "1", null=0.5, low=0.0, high=1.0, scale=0.05),
 )
+CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-4)
+TURNED = 0.25  # of t̄ Δω: turning of the body until the impulse acts, beyond that of the arc before
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
+
+
+def duration(tau: float, epsilon: float) -> float:
+    """T in s of a central contact with τ in s and the restitution ε, for the hysteretic spring of the docstring."""
+    return tau * (1.0 + epsilon) / (epsilon + (1.0 - epsilon) * 2.0 / np.pi)
 
 
 def inward(p: Parameter, value: float, step: float) -> float:
@@ -27,16 +54,18 @@ def inward(p: Parameter, value: float, step: float) -> float:
 
 @dataclass(frozen=True)
 class Model:
-    """A law with effects; parameters are `mu`, `epsilon`, and `effect.parameter` for each effect."""
+    """A law with effects; parameters are `mu`, `epsilon`, `tau` if it `takes_time`, and `effect.parameter`."""
 
     law: Law
     effects: tuple[Effect, ...] = ()
+    takes_time: bool = False
 
     @property
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
         of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in effect.parameters}
-        return {p.name: p for p in BASE_PARAMETERS} | of_effects
+        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time
+        return {p.name: p for p in of_law} | of_effects
 
     @property
     def fitted_parameters(self) -> dict[str, Parameter]:
@@ -65,20 +94,29 @@ class Model:
 
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""
-        return Model(self.law, (*self.effects, effect))
+        return replace(self, effects=(*self.effects, effect))
 
     def contact(
-        self, measured: State, values: Mapping[str, float], rig: Rig, offset: np.ndarray | None = None
+        self,
+        measured: State,
+        values: Mapping[str, float],
+        rig: Rig,
+        offset: np.ndarray | None = None,
+        turned: np.ndarray | float = 0.0,
     ) -> tuple[State, np.ndarray, np.ndarray, float]:
-        """State as the contact sees it, contact point r_x, r_y (n,) in m from the true centre of mass, true k and m."""
+        """State as the contact sees it, contact point r_x, r_y (n,) in m from the true centre of mass, and true k in m.
+
+        `turned` (n,) in rad is how much further the body has turned than in the measured pose.
+        """
         active = self.active(values)
         true = self.to_true(measured, active, rig)
+        true = true.moved(theta=true.theta + turned)
         r = rig.shape.contact_point(true.theta)
         r_x, r_y = r[:, 0], r[:, 1]
         if offset is not None and offset.any():
             # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
-            turned = self.to_true(measured.moved(theta=measured.theta + _H), active, rig)
-            r_x, r_y = r_x + offset[:, 0] * np.sign(turned.theta - true.theta), r_y + offset[:, 1]
+            further = self.to_true(measured.moved(theta=measured.theta + _H), active, rig)
+            r_x, r_y = r_x + offset[:, 0] * np.sign(further.theta + turned - true.theta), r_y + offset[:, 1]
         seen, k_g = true, rig.k_g
         for effect, p in active:
             seen = effect.to_contact(seen, p, rig)
@@ -86,7 +124,7 @@ class Model:
             r_x, r_y = effect.contact_point(r_x, r_y, seen, p, rig)
         for effect, p in active:
             k_g = effect.radius_of_gyration(k_g, p)
-        return seen, r_x, r_y, k_g
+        return seen.moved(theta=seen.theta - turned), r_x, r_y, k_g
 
     def predict(
         self,
@@ -98,8 +136,44 @@ class Model:
         epsilon: np.ndarray | None = None,
     ) -> State:
         """Measured state after impact, from the measured state before it; `mu`, `epsilon` (n,) replace the fitted."""
+        return self.strike(measured, values, rig, offset, mu, epsilon)[0]
+
+    def strike(
+        self,
+        measured: State,
+        values: Mapping[str, float],
+        rig: Rig,
+        offset: np.ndarray | None = None,
+        mu: np.ndarray | None = None,
+        epsilon: np.ndarray | None = None,
+    ) -> tuple[State, np.ndarray]:
+        """As `predict`, and the depth t̄ |v_n| (n,) in m of the contact point where the arcs meet."""
         active = self.active(values)
-        seen, r_x, r_y, k_g = self.contact(measured, values, rig, offset)
+        contact = seen, r_x, _, k_g = self.contact(measured, values, rig, offset)
+        mu = np.full_like(r_x, values["mu"]) if mu is None else mu
+        epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
+        after, depth = self._struck(*contact, active, rig, mu, epsilon), np.zeros_like(r_x)
+        if tau := values.get("tau", 0.0):
+            delay = tau / np.sqrt(1.0 + (r_x / k_g) ** 2)
+            depth = delay * np.maximum(-(seen.vy + r_x * seen.omega), 0.0)
+            turned = TURNED * delay * (after.omega - seen.omega)
+            after = self._struck(*self.contact(measured, values, rig, offset, turned), active, rig, mu, epsilon)
+        for effect, p in reversed(active):
+            after = effect.from_contact(after, p, rig)
+        return self.to_measured(after, active, rig), depth
+
+    def _struck(
+        self,
+        seen: State,
+        r_x: np.ndarray,
+        r_y: np.ndarray,
+        k_g: float,
+        active: Sequence,
+        rig: Rig,
+        mu: np.ndarray,
+        epsilon: np.ndarray,
+    ) -> State:
+        """State after the impulse as the contact sees it, from what `contact` returns and (μ, ε) of each impact."""
         w = 1.0 / (k_g * k_g)
         space = ContactSpace(
             v_t=seen.vx - r_y * seen.omega,
@@ -108,8 +182,6 @@ class Model:
             K_nn=1.0 + r_x * r_x * w,
             K_tn=-r_x * r_y * w,
         )
-        mu = np.full_like(r_x, values["mu"]) if mu is None else mu
-        epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
         for effect, p in active:
             mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
         with np.errstate(all="ignore"):
@@ -117,11 +189,8 @@ class Model:
             for effect, p in active:
                 impulse = effect.impulse(impulse, space, mu, epsilon, (r_x, r_y), seen, p, rig)
         touches = space.v_n < 0.0
-        c_t, c_n, tau = (np.where(touches, a, 0.0) for a in (impulse.c_t, impulse.c_n, impulse.tau))
-        after = seen.moved(vx=seen.vx + c_t, vy=seen.vy + c_n, omega=seen.omega + w * (r_x * c_n - r_y * c_t + tau))
-        for effect, p in reversed(active):
-            after = effect.from_contact(after, p, rig)
-        return self.to_measured(after, active, rig)
+        c_t, c_n, couple = (np.where(touches, a, 0.0) for a in (impulse.c_t, impulse.c_n, impulse.tau))
+        return seen.moved(vx=seen.vx + c_t, vy=seen.vy + c_n, omega=seen.omega + w * (r_x * c_n - r_y * c_t + couple))
 
     def acceleration(self, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Measured acceleration in flight (n, 3), m/s² and rad/s²."""

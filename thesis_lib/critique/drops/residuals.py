@@ -62,11 +62,12 @@ def impact_residuals(
     """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m); `states` as of `states_at_impact`."""
     o, rig = observations, observations.rig
     before, after = states or states_at_impact(model, values, o)
-    predicted = model.predict(before, values, rig, o.offset)
+    predicted, depth = model.strike(before, values, rig, o.offset)
     residual = [after.v - predicted.v]
     if o.arcs:
         residual.append(after.q - before.q - model.jump(before, after, values))
-        residual.append(model.gap(model.to_true(before, model.active(values), rig), values, rig)[:, None])
+        gap = model.gap(model.to_true(before, model.active(values), rig), values, rig)
+        residual.append((gap + depth)[:, None])
     return np.concatenate(residual, axis=1)
 
 
@@ -157,7 +158,8 @@ def synthesise(
     if o.arcs:
         # at impact the body touches: set its measured height accordingly
         true = model.to_true(before, active, rig)
-        raised = model.to_measured(true.moved(y=true.y - model.gap(true, values, rig)), active, rig)
+        raise_by = model.gap(true, values, rig) + model.strike(before, values, rig, o.offset)[1]
+        raised = model.to_measured(true.moved(y=true.y - raise_by), active, rig)
         before = before.moved(y=raised.y)
     after = model.predict(before, values, rig, o.offset)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]

@@ -88,7 +88,9 @@ class Drops(World[Effect, Fit, Judgement]):
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, *, quick: bool = False
     ) -> Fit:
-        return fit(Model(LAWS[base], effects), self.observations, start, rounds=1 if quick else ROUNDS)
+        return fit(
+            Model(LAWS[base], effects, self.observations.arcs), self.observations, start, rounds=1 if quick else ROUNDS
+        )
 
     def judge(self, fitted: Fit) -> Judgement:
         model, values, o = fitted.model, fitted.values, self.observations

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.model import BASE_PARAMETERS
+from thesis_lib.critique.drops.model import BASE_PARAMETERS, CONTACT_TIME
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 
 MOVED, MATERIAL = 3.0, 0.02  # least change of a compensating parameter: standard errors, and share
 CHANNELS = ("flight", "meet", "touch")
-BASE_NAMES = tuple(p.name for p in BASE_PARAMETERS)
+BASE_NAMES = tuple(p.name for p in (*BASE_PARAMETERS, CONTACT_TIME))
 
 
 def ladder_table(critique: Critique, tables: Mapping[str, pd.DataFrame] | None = None) -> pd.DataFrame:

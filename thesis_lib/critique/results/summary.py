@@ -9,10 +9,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.model import duration
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
 from thesis_lib.effects import EFFECTS
+from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.wording import listed
 
+SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
 MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
 
 
@@ -24,7 +27,8 @@ def summary(content: Mapping) -> list[str]:
     sentences = [*_faults(clearing, faults), *_left_out(content)]
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
-    return [*sentences, first, *_by_hand(content, clearing, by_hand), *_worst(content["error"]), *rest]
+    more = [*_contact_time(content["augmented_model"]["parameters"]), *_by_hand(content, clearing, by_hand)]
+    return [*sentences, first, *more, *_worst(content["error"]), *rest]
 
 
 def possible_faults(effect: Mapping) -> list[str]:
@@ -112,6 +116,15 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
         + " for a cause that the library does not hold, or learn it as a residual."
     )
     return sentences
+
+
+def _contact_time(parameters: Mapping) -> list[str]:
+    tau, epsilon = (parameters.get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
+    if tau["value"] <= SEEN * tau["std"]:
+        return []
+    per_tau = duration(1.0, epsilon["value"])
+    value, std = per_tau * 1e3 * tau["value"], per_tau * 1e3 * tau["std"]
+    return [f"Contacts last about {value:.2g} ms (± {Z95 * std:.1g} ms), which the model takes into account."]
 
 
 def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mapping]) -> list[str]:

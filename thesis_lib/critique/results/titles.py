@@ -20,8 +20,8 @@ GREEK: dict[str, str] = dict(zip(_NAMES.split(), "μεεφθωηζρταβγκ")
 
 
 def handy_unit(size: float, unit: str) -> tuple[float, str]:
-    """Factor and unit for a length or an angle of this size: below 0.1 in mm and mrad."""
-    small = unit in ("m", "rad") and 0.0 < abs(size) < 0.1
+    """Factor and unit for a length, an angle or a time of this size: below 0.1 in mm, mrad and ms."""
+    small = unit in ("m", "rad", "s") and 0.0 < abs(size) < 0.1
     return (1e3, f"m{unit}") if small else (1.0, unit)
 
 

@@ -242,7 +242,7 @@ def symbol_of(name: str) -> str:
 
 def parameters_sentence(critique: Critique) -> str:
     """Parameters that had compensated for missing effects."""
-    names = {"mu": "friction μ", "epsilon": "restitution ε"}
+    names = {"mu": "friction μ", "epsilon": "restitution ε", "tau": "contact time τ"}
     if len(critique.ladder) == 1:
         return "Parameters of the base law with 95 % intervals"
     first, last = (critique.ladder[i][1].model.law.name for i in (0, -1))
