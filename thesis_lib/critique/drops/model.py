@@ -153,8 +153,8 @@ class Model:
         mu = np.full_like(r_x, values["mu"]) if mu is None else mu
         epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
         after, depth = self._struck(*contact, active, rig, mu, epsilon), np.zeros_like(r_x)
-        if tau := values.get("tau", 0.0):
-            delay = tau / np.sqrt(1.0 + (r_x / k_g) ** 2)
+        if self.takes_time:
+            delay = values["tau"] / np.sqrt(1.0 + (r_x / k_g) ** 2)
             depth = delay * np.maximum(-(seen.vy + r_x * seen.omega), 0.0)
             turned = TURNED * delay * (after.omega - seen.omega)
             after = self._struck(*self.contact(measured, values, rig, offset, turned), active, rig, mu, epsilon)
@@ -226,7 +226,7 @@ class Model:
         return jump
 
     def camera_and_body(self) -> tuple["Model", "Model"]:
-        """The model with measurement effects only, and the one with all others."""
+        """The model with measurement effects only, and the one with all others; neither takes time."""
         camera = tuple(e for e in self.effects if e.family == "measurement")
         body = tuple(e for e in self.effects if e.family != "measurement")
         return Model(self.law, camera), Model(self.law, body)

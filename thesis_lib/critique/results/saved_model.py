@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.model import CONTACT_TIME, Model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.foundation.errors import UserError
@@ -57,14 +57,15 @@ class SavedModel(Section):
     dataset: str = Field("", description="fitted to it")
     law: str = Field(description="key of thesis_lib.contact.LAWS")
     effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
-    parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, and effect.parameter of each effect")
+    parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, tau if seen, effect.parameter")
     scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
     rig: SavedRig
 
     @property
     def model(self) -> Model:
-        """Law with effects."""
-        return Model(LAWS[self.law], tuple(EFFECTS[name] for name in self.effects))
+        """Law with effects; its contact takes time where the parameters hold that time."""
+        effects = tuple(EFFECTS[name] for name in self.effects)
+        return Model(LAWS[self.law], effects, takes_time=CONTACT_TIME.name in self.parameters)
 
     @property
     def values(self) -> dict[str, float]:
