@@ -31,7 +31,7 @@ EDITS = [
     ("impact_study/stored_predictions.py", {"ch3_published"}, None),
     ("figures/thesis.mplstyle", DRAWN | {"critique", "critique_proof"}, UNDRAWN),
     ("figures/style.py", DRAWN | {"critique", "critique_proof"}, UNDRAWN),
-    ("figures/chapter3/errors.py", {"ch3_figures"}, None),
+    ("figures/chapter3/errors.py", {"ch3_figures", "ch4_figures", "ch4_named_figure"}, None),
     (
         "contact/mirtich.py",
         {"ch3_identify", "ch3_evaluate", "ch3_published", "ch3_figures"},

@@ -102,6 +102,11 @@ class MovableSettings(Section):
     threshold: float = Field(1e-3, gt=0, description="m that others may move; so 47.1 % of towers 0 to 4 are movable")
     follows: float = Field(0.5, ge=0, lt=1, description="share of the advance that the block must make; own choice")
 
+    @property
+    def threshold_mm(self) -> float:
+        """The threshold in mm."""
+        return 1e3 * self.threshold
+
 
 class Setup(Section):
     """Everything that a run of a tower depends on, learner and controller aside."""

@@ -6,7 +6,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter2.impact import figure_table_2_1
+from thesis_lib.figures.chapter2.noise import figure_table_2_1
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_tables, write_result
 

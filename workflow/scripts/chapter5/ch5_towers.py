@@ -22,6 +22,6 @@ summary = study.movable_summary(shares, scans)
 write_result(summary, out.summary)
 write_result(study.fidelity(scans["development"][0], setup, say=print), out.fidelity)
 folder = Path(out.movable).parent
-save_figure(*figure_movable(shares, summary, 1e3 * setup.movable.threshold), folder / "figure_movable")
+save_figure(*figure_movable(shares, summary, setup.movable.threshold_mm), folder / "figure_movable")
 tower = settled_tower(0, setup)
 save_figure(*figure_5_5a(tower.poses(), tower.sizes), folder / "figure_5_5a")
