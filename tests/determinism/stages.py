@@ -8,7 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(TESTS.parent), *(str(TESTS / name) for name in ("critique", "jenga", "residual", "figures"))]
+sys.path[:0] = [
+    str(TESTS.parent),
+    *(str(TESTS / name) for name in ("critique", "jenga", "residual", "residual/throwing", "figures")),
+]
 SEED = 20190906
 
 

@@ -224,7 +224,7 @@ def test_maps_mark_held_out_impacts_and_title_their_mean(critique, drawn):
 
 def test_parameters_that_move_are_called_out(critique):
     found = numbers.compensations(critique).set_index("parameter")
-    assert set(found.index) == {"mu", "epsilon"}
+    assert set(found.index) == {"mu", "epsilon", "tau"}
     first, last = critique.ladder[0][1], critique.ladder[-1][1]
     std = np.hypot(first.std["mu"], last.std["mu"])
     assert found.loc["mu", "sigmas"] == pytest.approx((last.values["mu"] - first.values["mu"]) / std)

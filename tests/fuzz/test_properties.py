@@ -92,7 +92,9 @@ class TestText:
     @few
     @given(tree)
     def test_plain_values_come_back_from_yaml(self, folder, value):
-        (folder / "a.yaml").write_text(yaml.safe_dump(value, allow_unicode=True), encoding="utf-8", newline="\n")
+        # PyYAML writes a next line (U+0085) as it is, and reads it as a space: escaped it comes back
+        raw = "\\u0085" not in json.dumps(value, default=str)
+        (folder / "a.yaml").write_text(yaml.safe_dump(value, allow_unicode=raw), encoding="utf-8", newline="\n")
         assert same(read_yaml(folder / "a.yaml").content, value)
 
     @few
