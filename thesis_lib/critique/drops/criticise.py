@@ -126,7 +126,7 @@ def criticise(
         if name in (effects or ()):
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
     training, held_out = _split(dataset, observations, settings, rng)
-    world = Drops(training, settings.rivals)
+    world = Drops(training, settings.rivals, settings.contact_time)
     say(f"fitting {len(world.bases)} laws")
     discovery = search(world, settings, rng, effects, say)
     say("judging on held-out trials")

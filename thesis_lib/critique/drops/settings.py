@@ -14,6 +14,7 @@ class CritiqueSettings(SearchSettings):
     """Settings of the critique of drops; all own choices."""
 
     rivals: int = Field(3, ge=1, description="laws with which the first effect is tried")
+    contact_time: bool = Field(True, description="fit the time that a contact takes, where trajectories show it")
     excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")
 
 

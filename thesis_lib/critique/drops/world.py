@@ -76,11 +76,12 @@ DropsDiscovery = Discovery[Effect, Fit, Judgement]
 
 
 class Drops(World[Effect, Fit, Judgement]):
-    """Impacts and flights of some trials; `rivals` laws are tried with the first effect."""
+    """Impacts and flights of some trials; `rivals` laws are tried with the first effect, `timed` contacts take time."""
 
     unit = "impact"
 
-    def __init__(self, observations: Observations, rivals: int = 1) -> None:
+    def __init__(self, observations: Observations, rivals: int = 1, timed: bool = True) -> None:
+        self.timed = timed and observations.arcs
         self.observations, self.rivals, self.bases = observations, rivals, CANDIDATE_LAWS
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations)
@@ -88,9 +89,7 @@ class Drops(World[Effect, Fit, Judgement]):
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, *, quick: bool = False
     ) -> Fit:
-        return fit(
-            Model(LAWS[base], effects, self.observations.arcs), self.observations, start, rounds=1 if quick else ROUNDS
-        )
+        return fit(Model(LAWS[base], effects, self.timed), self.observations, start, rounds=1 if quick else ROUNDS)
 
     def judge(self, fitted: Fit) -> Judgement:
         model, values, o = fitted.model, fitted.values, self.observations
@@ -145,7 +144,7 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
         synthetic = synthesise(fitted.model, fitted.values, self.observations, rng, fitted.sigma_m)
-        return type(self)(synthetic, self.rivals)
+        return type(self)(synthetic, self.rivals, self.timed)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
         model, S = fitted.model, residual_covariance(fitted.model, fitted.values, self.observations)
