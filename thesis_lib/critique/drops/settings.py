@@ -30,4 +30,4 @@ class CritiqueRun(Section):
         ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),
         description="source/truth of the proof's datasets that the pipeline runs again to check the stored table",
     )
-    settings: CritiqueSettings = CritiqueSettings()
+    settings: CritiqueSettings = CritiqueSettings(contact_time=False)  # the thesis's contacts are instants
