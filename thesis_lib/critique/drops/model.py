@@ -110,13 +110,28 @@ class Model:
         """
         active = self.active(values)
         true = self.to_true(measured, active, rig)
+        return self.contact_at(true, active, rig, self._true_offset(measured, true, active, rig, offset), turned)
+
+    def _true_offset(
+        self, measured: State, true: State, active: Sequence, rig: Rig, offset: np.ndarray | None
+    ) -> np.ndarray | None:
+        """The offset at the true pose; None if there is none."""
+        if offset is None or not offset.any():
+            return None
+        # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
+        further = self.to_true(measured.moved(theta=measured.theta + _H), active, rig)
+        return np.stack([offset[:, 0] * np.sign(further.theta - true.theta), offset[:, 1]], axis=1)
+
+    @staticmethod
+    def contact_at(
+        true: State, active: Sequence, rig: Rig, offset: np.ndarray | None = None, turned: np.ndarray | float = 0.0
+    ) -> tuple[State, np.ndarray, np.ndarray, float]:
+        """As `contact`, from a true state; `active` is the result of `active`, `offset` that at the true pose."""
         true = true.moved(theta=true.theta + turned)
         r = rig.shape.contact_point(true.theta)
         r_x, r_y = r[:, 0], r[:, 1]
-        if offset is not None and offset.any():
-            # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
-            further = self.to_true(measured.moved(theta=measured.theta + _H), active, rig)
-            r_x, r_y = r_x + offset[:, 0] * np.sign(further.theta + turned - true.theta), r_y + offset[:, 1]
+        if offset is not None:
+            r_x, r_y = r_x + offset[:, 0], r_y + offset[:, 1]
         seen, k_g = true, rig.k_g
         for effect, p in active:
             seen = effect.to_contact(seen, p, rig)
@@ -149,7 +164,23 @@ class Model:
     ) -> tuple[State, np.ndarray]:
         """As `predict`, and the depth t̄ |v_n| (n,) in m of the contact point where the arcs meet."""
         active = self.active(values)
-        contact = seen, r_x, _, k_g = self.contact(measured, values, rig, offset)
+        true = self.to_true(measured, active, rig)
+        at_true = self._true_offset(measured, true, active, rig, offset)
+        after, depth = self.collide(true, values, rig, at_true, mu, epsilon)
+        return self.to_measured(after, active, rig), depth
+
+    def collide(
+        self,
+        true: State,
+        values: Mapping[str, float],
+        rig: Rig,
+        offset: np.ndarray | None = None,
+        mu: np.ndarray | None = None,
+        epsilon: np.ndarray | None = None,
+    ) -> tuple[State, np.ndarray]:
+        """As `strike`, from the true state to the true state; `offset` is that at the true pose."""
+        active = self.active(values)
+        contact = seen, r_x, _, k_g = self.contact_at(true, active, rig, offset)
         mu = np.full_like(r_x, values["mu"]) if mu is None else mu
         epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
         after, depth = self._struck(*contact, active, rig, mu, epsilon), np.zeros_like(r_x)
@@ -157,10 +188,10 @@ class Model:
             delay = values["tau"] / np.sqrt(1.0 + (r_x / k_g) ** 2)
             depth = delay * np.maximum(-(seen.vy + r_x * seen.omega), 0.0)
             turned = TURNED * delay * (after.omega - seen.omega)
-            after = self._struck(*self.contact(measured, values, rig, offset, turned), active, rig, mu, epsilon)
+            after = self._struck(*self.contact_at(true, active, rig, offset, turned), active, rig, mu, epsilon)
         for effect, p in reversed(active):
             after = effect.from_contact(after, p, rig)
-        return self.to_measured(after, active, rig), depth
+        return after, depth
 
     def _struck(
         self,
