@@ -4,7 +4,7 @@ It is written from the description of the stages and shares no code with the cri
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from thesis_lib.effects import Effect
 from thesis_lib.effects.effect import Impulse, Rig, State
 
 MU, EPSILON = 0.25, 0.55
+TAU = 5e-4  # s, of a contact of a millisecond
 STEP = 1e-3  # s, of the flight; the camera's map is linear in the velocity, so that it does not matter
 
 # no symmetry: a mirrored or turned body stands on other corners
@@ -77,8 +78,13 @@ def predict(
     law: str = "anitescu_potra_newton",
     mu: float = MU,
     epsilon: float = EPSILON,
+    contact_time: float = 0.0,
+    turned: np.ndarray | float = 0.0,
 ) -> Prediction:
-    """Predict all four channels from the measured state before the impact."""
+    """Predict all four channels from the measured state before the impact; `contact_time` is τ in s.
+
+    `turned` (n,): how much further than in its pose the body has turned where the impulse acts, in rad.
+    """
     n = len(measured.x)
     true = measured
     for effect, p in reversed(active):
@@ -92,10 +98,10 @@ def predict(
     contact = true
     for effect, p in active:
         contact = effect.to_contact(contact, p, rig)
-    r_x, r_y = rig.shape.contact_point(true.theta).T
+    r_x, r_y = rig.shape.contact_point(true.theta + turned).T
     k_g = rig.k_g
     for effect, p in active:
-        r_x, r_y = effect.contact_point(r_x, r_y, contact, p, rig)
+        r_x, r_y = effect.contact_point(r_x, r_y, contact.moved(theta=contact.theta + turned), p, rig)
         k_g = effect.radius_of_gyration(k_g, p)
     v = np.stack([contact.vx, contact.vy, contact.omega], axis=-1)
     space = contact_space(v, np.stack([r_x, r_y], axis=-1), mass=1.0, k_g=k_g)
@@ -111,6 +117,14 @@ def predict(
     after = contact.moved(
         vx=contact.vx + c_t, vy=contact.vy + c_n, omega=contact.omega + (r_x * c_n - r_y * c_t + tau) / k_g**2
     )
+    if contact_time:
+        taus = np.full(n, contact_time)
+        for effect, p in active:
+            taus = effect.contact_time(taus, space, contact, p, rig)
+        delay = taus / np.sqrt(space.K_nn)
+        turned = 0.25 * delay * (after.omega - contact.omega)
+        made = predict(active, measured, rig, law, mu, epsilon, turned=turned)
+        return replace(made, touch=made.touch + delay * np.maximum(-space.v_n, 0.0))
     for effect, p in reversed(active):
         after = effect.from_contact(after, p, rig)
     seen_after = seen_by_camera(after)

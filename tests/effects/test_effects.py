@@ -7,7 +7,7 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
-from stage_predictor import RIGS, arrays, at_scale, null, predict, random_states
+from stage_predictor import RIGS, TAU, arrays, at_scale, null, predict, random_states
 
 import thesis_lib.effects as package
 from thesis_lib.bodies.shapes import Disk, Polygon
@@ -43,6 +43,7 @@ HOOKS = (
     "contact_point",
     "gap",
     "radius_of_gyration",
+    "contact_time",
     "coefficients",
     "impulse",
     "acceleration",
@@ -68,7 +69,7 @@ def hook_calls(effect: Effect, p: dict[str, float], rig: Rig, states: State) -> 
     """Each hook of an effect: its leading arguments and what it makes of them."""
     before = predict([], states, rig)
     r = tuple(rig.shape.contact_point(states.theta).T)
-    mu, epsilon = np.full(N, 0.25), np.full(N, 0.55)
+    mu, epsilon, tau = np.full(N, 0.25), np.full(N, 0.55), np.full(N, TAU)
     jump, gap = np.full((N, 3), 0.3), np.full(N, 0.2)
     a = np.random.default_rng(3).standard_normal((N, 3))
     space = before.space
@@ -81,6 +82,7 @@ def hook_calls(effect: Effect, p: dict[str, float], rig: Rig, states: State) -> 
         "contact_point": (r, effect.contact_point(*r, states, p, rig)),
         "gap": ((gap,), effect.gap(gap, states, p, rig)),
         "radius_of_gyration": ((rig.k_g,), effect.radius_of_gyration(rig.k_g, p)),
+        "contact_time": ((tau,), effect.contact_time(tau, space, states, p, rig)),
         "coefficients": ((mu, epsilon), effect.coefficients(mu, epsilon, space, states, p, rig)),
         "impulse": ((before.impulse,), effect.impulse(before.impulse, space, mu, epsilon, r, states, p, rig)),
         "acceleration": ((a,), effect.acceleration(a, states, p, rig)),

@@ -5,12 +5,13 @@ any set of effects can be on at once; at its null parameters it changes nothing:
 
     measured state ── to_true ──► true state ── to_contact ──► state as the contact sees it
         contact_point, radius_of_gyration        where and on what the impulse acts
+        contact_time                             τ, where contacts take time
         coefficients ──► law ──► impulse         μ, ε before the law; impulse and couple after it
     v_post as measured ◄── to_measured ── v_post ◄── from_contact ── v⁺ = v + M⁻¹ Jᵀ c
 
 and between impacts `acceleration` gives the flight, `gap` the distance of body and surface at an impact.
-Up to `to_contact` a state is that of the body origin; `contact_point`, `coefficients` and `impulse` get the state as
-the contact sees it.
+Up to `to_contact` a state is that of the body origin; `contact_point`, `contact_time`, `coefficients` and `impulse`
+get the state as the contact sees it.
 A measurement effect changes the prediction of what is measured, never the measurement itself.
 
 | on paper        | in code               | unit        | shape |                                                 |
@@ -18,7 +19,8 @@ A measurement effect changes the prediction of what is measured, never the measu
 | q, v            | `State`               | m, rad; m/s, rad/s | (n,) each | pose and velocity                        |
 | r               | `r_x`, `r_y`          | m           | (n,)  | contact point from the centre of mass           |
 | μ, ε            | `mu`, `epsilon`       | 1           | (n,)  | coefficients of each impact                     |
-| c, τ            | `c_t`, `c_n`, `tau`   | N s/kg, N m s/kg | (n,) | impulse and couple on the body, per unit mass |
+| τ               | `tau`                 | s           | (n,)  | time from touch to the centroid of the impulse  |
+| c, couple       | `c_t`, `c_n`, `tau`   | N s/kg, N m s/kg | (n,) | impulse and couple on the body, per unit mass |
 
 Masses are 1 throughout: planar impacts need the radius of gyration only.
 """
@@ -153,6 +155,7 @@ class Effect:
         channels: what it changes: impact (velocity after impact), meet (pose before against pose after), touch
             (gap at impact), flight (acceleration between impacts).
         needs_trajectories: whether impacts alone cannot test it.
+        needs_contact_time: whether it is about nothing but the time that contacts take.
         reference: source, with DOI where there is one.
     """
 
@@ -163,6 +166,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     channels: tuple[Channel, ...] = ("impact",)
     needs_trajectories: bool = False
+    needs_contact_time: bool = False
     reference: str = ""
 
     def applies_to(self, rig: Rig) -> bool:
@@ -213,6 +217,10 @@ class Effect:
     ) -> tuple[np.ndarray, np.ndarray]:
         """μ and ε (n,) of each impact, given those of the law."""
         return mu, epsilon
+
+    def contact_time(self, tau: np.ndarray, space: ContactSpace, state: State, p: Parameters, rig: Rig) -> np.ndarray:
+        """τ (n,) in s of each impact, as in a central one; not negative.  Only models that take time ask for it."""
+        return tau
 
     def impulse(
         self,

@@ -122,7 +122,7 @@ def criticise(
     _refuse_constant(dataset)
     say("finding impacts")
     observations = observe(dataset, arcs)
-    for name, why in testable_effects(observations)[1].items():
+    for name, why in testable_effects(observations, settings.contact_time)[1].items():
         if name in (effects or ()):
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
     training, held_out = _split(dataset, observations, settings, rng)

@@ -15,7 +15,8 @@ the impulse this is Δω ∫ s' S dt with S = ∫ s dt; for a half sine of force
     r = r(θ + Δω t̄/4)
 
 A half sine that returns the share ε² of its work from a steeper spring (Walton and Braun 1986) has
-τ = T (ε + (1 − ε) 2/π) / (1 + ε), so T is 1.6 to 2 times τ.  Impacts without trajectories do not show τ.
+τ = T (ε + (1 − ε) 2/π) / (1 + ε), so T is 1.6 to 2 times τ.  Impacts without trajectories do not show τ.  Effects may
+change τ from impact to impact.
 
 | on paper | in code | unit | shape | meaning                                                                  |
 |----------|---------|------|-------|--------------------------------------------------------------------------|
@@ -50,6 +51,18 @@ def duration(tau: float, epsilon: float) -> float:
 def inward(p: Parameter, value: float, step: float) -> float:
     """The step from `value`, or its opposite where it would leave the bounds."""
     return step if value + step <= p.high else -step
+
+
+def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) -> ContactSpace:
+    """Contact space per unit mass of what `Model.contact` returns."""
+    w = 1.0 / (k_g * k_g)
+    return ContactSpace(
+        v_t=seen.vx - r_y * seen.omega,
+        v_n=seen.vy + r_x * seen.omega,
+        K_tt=1.0 + r_y * r_y * w,
+        K_nn=1.0 + r_x * r_x * w,
+        K_tn=-r_x * r_y * w,
+    )
 
 
 @dataclass(frozen=True)
@@ -180,13 +193,16 @@ class Model:
     ) -> tuple[State, np.ndarray]:
         """As `strike`, from the true state to the true state; `offset` is that at the true pose."""
         active = self.active(values)
-        contact = seen, r_x, _, k_g = self.contact_at(true, active, rig, offset)
+        contact = seen, r_x, *_ = self.contact_at(true, active, rig, offset)
         mu = np.full_like(r_x, values["mu"]) if mu is None else mu
         epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
         after, depth = self._struck(*contact, active, rig, mu, epsilon), np.zeros_like(r_x)
         if self.takes_time:
-            delay = values["tau"] / np.sqrt(1.0 + (r_x / k_g) ** 2)
-            depth = delay * np.maximum(-(seen.vy + r_x * seen.omega), 0.0)
+            space, tau = contact_space_of(*contact), np.full_like(r_x, values["tau"])
+            for effect, p in active:
+                tau = effect.contact_time(tau, space, seen, p, rig)
+            delay = tau / np.sqrt(space.K_nn)
+            depth = delay * np.maximum(-space.v_n, 0.0)
             turned = TURNED * delay * (after.omega - seen.omega)
             after = self._struck(*self.contact_at(true, active, rig, offset, turned), active, rig, mu, epsilon)
         for effect, p in reversed(active):
@@ -206,13 +222,7 @@ class Model:
     ) -> State:
         """State after the impulse as the contact sees it, from what `contact` returns and (μ, ε) of each impact."""
         w = 1.0 / (k_g * k_g)
-        space = ContactSpace(
-            v_t=seen.vx - r_y * seen.omega,
-            v_n=seen.vy + r_x * seen.omega,
-            K_tt=1.0 + r_y * r_y * w,
-            K_nn=1.0 + r_x * r_x * w,
-            K_tn=-r_x * r_y * w,
-        )
+        space = contact_space_of(seen, r_x, r_y, k_g)
         for effect, p in active:
             mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
         with np.errstate(all="ignore"):

@@ -84,7 +84,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self.timed = timed and observations.arcs
         self.observations, self.rivals, self.bases = observations, rivals, CANDIDATE_LAWS
         self.trials = np.unique(observations.trial)
-        self.candidates, self.not_testable = testable_effects(observations)
+        self.candidates, self.not_testable = testable_effects(observations, self.timed)
 
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, *, quick: bool = False
@@ -170,14 +170,16 @@ class Drops(World[Effect, Fit, Judgement]):
         return Slopes(weight * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
 
 
-def testable_effects(observations: Observations) -> tuple[dict[str, Effect], dict[str, str]]:
-    """Testable effects by name, and by name why the others cannot be tested."""
+def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str, Effect], dict[str, str]]:
+    """Testable effects by name, and by name why the others cannot be tested; `timed`: whether contacts take time."""
     testable, why_not = {}, {}
     for name, effect in EFFECTS.items():
         if not effect.applies_to(observations.rig):
             why_not[name] = f"does not apply to a body of shape {observations.rig.shape.kind}"
         elif effect.needs_trajectories and not observations.arcs:
             why_not[name] = "no trajectories"
+        elif effect.needs_contact_time and not timed:
+            why_not[name] = "contacts are taken as instants"
         else:
             testable[name] = effect
     return testable, why_not

@@ -43,7 +43,8 @@ def detectable(critique: Critique) -> list[dict]:
     significant, material = significant_sizes(critique), material_sizes(critique)
     trials = len(np.unique(critique.observations.trial))
     rows = []
-    for name, effect in testable_effects(critique.training)[0].items():
+    timed = critique.ladder[-1][1].model.takes_time
+    for name, effect in testable_effects(critique.training, timed)[0].items():
         if name not in significant:
             continue
         by_score, by_error = significant[name], material[name]
@@ -64,7 +65,7 @@ def detectable(critique: Critique) -> list[dict]:
 def significant_sizes(critique: Critique) -> Sizes:
     """By effect and parameter, the size that passes both tests of the log score with a chance of 80 %."""
     discovery, final = critique.discovery, critique.ladder[-1][1]
-    testable, _ = testable_effects(critique.training)
+    testable, _ = testable_effects(critique.training, final.model.takes_time)
     scan = discovery.last_scan
     null = np.sqrt(2.0 * np.quantile(scan.null, 1.0 - critique.settings.alpha)) + POWER
     limit = max(float(null), 2.0 * (Z95 + POWER))  # the second puts 95 % intervals of gains above zero
@@ -116,7 +117,7 @@ def material_sizes(critique: Critique) -> Sizes:
         for name, p in final.model.fitted_parameters.items()
     }
     sizes: Sizes = {}
-    for name, effect in testable_effects(o)[0].items():
+    for name, effect in testable_effects(o, final.model.takes_time)[0].items():
         inside = effect in final.model.effects
         model = final.model if inside else final.model.with_effect(effect)
         values = {f"{name}.{p.name}": p.null for p in effect.parameters} | final.values
