@@ -1,0 +1,1 @@
+"""Drops in MuJoCo, with its own contact."""

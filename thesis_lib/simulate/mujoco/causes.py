@@ -1,0 +1,35 @@
+"""What can be hidden in drops that MuJoCo makes: causes of all simulators that its elements can produce, and its own.
+
+MuJoCo's spring and damper are linear, its friction knows one coefficient at all speeds in both directions, its contact
+does not stick, and it has no spring along the surface.  Its rolling friction takes its couple out of the same cone as
+the friction force, so that a body that slides feels next to none: that is another cause than `rolling_lever`.
+"""
+
+from pydantic import Field
+
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, Cause, HiddenCauses
+
+# causes without an element in MuJoCo: nothing there has the same meaning
+WITHOUT_ELEMENT = (
+    *("tangential_compliance", "hunt_crossley", "stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy"),
+)
+OWN = {"fluid_density": Cause((), 10.0)}  # causes that only MuJoCo makes
+SUPPORTED: tuple[str, ...] = (*(name for name in CAUSES if name not in WITHOUT_ELEMENT), *OWN)
+
+
+class MujocoCauses(HiddenCauses):
+    """Hidden causes of drops in MuJoCo; the defaults are their absence."""
+
+    fluid_density: float = Field(
+        0.0, ge=0, le=2000, description="of a fluid that flows around the body's ellipsoid: drag by pose, lift, kg/m³"
+    )
+
+    @property
+    def moving_plate(self) -> bool:
+        """Whether the plate needs a carriage."""
+        return bool(self.plate_velocity or self.plate_amplitude)
+
+    @property
+    def by_place(self) -> bool:
+        """Whether restitution or friction depends on the drop or on the place of the contact."""
+        return bool(self.orientation_restitution or self.restitution_slope or self.friction_slope or self.wear)
