@@ -34,11 +34,13 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
     from thesis_lib.simulate.drake.clock import Clock
+    from thesis_lib.simulate.drake.plant import Surface
 
 FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm undetected
 # relative, of Drake's error control; a tenth of it moves velocities after impact by 0.01 mm/s
 ACCURACY = 1e-4
 LOOKS = 4  # checks per contact time whether the contact has ended
+POINTS = 20  # per contact time, of the path in Drake's own contact: samples may fall into it
 WEAR_NODES = 5  # pads from which those of worn plates are interpolated
 
 # causes without an element in Drake: they would only repeat the formulas of `compliant`
@@ -47,6 +49,15 @@ WITHOUT_ELEMENT = (
     *("friction_slope", "restitution_slope"),
 )
 SUPPORTED: tuple[str, ...] = tuple(name for name in CAUSES if name not in WITHOUT_ELEMENT)
+# the contact of each surface; in Drake's own it is Hunt and Crossley's dissipation that loses energy, so that it is no
+# hidden cause, and a hydroelastic body has sharp edges and no stiffness to compare a tangential one with
+SURFACES: dict[str, tuple[str, ...]] = {
+    "pad": SUPPORTED,
+    "point": tuple(name for name in SUPPORTED if name != "hunt_crossley"),
+    "hydroelastic": tuple(
+        name for name in SUPPORTED if name not in ("hunt_crossley", "tangential_compliance", "corner_radius")
+    ),
+}
 
 
 def simulate_drake_drops(
@@ -61,16 +72,19 @@ def simulate_drake_drops(
     rate: float = 250.0,
     noise: Noise | None = None,
     accuracy: float = ACCURACY,
+    surface: str = "pad",
     rng: np.random.Generator,
 ) -> Drops:
     """Release n bodies over a plate in Drake and record their poses.
 
     Arguments, result and errors are those of `simulate_compliant_drops`, except that `contact.exponent` must be 1,
-    `contact.steps` is not used, and `accuracy` is the relative accuracy of Drake's error control.  Also raises
-    UserError for a hidden cause that Drake's elements cannot produce.
+    `contact.steps` is not used, and `accuracy` is the relative accuracy of Drake's error control.  `surface` is "pad"
+    (restitution that knows neither speed nor lever), or Drake's own contact, "point" or "hydroelastic", in which ε and
+    the contact time are those of a central impact at `REFERENCE_SPEED`.  Also raises UserError for a hidden cause that
+    Drake's elements cannot produce over that surface.
     """
     contact, hidden = contact or CompliantContact(), hidden or HiddenCauses()
-    _refuse(contact, hidden)
+    _refuse(contact, hidden, surface)
     return simulate_compliant_drops(
         body,
         release,
@@ -82,16 +96,19 @@ def simulate_drake_drops(
         rate=rate,
         noise=noise,
         rng=rng,
-        engine=partial(_Drops, body, gravity, accuracy),
+        engine=partial(_Drops, body, gravity, accuracy, surface),
     )
 
 
-def _refuse(contact: CompliantContact, m: HiddenCauses) -> None:
-    asked = [name for name in WITHOUT_ELEMENT if getattr(m, name)]
+def _refuse(contact: CompliantContact, m: HiddenCauses, surface: str) -> None:
+    if surface not in SURFACES:
+        raise UserError(f"Drake has no surface {surface!r}; known are {', '.join(SURFACES)}.")
+    asked = [name for name in CAUSES if name not in SURFACES[surface] and getattr(m, name)]
     if asked:
+        over = "" if surface == "pad" else f" over the surface {surface!r}"
         raise UserError(
-            f"Drops in Drake cannot have {', '.join(asked)}: Drake has no such contact. "
-            f"Take simulate_compliant_drops for it; Drake makes {', '.join(SUPPORTED)}."
+            f"Drops in Drake cannot have {', '.join(asked)}{over}: Drake has no such contact. "
+            f"Take simulate_compliant_drops for it; Drake makes {', '.join(SURFACES[surface])}."
         )
     if contact.exponent != 1.0:
         raise UserError(f"Drake's contact is linear: exponent must be 1, got {contact.exponent}.")
@@ -102,7 +119,7 @@ def _refuse(contact: CompliantContact, m: HiddenCauses) -> None:
 class _Drops:
     """Drake's simulators, and paths and contacts of all drops; states hold body, then loose mass.
 
-    After the first three, arguments are those of the compliant engine.
+    After the first four, arguments are those of the compliant engine.
     """
 
     def __init__(
@@ -110,6 +127,7 @@ class _Drops:
         body: Body,
         gravity: float,
         accuracy: float,
+        surface: str,
         mechanics: Mechanics,
         pose: np.ndarray,
         velocity: np.ndarray,
@@ -123,9 +141,11 @@ class _Drops:
         contact = mechanics.contact
         self.body, self.contact, self.mechanics = body, contact, mechanics
         self.gravity, self.accuracy = gravity, accuracy
-        every = mechanics.epsilon
+        self.surface, every = surface, mechanics.epsilon
         self._nodes = np.linspace(every.min(), every.max(), WEAR_NODES) if np.ptp(every) else every[:1]
-        self._pads = [pad_of(body, contact, mechanics.hidden, float(epsilon)) for epsilon in self._nodes]
+        self._pads = []
+        if surface == "pad":
+            self._pads = [pad_of(body, contact, mechanics.hidden, float(epsilon)) for epsilon in self._nodes]
         self._flight = Clock(drop_plant(body, contact, mechanics.hidden, gravity), FLIGHT_STEP, accuracy)
         self._plate: tuple[float, Clock] | None = None
         self.records: list[dict[str, np.ndarray]] = []
@@ -154,10 +174,11 @@ class _Drops:
             if not landed:
                 break
             start = q, v, t
-            t, q, v, separated = self._touch_down(trial, t, q, v)
+            times, q_path, v_path, separated = self._touch_down(trial, t, q, v)
+            t, q, v = times[-1], q_path[-1], v_path[-1]
             speed = self._record(trial, start, (q, v, t), separated)
             slow = slow + 1 if speed < V_SLOW else 0
-            path.append((np.array([t]), q[None, :3], v[None, :3]))
+            path.append((times, q_path[:, :3], v_path[:, :3]))
             if not separated or slow == SLOW_TOUCHES:
                 break
         times, q, v = (np.concatenate(part) for part in zip(*path))
@@ -167,8 +188,11 @@ class _Drops:
 
     def _touch_down(
         self, trial: int, t: float, q: np.ndarray, v: np.ndarray
-    ) -> tuple[float, np.ndarray, np.ndarray, bool]:
-        """Time, positions and velocities at the end of a contact, and whether the body has left the plate."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+        """Times (s,), positions and velocities (s, size) in a contact to its end, and whether the body left the plate.
+
+        Over a pad, whose contacts are short, the end alone.
+        """
         clock, mech, T = self._over_plate(trial), self.mechanics, self.contact.contact_time
         clock.start(t, q, v)
         if clock.made.carriage is not None:
@@ -177,28 +201,41 @@ class _Drops:
             raised = 0.0 if m.plate_velocity else height[0, 0] - m.surface_height
             clock.made.carriage.set_translation(context, raised)
             clock.made.carriage.set_translation_rate(context, m.plate_velocity or rise[0, 0])
-        for part in range(1, int(LONGEST * LOOKS) + 1):
-            end = t + part * T / LOOKS
+        looks, path, separated = LOOKS if self.surface == "pad" else POINTS, [], False
+        for part in range(1, int(LONGEST * looks) + 1):
+            end = t + part * T / looks
             clock.simulator.AdvanceTo(end)
-            q, v = clock.state()
-            if mech.gap(q[None], np.array([end]), np.array([trial]))[0] > 0.0:
-                return end, q, v, True
-        return end, q, v, False
+            path.append((end, *clock.state()))
+            separated = bool(mech.gap(path[-1][1][None], np.array([end]), np.array([trial]))[0] > 0.0)
+            if separated:
+                break
+        times, q_path, v_path = (np.array(column) for column in zip(*(path[-1:] if self.surface == "pad" else path)))
+        return times, q_path, v_path, separated
 
     def _over_plate(self, trial: int) -> "Clock":
         """Simulator over a plate of the drop's restitution; reused while that stays the same."""
         from thesis_lib.simulate.drake.clock import Clock
         from thesis_lib.simulate.drake.plant import drop_plant
-        from thesis_lib.simulate.drake.viscoelastic_pad import Pad
 
         epsilon = float(self.mechanics.epsilon[trial])
         if self._plate is None or self._plate[0] != epsilon:
-            table = np.array([np.r_[p.k_contact, np.ravel(p.layers), p.mass] for p in self._pads])
-            k, *layers, mass = (float(np.interp(epsilon, self._nodes, column)) for column in table.T)
-            pad = Pad(k, tuple(zip(layers[::2], layers[1::2])), mass)
-            made = drop_plant(self.body, self.contact, self.mechanics.hidden, self.gravity, pad)
+            made = drop_plant(self.body, self.contact, self.mechanics.hidden, self.gravity, self._made_of(epsilon))
             self._plate = epsilon, Clock(made, self.contact.contact_time, self.accuracy)
         return self._plate[1]
+
+    def _made_of(self, epsilon: float) -> "Surface":
+        """The surface with restitution `epsilon`."""
+        from thesis_lib.simulate.drake.hunt_crossley import spring
+        from thesis_lib.simulate.drake.modulus import solid
+        from thesis_lib.simulate.drake.viscoelastic_pad import Pad
+
+        if self.surface == "point":
+            return spring(epsilon, self.contact.contact_time, self.mechanics.mass)
+        if self.surface == "hydroelastic":
+            return solid(self.body, epsilon, self.contact.contact_time)
+        table = np.array([np.r_[p.k_contact, np.ravel(p.layers), p.mass] for p in self._pads])
+        k, *layers, mass = (float(np.interp(epsilon, self._nodes, column)) for column in table.T)
+        return Pad(k, tuple(zip(layers[::2], layers[1::2])), mass)
 
     def poses_at(self, times: np.ndarray) -> np.ndarray:
         """Poses (n, len(times), 3) of the body's origin; NaN after the end of a recording."""

@@ -5,8 +5,10 @@
 
 The plane is Drake's world x-y plane with gravity along −y.  The contact is Drake's: a spring between half-space and
 body with Hunt-Crossley dissipation d, and Coulomb friction of one coefficient, regularised below a slip of `STICTION`.
+The contact point of an ellipsoid that has sunk in is up to an eighth of the depth beside its lowest point.
 Restitution comes from the pad (`viscoelastic_pad`), whose dampers would force steps of 0.1 µs on a flight, which has a
-separate diagram.  Every cause is a property of the rig or the body:
+separate diagram; or there is no pad, and Drake's own dissipation is all (`hunt_crossley`), in point or in hydroelastic
+contact (`hydroelastic`).  Every cause is a property of the rig or the body:
 
 | cause                               | in the plant                                                             |
 |-------------------------------------|--------------------------------------------------------------------------|
@@ -53,6 +55,8 @@ from pydrake.systems.primitives import LogVectorOutput, SymbolicVectorSystem, Ve
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Ellipse
 from thesis_lib.simulate.compliant.forces import rounded_centres
+from thesis_lib.simulate.drake.hunt_crossley import Spring
+from thesis_lib.simulate.drake.hydroelastic import Solid, solid_shape
 from thesis_lib.simulate.drake.viscoelastic_pad import Pad, design
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
@@ -61,6 +65,7 @@ STICTION = 2e-3
 SHARP = 1e-6  # m; radius of the sphere at a sharp corner
 HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
 SKID_SHARE = 0.03  # of the body's mass; lighter ones need more time steps and change little
+Surface = Pad | Spring | Solid  # what the body falls on
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
@@ -89,20 +94,22 @@ def drop_plant(
     contact: CompliantContact,
     m: HiddenCauses,
     gravity: float,
-    pad: Pad | None = None,
+    surface: Surface | None = None,
     air: LeafSystem | None = None,
 ) -> DropPlant:
     """Diagram of one body in flight, or over the plate.
 
-    `body` and `gravity` (m/s²) are as believed; only the friction of `contact` is used.  Without a `pad` there is no
-    plate, but a log of the flight.  `air` goes from the plant's state to a generalised force on it; None: as in `m`.
+    `body` and `gravity` (m/s²) are as believed; only the friction of `contact` is used.  Without a `surface` there
+    is no plate, but a log of the flight.  `air` goes from the plant's state to a generalised force on it; None: as in
+    `m`.
     """
     builder = DiagramBuilder()
-    if pad is None:
+    if surface is None:
         plant = builder.AddSystem(MultibodyPlant(time_step=0.0))
     else:
         plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-        plant.set_contact_model(ContactModel.kPoint)
+        soft = isinstance(surface, Solid)
+        plant.set_contact_model(ContactModel.kHydroelastic if soft else ContactModel.kPoint)
     moving, plate = plant.AddModelInstance("moving"), plant.AddModelInstance("plate")
 
     # only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality
@@ -115,11 +122,20 @@ def drop_plant(
     if m.loose_mass:
         _add_loose_mass(plant, moving, frame, body.mass, m)
     carriage = None
-    if pad is not None:
-        properties = _properties(pad, contact, m)
-        _add_shape(plant, frame, body, m, properties)
+    if surface is not None:
+        of_body, of_plate = _properties(surface, contact, m)
+        if isinstance(surface, Solid):
+            middle = RigidTransform([-m.com_offset_x, -m.com_offset_y, 0.0])
+            plant.RegisterCollisionGeometry(frame, middle, solid_shape(body, 1.0 + m.size_error), "solid", of_body)
+        else:
+            _add_shape(plant, frame, body, m, of_body)
         carriage, carrier = _add_carriage(plant, plate, body.mass, m)
-        _add_pad(plant, plate, carrier, body, pad, m, properties)
+        if isinstance(surface, Pad):
+            carrier = _add_layers(plant, plate, carrier, body.mass, surface, m)
+        if m.tangential_compliance:
+            carrier = _add_skid(plant, plate, carrier, body, surface, m)
+        pose = HalfSpace.MakePose(_Y, np.array([0.0, m.surface_height, 0.0]))
+        plant.RegisterCollisionGeometry(carrier, pose, HalfSpace(), "surface", of_plate)
 
     g = gravity + m.gravity_error
     plant.mutable_gravity_field().set_gravity_vector([g * np.sin(m.tilt), -g * np.cos(m.tilt), 0.0])
@@ -133,23 +149,32 @@ def drop_plant(
         builder.Connect(plant.get_state_output_port(), air.get_input_port())
         builder.Connect(air.get_output_port(), plant.get_applied_generalized_force_input_port())
     log = None
-    if pad is None:
+    if surface is None:
         log = LogVectorOutput(plant.get_state_output_port(), builder, {TriggerType.kPerStep})
     return DropPlant(builder.Build(), plant, joint, moving, carriage, log)
 
 
-def _properties(pad: Pad, contact: CompliantContact, m: HiddenCauses) -> ProximityProperties:
+def _properties(
+    surface: Surface, contact: CompliantContact, m: HiddenCauses
+) -> tuple[ProximityProperties, ProximityProperties]:
+    """Properties of the body's shape, and of the plate's."""
+    if isinstance(surface, Solid):
+        return surface.properties(contact, soft=True), surface.properties(contact, soft=False)
+    if isinstance(surface, Spring):
+        stiffness, dissipation = surface.stiffness, surface.dissipation
+    else:
+        # Drake's d acts on the rate of its spring alone, which is only a share of the approach of body and plate
+        stiffness, share = surface.k_contact, 1.0 / (surface.k_contact * surface.softness)
+        dissipation = m.hunt_crossley / share
     properties = ProximityProperties()
-    # Drake's d acts on the rate of its spring alone, which is only a share of the approach of body and plate
-    share = 1.0 / (pad.k_contact * pad.softness)
     # for both geometries: Drake puts their springs in series and keeps equal d and μ
     AddContactMaterial(
-        dissipation=m.hunt_crossley / share,
-        point_stiffness=2.0 * pad.k_contact,
+        dissipation=dissipation,
+        point_stiffness=2.0 * stiffness,
         friction=CoulombFriction(contact.mu, contact.mu),
         properties=properties,
     )
-    return properties
+    return properties, properties
 
 
 def _add_shape(
@@ -197,32 +222,37 @@ def _add_carriage(
     return joint, carriage
 
 
-def _add_pad(
-    plant: MultibodyPlant,
-    instance: ModelInstanceIndex,
-    carrier: RigidBody,
-    body: Body,
-    pad: Pad,
-    m: HiddenCauses,
-    properties: ProximityProperties,
-) -> None:
-    plate, skid = carrier, (SKID_SHARE * body.mass if m.tangential_compliance else 0.0)
+def _add_layers(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, carrier: RigidBody, mass: float, pad: Pad, m: HiddenCauses
+) -> RigidBody:
+    """The layers of a pad on its carrier; returns the top one."""
+    plate, skid = carrier, (SKID_SHARE * mass if m.tangential_compliance else 0.0)
     for i, (k, c) in reversed(list(enumerate(pad.layers))):
         # the skid rides on the top layer and is part of its mass
         layer = plant.AddRigidBody(f"layer_{i}", instance, _ball(pad.mass - (0.0 if i else skid)))
         joint = PrismaticJoint(f"layer_{i}", plate.body_frame(), layer.body_frame(), _Y, damping=c)
         plant.AddForceElement(PrismaticSpring(plant.AddJoint(joint), 0.0, k))
         plate = layer
-    if m.tangential_compliance:
-        top = plant.AddRigidBody("skid", instance, _ball(skid))
-        k = 1.0 / (pad.softness * m.tangential_compliance)
-        lever = (body.shape.extent / body.radius_of_gyration) ** 2
-        damping = 2.0 * m.tangential_damping * np.sqrt(k * body.mass / (1.0 + lever))
-        joint = PrismaticJoint("skid", plate.body_frame(), top.body_frame(), _X, damping=damping)
-        plant.AddForceElement(PrismaticSpring(plant.AddJoint(joint), 0.0, k))
-        plate = top
-    pose = HalfSpace.MakePose(_Y, np.array([0.0, m.surface_height, 0.0]))
-    plant.RegisterCollisionGeometry(plate, pose, HalfSpace(), "surface", properties)
+    return plate
+
+
+def _add_skid(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    plate: RigidBody,
+    body: Body,
+    surface: Pad | Spring,
+    m: HiddenCauses,
+) -> RigidBody:
+    """A light plate on a spring and a damper along the surface."""
+    softness = surface.softness if isinstance(surface, Pad) else 1.0 / surface.stiffness
+    top = plant.AddRigidBody("skid", instance, _ball(SKID_SHARE * body.mass))
+    k = 1.0 / (softness * m.tangential_compliance)
+    lever = (body.shape.extent / body.radius_of_gyration) ** 2
+    damping = 2.0 * m.tangential_damping * np.sqrt(k * body.mass / (1.0 + lever))
+    joint = PrismaticJoint("skid", plate.body_frame(), top.body_frame(), _X, damping=damping)
+    plant.AddForceElement(PrismaticSpring(plant.AddJoint(joint), 0.0, k))
+    return top
 
 
 def _ball(mass: float) -> SpatialInertia:
