@@ -95,9 +95,10 @@ def predict(
             state = effect.to_measured(state, p, rig)
         return state
 
-    contact = true
+    contact = true.moved(theta=true.theta + turned)
     for effect, p in active:
         contact = effect.to_contact(contact, p, rig)
+    contact = contact.moved(theta=contact.theta - turned)
     r_x, r_y = rig.shape.contact_point(true.theta + turned).T
     k_g = rig.k_g
     for effect, p in active:
@@ -121,10 +122,13 @@ def predict(
         taus = np.full(n, contact_time)
         for effect, p in active:
             taus = effect.contact_time(taus, space, contact, p, rig)
-        delay = taus / np.sqrt(space.K_nn)
-        turned = 0.25 * delay * (after.omega - contact.omega)
-        made = predict(active, measured, rig, law, mu, epsilon, turned=turned)
-        return replace(made, touch=made.touch + delay * np.maximum(-space.v_n, 0.0))
+        # the mass that the contact sees, from how fast the contact point gains normal velocity
+        gained = (after.vy + r_x * after.omega) - space.v_n
+        delay = np.where(pushes, taus * np.sqrt(c_n / np.where(pushes, gained, 1.0)), 0.0)
+        made = predict(active, measured, rig, law, mu, epsilon, turned=0.25 * delay * (after.omega - contact.omega))
+        earlier = true.flown(np.tile([0.0, -rig.gravity, 0.0], (n, 1)), -delay)
+        sunk = rig.shape.gap(earlier.y, earlier.theta) - rig.shape.gap(true.y, true.theta)
+        return replace(made, touch=made.touch + sunk)
     for effect, p in reversed(active):
         after = effect.from_contact(after, p, rig)
     seen_after = seen_by_camera(after)

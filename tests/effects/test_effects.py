@@ -30,6 +30,9 @@ BREAKS_MIRROR = {
     "moving_surface",
     "position_dependent_friction",
     "position_dependent_restitution",
+    "position_dependent_contact_time",
+    "orientation_dependent_contact_time",
+    "surface_patch",
     "surface_tilt",
     "angle_offset",
     "sensor_drift",
@@ -186,7 +189,10 @@ def test_changes_its_channels_and_no_other(effect: Effect) -> None:
     rig = RIGS["quadrilateral"]
     assert effect.applies_to(rig)
     states = random_states(rig, N, np.random.default_rng(6))
-    made, base = predict([(effect, at_scale(effect))], states, rig), predict([], states, rig)
+    # how long contacts last concerns effects only that act on it: elsewhere the touch would show what the impact does
+    timed = type(effect).contact_time is not Effect.contact_time
+    tau = TAU if timed else 0.0
+    made, base = (predict(on, states, rig, contact_time=tau) for on in ([(effect, at_scale(effect))], []))
     for channel in CHANNELS:
         change = np.abs(getattr(made, channel) - getattr(base, channel)).reshape(N, -1)
         if channel in ("impact", "flight"):
@@ -194,6 +200,9 @@ def test_changes_its_channels_and_no_other(effect: Effect) -> None:
         size = np.sqrt(np.mean(np.sum(change**2, axis=1)))
         if channel in effect.channels:
             assert size > RESOLVED[channel], channel
+        elif timed:
+            # the turning during a contact is of second order, but for bodies that it puts on another corner
+            assert np.median(np.sqrt(np.sum(change**2, axis=1))) < RESOLVED[channel], channel
         else:
             assert size < 1e-9, channel  # difference quotients of the flight lose three digits
 
@@ -216,9 +225,11 @@ def test_does_nothing_where_it_does_not_apply() -> None:
 def test_all_pairs_compose() -> None:
     rig = RIGS["quadrilateral"]
     states = random_states(rig, N, np.random.default_rng(13))
-    alone = {name: predict([(effect, at_scale(effect))], states, rig) for name, effect in EFFECTS.items()}
+    alone = {
+        name: predict([(effect, at_scale(effect))], states, rig, contact_time=TAU) for name, effect in EFFECTS.items()
+    }
     for one, other in permutations(EFFECTS.values(), 2):
-        both = predict([(one, at_scale(one)), (other, at_scale(other))], states, rig)
+        both = predict([(one, at_scale(one)), (other, at_scale(other))], states, rig, contact_time=TAU)
         for channel in CHANNELS:
             values = getattr(both, channel)
             assert np.isfinite(values).all(), (one.name, other.name)
@@ -234,15 +245,16 @@ def test_mirror_symmetry(effect: Effect) -> None:
     states = random_states(rig, N, np.random.default_rng(7))
     mirrored = states.moved(x=-states.x, theta=-states.theta, vx=-states.vx, omega=-states.omega)
     active = [(effect, at_scale(effect))]
-    one, other = predict(active, states, rig), predict(active, mirrored, mirror_rig)
+    one, other = (predict(active, at, where, contact_time=TAU) for at, where in ((states, rig), (mirrored, mirror_rig)))
     odd = {"impact": [-1, 1, -1], "meet": [-1, 1, -1], "touch": 1, "flight": [-1, 1, -1]}
     differs = max(
-        np.max(np.abs(getattr(other, channel) * odd[channel] - getattr(one, channel))) for channel in effect.channels
+        np.max(np.abs(getattr(other, channel) * odd[channel] - getattr(one, channel))) / RESOLVED[channel]
+        for channel in effect.channels
     )
     if effect.name in BREAKS_MIRROR:
-        assert differs > 1e-3
+        assert differs > 1.0
     else:
-        assert differs < 1e-9
+        assert differs < 1e-6
 
 
 def test_mirror_breakers_exist() -> None:

@@ -65,7 +65,7 @@ def sizes_text(effect: Effect) -> str:
 
 def picture_text(effect: Effect) -> str:
     """Alternative text of the picture."""
-    what, panels = "gap at impact", " over the angle of the body"
+    what, panels = "gap at impact", " over what it depends on most"
     if "impact" in effect.channels:
         over = "left over the contact velocity before impact, right against what else it depends on most"
         what, panels = "velocity after impact", f": {over}"

@@ -90,7 +90,9 @@ def _draw_curve(ax: Axes, rows: pd.DataFrame, label: str, factor: float) -> None
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     for look, (name, part) in zip(LOOKS, rows.groupby("series", sort=False)):
         ax.plot(part["at"], factor * part["value"], label=SYMBOLS.get(name, f"${name}$"), **look)
-    ax.set_xlabel(AXES[rows["over"].iloc[0]])
+    over = rows["over"].iloc[0]
+    at_impact = over == "v_n" and rows["panel"].iloc[0] == "gap"
+    ax.set_xlabel("$v_n$ before impact (m/s)" if at_impact else AXES[over])
     ax.set_ylabel(label)
     if rows["series"].nunique() > 1:
         ax.legend()

@@ -8,10 +8,11 @@ One ellipse (a square where an effect needs corners) hits the surface once, by M
 | curve   | Δv_x, Δv_y, kΔω against what else they depend on most             | the velocity after impact        |
 | flight  | the same of the acceleration                                      | the flight only                  |
 | path    | Δx, Δy, kΔθ over half a second of flight                          | the flight only                  |
-| gap     | Δφ_n over the body angle                                          | the gap at impact only           |
+| gap     | Δφ_n over the body angle or what else it depends on most          | the gap at impact only           |
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from thesis_lib.docs.effects import size_that_matters
 from thesis_lib.effects.effect import Effect, Rig, State
 
 LAW = LAWS["mirtich"]
-COEFFICIENTS = {"mu": 0.15, "epsilon": 0.55}
+COEFFICIENTS = {"mu": 0.15, "epsilon": 0.55, "tau": 5e-4}  # τ in s: only the gap at impact shows it
 ELLIPSE = Rig(Ellipse(semi_axes=(0.035, 0.025)), 0.0192, 9.81, 0.0)  # as published
 _CORNERS = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
 SQUARE = Rig(Polygon(vertices=_CORNERS), 0.0286, 9.81, 0.0)
@@ -52,7 +53,8 @@ def signature(effect: Effect) -> pd.DataFrame:
     elif "flight" in effect.channels:
         parts = [_curve(effect, "flight", IN_FLIGHT, flight_change, ("a_x", "a_y", "k α")), _path(effect)]
     else:
-        parts = [_curve(effect, "gap", {"theta": RANGES["theta"]}, gap_change, ("φ_n",))]
+        ranges = {name: RANGES[name] for name in ("theta", "x")} | {"v_n": (-3.5, -0.25)}
+        parts = [_curve(effect, "gap", ranges, gap_change, ("φ_n",))]
     return pd.concat(parts, ignore_index=True).assign(effect=effect.name)[COLUMNS]
 
 
@@ -81,9 +83,11 @@ def flight_change(effect: Effect, state: State) -> np.ndarray:
 
 def gap_change(effect: Effect, state: State) -> np.ndarray:
     """Δφ_n (n, 1) in m."""
-    _, values = _model(effect)
-    p = {parameter.name: values[f"{effect.name}.{parameter.name}"] for parameter in effect.parameters}
-    return effect.gap(np.zeros(len(state.x)), state, p, rig_for(effect))[:, None]
+    rig, (with_it, values) = rig_for(effect), _model(effect)
+    gaps = []
+    for model in (replace(with_it, takes_time=True), Model(LAW, takes_time=True)):
+        gaps.append(-model.gap(state, values, rig) - model.strike(state, values, rig)[1])
+    return (gaps[0] - gaps[1])[:, None]
 
 
 def _model(effect: Effect) -> tuple[Model, dict[str, float]]:

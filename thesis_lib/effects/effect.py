@@ -173,6 +173,14 @@ class Effect:
         """Whether the effect can exist on this rig (a corner radius needs corners)."""
         return True
 
+    def shapes(self, state: State, rig: Rig) -> list[dict[str, float]]:
+        """Starting values of the parameters that say where the effect is, from the measured states before impact.
+
+        For effects that are nowhere without them (a patch); fits take the best of them, with all others fitted.  Empty
+        for effects whose `Parameter.starts` suffice.
+        """
+        return []
+
     # measurement ------------------------------------------------------------------------------------------------
     def to_true(self, state: State, p: Parameters, rig: Rig) -> State:
         """True state behind a measured one."""

@@ -1,5 +1,6 @@
 """Contacts that take time: where the arcs meet, what the body turns by, and the verdict on a rig with such contacts."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -107,11 +108,13 @@ def test_a_contact_of_a_millisecond_with_nothing_hidden_is_adequate(shape):
     assert judged.verdict == "adequate"
     assert not judged.discovery.steps
     fitted = judged.ladder[-1][1]
-    assert fitted.values["tau"] == pytest.approx(T / duration(1.0, EPSILON), rel=CENTRAL)
+    true = T / duration(1.0, EPSILON)
+    assert abs(fitted.values["tau"] - true) < CENTRAL * true + SIGMAS * fitted.std["tau"]
     assert fitted.values["epsilon"] == pytest.approx(EPSILON, abs=0.005)
     assert fitted.values["mu"] == pytest.approx(MU, abs=0.002)
     summary = " ".join(diagnosis(judged, np.random.default_rng(0))["summary"])
-    assert "Contacts last about 1" in summary and "ms" in summary
+    last = re.search(r"Contacts last about ([\d.]+) ms", summary)
+    assert last and float(last[1]) == pytest.approx(1e3 * duration(fitted.values["tau"], EPSILON), rel=0.02)
 
 
 @pytest.mark.slow

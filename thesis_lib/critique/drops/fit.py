@@ -9,7 +9,7 @@ fixed S this maximises the likelihood; S and σ_m are updated between rounds.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -25,12 +25,13 @@ from thesis_lib.critique.drops.residuals import (
     residual_covariance,
     states_at_impact,
 )
-from thesis_lib.effects.effect import Effect
+from thesis_lib.effects.effect import Effect, State
 
 NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 STEPS = 12  # Levenberg-Marquardt steps per round
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
+SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH = 1e-3  # nats; a round ends below this gain per step, a twentieth of a standard error
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
@@ -110,10 +111,12 @@ class Whitening:
 def fit(
     model: Model, observations: Observations, start: Mapping[str, float] | None = None, rounds: int = ROUNDS
 ) -> Fit:
-    """Fit all parameters from `start` (nulls if absent) and from every declared start of the last effect."""
+    """Fit all parameters from `start` (nulls if absent) and from every start that the last effect declares or finds."""
     tries = [dict(start or {})]
     if model.effects:
         effect = model.effects[-1]
+        if not any(key.startswith(f"{effect.name}.") for key in tries[0]):
+            tries = _best_shapes(model, observations, tries[0]) or tries
         for p in effect.parameters:
             key = f"{effect.name}.{p.name}"
             if p.discrete is not None:
@@ -128,6 +131,42 @@ def fit(
         best = max((_fit_from(model, observations, t, 1) for t in tries), key=lambda fitted: fitted.score)
         return _fit_from(model, observations, best.values, rounds)
     return max((_fit_from(model, observations, t, rounds) for t in tries[:4]), key=lambda fitted: fitted.score)
+
+
+def _best_shapes(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
+    """Starts at the best of the last effect's `shapes`, with its other parameters as in their score test; [] if none.
+
+    `start` without (μ, ε) stands for the fit without that effect.
+    """
+    effect, o = model.effects[-1], observations
+    shapes = effect.shapes(State.of(o.value[:, 0], o.slope[:, 0], o.trial, o.t), o.rig)
+    if not shapes:
+        return []
+    smaller = replace(model, effects=model.effects[:-1])
+    if "mu" not in start:
+        start = fit(smaller, o, start, rounds=1).values
+    at = {name: p.null for name, p in model.parameters.items()} | dict(start)
+    whitening = Whitening.at(model, at, o)
+    here = whitening(at)
+
+    def column(values: Mapping[str, float], name: str, step: float) -> np.ndarray:
+        moved = whitening({**values, name: values[name] + step})
+        return np.concatenate([(_weight(z) * (m - z) / step).ravel() for z, m in zip(here, moved)])
+
+    residual = np.concatenate([(_weight(z) * z).ravel() for z in here])
+    free = smaller.fitted_parameters.items()
+    fitted = [column(at, name, inward(p, at[name], SLOPE_STEP * p.scale)) for name, p in free]
+    sizes = {f"{effect.name}.{p.name}": p for p in effect.parameters if p.name not in shapes[0]}
+    found = []
+    for shape in shapes:
+        values = at | {f"{effect.name}.{name}": value for name, value in shape.items()}
+        A = np.stack(fitted + [column(values, name, p.scale) for name, p in sizes.items()], axis=1)
+        x = np.linalg.lstsq(A, -residual, rcond=None)[0]
+        best = {
+            name: float(np.clip(p.null + d, p.low, p.high)) for (name, p), d in zip(sizes.items(), x[len(fitted) :])
+        }
+        found.append((float(np.sum((residual + A @ x) ** 2)), values | best))
+    return [values for _, values in sorted(found, key=lambda pair: pair[0])[:SHAPES]]
 
 
 def _fit_from(model: Model, observations: Observations, start: dict[str, float], rounds: int) -> Fit:
@@ -239,6 +278,11 @@ def _robust(z: np.ndarray) -> np.ndarray:
     d2 = np.einsum("nm,nm->n", z, z)
     scale = (NU + m) * np.log1p(d2 / NU) / np.where(d2 > 0, d2, 1.0)
     return z * np.sqrt(np.where(d2 > 0, scale, 1.0))[:, None]
+
+
+def _weight(z: np.ndarray) -> np.ndarray:
+    """Square roots (n, 1) of the t distribution's weights, for whitened residuals (n, m)."""
+    return np.sqrt((NU + z.shape[1]) / (NU + np.einsum("nm,nm->n", z, z)))[:, None]
 
 
 def _log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:

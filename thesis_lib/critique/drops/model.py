@@ -5,9 +5,11 @@ A measured state passes through the camera to the true state, the effects to wha
 
 A real contact takes time.  Let s(t) be the share of the impulse that has acted t after touch.  Between touch and
 release the body moves by v⁻ t + Δv ∫ s dt, so to first order the free arcs before and after meet at the centroid
-t̄ = ∫ t s' dt of the impulse, in a pose where the contact point is t̄ |v_n| below the surface:
+t̄ = ∫ t s' dt of the impulse.  A time t̄ earlier the free arc touches; there the contact point is about t̄ |v_n| below:
 
-    φ_n = −t̄ |v_n|,    t̄ = τ / √K_nn        (a spring under the mass that the contact sees, m / K_nn)
+    φ_n(q⁻(−t̄)) = 0,    t̄ = τ / √b,    b = Δv_n / c_n
+
+b⁻¹ is the mass that the contact sees, K_nn⁻¹ without friction; a spring under it swings with the root of it.
 
 Until the impulse acts the body has turned by more than that arc says, because Δω builds up meanwhile.  Weighted with
 the impulse this is Δω ∫ s' S dt with S = ∫ s dt; for a half sine of force t̄ = T/2 and the integral is T/8:
@@ -22,6 +24,7 @@ change τ from impact to impact.
 |----------|---------|------|-------|--------------------------------------------------------------------------|
 | τ        | `tau`   | s    |       | time from touch to the centroid of the impulse, in a central impact      |
 | t̄        | `delay` | s    | (n,)  | the same in each impact                                                  |
+| b        |         | 1    | (n,)  | normal velocity over normal impulse per unit mass, with its friction     |
 | T        |         | s    |       | duration of a central contact                                            |
 """
 
@@ -39,6 +42,7 @@ BASE_PARAMETERS = (
     Parameter("epsilon", "1", null=0.5, low=0.0, high=1.0, scale=0.05),
 )
 CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-4)
+LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact is no spring under a mass
 TURNED = 0.25  # of t̄ Δω: turning of the body until the impulse acts, beyond that of the arc before
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
 
@@ -198,16 +202,27 @@ class Model:
         epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
         after, depth = self._struck(*contact, active, rig, mu, epsilon), np.zeros_like(r_x)
         if self.takes_time:
-            space, tau = contact_space_of(*contact), np.full_like(r_x, values["tau"])
-            for effect, p in active:
-                tau = effect.contact_time(tau, space, seen, p, rig)
-            delay = tau / np.sqrt(space.K_nn)
-            depth = delay * np.maximum(-space.v_n, 0.0)
+            delay = self._delay(contact, after, values["tau"], active, rig)
+            fallen = delay * (true.vy + 0.5 * rig.gravity * delay)
+            at_touch = rig.shape.gap(true.y - fallen, true.theta - delay * true.omega)
+            depth = np.where(contact_space_of(*contact).v_n < 0.0, at_touch - rig.shape.gap(true.y, true.theta), 0.0)
             turned = TURNED * delay * (after.omega - seen.omega)
             after = self._struck(*self.contact_at(true, active, rig, offset, turned), active, rig, mu, epsilon)
         for effect, p in reversed(active):
             after = effect.from_contact(after, p, rig)
         return after, depth
+
+    @staticmethod
+    def _delay(contact: tuple, after: State, tau: float, active: Sequence, rig: Rig) -> np.ndarray:
+        """t̄ (n,) in s of each impact, from what `contact` returns and the state after the impulse."""
+        seen, space = contact[0], contact_space_of(*contact)
+        tau = np.full_like(seen.x, tau)
+        for effect, p in active:
+            tau = effect.contact_time(tau, space, seen, p, rig)
+        push = after.vy - seen.vy
+        gained = after.vy + contact[1] * after.omega - space.v_n
+        mobility = np.divide(gained, push, out=np.ones_like(push), where=push > 0.0)
+        return tau / np.sqrt(np.maximum(mobility, LEAST_MOBILITY))
 
     def _struck(
         self,

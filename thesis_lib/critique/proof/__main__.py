@@ -18,7 +18,6 @@ from thesis_lib.critique.proof.compute import compute
 from thesis_lib.critique.proof.sizes import find_size, require_checkout, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.critique.proof.summary import report
-from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 
 SAMPLE = 2  # rows; about 20 s of CPU time each
@@ -39,7 +38,8 @@ def main(arguments: list[str] | None = None) -> int:
             print(report(folder=options.csv), end="")
         else:
             factor = find_size(options.effect, RATIO, options.seed)
-            print(f"{options.effect}: {factor:g}, stored {stored_factor(options.effect):g} (factor on its scales)")
+            print(f"{options.effect}: {factor:g} (factor on its scales)", flush=True)
+            print(f"stored: {stored_factor(options.effect):g}")
     except UserError as error:
         print(error, file=sys.stderr)
         return 1
@@ -100,7 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     table.add_argument("--csv", type=Path, metavar="DIR", help=files)
     found = "find the size of an effect at which the misfit is 3 times the floor again (half a minute)"
     size = commands.add_parser("size", help=found)
-    size.add_argument("effect", choices=tuple(EFFECTS))
+    size.add_argument("effect", choices=truths("law")[1:])
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")
     return parser
 

@@ -96,7 +96,9 @@ def truths(source: str) -> list[str]:
         from thesis_lib.simulate.drake.drops import SUPPORTED
 
         return [NOTHING, *SUPPORTED]
-    return [NOTHING, *(EFFECTS if source == "law" else CAUSES)]
+    if source == "law":  # impacts of a law are instants
+        return [NOTHING, *(name for name, effect in EFFECTS.items() if not effect.needs_contact_time)]
+    return [NOTHING, *CAUSES]
 
 
 def pairs(source: str) -> list[str]:

@@ -38,9 +38,12 @@ def require_checkout() -> None:
 
 
 def stored_factor(name: str) -> float:
-    """Factor on the scales of an effect in config/proof_sizes.json."""
+    """Factor on the scales of an effect in config/proof_sizes.json; UserError if none is stored."""
     require_checkout()
-    return json.loads(SIZES.read_text(encoding="utf-8"))["law"][name]
+    stored = json.loads(SIZES.read_text(encoding="utf-8"))["law"]
+    if name not in stored:
+        raise UserError(f"config/proof_sizes.json has no size of {name}; `size {name}` finds one.")
+    return stored[name]
 
 
 def law_size(name: str, factor: float) -> dict[str, float]:

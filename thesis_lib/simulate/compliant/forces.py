@@ -15,7 +15,7 @@ second half of the drift.
 Impulses follow from integrating the forces, without an impact law.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 EPSILON_LOW, EPSILON_HIGH = 0.05, 1.0  # limits where slopes and sectors would exceed them
+SOFTEST = 0.1  # of the stiffness, where its slope would go below
+SPOT = 0.3  # 1 − cos of the angle at which a soft spot is a third as soft: 46°, so that one corner of a square has it
 
 
 @dataclass
@@ -33,12 +35,13 @@ class Memory:
 
     deepest: np.ndarray  # δ_m, m
     bristle: np.ndarray  # s, m
-    epsilon: np.ndarray  # epsilon, mu: fixed at touch
+    epsilon: np.ndarray  # epsilon, mu, stiffness: fixed at touch
     mu: np.ndarray
+    stiffness: np.ndarray  # k, N/mⁿ
 
     def keep(self, rows: np.ndarray) -> "Memory":
         """The memory of the bodies `rows`, a mask or indices."""
-        return Memory(self.deepest[rows], self.bristle[rows], self.epsilon[rows], self.mu[rows])
+        return Memory(*(getattr(self, item.name)[rows] for item in fields(self)))
 
 
 class Mechanics:
@@ -150,14 +153,21 @@ class Mechanics:
         m = self.hidden
         r_x, r_y = self.points(q[:, 2])
         epsilon = np.broadcast_to(self.epsilon[rows][:, None], r_x.shape)
+        c = self.origin(q[:, 2])
+        place = np.arctan2(r_y + c[:, 1:], r_x + c[:, :1]) - q[:, 2:3] - m.orientation_axis
         if m.orientation_restitution:
-            c = self.origin(q[:, 2])
-            place = np.arctan2(r_y + c[:, 1:], r_x + c[:, :1]) - q[:, 2:3]
-            epsilon = epsilon * (1.0 + m.orientation_restitution * np.cos(2.0 * (place - m.orientation_axis)))
+            epsilon = epsilon * (1.0 + m.orientation_restitution * np.cos(2.0 * place))
         x = q[:, :1] + r_x
-        epsilon = np.clip(epsilon * (1.0 + m.restitution_slope * x), EPSILON_LOW, EPSILON_HIGH)
-        mu = np.maximum(self.contact.mu * (1.0 + m.friction_slope * x), 0.0)
-        return Memory(np.zeros_like(r_x), np.zeros_like(r_x), epsilon, mu)
+        patch, bump, step = _profiles(x, m)
+        by_place = 1.0 + m.restitution_slope * x
+        by_place = by_place + m.restitution_patch * patch + m.restitution_bump * bump + m.restitution_step * step
+        epsilon = np.clip(epsilon * by_place, EPSILON_LOW, EPSILON_HIGH)
+        by_place = 1.0 + m.friction_slope * x
+        by_place = by_place + m.friction_patch * patch + m.friction_bump * bump + m.friction_step * step
+        mu = np.maximum(self.contact.mu * by_place, 0.0)
+        stiffness = self.stiffness * np.maximum(1.0 + m.stiffness_slope * x + m.stiffness_patch * patch, SOFTEST)
+        stiffness = stiffness * (1.0 - m.soft_spot * np.exp(-(1.0 - np.cos(place)) / SPOT))
+        return Memory(np.zeros_like(r_x), np.zeros_like(r_x), epsilon, mu, stiffness)
 
     def step(
         self, q: np.ndarray, v: np.ndarray, t: np.ndarray, memory: Memory, rows: np.ndarray
@@ -195,7 +205,7 @@ class Mechanics:
         lift = (1.0 - share) * deepest - depth  # distance beyond δ_0; negative while the contact pushes
         pressed = deepest > 0.0
         part = np.divide(-lift, share * deepest, out=np.zeros_like(lift), where=pressed & (lift < 0.0))
-        push = self.stiffness * (deepest * part if n == 1.0 else (deepest * part) ** n)
+        push = memory.stiffness * (deepest * part if n == 1.0 else (deepest * part) ** n)
         if m.hunt_crossley:
             push = push * np.maximum(1.0 + m.hunt_crossley * rate, 0.0)
         reach, pull = 0.0, 0.0
@@ -223,7 +233,7 @@ class Mechanics:
             # points that touch together share the force, or the sum would overshoot
             sharing = np.maximum((push > 0.0).sum(axis=1, keepdims=True), 1)
             return np.clip(-slip / (mobility * h * sharing), -limit, limit)
-        k = self.stiffness / m.tangential_compliance
+        k = memory.stiffness / m.tangential_compliance
         if self.contact.exponent != 1.0:
             # a Hertz contact grows with depth, and both its stiffnesses with its width
             k = k * self.contact.exponent * np.maximum(memory.deepest, 1e-12) ** (self.contact.exponent - 1.0)
@@ -232,6 +242,12 @@ class Mechanics:
         # spring and damper carry the force together, sliding or not: k s + c ṡ = −force
         memory.bristle = (damping / h * memory.bristle - force) / (k + damping / h)
         return force
+
+
+def _profiles(x: np.ndarray, m: HiddenCauses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Patch, bump and step at places x (n, p) in m, of height 1."""
+    u = (x - m.patch_centre) / (0.5 * m.patch_width)
+    return (np.abs(u) < 1.0).astype(float), np.exp(-(u**2)), np.tanh(u)
 
 
 def rounded_centres(corners: np.ndarray, radius: float) -> np.ndarray:

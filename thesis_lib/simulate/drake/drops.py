@@ -46,7 +46,8 @@ WEAR_NODES = 5  # pads from which those of worn plates are interpolated
 # causes without an element in Drake: they would only repeat the formulas of `compliant`
 WITHOUT_ELEMENT = (
     *("stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy", "orientation_restitution"),
-    *("friction_slope", "restitution_slope"),
+    *("friction_slope", "restitution_slope", "stiffness_slope", "soft_spot", "stiffness_patch"),
+    *(f"{what}_{shape}" for what in ("restitution", "friction") for shape in ("patch", "bump", "step")),
 )
 SUPPORTED: tuple[str, ...] = tuple(name for name in CAUSES if name not in WITHOUT_ELEMENT)
 # the contact of each surface; in Drake's own it is Hunt and Crossley's dissipation that loses energy, so that it is no

@@ -1,0 +1,25 @@
+"""Where a contact is: its place along the surface, and its place on the body.
+
+A property of the surface belongs to the place that is touched, x + r_x, not to that of the body origin: at a corner
+they are up to half a diagonal apart.
+
+| on paper | in code | unit | shape | meaning                                                                        |
+|----------|---------|------|-------|--------------------------------------------------------------------------------|
+| x_c      |         | m    | (n,)  | contact point along the surface                                                |
+| β        |         | rad  | (n,)  | polar angle of the contact point about the body origin, in the axes of the body |
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Rig, State
+
+
+def along_surface(state: State, rig: Rig) -> np.ndarray:
+    """x_c (n,) in m of the believed shape at its pose."""
+    return state.x + rig.shape.contact_point(state.theta)[:, 0]
+
+
+def around_body(state: State, rig: Rig) -> np.ndarray:
+    """β (n,) in rad of the believed shape at its pose, beyond (−π, π]."""
+    r = rig.shape.contact_point(state.theta)
+    return np.arctan2(r[:, 1], r[:, 0]) - state.theta

@@ -1,0 +1,42 @@
+"""Orientation-dependent contact time: a corner or a side of the body is softer than the others.
+
+    τ ← τ exp(a_c cos β + a_s sin β + b_c cos 2β + b_s sin 2β)
+
+The first two harmonics of the place β on the body.  They tell the four corners of a rectangle apart, whatever τ each
+has; the exponential keeps τ positive.
+
+| on paper | in code | unit | shape | meaning                                                             |
+|----------|---------|------|-------|---------------------------------------------------------------------|
+| a_c, a_s | `a_c`, `a_s` | 1 |     | one side against the opposite one, along the axes of the body       |
+| b_c, b_s | `b_c`, `b_s` | 1 |     | ends against sides, and one diagonal against the other              |
+| β        |         | rad  | (n,)  | polar angle of the contact point in the axes of the body            |
+
+Breaks mirror symmetry.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.contact_place import around_body
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class OrientationDependentContactTime(Effect):
+    name = "orientation_dependent_contact_time"
+    family = "contact_law"
+    title = "contact time depends on the place on the body"
+    equation = "τ = τ₀ exp(a_c cos β + a_s sin β + b_c cos 2β + b_s sin 2β)"
+    parameters = tuple(
+        Parameter(name, "1", null=0.0, low=-2.0, high=2.0, scale=0.1) for name in ("a_c", "a_s", "b_c", "b_s")
+    )
+    channels = ("touch",)
+    needs_trajectories = True
+    needs_contact_time = True
+    reference = "first harmonics of a smooth dependence on the place"
+
+    def contact_time(self, tau, space, state, p, rig):
+        beta = around_body(state, rig)
+        first = p["a_c"] * np.cos(beta) + p["a_s"] * np.sin(beta)
+        return tau * np.exp(first + p["b_c"] * np.cos(2.0 * beta) + p["b_s"] * np.sin(2.0 * beta))
+
+
+EFFECT = OrientationDependentContactTime()
