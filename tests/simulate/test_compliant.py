@@ -322,6 +322,39 @@ def test_corners_are_rounded_inside_both_edges():
     np.testing.assert_allclose(lying["y"], 0.035, atol=EXACT)  # a rounded square is as high as a sharp one
 
 
+def test_restitution_and_friction_follow_the_place_that_is_hit():
+    release = at(height=0.3, vx=(-1.0, 1.0), omega=(-60.0, 60.0))
+    for shape in ("patch", "bump", "step"):
+        hidden = {f"restitution_{shape}": 0.3, f"friction_{shape}": -0.5, "patch_centre": -0.05, "patch_width": 0.08}
+        hit = first(run(80, DISK, release, hidden=hidden, contact={"mu": 0.1, "steps": 100}))
+        u = (hit["x"] + 0.05) / 0.04
+        profile = {"patch": 1.0 * (np.abs(u) < 1.0), "bump": np.exp(-(u**2)), "step": np.tanh(u)}[shape]
+        np.testing.assert_allclose(-hit["vy_post"] / hit["vy_pre"], 0.55 * (1.0 + 0.3 * profile), atol=RIGID_TOL)
+        slips = np.abs(hit["vx_post"] + 0.03 * hit["omega_post"]) > 0.1
+        ratio = np.abs(hit["c_t"] / hit["c_n"])
+        np.testing.assert_allclose(ratio[slips], 0.1 * (1.0 - 0.5 * profile)[slips], atol=1e-3)
+        assert np.ptp(profile) > 0.9 and slips.sum() > 5
+
+
+def test_contacts_last_longer_where_surface_or_body_are_soft():
+    release = at(height=0.3, vx=(-1.0, 1.0), theta=(-3.1, 3.1))
+    hidden = {"stiffness_slope": 2.0, "stiffness_patch": -0.5, "soft_spot": 0.6}
+    times = {}
+    for name in ("nothing", *hidden):
+        given = {name: hidden[name]} if name in hidden else {}
+        times[name] = first(run(40, DISK, release, hidden=given, contact={"contact_time": 1e-3, "mu": 0.0}))
+    plain = times["nothing"]
+    x, place = plain["x"], -np.pi / 2.0 - plain["theta"] - 0.4
+    share = {
+        "stiffness_slope": np.maximum(1.0 + 2.0 * x, 0.1),
+        "stiffness_patch": 1.0 - 0.5 * (np.abs(x - 0.1) < 0.05),
+        "soft_spot": 1.0 - 0.6 * np.exp(-(1.0 - np.cos(place)) / 0.3),
+    }
+    for name, k in share.items():
+        assert np.ptp(k) > 0.3
+        np.testing.assert_allclose(times[name]["duration"] / plain["duration"], k**-0.5, rtol=0.02)
+
+
 def test_two_corners_that_land_together_both_push():
     flat, tipped = first(run(1, SQUARE, at(theta=0.0))), first(run(1, SQUARE, at(theta=0.3)))
     np.testing.assert_allclose(flat["omega_post"], 0.0, atol=1e-6)

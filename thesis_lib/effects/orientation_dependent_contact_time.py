@@ -3,7 +3,7 @@
     τ ← τ exp(a_c cos β + a_s sin β + b_c cos 2β + b_s sin 2β)
 
 The first two harmonics of the place β on the body.  They tell the four corners of a rectangle apart, whatever τ each
-has; the exponential keeps τ positive.
+has; the exponential keeps τ positive.  What a body cannot show (b_c at the corners of a square) stays 0.
 
 | on paper | in code | unit | shape | meaning                                                             |
 |----------|---------|------|-------|---------------------------------------------------------------------|
@@ -26,7 +26,8 @@ class OrientationDependentContactTime(Effect):
     title = "contact time depends on the place on the body"
     equation = "τ = τ₀ exp(a_c cos β + a_s sin β + b_c cos 2β + b_s sin 2β)"
     parameters = tuple(
-        Parameter(name, "1", null=0.0, low=-2.0, high=2.0, scale=0.1) for name in ("a_c", "a_s", "b_c", "b_s")
+        Parameter(name, "1", null=0.0, low=-2.0, high=2.0, scale=0.1, starts=(0.0,))
+        for name in ("a_c", "a_s", "b_c", "b_s")
     )
     channels = ("touch",)
     needs_trajectories = True

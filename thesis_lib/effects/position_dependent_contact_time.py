@@ -23,7 +23,7 @@ class PositionDependentContactTime(Effect):
     family = "surface"
     title = "contact time depends on place"
     equation = "τ = τ₀ (1 + g_τ x_c)"
-    parameters = (Parameter("g_tau", "1/m", null=0.0, low=-10.0, high=10.0, scale=1.0),)
+    parameters = (Parameter("g_tau", "1/m", null=0.0, low=-10.0, high=10.0, scale=1.0, starts=(0.0,)),)
     channels = ("touch",)
     needs_trajectories = True
     needs_contact_time = True

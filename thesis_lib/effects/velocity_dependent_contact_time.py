@@ -24,7 +24,7 @@ class VelocityDependentContactTime(Effect):
     family = "contact_law"
     title = "contact time depends on speed"
     equation = "τ = τ₀ (|v_n| / 1 m/s)^−p K_nn^(p/2)"
-    parameters = (Parameter("p", "1", null=0.0, low=-0.5, high=0.9, scale=0.15),)
+    parameters = (Parameter("p", "1", null=0.0, low=-0.5, high=0.9, scale=0.15, starts=(0.0,)),)
     channels = ("touch",)
     needs_trajectories = True
     needs_contact_time = True
