@@ -11,6 +11,8 @@ The body origin is the believed centre of mass.  Shapes are sections of dataset.
 once.
 """
 
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -99,6 +101,11 @@ class Polygon(_Shape):
             raise ValueError("the polygon has no area: its vertices lie on a line or cross each other")
         return self
 
+    @property
+    def corners(self) -> np.ndarray:
+        """Corners of the convex hull (k, 2) in m, counter-clockwise, without points on its sides."""
+        return _hull(self.vertices)
+
     def _cross(self) -> np.ndarray:
         """Cross product of each vertex with the next (k,) in m²; half their sum is the signed area."""
         p = np.array(self.vertices)
@@ -109,9 +116,7 @@ class Polygon(_Shape):
         theta = np.asarray(theta, dtype=float)
         vertices = np.array(self.vertices)
         height = np.sin(theta)[..., None] * vertices[:, 0] + np.cos(theta)[..., None] * vertices[:, 1]
-        lowest = np.argmin(height, axis=-1)
-        x, y = vertices[lowest, 0], vertices[lowest, 1]
-        return np.stack([np.cos(theta) * x - np.sin(theta) * y, np.sin(theta) * x + np.cos(theta) * y], axis=-1)
+        return _turned(vertices[np.argmin(height, axis=-1)], theta)
 
     def outline(self, points: int = 180) -> np.ndarray:
         return np.array([*self.vertices, self.vertices[0]])
@@ -125,6 +130,51 @@ class Polygon(_Shape):
         # polar second moment of area about the origin, moved to the centroid (parallel axes)
         polar = (cross * ((p * p).sum(1) + (p * q).sum(1) + (q * q).sum(1))).sum() / 12.0
         return float(np.sqrt(polar / area - centroid @ centroid))
+
+
+@dataclass(frozen=True)
+class Corner:
+    """One corner of a polygon for each of n bodies, as a shape of its own: `index` (n,) into `polygon.corners`."""
+
+    polygon: Polygon
+    index: np.ndarray
+
+    @property
+    def kind(self) -> str:
+        return self.polygon.kind
+
+    def contact_point(self, theta: np.ndarray) -> np.ndarray:
+        """That corner of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
+        return _turned(self.polygon.corners[self.index], theta)
+
+    def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
+        """Distance (n,) in m of the corner above the surface at `height`."""
+        return y + self.contact_point(theta)[:, 1] - height
+
+
+def _turned(points: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Points (..., 2) of the body in the axes of the surface, at angles theta (...)."""
+    x, y, cos, sin = points[..., 0], points[..., 1], np.cos(theta), np.sin(theta)
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+@lru_cache(maxsize=32)
+def _hull(vertices: tuple[tuple[float, float], ...]) -> np.ndarray:
+    """Corners of the convex hull, by Andrew's monotone chain."""
+    points = sorted(set(vertices))
+
+    def chain(points: list) -> list:
+        kept: list = []
+        for x, y in points:
+            while len(kept) > 1:
+                (x0, y0), (x1, y1) = kept[-2:]
+                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
+                    break
+                kept.pop()
+            kept.append((x, y))
+        return kept[:-1]
+
+    return np.array(chain(points) + chain(points[::-1]))
 
 
 Shape = Annotated[Ellipse | Disk | Polygon, Field(discriminator="kind")]

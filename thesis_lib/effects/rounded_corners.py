@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.effects.effect import Effect, Parameter
 
 
@@ -35,26 +35,28 @@ class RoundedCorners(Effect):
         return isinstance(rig.shape, Polygon)
 
     def contact_point(self, r_x, r_y, state, p, rig):
-        if not self.applies_to(rig):
+        if not isinstance(rig.shape, Polygon | Corner):
             return r_x, r_y
-        d_x, d_y = _moved(rig.shape.vertices, state.theta, p["rho"])  # pyright: ignore[reportAttributeAccessIssue]
+        d_x, d_y = _moved(rig.shape, state.theta, p["rho"])
         return r_x + d_x, r_y + d_y
 
     def gap(self, gap, state, p, rig):
-        if not self.applies_to(rig):
+        if not isinstance(rig.shape, Polygon | Corner):
             return gap
-        return gap - _moved(rig.shape.vertices, state.theta, p["rho"])[1]  # pyright: ignore[reportAttributeAccessIssue]
+        return gap - _moved(rig.shape, state.theta, p["rho"])[1]
 
 
-def _moved(vertices, theta, rho):
-    """Lowest point of the rounded polygon minus that of the sharp one, two arrays (n,)."""
-    corners, inward, largest = _corners(vertices)
+def _moved(shape, theta, rho):
+    """Contact point of the rounded polygon (or of one corner of it) minus that of the sharp one, two arrays (n,)."""
+    polygon = shape.polygon if isinstance(shape, Corner) else shape
+    corners, inward, largest = _corners(polygon.vertices)
     rho = min(rho, largest)
     sin, cos = np.sin(theta), np.cos(theta)
 
     def lowest(points):
         heights = np.multiply.outer(sin, points[:, 0]) + np.multiply.outer(cos, points[:, 1])
-        x, y = points[np.argmin(heights, axis=-1)].T
+        index = shape.index if isinstance(shape, Corner) else np.argmin(heights, axis=-1)
+        x, y = points[index].T
         return cos * x - sin * y, sin * x + cos * y
 
     round_x, round_y = lowest(corners + rho * inward)
@@ -65,7 +67,7 @@ def _moved(vertices, theta, rho):
 @lru_cache(maxsize=32)
 def _corners(vertices):
     """Corners of the convex hull (k, 2), their shift inward for each metre of ρ (k, 2), and the largest ρ that fits."""
-    corners = np.array(_hull(vertices))
+    corners = Polygon(vertices=vertices).corners
     along = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(along[:, 0], along[:, 1])
     # normal of the side that follows
@@ -76,24 +78,6 @@ def _corners(vertices):
     # an arc takes ρ tan(turn / 2) from each of its two sides
     taken = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) / share
     return corners, inward, float(np.min(length / (taken + np.roll(taken, -1))))
-
-
-def _hull(vertices):
-    """Corners of the convex hull, counter-clockwise, without points on its sides (Andrew's monotone chain)."""
-    points = sorted(set(vertices))
-
-    def chain(points):
-        kept = []
-        for x, y in points:
-            while len(kept) > 1:
-                (x0, y0), (x1, y1) = kept[-2:]
-                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
-                    break
-                kept.pop()
-            kept.append((x, y))
-        return kept[:-1]
-
-    return chain(points) + chain(points[::-1])
 
 
 EFFECT = RoundedCorners()

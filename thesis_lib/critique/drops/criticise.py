@@ -17,6 +17,7 @@ from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, Judgement, testable_effects
 from thesis_lib.critique.selection.search import judge_held_out, paired_gain, search, split
 from thesis_lib.critique.selection.world import Remaining
@@ -121,11 +122,13 @@ def criticise(
     require_known(effects or ())
     _refuse_constant(dataset)
     say("finding impacts")
-    observations = observe(dataset, arcs)
+    observations = observe(dataset, arcs, settings.episodes)
     for name, why in testable_effects(observations, settings.contact_time)[1].items():
         if name in (effects or ()):
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
     training, held_out = _split(dataset, observations, settings, rng)
+    observations = predictable(observations, training, settings.contact_time and observations.arcs)
+    training, held_out = (observations.select(np.unique(part.trial)) for part in (training, held_out))
     world = Drops(training, settings.rivals, settings.contact_time)
     say(f"fitting {len(world.bases)} laws")
     discovery = search(world, settings, rng, effects, say)
@@ -135,7 +138,7 @@ def criticise(
     laws = {name: unseen.judge(fitted) for name, (fitted, _) in discovery.bases.items()}
     base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")
-    structure = remaining(final, training, rng)
+    structure = remaining(final, training.single, rng)
     before, after = states_at_impact(base.model, base.values, held_out)
     no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
     errors = (_irb(base, held_out), _irb(final, held_out), float(np.linalg.norm(no_impact, axis=0).mean()))
@@ -146,7 +149,8 @@ def criticise(
 
 
 def _irb(fitted: Fit, observations: Observations) -> float:
-    """Mean IRB bound, m/s, of the impacts in the geometry of the fitted contact."""
+    """Mean IRB bound, m/s, of the single hits in the geometry of the fitted contact."""
+    observations = observations.single
     before, after = states_at_impact(fitted.model, fitted.values, observations)
     (seen_before, r_x, r_y, k_g), (seen_after, *_) = (
         fitted.model.contact(state, fitted.values, observations.rig, observations.offset) for state in (before, after)

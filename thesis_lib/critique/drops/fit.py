@@ -33,6 +33,7 @@ STEPS = 12  # Levenberg-Marquardt steps per round
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH = 1e-3  # nats; a round ends below this gain per step, a twentieth of a standard error
+ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
@@ -127,8 +128,10 @@ def fit(
                 options = p.starts[:2] or either_side[: 2 if p.low < p.null < p.high else 1]
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
     if "mu" not in tries[0]:
-        tries = [t | basin for t in tries for basin in _basins(model, observations, t)]
-        best = max((_fit_from(model, observations, t, 1) for t in tries), key=lambda fitted: fitted.score)
+        # single hits find the basin: an episode is far from linear while (μ, ε) are far off
+        simple = observations.single if len(observations.single) >= ENOUGH_SINGLE else observations
+        tries = [t | basin for t in tries for basin in _basins(model, simple, t)]
+        best = max((_fit_from(model, simple, t, 1) for t in tries), key=lambda fitted: fitted.score)
         return _fit_from(model, observations, best.values, rounds)
     return max((_fit_from(model, observations, t, rounds) for t in tries[:4]), key=lambda fitted: fitted.score)
 

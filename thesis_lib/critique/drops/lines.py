@@ -70,19 +70,24 @@ def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.nd
     return np.searchsorted(trial * span + t, of_trial * span + of_t)
 
 
-def side_lines(samples: Samples, hits: Hits, trial: np.ndarray, t: np.ndarray, most: np.ndarray) -> SideLines:
-    """Lines on either side of impacts at (trial, t), (n,), through at most `most` (n, 2) samples; hits end a side."""
+def edges_of(hits: Hits, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Edges (n, 4) in s of the flights before and after single hits at (trial, t): neighbouring hits end a flight."""
     after = hits.before(trial, t + LATER)  # number of the first hit after the impact
-    earliest = hits.instants(after - 2, trial, -np.inf) + GUARD
-    latest = hits.instants(after, trial, np.inf) - GUARD
+    earliest, latest = hits.instants(after - 2, trial, -np.inf), hits.instants(after, trial, np.inf)
+    return np.stack([earliest + GUARD, t - GUARD, t + GUARD, latest - GUARD], axis=1)
+
+
+def side_lines(samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.ndarray, most: np.ndarray) -> SideLines:
+    """Lines at instants (trial, t), (n,), through at most `most` (n, 2) samples within `edges` (n, 4) of two flights."""
     width = int(most.max(initial=1)) + 1
     wanted = position(samples.trial, samples.t, trial, t)[:, None] + np.arange(-width, width)
     index = np.clip(wanted, 0, len(samples) - 1)
     time = samples.t[index]
     tau = time - t[:, None]
     inside = (wanted == index) & (samples.trial[index] == trial[:, None])
-    inside &= (time > earliest[:, None]) & (time < latest[:, None])
-    side = np.stack([inside & (tau < -GUARD), inside & (tau > GUARD)], axis=1).astype(float)
+    low, last, first, high = edges.T[:, :, None]
+    side = np.stack([inside & (time > low) & (time < last), inside & (time > first) & (time < high)], axis=1)
+    side = side.astype(float)
     side *= rank(side) <= most[:, :, None]
 
     lines = lines_through(side, tau, samples.q[index])

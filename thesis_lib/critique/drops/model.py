@@ -252,13 +252,19 @@ class Model:
         """Measured acceleration in flight (n, 3), m/s² and rad/s²."""
         active = self.active(values)
         true = self.to_true(measured, active, rig)
+        a = self.true_acceleration(true, active, rig)
+        # the camera's map is linear in the velocity, so that a difference quotient is exact
+        later = true.with_velocity(true.v + _H * a)
+        return (self.to_measured(later, active, rig).v - self.to_measured(true, active, rig).v) / _H
+
+    @staticmethod
+    def true_acceleration(true: State, active: Sequence, rig: Rig) -> np.ndarray:
+        """Acceleration in flight (n, 3) in a true state, m/s² and rad/s²; `active` is the result of `active`."""
         a = np.zeros((len(true.x), 3))
         a[:, 1] = -rig.gravity
         for effect, p in active:
             a = effect.acceleration(a, true, p, rig)
-        # the camera's map is linear in the velocity, so that a difference quotient is exact
-        later = true.with_velocity(true.v + _H * a)
-        return (self.to_measured(later, active, rig).v - self.to_measured(true, active, rig).v) / _H
+        return a
 
     def arc(self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray | None:
         """Flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""

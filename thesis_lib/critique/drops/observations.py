@@ -10,11 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, measured_flights
-from thesis_lib.critique.drops.lines import NODES, Hits, side_lines
+from thesis_lib.critique.drops.lines import LATER, NODES, Hits, edges_of, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
+from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.effects.effect import Rig
+
+LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
+ROWS = (
+    *("trial", "impact", "hits", "t", "span", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset"),
+)
 
 
 @dataclass(frozen=True)
@@ -23,7 +30,9 @@ class Observations:
 
     Attributes:
         rig: believed body and rig.
-        trial, t: (n,), t in s.
+        trial, t: (n,), t in s; of an episode the instant of the first touch.
+        impact, hits: (n,) number of the (first) hit in its trial, and number of hits detected in it.
+        span: (n,) s from `t` to the instant of the state after; 0 for a single hit, which both states belong to.
         value, slope, bow, nodes, weights: as in `lines`; `value` has no NaN.
         cov: (n, 2, 3, 2, 2) covariance of (value, slope), by side and channel.
         t_std: (n,) standard deviation of the instant t_c, s.
@@ -36,7 +45,10 @@ class Observations:
 
     rig: Rig
     trial: np.ndarray
+    impact: np.ndarray
+    hits: np.ndarray
     t: np.ndarray
+    span: np.ndarray
     value: np.ndarray
     slope: np.ndarray
     bow: np.ndarray
@@ -57,23 +69,34 @@ class Observations:
         """Impacts and flights of the given trials."""
         rows = np.flatnonzero(np.isin(self.trial, trials))
         flights = self.flights.select(np.flatnonzero(np.isin(self.flights.state.trial, trials)))
-        arrays = {
-            name: getattr(self, name)[rows]
-            for name in ("trial", "t", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset")
-        }
-        return replace(self, **arrays, flights=flights)
+        return replace(self.rows(rows), flights=flights)
+
+    @property
+    def single(self) -> "Observations":
+        """Those of a single hit, with all flights."""
+        return self if not self.span.any() else self.rows(np.flatnonzero(self.span == 0.0))
+
+    def rows(self, rows: np.ndarray) -> "Observations":
+        """The impacts at `rows` (indices), with all flights and all that was found."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})
 
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
         """The impacts repeated `copies` times; without samples `nodes` and `weights` are not repeated."""
-        names = ("trial", "t", "value", "slope", "bow", "offset") + (("nodes", "weights") if with_samples else ())
+        names = ("trial", "t", "span", "value", "slope", "bow", "offset") + ("nodes", "weights") * with_samples
         return replace(self, **{name: np.concatenate([getattr(self, name)] * copies) for name in names})
 
 
-def observe(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
-    """Observations from trajectories with detected impacts, or else from impacts.csv."""
+def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:
+    """Observations from trajectories with detected impacts, or else from impacts.csv.
+
+    `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`).
+    """
     found = find_impacts(dataset, settings)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
-    return _from_impacts(found, rig) if found.samples is None else _from_samples(found.samples, found, rig)
+    if found.samples is None:
+        return _from_impacts(found, rig)
+    single = _from_samples(found.samples, found, rig)
+    return _with_episodes(single, found.samples, dataset.header, settings or ArcSettings()) if episodes else single
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
@@ -87,7 +110,10 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
     return Observations(
         rig=rig,
         trial=impacts.trial,
+        impact=impacts.impact,
+        hits=np.ones(n, int),
         t=np.where(np.isfinite(impacts.t), impacts.t, 0.0),
+        span=np.zeros(n),
         value=np.stack([impacts.q, impacts.q], axis=1),
         slope=np.stack([impacts.v_pre, impacts.v_post], axis=1),
         bow=np.zeros((n, 2, 2)),
@@ -109,14 +135,17 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
     hits = Hits(table["trial"].to_numpy(), table["t"].to_numpy(), table["used"].to_numpy(bool))
     # a window that detection cut short at a bent arc stays short
     most = found.used_arcs[["n_pre", "n_post"]].to_numpy()
-    lines = side_lines(samples, hits, impacts.trial, impacts.t, most)
+    lines = side_lines(samples, impacts.trial, impacts.t, edges_of(hits, impacts.trial, impacts.t), most)
     variance = found.noise.used**2 * found.noise.colour
     cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
     rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
     return Observations(
         rig=rig,
         trial=impacts.trial[rows],
+        impact=impacts.impact[rows],
+        hits=np.ones(len(rows), int),
         t=impacts.t[rows],
+        span=np.zeros(len(rows)),
         **{name: getattr(lines, name)[rows] for name in ("value", "slope", "bow", "nodes", "weights")},
         cov=cov[rows],
         t_std=found.used_arcs["t_std"].to_numpy()[rows],
@@ -126,3 +155,60 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         noise_known=True,
         found=replace(found, impacts=impacts.select(rows)),
     )
+
+
+def _with_episodes(single: Observations, samples: Samples, header: Header, settings: ArcSettings) -> Observations:
+    """The single hits and the episodes, by trial and time; what the episodes hold is no longer left out."""
+    found, rig = single.found, single.rig
+    left_out = found.left_out
+    names = ["trial", "impact"]
+    hits = found.arcs[[*names, "t", "gap"]].merge(left_out[[*names, "reason"]], how="left", on=names)
+    hits = hits.fillna({"reason": ""}).sort_values(["trial", "t"], ignore_index=True)
+    table = find_episodes(samples, hits, found.noise, header, settings)
+    if not len(table):
+        return single
+    trial, start, end = (table[name].to_numpy() for name in ("trial", "start", "end"))
+    most = table[["n_pre", "n_post"]].to_numpy()
+    open_ends = np.full(len(table), np.inf)
+    edges = np.stack([-open_ends, start + LATER, end - LATER, open_ends], axis=1)
+    t = _touch(samples, trial, start, edges, most, rig)
+    before, after = (side_lines(samples, trial, at, edges, most) for at in (t, end))
+    lines = {
+        name: np.stack([getattr(before, name)[:, 0], getattr(after, name)[:, 1]], axis=1)
+        for name in ("value", "slope", "bow", "unit_cov", "nodes", "weights")
+    }
+    variance = found.noise.used**2 * found.noise.colour
+    cov = lines.pop("unit_cov")[:, :, None] * variance[None, None, :, None, None]
+    n = len(table)
+    episodes = {
+        "trial": trial,
+        "impact": table["impact"].to_numpy(),
+        "hits": (table["last"] - table["impact"] + 1).to_numpy(),
+        "t": t,
+        "span": end - t,
+        "cov": cov,
+        "t_std": np.zeros(n),
+        "offset": np.zeros((n, 2)),
+        **lines,
+    }
+    order = np.lexsort((np.concatenate([single.t, t]), np.concatenate([single.trial, trial])))
+    arrays = {name: np.concatenate([getattr(single, name), episodes[name]])[order] for name in ROWS}
+    held = {(i, k) for i, first, last in table[["trial", "impact", "last"]].to_numpy() for k in range(first, last + 1)}
+    still_out = left_out[[pair not in held for pair in zip(left_out["trial"], left_out["impact"])]]
+    return replace(single, **arrays, found=replace(found, left_out=still_out.reset_index(drop=True)))
+
+
+def _touch(
+    samples: Samples, trial: np.ndarray, start: np.ndarray, edges: np.ndarray, most: np.ndarray, rig: Rig
+) -> np.ndarray:
+    """Instants (n,) in s at which the believed body touches the believed surface, as the flight before goes on."""
+    lines = side_lines(samples, trial, start, edges, most)
+    a = np.array([0.0, -rig.gravity, 0.0])
+    value, slope = (
+        getattr(lines, name)[:, 0] - lines.bow[:, 0, k, None] * a for k, name in enumerate(("value", "slope"))
+    )
+    tau = np.arange(0.0, LONGEST_WAIT, 1e-4)
+    y = value[:, 1:2] + slope[:, 1:2] * tau - 0.5 * rig.gravity * tau**2
+    theta = value[:, 2:] + slope[:, 2:] * tau
+    below = rig.shape.gap(y, theta, rig.height) < 0.0
+    return start + tau[np.where(below.any(axis=1), below.argmax(axis=1), 0)]

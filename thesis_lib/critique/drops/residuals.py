@@ -1,8 +1,9 @@
 """Residuals of all measurements, their covariance, and measurements drawn from a model.
 
 The residual of an impact has three components, velocity after impact measured minus predicted ("impact").  Trajectories
-add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  The residual of a flight has three,
-acceleration measured minus predicted ("flight").  The covariance includes the noise of *all* data, also of the law's
+add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  That of an episode has the velocity and
+the pose where the flight after it begins, measured minus predicted; its touch is solved for, so that the component is 0
+and has unit variance.  The residual of a flight has three, acceleration measured minus predicted ("flight").  The covariance includes the noise of *all* data, also of the law's
 inputs:
 
     S = A C Aᵀ + κ² w wᵀ + σ_m² D,    A = ∂R/∂data,  w = ∂R/∂t_c,  D = diag(1, 1, 1/k²) on the impact components
@@ -19,6 +20,7 @@ from itertools import product
 import numpy as np
 from scipy.special import roots_gegenbauer
 
+from thesis_lib.critique.drops.episodes import play
 from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
@@ -39,7 +41,8 @@ def states_at_impact(model: Model, values: Mapping[str, float], observations: Ob
     o, value, slope = observations, observations.value, observations.slope
     sides = []
     for side in (0, 1):
-        state = State.of(value[:, side], slope[:, side], o.trial, o.t)
+        t = o.t if side == 0 else o.t + o.span
+        state = State.of(value[:, side], slope[:, side], o.trial, t)
         if o.arcs:
             a = model.acceleration(state, values, o.rig)
             if model.has_varying_flight:
@@ -47,11 +50,11 @@ def states_at_impact(model: Model, values: Mapping[str, float], observations: Ob
                 a = model.acceleration(state.with_velocity(v), values, o.rig)
             q = value[:, side] - o.bow[:, side, :1] * a
             v = slope[:, side] - o.bow[:, side, 1:] * a
-            state = State.of(q, v, o.trial, o.t)
+            state = State.of(q, v, o.trial, t)
             beyond = model.arc(o.nodes[:, side], state, values, o.rig)
             if beyond is not None:
                 line = o.weights[:, side] @ beyond
-                state = State.of(q - line[:, 0], v - line[:, 1], o.trial, o.t)
+                state = State.of(q - line[:, 0], v - line[:, 1], o.trial, t)
         sides.append(state)
     return sides[0], sides[1]
 
@@ -63,12 +66,24 @@ def impact_residuals(
     o, rig = observations, observations.rig
     before, after = states or states_at_impact(model, values, o)
     predicted, depth = model.strike(before, values, rig, o.offset)
-    residual = [after.v - predicted.v]
-    if o.arcs:
-        residual.append(after.q - before.q - model.jump(before, after, values))
-        gap = model.gap(model.to_true(before, model.active(values), rig), values, rig)
-        residual.append((gap + depth)[:, None])
-    return np.concatenate(residual, axis=1)
+    if not o.arcs:
+        return after.v - predicted.v
+    active = model.active(values)
+    meet = after.q - before.q - model.jump(before, after, values)
+    gap = model.gap(model.to_true(before, active, rig), values, rig)
+    residual = np.concatenate([after.v - predicted.v, meet, (gap + depth)[:, None]], axis=1)
+    rows = np.flatnonzero(o.span)
+    if len(rows):
+        residual[rows] = _episode_residuals(model, values, rig, before.select(rows), after.select(rows), o.span[rows])
+    return residual
+
+
+def _episode_residuals(
+    model: Model, values: Mapping[str, float], rig: Rig, before: State, after: State, span: np.ndarray
+) -> np.ndarray:
+    played = play(model, values, rig, model.to_true(before, model.active(values), rig), span)
+    predicted = model.to_measured(played.after, model.active(values), rig)
+    return np.concatenate([after.v - predicted.v, after.q - predicted.q, np.zeros((len(span), 1))], axis=1)
 
 
 def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
@@ -99,7 +114,10 @@ def residual_covariance(
 
     `instant` is κ in s: wide if S weighs residuals (a fit of the instant), `t_std` for their size at the estimated one.
     """
-    return noise_covariance(lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc)
+    S = noise_covariance(lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc)
+    if observations.span.any():
+        S[observations.span > 0.0, -1, -1] = 1.0
+    return S
 
 
 def noise_covariance(
@@ -137,6 +155,7 @@ def noise_covariance(
         S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
     if o.arcs:
         w = (later - here) / _H_INSTANT
+        w[o.span > 0.0] = 0.0  # the touch is solved for
         S += np.broadcast_to(instant, n)[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
     return S
 
@@ -162,6 +181,13 @@ def synthesise(
         raised = model.to_measured(true.moved(y=true.y - raise_by), active, rig)
         before = before.moved(y=raised.y)
     after = model.predict(before, values, rig, o.offset)
+    rows = np.flatnonzero(o.span)
+    if len(rows):
+        played = play(model, values, rig, model.to_true(before.select(rows), active, rig), o.span[rows])
+        ends = model.to_measured(played.after, active, rig)
+        q, v = after.q, after.v
+        q[rows], v[rows] = ends.q, ends.v
+        after = State.of(q, v, o.trial, o.t + o.span)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]
     after = after.with_velocity(after.v + jitter)
     value, slope = np.empty_like(o.value), np.empty_like(o.slope)
@@ -171,6 +197,7 @@ def synthesise(
             if side == 1:
                 # `after` contains the jump already: the pose is that of before plus one jump
                 pose = before.q + model.jump(before, after, values)
+                pose[rows] = after.q[rows]
             a = model.acceleration(state, values, rig)
             if model.has_varying_flight:
                 v = speed + ARC_MEAN * o.bow[:, side, 1:] * a

@@ -8,6 +8,7 @@ from thesis_lib.statistics.wording import listed
 REASONS = {
     "lost_frames": "lost frames: too few samples on a side",
     "second_hit": "second hit too near to tell apart",
+    "unpredictable": "hits whose outcome the noise before them leaves open",
     "window_too_short": "trial begins or ends too near",
     "not_ballistic": "no free flight on a side (held, rolling, bad track)",
     "no_approach": "contact point does not approach (rest, rolling)",

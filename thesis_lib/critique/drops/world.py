@@ -101,7 +101,9 @@ class Drops(World[Effect, Fit, Judgement]):
             sigmas["flight"] = _robust_mean_square(flight / np.sqrt(o.flights.variance))
         if o.arcs:
             z = R[:, 3:] / np.sqrt(np.einsum("nii->ni", S)[:, 3:])
-            sigmas |= {"meet": _robust_mean_square(z[:, :3]), "touch": _robust_mean_square(z[:, 3:])}
+            touch = z[o.span == 0.0, 3:]  # episodes do not measure it
+            sigmas["meet"] = _robust_mean_square(z[:, :3])
+            sigmas["touch"] = _robust_mean_square(touch) if len(touch) else np.nan
         error = velocity_error(R[:, :3], o.rig.k_g)
         floor, excess = np.nan, np.nan
         if o.noise_known:

@@ -87,8 +87,8 @@ def comparison(critique: Critique) -> pd.DataFrame:
 
 
 def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
-    """Error (n,) in m/s of the best impulse of a rigid point contact at the believed geometry."""
-    v_pre, v_post, r = velocities(fitted, observations)
+    """Error (n,) in m/s of the best impulse of a rigid point contact at the believed geometry, of each single hit."""
+    v_pre, v_post, r = velocities(fitted, observations.single)
     return irb_bound(v_pre, v_post, r, mass=1.0, k_g=observations.rig.k_g).error
 
 
@@ -99,7 +99,7 @@ def errors(critique: Critique) -> pd.DataFrame:
     if critique.discovery.steps:
         models["augmented"] = critique.ladder[-1][1]
     held_out = np.isin(o.trial, critique.held_out.trial).astype(int)
-    of_impact = {"trial": o.trial, "impact": o.found.impacts.impact}
+    of_impact = {"trial": o.trial, "impact": o.impact}
     parts = []
     for name, fitted in models.items():
         tangential, normal, couple = contact_residuals(fitted, o).T
@@ -138,13 +138,26 @@ def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
 def impacts(critique: Critique) -> pd.DataFrame:
     """Impacts used, with covariance, and those left out, with the reason."""
     o = critique.observations
-    used = o.found.impacts.to_table().assign(used=1, reason="", detail="")
+    used = o.found.impacts.to_table().assign(hits=1, span=0.0, used=1, reason="", detail="")
+    rows = np.flatnonzero(o.span)
+    if len(rows):
+        used = pd.concat([used, _episodes(o.rows(rows))], ignore_index=True)
     left_out = left_out_impacts(o).assign(used=0)
     table = pd.concat([used, left_out], ignore_index=True) if len(left_out) else used
     table["held_out"] = np.isin(table["trial"], critique.held_out.trial).astype(int)
     first = ["trial", "impact", "used", "held_out", "reason", "detail"]
     table = table[[*first, *(name for name in table.columns if name not in first)]]
     return table.sort_values(["trial", "impact", "used"], ignore_index=True, kind="stable")
+
+
+def _episodes(o: Observations) -> pd.DataFrame:
+    """Episodes as rows of impacts.csv: pose and velocity at the first touch, velocity where the next flight begins."""
+    q, v_pre, v_post = o.value[:, 0], o.slope[:, 0], o.slope[:, 1]
+    states = {
+        name: column for names, a in ((POSE, q), (V_PRE, v_pre), (V_POST, v_post)) for name, column in zip(names, a.T)
+    }
+    of_impact = {"trial": o.trial, "impact": o.impact, "t": o.t}
+    return pd.DataFrame(of_impact | states).assign(flags="", hits=o.hits, span=o.span, used=1, reason="", detail="")
 
 
 def left_out_impacts(observations: Observations) -> pd.DataFrame:
@@ -164,8 +177,8 @@ def left_out_impacts(observations: Observations) -> pd.DataFrame:
 
 
 def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
-    """Parts of the mean square error of the base law on held-out impacts, as in the module's table."""
-    o, base = critique.held_out, critique.ladder[0][1]
+    """Parts of the mean square error of the base law on held-out single hits, as in the module's table."""
+    o, base = critique.held_out.single, critique.ladder[0][1]
     laws = [fitted for fitted, _ in critique.discovery.bases.values()]
     weights = np.array([1.0, 1.0, o.rig.k_g]) ** 2
     squares, irb, gap = _bounds(base, laws, o)
@@ -204,8 +217,8 @@ def _row(model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, ju
 
 
 def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
-    """By law, the share of held-out outcomes that some (μ, ε) brings within the tolerance, and this in m/s."""
-    o, base = critique.held_out, critique.ladder[0][1]
+    """By law, the share of held-out single hits that some (μ, ε) brings within the tolerance, and this in m/s."""
+    o, base = critique.held_out.single, critique.ladder[0][1]
     floor = critique.ladder[0][2].floor
     tolerance = RANGE_FLOORS * floor if np.isfinite(floor) else RANGE_UNKNOWN
     v_pre, v_post, r = (a[:MOST_IN_RANGE] for a in velocities(base, o))

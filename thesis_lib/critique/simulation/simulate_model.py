@@ -117,7 +117,7 @@ def proof_releases(model: SavedModel) -> Release:
 def measured_releases(model: SavedModel, like: Dataset, observations: Observations) -> tuple[MeasuredReleases, float]:
     """Releases of a dataset, and the duration to record in s; UserError if no trial shows one above the surface."""
     o = observations
-    first = np.flatnonzero(o.found.impacts.impact == 0)
+    first = np.flatnonzero(o.impact == 0)
     before = states_at_impact(model.model, model.values, o)[0].select(first)
     a = model.model.acceleration(before, model.values, o.rig)
     if o.arcs:

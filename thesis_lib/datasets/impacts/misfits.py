@@ -13,7 +13,7 @@ import numpy as np
 from thesis_lib.datasets.impacts.lines import Lines, lines_through, norm, rank
 
 
-def _bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:
+def bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:
     """Of the samples used: residuals of lines (n, 2, W, 3), their sums of squares (n, 2, 3), b (n, 2, W, 1), the
     best-fitting acceleration (n, 2, 3), and Σ b² (n, 2, 1), 0 with fewer than three samples."""
     residual = lines.residual * side[..., None]
@@ -23,7 +23,7 @@ def _bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, .
     return residual, (residual**2).sum(2), b, curvature, norm2
 
 
-def _with_stray(
+def with_stray(
     line_ss: np.ndarray, curvature: np.ndarray, norm2: np.ndarray, white: np.ndarray, stray: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residual sums of squares (n, 2, 3) of arcs with stray acceleration of known size, and of any size."""
@@ -52,8 +52,8 @@ def misfits(
     flight = z.copy()
     flight[..., 1] += 0.5 * gravity * tau**2
     free = lines_through(side, tau, flight)
-    residual, line_ss, b, curvature, norm2 = _bow(side, tau, free)
-    ss, ss_free = _with_stray(line_ss, curvature, norm2, white, stray)
+    residual, line_ss, b, curvature, norm2 = bow(side, tau, free)
+    ss, ss_free = with_stray(line_ss, curvature, norm2, white, stray)
     straight = residual - curvature[:, :, None] * b
     pairs = (straight[:, :, 1:] * straight[:, :, :-1]).sum((1, 2))
     total = ss_free.sum(1)
@@ -63,8 +63,8 @@ def misfits(
     safe = np.maximum(free.count, 1.0)
     leverage = (1.0 / safe + free.mean**2 / np.where(free.spread > 0, free.spread, 1.0)).sum(1)
     # effect of an acceleration on a line at τ = 0
-    bow = lines_through(side, tau, 0.5 * tau[..., None] ** 2).value
-    variance_d = np.where(leverage > 0, leverage, 1.0)[:, None] / weight + ((stray * bow) ** 2).sum(1)
+    turn = lines_through(side, tau, 0.5 * tau[..., None] ** 2).value
+    variance_d = np.where(leverage > 0, leverage, 1.0)[:, None] / weight + ((stray * turn) ** 2).sum(1)
     inverse = 1.0 / variance_d
     shift = -(d * dv * inverse).sum(1) / np.maximum((dv * dv * inverse).sum(1), 1e-300)
     across = d + dv * shift[:, None]
@@ -82,8 +82,8 @@ def misfits(
     near2 = ((others.residual * metric) ** 2).sum(-1) * usable
     chi2_near = (others.residual**2 * white).sum(-1) / reach * usable
     dof = 3.0 * (others.count - 2.0)
-    _, rest_ss, _, rest_curvature, rest_norm2 = _bow(rest, tau, others)
-    chi2_rest = _with_stray(rest_ss, rest_curvature, rest_norm2, white, stray)[0] @ white
+    _, rest_ss, _, rest_curvature, rest_norm2 = bow(rest, tau, others)
+    chi2_rest = with_stray(rest_ss, rest_curvature, rest_norm2, white, stray)[0] @ white
     supported = lines_through(side, tau, z[..., 1:2])
     chi2_supported = ((supported.residual[..., 0] * side) ** 2).sum(2) * white[1]
     return {

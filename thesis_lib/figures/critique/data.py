@@ -105,6 +105,8 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     rows = [("path", "sample", a, b, np.nan, trial) for a, b in zip(x[shown], y[shown])]
     outline = o.rig.shape.outline(60)
     outline = np.concatenate([outline, outline[:1]])
+    played = {(i, k) for i, first, n in zip(o.trial, o.impact, o.hits) for k in range(first, first + n)}
+    hits = hits.assign(used=[pair in played for pair in zip(hits["trial"], hits["impact"])])
     for hit in hits.itertuples():
         angle, at_x, at_y = (np.interp(hit.t, t, values) for values in (theta, x, y))
         cos, sin = np.cos(angle), np.sin(angle)
@@ -114,11 +116,11 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
         ax.plot(edge_x, edge_y, color=color, linewidth=0.8, linestyle=dash, zorder=2)
         ax.plot(at_x, at_y, "o" if hit.used else "x", color=color, markersize=3.5, zorder=4)
         rows.append(("path", "impact" if hit.used else "impact left out", at_x, at_y, np.nan, trial))
-    step = source.rate and 1.0 / source.rate
     for i in np.flatnonzero(o.trial == trial):
-        fitted = hits.iloc[np.argmin(np.abs(hits["t"].to_numpy() - o.t[i]))]
-        for side, count in ((0, -fitted["n_pre"]), (1, fitted["n_post"])):
-            tau = np.linspace(0.0, float(count) * step, 15)
+        for side in (0, 1):
+            # the nodes reach from one end of the samples used to the other
+            reach = o.nodes[i, side]
+            tau = np.linspace(0.0, reach.min() if side == 0 else reach.max(), 15)
             q = o.value[i, side] + tau[:, None] * o.slope[i, side]
             # the fit stores a line; gravity's parabola relative to it is added
             bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau

@@ -60,7 +60,7 @@ class Residuals:
 @house_style
 def draw_residuals(critique: Critique) -> Drawn:
     """Residuals in the contact frame against the features on which they depend most, before and after the effects."""
-    o = critique.observations
+    o = critique.observations.single
     values = {kind: contact_residuals(fitted, o) for kind, fitted in _fits(critique).items()}
     symbols = {"tangential": r"$\delta v_t$", "normal": r"$\delta v_n$", "couple": r"$\delta\tau/k$"}
     table = features(critique.ladder[0][1], o)

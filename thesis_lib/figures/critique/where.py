@@ -82,7 +82,7 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
 @house_style
 def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
     """Maps of the error over (v_t, v_n) and over the energy disc, before and after the effects."""
-    o = critique.observations
+    o = critique.observations.single
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     table = features(base, o)
     disc = energy_disc(base, o)

@@ -49,7 +49,7 @@ KEYS = (
 
 def explorer(critique: Critique, where: Mapping) -> Markup:
     """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction."""
-    o, base, final = critique.observations, critique.ladder[0][1], critique.ladder[-1][1]
+    o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]
     residuals = {"base": impact_residuals(base.model, base.values, o)[:, :3]}
     if len(critique.ladder) > 1:
         residuals["final"] = impact_residuals(final.model, final.values, o)[:, :3]
@@ -113,7 +113,7 @@ def _reading(shown: int, total: int) -> str:
 
 def _numbers(critique: Critique, base: Fit, residuals: Mapping, errors: Mapping, rows: np.ndarray) -> dict:
     """What the script draws (see the module's table) of the impacts `rows`; residuals and errors by model."""
-    o = critique.observations
+    o = critique.observations.single
     mass = None if critique.source is None else critique.source.mass
     axis = ImpulseAxis.of(mass is not None)
     v_pre, v_post, r = (array[rows] for array in velocities(base, o))
@@ -132,7 +132,7 @@ def _numbers(critique: Critique, base: Fit, residuals: Mapping, errors: Mapping,
         **{name: axis.factor * np.stack(measured_impulse(c, r, **size), axis=-1) for name, c in changes.items()},
         "errors": np.stack([error[rows] for error in errors.values()], axis=-1),
     }
-    of_trial = zip(o.trial[rows], o.found.impacts.impact[rows], np.isin(o.trial[rows], critique.held_out.trial))
+    of_trial = zip(o.trial[rows], o.impact[rows], np.isin(o.trial[rows], critique.held_out.trial))
     impacts = [
         {"trial": int(trial), "impact": int(impact), "held_out": bool(held_out)}
         | {name: _rounded(values[i]) for name, values in per_impact.items()}

@@ -96,7 +96,7 @@ def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
     names = [step.effect.name for step in critique.discovery.steps]
     after = {"effects": names} | regions_of(final) if names else None
     content = {"schema": 1, "dataset": critique.dataset, "model": critique.discovery.base} | regions_of(base)
-    return six_digits(content | {"after": after, "class_tests": class_tests(base, critique.observations)})
+    return six_digits(content | {"after": after, "class_tests": class_tests(base, critique.observations.single)})
 
 
 def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:

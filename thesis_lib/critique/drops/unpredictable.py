@@ -1,0 +1,53 @@
+"""Episodes that no model can predict from what was measured before them.
+
+A small error of the angle before a body lands flat decides which corner hits first, and after a few hits nothing is
+left of the prediction.  Such an episode tells nothing about a contact model.  It is left out, before any model is
+chosen, if the noise of the flight before it alone spreads the state after it by more than `WIDEST` of the change of
+velocity, as the law of Mirtich predicts it that was fitted to the single hits of the training trials.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact import LAWS
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.fit import fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance, states_at_impact
+from thesis_lib.datasets.impacts.detect import LEFT_OUT_COLUMNS
+
+WIDEST = 0.25  # of the change of velocity, in the kinetic norm
+REFERENCE = "mirtich"
+
+
+def predictable(observations: Observations, training: Observations, takes_time: bool) -> Observations:
+    """`observations` without unpredictable episodes, which join what was left out with the spread in m/s.
+
+    Single hits stay.  `training`: the observations of the trials that choices may use; `takes_time` as in `Model`.
+    """
+    o = observations
+    rows = np.flatnonzero(o.span)
+    if not len(rows):
+        return o
+    alone = training.single
+    fitted = fit(Model(LAWS[REFERENCE], (), takes_time), alone if len(alone) else training)
+    episodes = o.rows(rows)
+    S = residual_covariance(fitted.model, fitted.values, episodes)
+    spread = np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], np.array([1.0, 1.0, o.rig.k_g]) ** 2))
+    before, after = states_at_impact(fitted.model, fitted.values, episodes)
+    predicted = after.v - impact_residuals(fitted.model, fitted.values, episodes)[:, :3]
+    change = velocity_error(predicted - before.v, o.rig.k_g)
+    wide = ~(spread < WIDEST * change)
+    left_out = [o.found.left_out]
+    for i in np.flatnonzero(wide):
+        detail = f"the noise before it spreads the prediction by {spread[i]:.2g} m/s"
+        numbers = np.arange(episodes.hits[i]) + episodes.impact[i]
+        columns = (episodes.trial[i], numbers, episodes.t[i], "unpredictable", detail)
+        left_out.append(pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, columns))))
+    table = pd.concat(left_out, ignore_index=True).sort_values(["trial", "impact"], ignore_index=True)
+    keep = np.ones(len(o), bool)
+    keep[rows[wide]] = False
+    return replace(o.rows(np.flatnonzero(keep)), found=replace(o.found, left_out=table))

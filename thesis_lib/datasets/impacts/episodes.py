@@ -1,0 +1,200 @@
+"""Episodes: hits that follow each other too quickly to see the flight between them.
+
+A body that lands on a corner often lands on the next one a few milliseconds later.  Neither hit can be measured alone,
+but what happens to both together can: the flight before the first and the flight after the last are as long as any.
+
+Hits with fewer than `min_window` samples between them form an episode, and so does a hit whose own samples show that a
+second one was too close to be detected (`second_hit` in `quality`).  Samples beside an episode that do not lie on the
+flight through the others are skipped, at most `MOST_SKIPPED` a side.  Both flights must be ballistic, as for a single
+hit.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.impacts.lines import Lines, lines_through
+from thesis_lib.datasets.impacts.misfits import bow, with_stray
+from thesis_lib.datasets.impacts.noise import NoiseEstimate
+
+EPISODE_COLUMNS = ("trial", "impact", "last", "t_first", "t_last", "start", "end", "n_pre", "n_post")
+MOST_SKIPPED = 3  # samples; more is 12 ms at 250 Hz
+_NEAR = 7.8  # chi² with 3 dof that one sample in 20 beside an episode exceeds by chance
+_CUTS = 2
+_CLEAR = 4.0  # sigmas that a flying body is above the surface
+_CHANCE = 4.0  # sigmas of a chi²
+_REST = 9.0  # chi² by which rest must beat free fall
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Samples on one side of m episodes: times after its edge (m, W) in s, poses (m, W, 3), and 1 where used (m, W)."""
+
+    t: np.ndarray
+    q: np.ndarray
+    used: np.ndarray
+
+    def nearest(self) -> np.ndarray:
+        """Times (m,) in s of the used samples nearest to the episode."""
+        return np.where(self.used > 0, np.abs(self.t), np.inf).argmin(1)
+
+
+def find_episodes(
+    samples: Samples, hits: pd.DataFrame, noise: NoiseEstimate, header: Header, settings: ArcSettings
+) -> pd.DataFrame:
+    """Episodes in `samples`, a row each with `EPISODE_COLUMNS`: trial, first and last hit with their times in s, times
+    `start` and `end` in s of the last sample before and the first after, and the samples of both flights.
+
+    `hits` are all detected, sorted by trial and time, with trial, impact, t (s), gap (m) and reason
+    ("" = used alone).
+    """
+    gravity, sigma, stray = header.gravity, noise.used * np.sqrt(noise.colour), noise.stray
+    groups = _groups(samples, hits, settings)
+    if not len(groups):
+        return pd.DataFrame(columns=EPISODE_COLUMNS)
+    trial, t = (hits[name].to_numpy() for name in ("trial", "t"))
+    first, last = groups.T
+    before, after = first - 1, np.minimum(last + 1, len(hits) - 1)
+    low = np.where((before >= 0) & (trial[before] == trial[first]), t[before], -np.inf) + settings.guard
+    high = np.where((last + 1 < len(hits)) & (trial[after] == trial[first]), t[after], np.inf) - settings.guard
+    alone = hits["gap"][hits["reason"] == ""]
+    level = float(alone.median()) if len(alone) else 0.0
+    sides, good = [], np.ones(len(groups), bool)
+    for edge, bound, way in ((t[first], low, -1), (t[last], high, 1)):
+        side = _flight(samples, trial[first], edge, bound, way, sigma, gravity, settings)
+        side = _straight(side, way, sigma, stray, settings)
+        good &= _is_flight(side, sigma, stray, gravity, settings) & _is_clear(side, way, gravity, header, level, sigma)
+        sides.append(side)
+    rows = np.arange(len(groups))
+    pre, post = sides
+    table = pd.DataFrame(
+        {
+            "trial": trial[first],
+            "impact": hits["impact"].to_numpy()[first],
+            "last": hits["impact"].to_numpy()[last],
+            "t_first": t[first],
+            "t_last": t[last],
+            "start": t[first] + pre.t[rows, pre.nearest()],
+            "end": t[last] + post.t[rows, post.nearest()],
+            "n_pre": pre.used.sum(1).astype(int),
+            "n_post": post.used.sum(1).astype(int),
+        }
+    )
+    return table[good].reset_index(drop=True)
+
+
+def _groups(samples: Samples, hits: pd.DataFrame, settings: ArcSettings) -> np.ndarray:
+    """First and last row (g, 2) of each run of hits with too few samples between; those used alone are left alone."""
+    trial, t, reason = (hits[name].to_numpy() for name in ("trial", "t", "reason"))
+    if not len(hits):
+        return np.zeros((0, 2), int)
+    span = 2.0 * (np.abs(samples.t).max(initial=0.0) + 1.0)
+    number = np.searchsorted(samples.trial * span + samples.t, trial * span + t)
+    close = (trial[1:] == trial[:-1]) & (np.diff(number) < settings.min_window)
+    alone = reason == ""
+    close &= ~alone[1:] & ~alone[:-1]
+    first = np.flatnonzero(np.r_[True, ~close])
+    last = np.r_[first[1:], len(hits)] - 1
+    doubtful = np.array([(reason[i : j + 1] == "second_hit").any() for i, j in zip(first, last)], bool)
+    return np.stack([first, last], axis=1)[doubtful]
+
+
+def _flight(
+    samples: Samples,
+    trial: np.ndarray,
+    edge: np.ndarray,
+    bound: np.ndarray,
+    way: int,
+    sigma: np.ndarray,
+    gravity: float,
+    settings: ArcSettings,
+) -> _Side:
+    """Samples from `edge` (m,) towards `bound` (m,), in s; `way` is −1 before an episode and 1 after it."""
+    span = 2.0 * (np.abs(samples.t).max(initial=0.0) + 1.0)
+    at = np.searchsorted(samples.trial * span + samples.t, trial * span + edge)
+    reach = settings.max_window + MOST_SKIPPED + 1
+    wanted = at[:, None] + np.arange(-reach, reach + 1)
+    index = np.clip(wanted, 0, len(samples) - 1)
+    t = samples.t[index] - edge[:, None]
+    inside = (wanted == index) & (samples.trial[index] == trial[:, None]) & (way * t > settings.guard)
+    inside &= way * (samples.t[index] - bound[:, None]) < 0.0
+    # a gap in time ends the flight
+    nearest = np.where(inside, np.abs(t), np.inf).argmin(1)
+    rows = np.arange(len(edge))
+    inside &= samples.run[index] == samples.run[index[rows, nearest]][:, None]
+    q = samples.q[index]
+    q[..., 1] += 0.5 * gravity * t * t
+    used = inside * 1.0
+    used *= _ranked(used, way) <= settings.max_window + MOST_SKIPPED
+    for _ in range(MOST_SKIPPED):
+        used *= 1.0 - _off(used, t, q, sigma, way)
+    return _Side(t, q, used * (_ranked(used, way) <= settings.max_window))
+
+
+def _ranked(used: np.ndarray, way: int) -> np.ndarray:
+    """Order (m, W) of the samples used, 1 for that beside the episode."""
+    return np.cumsum(used[:, ::way], axis=1)[:, ::way]
+
+
+def _line(used: np.ndarray, t: np.ndarray, q: np.ndarray) -> Lines:
+    return lines_through(used[:, None], t, q)
+
+
+def _off(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarray, way: int) -> np.ndarray:
+    """1 (m, W) for the sample beside the episode where it is off the line through those from the third on."""
+    order = _ranked(used, way)
+    beside, others = used * (order == 1), used * (order > 2)
+    line = _line(others, t, q)
+    spread = np.where(line.spread > 0, line.spread, np.inf)
+    reach = 1.0 + 1.0 / np.maximum(line.count, 1.0) + (t - line.mean) ** 2 / spread
+    off = (line.residual[:, 0] / sigma) ** 2
+    return beside * ((off.sum(-1) > _NEAR * reach) & (line.count >= 3))
+
+
+def _chi2(side: _Side, used: np.ndarray, sigma: np.ndarray, stray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Count (m,) of samples, and chi² (m, 3) of a line through them that allows for stray acceleration."""
+    line = lines_through(used[:, None], side.t, side.q)
+    _, ss, _, curvature, norm2 = bow(used[:, None], side.t, line)
+    return line.count[:, 0], with_stray(ss, curvature, norm2, 1.0 / sigma**2, stray)[0][:, 0] / sigma**2
+
+
+def _straight(side: _Side, way: int, sigma: np.ndarray, stray: np.ndarray, settings: ArcSettings) -> _Side:
+    """The side cut to the half beside the episode, and again, while its path is bent."""
+    used = side.used
+    for _ in range(_CUTS):
+        count, chi2 = _chi2(side, used, sigma, stray)
+        most = np.where(_bent(count, chi2, settings), np.maximum(count // 2 + 1, settings.min_window), np.inf)
+        used = used * (_ranked(used, way) <= most[:, None])
+    return replace(side, used=used)
+
+
+def _bent(count: np.ndarray, chi2: np.ndarray, settings: ArcSettings) -> np.ndarray:
+    """Mask (m,) of paths that deviate from a parabola, and not by chance: they hold a hit that was not detected."""
+    dof = 3.0 * np.maximum(count - 2.0, 1.0)
+    return chi2.sum(1) / dof > np.maximum(settings.arc_deviation, 1.0 + _CHANCE * np.sqrt(2.0 / dof))
+
+
+def _is_flight(side: _Side, sigma: np.ndarray, stray: np.ndarray, gravity: float, settings: ArcSettings) -> np.ndarray:
+    """Mask (m,) of sides with enough samples that lie on a parabola and fall."""
+    count, chi2 = _chi2(side, side.used, sigma, stray)
+    resting = side.q.copy()
+    resting[..., 1] -= 0.5 * gravity * side.t**2
+    rest = _chi2(replace(side, q=resting), side.used, sigma, 0.0 * stray)[1][:, 1]
+    return (count >= settings.min_window) & ~_bent(count, chi2, settings) & (rest - chi2[:, 1] > -_REST)
+
+
+def _is_clear(side: _Side, way: int, gravity: float, header: Header, level: float, sigma: np.ndarray) -> np.ndarray:
+    """Mask (m,) of sides whose body is off the surface at all samples but the first and the last.
+
+    A weak hit between few samples bends their path by too little to show, but the body must come down for it.  `level`
+    in m is the gap at which bodies hit; that of a wrong surface or size is not 0.
+    """
+    theta = side.q[..., 2]
+    r = header.body.shape.contact_point(theta)
+    gap = side.q[..., 1] - 0.5 * gravity * side.t**2 + r[..., 1] - header.surface.height - level
+    order = _ranked(side.used, way)
+    inner = (side.used > 0) & (order > 1) & (order < side.used.sum(1)[:, None])
+    return (~inner | (gap > _CLEAR * np.hypot(sigma[1], r[..., 0] * sigma[2]))).all(1)
