@@ -11,7 +11,6 @@ The body origin is the believed centre of mass.  Shapes are sections of dataset.
 once.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Literal
 
@@ -132,20 +131,18 @@ class Polygon(_Shape):
         return float(np.sqrt(polar / area - centroid @ centroid))
 
 
-@dataclass(frozen=True)
 class Corner:
     """One corner of a polygon for each of n bodies, as a shape of its own: `index` (n,) into `polygon.corners`."""
 
-    polygon: Polygon
-    index: np.ndarray
-
-    @property
-    def kind(self) -> str:
-        return self.polygon.kind
+    def __init__(self, polygon: Polygon, index: np.ndarray) -> None:
+        self.polygon, self.index, self.kind = polygon, index, polygon.kind
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         """That corner of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
-        return _turned(self.polygon.corners[self.index], theta)
+        if self._last is None or self._last[0] is not theta:  # a prediction asks for the same angles again
+            self._last = theta, _turned(self.polygon.corners[self.index], theta)
+        return self._last[1]
 
     def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
         """Distance (n,) in m of the corner above the surface at `height`."""

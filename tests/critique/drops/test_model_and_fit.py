@@ -7,10 +7,11 @@ import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
 from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.fit import NU, Whitening, cramer_rao, fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance, states_at_impact, synthesise
+from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact, synthesise
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter

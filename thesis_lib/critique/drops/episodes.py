@@ -104,27 +104,32 @@ class _Play:
         n, left = len(rows), self.span[rows] - self.t[rows]
         steps = int(np.ceil(left.max() / STEP))
         h = left / steps
-        path, state = [self._state(rows)], self._state(rows)
-        for _ in range(steps):
-            state = state.flown(self._acceleration(state, h), h)
-            path.append(state)
-        f, v_n, _ = self._depths(_joined(path))
-        f, v_n = (np.moveaxis(a.reshape(self.points, steps + 1, n), 1, 0) for a in (f, v_n))
-        lands = _lands(f, v_n).any(axis=1)
+        path = self._path(self._state(rows), h, steps)
+        f, v_n, _ = self._depths(path)
+        lands = _lands(f, v_n).any(axis=0).reshape(steps + 1, n)
         hit, step = np.flatnonzero(lands.any(axis=0)), lands.argmax(axis=0)
-        self._set(rows, state)
+        self._set(rows, path.select(np.arange(steps * n, (steps + 1) * n)))
         self.t[rows] = self.span[rows]
         if not len(hit):
             return
         rows, step, h = rows[hit], np.maximum(step[hit] - 1, 0), h[hit]
-        motion = np.stack([np.concatenate([s.q, s.v], axis=1) for s in path])[step, hit]
-        self.motion[rows], self.t[rows] = motion, self.span[rows] - left[hit] + step * h
-        start = self._state(rows)
+        start = path.select(step * n + hit)
         a = self._acceleration(start, h)
         t = self._instant(start, a, h)
         self._set(rows, start.flown(a, t))
-        self.t[rows] += t
+        self.t[rows] = self.span[rows] - left[hit] + step * h + t
         self._hit(rows)
+
+    def _path(self, state: State, h: np.ndarray, steps: int) -> State:
+        """The states (n,) after 0, 1, ... steps of h (n,) in s, ((steps + 1) n,)."""
+        if not self.model.has_varying_flight:
+            times = np.multiply.outer(np.arange(steps + 1), h).ravel()
+            a = self.model.true_acceleration(state.select(np.zeros(1, int)), self.active, self.rig)
+            return _joined([state] * (steps + 1)).flown(a, times)
+        path = [state]
+        for _ in range(steps):
+            path.append(path[-1].flown(self._acceleration(path[-1], h), h))
+        return _joined(path)
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray) -> np.ndarray:
         """Times (n,) in s after `start`, at most `h`, at which the first point hits; it has hit after `h`."""

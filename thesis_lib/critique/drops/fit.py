@@ -17,14 +17,10 @@ from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 from scipy.stats import chi2
 
+from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import (
-    flight_residuals,
-    impact_residuals,
-    residual_covariance,
-    states_at_impact,
-)
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.effects.effect import Effect, State
 
 NU = 8.0
@@ -296,10 +292,17 @@ def _log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
 
 
 def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
-    """σ_m² D (m, m)."""
+    """σ_m² D (m, m); with episodes (n, m, m): the velocity after their first hit scatters, and moves the pose."""
     variance = np.zeros(7 if observations.arcs else 3)
     variance[:3] = sigma_m**2, sigma_m**2, (sigma_m / observations.rig.k_g) ** 2
-    return np.diag(variance)
+    scatter, span = np.diag(variance), observations.span
+    if not span.any():
+        return scatter
+    scatter = np.tile(scatter, (len(span), 1, 1))
+    for i in range(3):
+        scatter[:, 3 + i, 3 + i] = span**2 * variance[i]
+        scatter[:, i, 3 + i] = scatter[:, 3 + i, i] = span * variance[i]
+    return scatter
 
 
 def _best_sigma(model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray) -> float:

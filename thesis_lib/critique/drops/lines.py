@@ -78,7 +78,7 @@ def edges_of(hits: Hits, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def side_lines(samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.ndarray, most: np.ndarray) -> SideLines:
-    """Lines at instants (trial, t), (n,), through at most `most` (n, 2) samples within `edges` (n, 4) of two flights."""
+    """Lines at instants (trial, t), (n,), through at most `most` (n, 2) samples within `edges` (n, 4) of flights."""
     width = int(most.max(initial=1)) + 1
     wanted = position(samples.trial, samples.t, trial, t)[:, None] + np.arange(-width, width)
     index = np.clip(wanted, 0, len(samples) - 1)

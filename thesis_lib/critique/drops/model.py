@@ -144,19 +144,20 @@ class Model:
         true: State, active: Sequence, rig: Rig, offset: np.ndarray | None = None, turned: np.ndarray | float = 0.0
     ) -> tuple[State, np.ndarray, np.ndarray, float]:
         """As `contact`, from a true state; `active` is the result of `active`, `offset` that at the true pose."""
-        true = true.moved(theta=true.theta + turned)
-        r = rig.shape.contact_point(true.theta)
+        is_turned = isinstance(turned, np.ndarray)
+        pose = true.moved(theta=true.theta + turned) if is_turned else true
+        r = rig.shape.contact_point(pose.theta)
         r_x, r_y = r[:, 0], r[:, 1]
         if offset is not None:
             r_x, r_y = r_x + offset[:, 0], r_y + offset[:, 1]
-        seen, k_g = true, rig.k_g
+        seen, k_g = pose, rig.k_g
         for effect, p in active:
             seen = effect.to_contact(seen, p, rig)
         for effect, p in active:
             r_x, r_y = effect.contact_point(r_x, r_y, seen, p, rig)
         for effect, p in active:
             k_g = effect.radius_of_gyration(k_g, p)
-        return seen.moved(theta=seen.theta - turned), r_x, r_y, k_g
+        return seen.moved(theta=seen.theta - turned) if is_turned else seen, r_x, r_y, k_g
 
     def predict(
         self,

@@ -15,85 +15,132 @@ Source: Walton and Braun 1986, doi:10.1122/1.549893.
 """
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Corner
 from thesis_lib.contact.space import ContactSpace
-from thesis_lib.critique.drops.model import Model, duration
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.critique.drops.model import Model, contact_space_of, duration
+from thesis_lib.effects.effect import Impulse, Rig, State
 
 STEPS = 24  # in one central contact
 LONGEST = 4  # central contacts; a body that presses longer rests
+_LEAST = 1e-6  # of the work that a plastic contact returns, so that its unloading has a slope
+
+
+@dataclass(frozen=True)
+class _Springs:
+    """The p corners of n bodies at first touch: (p, n) from the centre of mass in m, gap in m, μ, share ε² of the work.
+
+    `w` is 1/k² in 1/m², `gravity` in m/s², `stiffness` Ω² in 1/s².
+    """
+
+    r_x: np.ndarray
+    r_y: np.ndarray
+    gap: np.ndarray
+    mu: np.ndarray
+    share: np.ndarray
+    w: float
+    gravity: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class _Pressed:
+    """Shift (n, 3) in m, m, rad, velocity (n, 3) and time (n,) in s when no corner presses any more; by corner (p, n)
+    the impulses per unit mass."""
+
+    shift: np.ndarray
+    v: np.ndarray
+    elapsed: np.ndarray
+    c_t: np.ndarray
+    c_n: np.ndarray
 
 
 def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s."""
     active, n = model.active(values), len(true.x)
     corners = len(rig.shape.corners)  # pyright: ignore[reportAttributeAccessIssue]
-    index = np.repeat(np.arange(corners), n)
-    at_corner = replace(rig, shape=Corner(rig.shape, index))  # pyright: ignore[reportArgumentType]
+    at_corner = replace(rig, shape=Corner(rig.shape, np.repeat(np.arange(corners), n)))  # pyright: ignore[reportArgumentType]
     tiled = State(*(np.tile(getattr(true, item.name), corners) for item in fields(State)))
     seen, r_x, r_y, k_g = model.contact_at(tiled, active, at_corner)
-    gap = model.gap(tiled, values, at_corner)
-    w = 1.0 / (k_g * k_g)
-
-    def space_of(v: np.ndarray, r_x: np.ndarray, r_y: np.ndarray) -> ContactSpace:
-        vx, vy, omega = v.T
-        K = (1.0 + r_y * r_y * w, 1.0 + r_x * r_x * w, -r_x * r_y * w)
-        return ContactSpace((vx - r_y * omega).ravel(), (vy + r_x * omega).ravel(), *(k.ravel() for k in K))
-
+    space = contact_space_of(seen, r_x, r_y, k_g)
     mu, epsilon = (np.full(corners * n, values[name]) for name in ("mu", "epsilon"))
-    first = ContactSpace(
-        seen.vx - r_y * seen.omega, seen.vy + r_x * seen.omega, 1.0 + r_y**2 * w, 1.0 + r_x**2 * w, -r_x * r_y * w
-    )
     for effect, p in active:
-        mu, epsilon = effect.coefficients(mu, epsilon, first, seen, p, rig)
-    shape = (corners, n)
-    mu, epsilon, r_x, r_y, gap = (np.reshape(a, shape) for a in (mu, epsilon, r_x, r_y, gap))
-    frame = seen.select(np.arange(n))
+        mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
     T = duration(values["tau"], values["epsilon"])
-    stiffness, h = (0.5 * np.pi * (1.0 + values["epsilon"]) / T) ** 2, T / STEPS
-
-    x, y, turn = np.zeros((3, n))
-    v, elapsed = frame.v.copy(), np.zeros(n)
-    deepest, c_t, c_n = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    pressing = np.ones(n, bool)
-    share = epsilon * epsilon
-    for _ in range(LONGEST * STEPS):
-        # half a drift, a kick, half a drift
-        x_m, y_m, turn_m = x + 0.5 * h * v[:, 0], y + 0.5 * h * v[:, 1], turn + 0.5 * h * v[:, 2]
-        cos, sin = np.cos(turn_m), np.sin(turn_m)
-        rx, ry = cos * r_x - sin * r_y, sin * r_x + cos * r_y
-        depth = -(gap + y_m + ry - r_y)
-        deepest = np.maximum(deepest, depth)
-        f = np.where(depth < deepest, np.maximum(depth - (1.0 - share) * deepest, 0.0) / np.maximum(share, 1e-9), depth)
-        dc_n = np.where(deepest > 0.0, h * stiffness * f, 0.0)
-        v_n = v.copy()
-        v_n[:, 1] += dc_n.sum(0) - h * rig.gravity
-        v_n[:, 2] += w * (rx * dc_n).sum(0)
-        slip = v_n[:, 0] - ry * v_n[:, 2]
-        several = np.maximum((dc_n > 0.0).sum(0), 1)
-        dc_t = np.clip(-slip / ((1.0 + ry * ry * w) * several), -mu * dc_n, mu * dc_n)
-        v_n[:, 0] += dc_t.sum(0)
-        v_n[:, 2] -= w * (ry * dc_t).sum(0)
-        go = pressing
-        v[go] = v_n[go]
-        x, y, turn = (
-            np.where(go, b + 0.5 * h * v[:, i], a) for i, (a, b) in enumerate(((x, x_m), (y, y_m), (turn, turn_m)))
-        )
-        c_t, c_n, elapsed = c_t + dc_t * go, c_n + dc_n * go, elapsed + h * go
-        over = (deepest > 0.0) & (depth <= (1.0 - share) * deepest)
-        deepest = np.where(over & (depth <= 0.0), 0.0, deepest)
-        pressing = pressing & ~((depth <= 0.0).all(0) | (dc_n == 0.0).all(0) & (elapsed > h))
-        if not pressing.any():
-            break
-    pose = frame.q + np.stack([x, y, turn], axis=1)
-    after = State.of(pose, v, frame.trial, frame.t + elapsed)
-    before_origin, origin = frame, after
-    for effect, p in reversed(active):
-        before_origin, origin = effect.from_contact(before_origin, p, rig), effect.from_contact(origin, p, rig)
+    of_corners = (r_x, r_y, model.gap(tiled, values, at_corner), mu, np.maximum(epsilon**2, _LEAST))
+    r, r_up, gap, friction, share = (a.reshape(corners, n) for a in of_corners)
+    stiffness = (0.5 * np.pi * (1.0 + values["epsilon"]) / T) ** 2
+    springs = _Springs(r, r_up, gap, friction, share, k_g**-2.0, rig.gravity, stiffness)
+    frame = seen.select(np.arange(n))
+    pressed = _integrate(springs, frame.v, T / STEPS)
+    v = pressed.v + _added(model, values, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
+    after = State.of(frame.q + pressed.shift, v, frame.trial, frame.t + pressed.elapsed)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
-    extra = 0.5 * elapsed[:, None] * ((before_origin.v - frame.v) + (origin.v - after.v))
-    return State.of(true.q + np.stack([x, y, turn], axis=1) + extra, origin.v, true.trial, true.t + elapsed), elapsed
+    origin, shift = after, pressed.shift
+    for effect, p in reversed(active):
+        frame, origin = effect.from_contact(frame, p, rig), effect.from_contact(origin, p, rig)
+    shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
+    return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed), pressed.elapsed
+
+
+def _added(
+    model: Model,
+    values: Mapping[str, float],
+    rig: Rig,
+    pressed: _Pressed,
+    contact: tuple[State, np.ndarray, np.ndarray],
+    space: ContactSpace,
+    mu: np.ndarray,
+    epsilon: np.ndarray,
+    k_g: float,
+) -> np.ndarray:
+    """Change of velocity (n, 3) by what effects add to the impulse of each corner that has pressed."""
+    seen, r_x, r_y = contact
+    plain = Impulse(pressed.c_t.ravel(), pressed.c_n.ravel(), np.zeros_like(r_x))
+    impulse = plain
+    for effect, p in model.active(values):
+        impulse = effect.impulse(impulse, space, mu, epsilon, (r_x, r_y), seen, p, rig)
+    touched = (plain.c_n > 0.0) & (space.v_n < 0.0)
+    d_t, d_n, couple = (
+        np.where(touched, getattr(impulse, name) - getattr(plain, name), 0.0) for name in ("c_t", "c_n", "tau")
+    )
+    turn = (r_x * d_n - r_y * d_t + couple) / k_g**2
+    return np.stack([a.reshape(pressed.c_t.shape).sum(axis=0) for a in (d_t, d_n, turn)], axis=1)
+
+
+def _integrate(s: _Springs, v: np.ndarray, h: float) -> _Pressed:
+    """Steps of `h` in s, half a drift, a kick and half a drift, from velocity v (n, 3) until all corners are free."""
+    n, moving = len(v), np.arange(len(v))
+    shift, elapsed = np.zeros((n, 3)), np.zeros(n)
+    c_t, c_n, deepest = (np.zeros_like(s.gap) for _ in range(3))
+    v = v.copy()
+    for _ in range(LONGEST * STEPS):
+        at, speed = shift[moving] + 0.5 * h * v[moving], v[moving]
+        cos, sin = np.cos(at[:, 2]), np.sin(at[:, 2])
+        r_x0, r_y0, share, mu = (a[:, moving] for a in (s.r_x, s.r_y, s.share, s.mu))
+        r_x, r_y = cos * r_x0 - sin * r_y0, sin * r_x0 + cos * r_y0
+        depth = -(s.gap[:, moving] + at[:, 1] + r_y - r_y0)
+        most = np.maximum(deepest[:, moving], depth)
+        # loading along Ω² δ; unloading, more steeply, to δ_0
+        force = np.where(depth < most, np.maximum(depth - (1.0 - share) * most, 0.0) / share, depth)
+        push = np.where(most > 0.0, h * s.stiffness * force, 0.0)
+        speed[:, 1] += push.sum(axis=0) - h * s.gravity
+        speed[:, 2] += s.w * (r_x * push).sum(axis=0)
+        several = np.maximum((push > 0.0).sum(axis=0), 1)
+        slip = speed[:, 0] - r_y * speed[:, 2]
+        drag = np.clip(-slip / ((1.0 + r_y * r_y * s.w) * several), -mu * push, mu * push)
+        speed[:, 0] += drag.sum(axis=0)
+        speed[:, 2] -= s.w * (r_y * drag).sum(axis=0)
+        shift[moving], v[moving] = at + 0.5 * h * speed, speed
+        elapsed[moving] += h
+        c_t[:, moving] += drag
+        c_n[:, moving] += push
+        # a corner that has left the surface may press again
+        deepest[:, moving] = np.where(depth <= 0.0, 0.0, most)
+        moving = moving[(push > 0.0).any(axis=0) | (depth > 0.0).any(axis=0) & (elapsed[moving] < 2.0 * h)]
+        if not len(moving):
+            break
+    return _Pressed(shift, v, elapsed, c_t, c_n)

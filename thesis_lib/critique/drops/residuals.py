@@ -1,21 +1,13 @@
-"""Residuals of all measurements, their covariance, and measurements drawn from a model.
+"""Residuals of all measurements, and measurements drawn from a model.
 
 The residual of an impact has three components, velocity after impact measured minus predicted ("impact").  Trajectories
-add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  That of an episode has the velocity and
-the pose where the flight after it begins, measured minus predicted; its touch is solved for, so that the component is 0
-and has unit variance.  The residual of a flight has three, acceleration measured minus predicted ("flight").  The covariance includes the noise of *all* data, also of the law's
-inputs:
-
-    S = A C Aᵀ + κ² w wᵀ + σ_m² D,    A = ∂R/∂data,  w = ∂R/∂t_c,  D = diag(1, 1, 1/k²) on the impact components
-
-A is made of secants over one standard deviation of each datum, so that a kink between sticking and sliding counts as
-far as noise reaches it.  κ is wide, because the instant of impact is unknown a priori.  σ_m is scatter that neither
-noise nor model explains.
+add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  That of an episode is measured minus
+predicted velocity and pose where the flight after it begins; its touch is solved for, so that the last component is 0.
+The residual of a flight has three, acceleration measured minus predicted ("flight").
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from scipy.special import roots_gegenbauer
@@ -26,14 +18,12 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects.effect import Rig, State
 
-INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 ARC_POINTS = 33  # points of a flight at which its path is compared with a parabola
 # a line through τ³/6 on [−W, 0] has the slope 0.15 W², as for the acceleration at −0.3 W; its own slope is the velocity
 # at −0.5 W
 ARC_MEAN = 0.6
 _PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
 _PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
-_H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
 
 
 def states_at_impact(model: Model, values: Mapping[str, float], observations: Observations) -> tuple[State, State]:
@@ -74,16 +64,16 @@ def impact_residuals(
     residual = np.concatenate([after.v - predicted.v, meet, (gap + depth)[:, None]], axis=1)
     rows = np.flatnonzero(o.span)
     if len(rows):
-        residual[rows] = _episode_residuals(model, values, rig, before.select(rows), after.select(rows), o.span[rows])
+        ends = end_of_episodes(model, values, rig, before.select(rows), o.span[rows])
+        residual[rows, :3], residual[rows, 3:6] = (after.v[rows] - ends.v, after.q[rows] - ends.q)
+        residual[rows, 6] = 0.0
     return residual
 
 
-def _episode_residuals(
-    model: Model, values: Mapping[str, float], rig: Rig, before: State, after: State, span: np.ndarray
-) -> np.ndarray:
-    played = play(model, values, rig, model.to_true(before, model.active(values), rig), span)
-    predicted = model.to_measured(played.after, model.active(values), rig)
-    return np.concatenate([after.v - predicted.v, after.q - predicted.q, np.zeros((len(span), 1))], axis=1)
+def end_of_episodes(model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray) -> State:
+    """Measured states (n,) `span` (n,) in s after measured states at the first touch."""
+    active = model.active(values)
+    return model.to_measured(play(model, values, rig, model.to_true(before, active, rig), span).after, active, rig)
 
 
 def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
@@ -105,59 +95,6 @@ def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights
         square = tau**2 - (tau**2).mean(axis=1, keepdims=True)
         predicted = predicted + 2.0 * np.einsum("nw,nwc->nc", square, beyond) / (square**2).sum(1)[:, None]
     return flights.acceleration - predicted
-
-
-def residual_covariance(
-    model: Model, values: Mapping[str, float], observations: Observations, instant: np.ndarray | float = INSTANT
-) -> np.ndarray:
-    """S (n, m, m) without σ_m.
-
-    `instant` is κ in s: wide if S weighs residuals (a fit of the instant), `t_std` for their size at the estimated one.
-    """
-    S = noise_covariance(lambda o: impact_residuals(model, values, o), observations, instant, model.has_arc)
-    if observations.span.any():
-        S[observations.span > 0.0, -1, -1] = 1.0
-    return S
-
-
-def noise_covariance(
-    statistic: Callable[[Observations], np.ndarray],
-    observations: Observations,
-    instant: np.ndarray | float,
-    with_samples: bool,
-) -> np.ndarray:
-    """Covariance (n, m, m) of a statistic of n impacts from the noise of all data, by secants.
-
-    Args:
-        statistic: maps any observations to (n, m).
-        instant: κ in s, scalar or (n,).
-        with_samples: whether the statistic uses `nodes` and `weights`.
-    """
-    o, n = observations, len(observations)
-    std = np.sqrt(np.einsum("nsckk->nsck", o.cov))
-    step = np.where(std > 0.0, std, 1e-6)
-    data = list(product((0, 1), range(3), (0, 1)))  # side, channel, and value (0) or slope (1) of its line
-    # all secants in one call, on copies of the impacts: each datum moved up and down, and the instant as measured and
-    # a moment later
-    copies = o.tiled(2 * len(data) + 2, with_samples)
-    lines = [array.reshape(-1, n, 2, 3) for array in (copies.value, copies.slope)]
-    for i, (side, channel, k) in enumerate(data):
-        lines[k][2 * i, :, side, channel] += step[:, side, channel, k]
-        lines[k][2 * i + 1, :, side, channel] -= step[:, side, channel, k]
-    lines[0][-1] += _H_INSTANT * o.slope
-    R = statistic(copies).reshape(2 * len(data) + 2, n, -1)
-
-    up, down, (here, later) = R[0:-2:2], R[1:-2:2], R[-2:]
-    secants = (up - down).reshape(2, 3, 2, n, -1)
-    S = np.zeros((n, R.shape[2], R.shape[2]))
-    for side, channel in product((0, 1), range(3)):
-        A = np.stack(list(secants[side, channel]), axis=1) / (2.0 * step[:, side, channel, :, None])  # (n, 2, m)
-        S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
-    if o.arcs:
-        w = (later - here) / _H_INSTANT
-        w[o.span > 0.0] = 0.0  # the touch is solved for
-        S += np.broadcast_to(instant, n)[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
-    return S
 
 
 def synthesise(
@@ -183,8 +120,7 @@ def synthesise(
     after = model.predict(before, values, rig, o.offset)
     rows = np.flatnonzero(o.span)
     if len(rows):
-        played = play(model, values, rig, model.to_true(before.select(rows), active, rig), o.span[rows])
-        ends = model.to_measured(played.after, active, rig)
+        ends = end_of_episodes(model, values, rig, before.select(rows), o.span[rows])
         q, v = after.q, after.v
         q[rows], v[rows] = ends.q, ends.v
         after = State.of(q, v, o.trial, o.t + o.span)

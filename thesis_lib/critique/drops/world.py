@@ -11,16 +11,18 @@ They include the weights of the t distribution, so that a bad impact counts as l
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.fit import NU, ROUNDS, SLOPE_STEP, Fit, Whitening, fit
+from thesis_lib.critique.drops.covariance import residual_covariance
+from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, NU, SLOPE_STEP, Fit, Whitening, fit
 from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, residual_covariance, synthesise
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, synthesise
 from thesis_lib.critique.selection.search import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
@@ -89,7 +91,23 @@ class Drops(World[Effect, Fit, Judgement]):
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, *, quick: bool = False
     ) -> Fit:
-        return fit(Model(LAWS[base], effects, self.timed), self.observations, start, rounds=1 if quick else ROUNDS)
+        model = Model(LAWS[base], effects, self.timed)
+        return fit(model, self.quick, start, rounds=1) if quick else fit(model, self.observations, start)
+
+    @cached_property
+    def quick(self) -> Observations:
+        """The impacts of quick fits: single hits, for an episode takes fifty times as long; all if these are few."""
+        single = self.observations.single
+        return single if len(single) >= ENOUGH_SINGLE else self.observations
+
+    def quick_gain(self, fitted: Fit, contenders: Sequence[Fit]) -> float:
+        if self.quick is self.observations:
+            return super().quick_gain(fitted, contenders)
+        best = max(
+            sum(map(np.sum, Whitening.at(f.model, f.values, self.quick).log_scores(f.values))) for f in contenders
+        )
+        # what all impacts will say, if episodes tell as much as single hits
+        return float(fitted.score - best) * len(self.observations) / len(self.quick)
 
     def judge(self, fitted: Fit) -> Judgement:
         model, values, o = fitted.model, fitted.values, self.observations

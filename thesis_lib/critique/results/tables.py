@@ -20,17 +20,18 @@ import pandas as pd
 
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
-from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance, synthesise
+from thesis_lib.critique.drops.residuals import impact_residuals, synthesise
 from thesis_lib.critique.drops.world import Judgement
 from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.search import paired_gain
-from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE, Impacts
 from thesis_lib.foundation.columns import explain
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import fit_individual

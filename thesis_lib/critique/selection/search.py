@@ -205,7 +205,8 @@ class _Search(Generic[E, F, J]):
         full = {name: world.fit(quick[name].base, quick[name].effects, quick[name].values) for name in names}
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
-        gains = {name: fit.score - best.score for name, fit in (quick | full).items()}
+        gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
+        gains |= {name: fit.score - best.score for name, fit in full.items()}
         names = sorted(names, key=lambda name: -gains[name])[:JUDGED]
         judgements = {name: world.cross_validate(full[name], self.folds) for name in names}
         below = None

@@ -118,6 +118,10 @@ class World(ABC, Generic[E, F, J]):
     ) -> F:
         """Fit all parameters to these data, from `start` where it has them; `quick` may stop early."""
 
+    def quick_gain(self, fitted: F, contenders: Sequence[F]) -> float:
+        """Gain in nats of a quick fit over the best of the contenders, which lack its last effect."""
+        return fitted.score - max(f.score for f in contenders)
+
     @abstractmethod
     def judge(self, fitted: F) -> J:
         """Judge a model that was fitted to other data."""

@@ -19,14 +19,10 @@ from scipy.stats import binom, norm
 from scipy.stats import f as f_distribution
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
+from thesis_lib.critique.drops.covariance import noise_covariance, residual_covariance
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import (
-    impact_residuals,
-    noise_covariance,
-    residual_covariance,
-    states_at_impact,
-)
+from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
 from thesis_lib.statistics.spread import robust_std
 
 SIGMAS = 3.0  # standard deviations: an impact beyond is outside a class

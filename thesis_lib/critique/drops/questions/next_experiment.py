@@ -16,10 +16,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit, fit
 from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance, states_at_impact
+from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, State

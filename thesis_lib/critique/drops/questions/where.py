@@ -19,6 +19,7 @@ import pandas as pd
 from scipy.stats import rankdata
 
 from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES, features
 from thesis_lib.critique.drops.fit import Fit
@@ -29,7 +30,7 @@ from thesis_lib.critique.drops.questions.flight_residuals import (
     misfit,
     relative_residuals,
 )
-from thesis_lib.critique.drops.residuals import impact_residuals, residual_covariance
+from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.foundation.rounding import six_digits
 
 PERMUTATIONS = 499

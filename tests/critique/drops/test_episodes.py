@@ -1,0 +1,233 @@
+"""Episodes: hits that follow each other too quickly are predicted together, from one measurable flight to the next."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
+
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.covariance import residual_covariance
+from thesis_lib.critique.drops.episodes import Outcome, play
+from thesis_lib.critique.drops.fit import fit
+from thesis_lib.critique.drops.model import Model, duration
+from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.drops.pressing import press
+from thesis_lib.critique.drops.residuals import impact_residuals, synthesise
+from thesis_lib.critique.drops.unpredictable import predictable
+from thesis_lib.critique.results.tables import impacts
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Rig, State
+from thesis_lib.simulate.rig.hidden_causes import SQUARE
+
+MODEL = Model(LAWS["mirtich"], takes_time=True)
+RIG = Rig(SQUARE.shape, SQUARE.radius_of_gyration, 9.81, 0.0)
+APART = 0.024  # s; a flight of that length has the five samples that measure it
+FREE = 0.004  # s after the last hit
+
+
+def truth(contact_time: float) -> dict[str, float]:
+    return {"mu": MU, "epsilon": EPSILON, "tau": contact_time / duration(1.0, EPSILON)}
+
+
+@cache
+def observed(contact_time: float = T, episodes: bool = True) -> Observations:
+    made = drops("square", contact_time)
+    return observe(Dataset("square", made.header, made.trajectories), episodes=episodes)
+
+
+def simulated_episodes(table: pd.DataFrame) -> list[pd.DataFrame]:
+    """Contacts of the simulator between two flights of at least `APART`, without the last of each trial."""
+    groups = []
+    for _, trial in table.groupby("trial"):
+        ends = trial["t"] + trial["duration"]
+        number = np.r_[0, np.cumsum(trial["t"].to_numpy()[1:] - ends.to_numpy()[:-1] > APART)]
+        groups += [group for k, group in trial.groupby(number) if k < number[-1]]
+    return groups
+
+
+@cache
+def played(contact_time: float) -> tuple[Outcome, np.ndarray, np.ndarray]:
+    """Episodes of the simulator as the model plays them: outcome, true number of contacts, error in m/s, each (n,)."""
+    groups = simulated_episodes(drops("square", contact_time, noisy=False).impacts)
+    first, last = (pd.DataFrame([group.iloc[i] for group in groups]) for i in (0, -1))
+    q, v, v_post = first[list(POSE)].to_numpy(), first[list(V_PRE)].to_numpy(), last[list(V_POST)].to_numpy()
+    start = State.of(q, v, first["trial"].to_numpy(int), first["t"].to_numpy())
+    span = (last["t"] + last["duration"]).to_numpy() - start.t + FREE
+    outcome = play(MODEL, truth(contact_time), RIG, start, span)
+    error = (outcome.after.v - v_post - [0.0, -9.81 * FREE, 0.0]) * [1.0, 1.0, RIG.k_g]
+    return outcome, np.array([len(group) for group in groups]), np.linalg.norm(error, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("contact_time", "median", "most"), [(2e-5, 0.0015, 0.01), (T, 0.003, 0.02), (3e-3, 0.008, 0.08)]
+)
+def test_episodes_end_as_those_of_a_simulator_without_impact_laws(contact_time, median, most):
+    outcome, contacts, error = played(contact_time)
+    assert not outcome.rests.any()
+    several = contacts > 1
+    assert several.sum() > 40 and contacts.max() > 2
+    alone = ~outcome.pressed
+    assert np.mean(outcome.hits[alone & several] == contacts[alone & several]) > 0.97
+    for kind in (several, ~several):
+        assert np.median(error[kind]) < median
+        assert np.quantile(error[kind], 0.9) < most
+
+
+def flat(turn: float, omega: float = 0.0) -> State:
+    """A square that lands almost flat: two corners press at once."""
+    height = 0.03 * (np.cos(turn) + abs(np.sin(turn)))
+    return State.of(np.array([[0.0, height, turn]]), np.array([[0.3, -2.0, omega]]), np.zeros(1, int), np.zeros(1))
+
+
+def test_a_square_that_lands_flat_does_not_turn():
+    after, elapsed = press(MODEL, truth(T) | {"mu": 0.0}, RIG, flat(0.0))
+    assert abs(after.omega[0]) < 1e-9
+    assert after.vy[0] == pytest.approx(2.0 * EPSILON, rel=0.02)  # gravity acts meanwhile
+    # two springs are stiffer than one by √2
+    assert elapsed[0] == pytest.approx(T / np.sqrt(2.0), rel=0.1)
+
+
+def test_pressing_corners_lose_energy_and_mirror():
+    for turn, omega in ((0.002, 3.0), (-0.01, 10.0), (0.005, -8.0)):
+        before, mirrored = flat(turn, omega), flat(-turn, -omega)
+        after, _ = press(MODEL, truth(T), RIG, before)
+        image, _ = press(MODEL, truth(T), RIG, mirrored.moved(vx=-mirrored.vx))
+        assert np.allclose(after.v * [-1.0, 1.0, -1.0], image.v, atol=1e-9)
+        energy = [float(((s.v * [1.0, 1.0, RIG.k_g]) ** 2).sum() + 2.0 * 9.81 * s.y[0]) for s in (before, after)]
+        assert energy[1] < energy[0]
+
+
+def test_one_corner_that_presses_alone_follows_the_energetic_law():
+    """Stronge's law is the limit of a short contact: the springs must end where the rigid impact does."""
+    rng = np.random.default_rng(3)
+    n = 200
+    v = np.column_stack([rng.uniform(-1.5, 1.5, n), rng.uniform(-3.0, -0.8, n), rng.uniform(-12.0, 12.0, n)])
+    theta = rng.uniform(0.2, np.pi / 2 - 0.2, n)
+    q = np.column_stack([np.zeros(n), 0.03 * (np.cos(theta) + np.sin(theta)), theta])
+    before = State.of(q, v, np.arange(n), np.zeros(n))
+    r_x = RIG.shape.contact_point(theta)[:, 0]
+    before = before.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.5))
+    short = truth(1e-6)
+    springs, _ = press(MODEL, short, RIG, before)
+    rigid, _ = Model(LAWS["mirtich"]).collide(before, short, RIG)
+    error = np.linalg.norm((springs.v - rigid.v) * [1.0, 1.0, RIG.k_g], axis=1)
+    speed = np.linalg.norm((rigid.v - before.v) * [1.0, 1.0, RIG.k_g], axis=1)
+    assert np.median(error / speed) < 0.02
+
+
+def test_a_round_body_in_flight_is_left_alone():
+    body = BODIES["ellipse"]
+    rig = Rig(body.shape, body.radius_of_gyration, 9.81, 0.0)
+    high = State.of(np.array([[0.0, 1.0, 0.3]]), np.array([[0.5, -1.0, 4.0]]), np.zeros(1, int), np.zeros(1))
+    outcome = play(MODEL, truth(T), rig, high, np.array([0.05]))
+    assert outcome.hits[0] == 0
+    assert np.allclose(outcome.after.q, high.flown(np.array([[0.0, -9.81, 0.0]]), 0.05).q, atol=1e-12)
+
+
+def test_a_body_that_never_bounces_rests():
+    outcome = play(MODEL, truth(T) | {"epsilon": 0.0}, RIG, flat(0.0), np.array([0.08]))
+    assert outcome.rests[0]
+
+
+def test_most_hits_of_a_square_are_used():
+    episodes, single = observed(), observed(episodes=False)
+    detected = len(single.found.arcs)
+    assert episodes.hits.sum() >= 0.8 * detected > len(single)
+    assert episodes.hits.sum() + len(episodes.found.left_out) == detected
+    assert len(episodes.single) == len(single)
+
+
+def test_episodes_scatter_as_their_covariance_says():
+    o = observed()
+    values = truth(T)
+    R, S = impact_residuals(MODEL, values, o), residual_covariance(MODEL, values, o, o.t_std)
+    z = (R / np.sqrt(np.einsum("nii->ni", S)))[o.span > 0.0]
+    assert len(z) > 50
+    assert np.all(z[:, 6] == 0.0)
+    spread = 1.4826 * np.median(np.abs(z[:, :6]), axis=0)
+    # contacts of 1 ms are predicted to 2 mm/s, a third of what noise does to an episode
+    assert np.all((spread > 0.5) & (spread < 1.8))
+    assert np.mean(np.abs(z[:, :6]) < 5.0) > 0.97
+
+
+def test_episodes_sharpen_the_same_coefficients():
+    fits = {episodes: fit(MODEL, observed(episodes=episodes)) for episodes in (False, True)}
+    for name in ("mu", "epsilon", "tau"):
+        alone, both = fits[False], fits[True]
+        assert abs(alone.values[name] - both.values[name]) < SIGMAS * alone.std[name]
+        assert both.std[name] < alone.std[name]
+
+
+def test_drawn_episodes_are_fitted_with_honest_errors():
+    o, true = observed(), truth(T)
+    z = []
+    for seed in range(6):
+        fitted = fit(MODEL, synthesise(MODEL, true, o, np.random.default_rng(seed)), start=true, rounds=1)
+        z.append([(fitted.values[name] - value) / fitted.std[name] for name, value in true.items()])
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / np.size(z)))
+
+
+def test_what_noise_leaves_open_is_left_out_with_its_spread():
+    o = observed()
+    noisy = replace(o, cov=400.0 * o.cov)
+    kept = predictable(noisy, noisy, True)
+    gone = kept.found.left_out[kept.found.left_out["reason"] == "unpredictable"]
+    assert len(gone) == o.hits.sum() - kept.hits.sum() > 0
+    assert gone["detail"].str.contains("m/s").all()
+    assert len(kept.single) == len(o.single)
+    assert len(predictable(o, o, True)) > 0.97 * len(o)
+
+
+def test_effects_act_at_every_hit():
+    """A displaced contact point, a wrong size and rounded corners change the hits of every corner."""
+    o = observed()
+    rows = o.rows(np.flatnonzero(o.span))
+    for name in ("wrong_size", "rounded_corners", "com_offset", "surface_height", "position_dependent_restitution"):
+        effect = EFFECTS[name]
+        model = MODEL.with_effect(effect)
+        null = {f"{name}.{p.name}": p.null for p in effect.parameters}
+        moved = {f"{name}.{p.name}": p.null + p.scale for p in effect.parameters}
+        plain = impact_residuals(MODEL, truth(T), rows)
+        assert np.allclose(impact_residuals(model, truth(T) | null, rows), plain, atol=1e-9)
+        assert np.mean(np.abs(impact_residuals(model, truth(T) | moved, rows) - plain).max(axis=1) > 1e-5) > 0.5
+
+
+def test_rounding_moves_each_corner_of_a_polygon_as_it_moves_the_lowest():
+    shape = Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03)))
+    theta = np.linspace(0.1, 6.2, 40)
+    corners = shape.corners
+    heights = np.sin(theta)[:, None] * corners[:, 0] + np.cos(theta)[:, None] * corners[:, 1]
+    lowest = heights.argmin(axis=1)
+    before = State.of(
+        np.column_stack([0 * theta, 0 * theta + 0.05, theta]),
+        np.tile([0.1, -1.0, 2.0], (40, 1)),
+        np.arange(40),
+        0 * theta,
+    )
+    from thesis_lib.bodies.shapes import Corner
+
+    for name in ("rounded_corners", "wrong_size"):
+        model = MODEL.with_effect(EFFECTS[name])
+        values = truth(T) | {f"{name}.{p.name}": p.null + p.scale for p in EFFECTS[name].parameters}
+        active = model.active(values)
+        for by_shape, by_corner in zip(
+            model.contact_at(before, active, RIG)[1:3],
+            model.contact_at(before, active, replace(RIG, shape=Corner(shape, lowest)))[1:3],
+        ):
+            assert np.allclose(by_shape, by_corner, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_table_of_impacts_tells_which_hits_belong_together():
+    table = impacts(critique("square"))
+    episodes = table[(table["used"] == 1) & (table["span"] > 0.0)]
+    assert len(episodes) > 50 and (episodes["hits"] >= 1).all()
+    assert table.loc[table["used"] == 1, "hits"].sum() + (table["used"] == 0).sum() == len(
+        critique("square").observations.found.arcs
+    )
