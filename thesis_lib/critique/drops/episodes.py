@@ -68,7 +68,8 @@ class _Play:
         self.active, self.points, n = model.active(values), contact_points(rig), len(span)
         self.motion, self.t = np.concatenate([true.q, true.v], axis=1), np.zeros(n)
         self.hits, self.pressed = np.zeros(n, int), np.zeros(n, bool)
-        # of the last hit: motion and time at its touch, and the time at which it is over
+        # of the last hit: its contact point, motion and time at its touch, and the time at which it is over
+        self.last = np.full(n, -1)
         self.touch, self.touch_t, self.over = self.motion.copy(), np.zeros(n), np.full(n, -np.inf)
         self._rewind()
         rows = np.arange(n)
@@ -170,7 +171,7 @@ class _Play:
         point = _first(f, v_n)
         delay = delay[point, np.arange(len(rows))]
         self.hits[rows] += 1
-        again = self.t[rows] - delay < self.over[rows]
+        again = (self.t[rows] - delay < self.over[rows]) & (point != self.last[rows])
         if again.any():
             self._press(rows[again])
             rows, state, point, delay = rows[~again], state.select(~again), point[~again], delay[~again]
@@ -178,7 +179,7 @@ class _Play:
             return
         touch = state.flown(self._acceleration(state, -delay), -delay)
         self.touch[rows] = np.concatenate([touch.q, touch.v], axis=1)
-        self.touch_t[rows] = self.t[rows] - delay
+        self.touch_t[rows], self.last[rows] = self.t[rows] - delay, point
         after, _ = self.model.collide(state, self.values, self._touching(point))
         self._set(rows, after)
         if self.model.takes_time:
