@@ -3,10 +3,8 @@
 A body that lands on a corner often lands on the next one before the camera has seen it fly.  The state after such an
 episode follows from the state before it: the law is applied as often as the body touches, with flight between.
 
-The arcs before and after a hit meet at the centroid of its impulse, where the contact point is t̄ |v_n| below the
-surface (`model`).  So the next hit is where a corner that comes down is that deep:
-
-    f = φ_n + t̄ |v_n| = 0,    v_n < 0
+A contact point touches where its gap φ_n is 0 while it comes down.  The arcs before and after the hit meet at the
+centroid of its impulse, t̄ later (`model`).
 
 A hit that begins before the one before it is over presses two corners at once.  No sequence of impacts describes that;
 the motion is then integrated from the touch of the first with springs at all corners (`pressing`).
@@ -21,7 +19,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from thesis_lib.bodies.shapes import Corner, Polygon
-from thesis_lib.critique.drops.model import Model, contact_space_of, duration
+from thesis_lib.critique.drops.model import Model, duration
 from thesis_lib.critique.drops.pressing import press
 from thesis_lib.effects.effect import Rig, State
 
@@ -29,7 +27,7 @@ MOST_CORNERS = 12
 MOST_HITS = 12  # a body that hits more often has come to rest
 LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
 STEP = 1e-3  # s; a corner 0.05 m from the centre that turns with 60 rad/s is off a straight line by 0.02 mm
-NEWTON = 3  # steps to the instant of a hit within a step: f to 1 nm
+NEWTON = 3  # steps to the instant of a touch within a step: the gap to 1 nm
 LARGEST = 400_000  # contact points that are looked at in one call
 _NOW = 1e-9  # s
 
@@ -85,7 +83,7 @@ class _Play:
             state, back = self._state(rows), np.full(len(rows), -LEAD)
             self._set(rows, state.flown(self._acceleration(state, back), back))
             self.t[rows] -= LEAD
-            rows = rows[_lands(*self._depths(self._state(rows))[:2]).any(axis=0)]
+            rows = rows[_lands(*self._gaps(self._state(rows))).any(axis=0)]
             if not len(rows):
                 return
 
@@ -106,8 +104,7 @@ class _Play:
         steps = int(np.ceil(left.max() / STEP))
         h = left / steps
         path = self._path(self._state(rows), h, steps)
-        f, v_n, _ = self._depths(path)
-        lands = _lands(f, v_n).any(axis=0).reshape(steps + 1, n)
+        lands = _lands(*self._gaps(path)).any(axis=0).reshape(steps + 1, n)
         hit, step = np.flatnonzero(lands.any(axis=0)), lands.argmax(axis=0)
         self._set(rows, path.select(np.arange(steps * n, (steps + 1) * n)))
         self.t[rows] = self.span[rows]
@@ -133,12 +130,12 @@ class _Play:
         return _joined(path)
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray) -> np.ndarray:
-        """Times (n,) in s after `start`, at most `h`, at which the first point hits; it has hit after `h`."""
+        """Times (n,) in s after `start` at which the first point touches; after `h` it has."""
         t, rows = h, np.arange(len(h))
         for _ in range(NEWTON):
-            f, v_n, _ = self._depths(start.flown(a, t))
-            point = _first(f, v_n)
-            t = np.clip(t - f[point, rows] / v_n[point, rows], 0.0, h)
+            gap, v_n = self._gaps(start.flown(a, t))
+            point = _first(gap, v_n)
+            t = np.clip(t - gap[point, rows] / v_n[point, rows], 0.0, h)
         return t
 
     def _acceleration(self, state: State, h: np.ndarray) -> np.ndarray:
@@ -147,17 +144,14 @@ class _Play:
             a = self.model.true_acceleration(state.flown(a, 0.5 * h), self.active, self.rig)
         return a
 
-    def _depths(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """f in m, v_n in m/s and t̄ in s of all contact points, each (p, n)."""
+    def _gaps(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Gap in m and v_n in m/s of all contact points, each (p, n)."""
         n, p = len(state.x), self.points
         if p > 1:
             state = _joined([state] * p)
         rig = self._touching(np.repeat(np.arange(p), n))
-        contact = self.model.contact_at(state, self.active, rig)
-        space = contact_space_of(*contact)
-        delay = self.model.delay(space, contact[0], self.values, rig)
-        f = self.model.gap(state, self.values, rig) + delay * np.maximum(-space.v_n, 0.0)
-        return f.reshape(p, n), space.v_n.reshape(p, n), delay.reshape(p, n)
+        seen, r_x, *_ = self.model.contact_at(state, self.active, rig)
+        return self.model.gap(state, self.values, rig).reshape(p, n), (seen.vy + r_x * seen.omega).reshape(p, n)
 
     def _touching(self, index: np.ndarray) -> Rig:
         """The rig with one contact point for each body, by its index (n,)."""
@@ -166,25 +160,23 @@ class _Play:
         return replace(self.rig, shape=Corner(self.rig.shape, index))  # pyright: ignore[reportArgumentType]
 
     def _hit(self, rows: np.ndarray) -> None:
-        state = self._state(rows)
-        f, v_n, delay = self._depths(state)
-        point = _first(f, v_n)
-        delay = delay[point, np.arange(len(rows))]
+        """Resolve the hits of the bodies `rows`, which touch now."""
+        point, now = _first(*self._gaps(self._state(rows))), self.t[rows]
         self.hits[rows] += 1
-        again = (self.t[rows] - delay < self.over[rows]) & (point != self.last[rows])
+        again = (now < self.over[rows]) & (point != self.last[rows])
         if again.any():
             self._press(rows[again])
-            rows, state, point, delay = rows[~again], state.select(~again), point[~again], delay[~again]
+            rows, point, now = rows[~again], point[~again], now[~again]
         if not len(rows):
             return
-        touch = state.flown(self._acceleration(state, -delay), -delay)
-        self.touch[rows] = np.concatenate([touch.q, touch.v], axis=1)
-        self.touch_t[rows], self.last[rows] = self.t[rows] - delay, point
-        after, _ = self.model.collide(state, self.values, self._touching(point))
+        self.touch[rows], self.touch_t[rows], self.last[rows] = self.motion[rows], now, point
+        touch, rig = self._state(rows), self._touching(point)
+        delay = self.model.delay(touch, self.values, rig)
+        after, _ = self.model.collide(touch.flown(self._acceleration(touch, delay), delay), self.values, rig)
         self._set(rows, after)
+        self.t[rows] += delay
         if self.model.takes_time:
-            whole = duration(1.0, self.values["epsilon"])
-            self.over[rows] = self.touch_t[rows] + whole * delay
+            self.over[rows] = now + duration(1.0, self.values["epsilon"]) * delay
 
     def _press(self, rows: np.ndarray) -> None:
         self.pressed[rows] = True
@@ -208,11 +200,11 @@ def _joined(states: Sequence[State]) -> State:
     return State(*(np.concatenate([getattr(state, item.name) for state in states]) for item in fields(State)))
 
 
-def _lands(f: np.ndarray, v_n: np.ndarray) -> np.ndarray:
-    """Mask (p, n) of points that come down and are as deep as where arcs meet."""
-    return (f <= 0.0) & (v_n < 0.0)
+def _lands(gap: np.ndarray, v_n: np.ndarray) -> np.ndarray:
+    """Mask (p, n) of points that have reached the surface and come down."""
+    return (gap <= 0.0) & (v_n < 0.0)
 
 
-def _first(f: np.ndarray, v_n: np.ndarray) -> np.ndarray:
-    """Index (n,) of the point that has hit, or is about to: the deepest of those that come down."""
-    return np.where(v_n < 0.0, f, np.inf).argmin(axis=0)
+def _first(gap: np.ndarray, v_n: np.ndarray) -> np.ndarray:
+    """Index (n,) of the point that touches: the lowest of those that come down."""
+    return np.where(v_n < 0.0, gap, np.inf).argmin(axis=0)

@@ -213,6 +213,15 @@ class Model:
             after = effect.from_contact(after, p, rig)
         return after, depth
 
+    def delay(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+        """t̄ (n,) in s of contacts that begin in true states; 0 if contacts take no time."""
+        if not self.takes_time:
+            return np.zeros_like(true.x)
+        active = self.active(values)
+        contact = self.contact_at(true, active, rig)
+        mu, epsilon = (np.full_like(true.x, values[name]) for name in ("mu", "epsilon"))
+        return self._delay(contact, self._struck(*contact, active, rig, mu, epsilon), values["tau"], active, rig)
+
     @staticmethod
     def _delay(contact: tuple, after: State, tau: float, active: Sequence, rig: Rig) -> np.ndarray:
         """t̄ (n,) in s of each impact, from what `contact` returns and the state after the impulse."""
