@@ -146,7 +146,7 @@ def impacts(critique: Critique) -> pd.DataFrame:
     left_out = left_out_impacts(o).assign(used=0)
     table = pd.concat([used, left_out], ignore_index=True) if len(left_out) else used
     table["held_out"] = np.isin(table["trial"], critique.held_out.trial).astype(int)
-    first = ["trial", "impact", "used", "held_out", "reason", "detail"]
+    first = ["trial", "impact", "hits", "span", "used", "held_out", "reason", "detail"]
     table = table[[*first, *(name for name in table.columns if name not in first)]]
     return table.sort_values(["trial", "impact", "used"], ignore_index=True, kind="stable")
 
