@@ -93,13 +93,11 @@ def test_proof_tells_the_worst_source_and_leaves_out_what_was_not_run() -> None:
 
 
 def test_the_proof_writes_the_rows_that_are_read() -> None:
-    from thesis_lib.critique.proof.cases import SOURCES
+    from thesis_lib.critique.proof.cases import RIGID
     from thesis_lib.critique.proof.summary import TARGETS
 
     written = {
-        (target.figure, "all" if group == SOURCES else " + ".join(group))
-        for target in TARGETS
-        for group in target.groups
+        (target.figure, "all" if group == RIGID else " + ".join(group)) for target in TARGETS for group in target.groups
     }
     assert {*PROVEN, OUTSIDE, (QUIET, "law")} <= written
 

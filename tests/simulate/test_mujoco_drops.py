@@ -208,6 +208,32 @@ def test_friction_by_place_and_a_moving_plate_act_on_the_slip():
     np.testing.assert_allclose(carried["c_t"] / carried["c_n"], 0.1, rtol=1e-3)  # a body at rest is dragged along
 
 
+def test_a_soft_place_lasts_longer_and_gives_back_the_same():
+    """Stiffness by place: T ~ 1/√k at the same restitution."""
+    half = {"stiffness_slope": -0.75, "patch_centre": 0.0}
+    for x, factor in ((0.0, 1.0), (1.0, 0.25)):
+        moved = at(vx=x / np.sqrt(2.0 * 0.27 / 9.81))  # it lands at x
+        contact = {"mu": 0.0}
+        soft, hard = (first(run(1, DISK, moved, hidden=h, contact=contact)).iloc[0] for h in (half, {}))
+        assert soft["x"] == pytest.approx(x, abs=1e-3)
+        assert soft["duration"] / hard["duration"] == pytest.approx(factor**-0.5, rel=0.02)
+        assert soft["vy_post"] == pytest.approx(hard["vy_post"], abs=0.02)
+
+
+@pytest.mark.slow
+def test_every_cause_that_mujoco_makes_changes_the_drops():
+    """None is accepted and then left out; the camera's are seen in the samples alone."""
+    for name in SUPPORTED:
+        body = SQUARE if name in CAUSES and CAUSES[name].polygon_only else ELLIPSE
+        size = 1.0 if name == "mirrored" else 5.0 * {**CAUSES, **OWN}[name].size
+        size = float(np.clip(size, -0.9, 0.9)) if name in ("stiffness_patch", "soft_spot", "loose_mass") else size
+        wide = {"patch_centre": 0.0, "patch_width": 0.6, name: size}  # so that every drop lands on it
+        plain, made = (run(4, body, hidden=h, duration=0.35, contact={"steps": 50}) for h in ({}, wide))
+        merged = plain.trajectories.merge(made.trajectories, on=["trial", "t"])
+        change = np.abs(merged[[f"{c}_x" for c in POSE]].to_numpy() - merged[[f"{c}_y" for c in POSE]].to_numpy())
+        assert change.max() > 1e-5, name
+
+
 def test_fluid_on_the_ellipsoid_slows_lifts_and_turns():
     """Drag across the long axis exceeds that along it, and an inclined ellipse is pushed aside; water beats air."""
     release = at(height=0.6, theta=(0.0, np.pi / 2.0))

@@ -81,6 +81,7 @@ rule critique_proof:
         confusion=f"{PROOF}/confusion.csv",
         summary=shown("proof", f"{PROOF}/summary.csv"),
         misses=f"{PROOF}/misses.csv",
+        real_contacts=f"{PROOF}/real_contacts.csv",
         rerun=f"{PROOF}/rerun.csv",
     log:
         "results/logs/critique_proof.log",

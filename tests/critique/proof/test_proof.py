@@ -4,11 +4,25 @@ import json
 
 import numpy as np
 import pytest
-from stored_proof import OUTSIDE
+from stored_proof import OUTSIDE, many, put
 
-from thesis_lib.critique.proof.cases import DEVELOPMENT, NOTHING, RATIO, SEEDS, SOURCES, Case, make, pairs, truths
+from thesis_lib.critique.proof import sizes
+from thesis_lib.critique.proof.by_contact import by_contact, contact_lines
+from thesis_lib.critique.proof.cases import (
+    DEVELOPMENT,
+    NOTHING,
+    RATIO,
+    SEEDS,
+    SOURCES,
+    Case,
+    make,
+    pairs,
+    simulate,
+    truths,
+)
+from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.compute import compute
-from thesis_lib.critique.proof.results import confusion, is_right
+from thesis_lib.critique.proof.results import confusion, is_exact, is_right, outcomes, recovered, usual
 from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.effects import EFFECTS
@@ -101,3 +115,91 @@ def test_sizes_are_found_again():
     found = find_size("com_offset", RATIO, 7)
     assert 0.5 < stored_factor("com_offset") / found < 2.0
     assert find_size("com_offset", 1.5, 7) < 0.7 * found
+
+
+def test_exact_is_right_and_complete():
+    single, pair = Case("mujoco", "wear", 0), Case("mujoco", "wear+plate_velocity", 0)
+    assert is_exact(single, "effects", [["wear", "magnus"]])
+    assert is_right(single, "unexplained", [["wear"], ["magnus"]])
+    assert not is_exact(single, "unexplained", [["wear"]]) and not is_exact(single, "effects", [["wear"], ["magnus"]])
+    assert is_exact(pair, "effects", [["moving_surface"], ["wear"]])
+    assert not is_exact(pair, "effects", [["moving_surface"], ["wear"], ["magnus"]])
+    assert is_exact(Case("mujoco", "fluid_density", 0), "unexplained", [["quadratic_drag"]])
+
+
+def test_what_a_contact_has_by_itself_may_be_named():
+    """Drake's own contact loses more at higher speed; a pad does not, so that there it is a mistake."""
+    own = [["velocity_dependent_restitution"]]
+    for source in ("drake_point", "drake_hydroelastic"):
+        nothing, single = Case(source, NOTHING, 0), Case(source, "tilt", 0)
+        assert is_right(nothing, "effects", own) and is_exact(nothing, "adequate", [])
+        assert not is_right(nothing, "effects", [*own, ["wear"]]) and not is_right(nothing, "unexplained", own)
+        assert is_exact(single, "effects", [*own, ["surface_tilt"]])
+        assert not is_exact(single, "effects", own) and not is_right(single, "effects", own)
+    assert not is_right(Case("drake", NOTHING, 0), "effects", own)
+
+
+def test_a_case_has_the_body_and_contact_of_its_source_unless_it_says_otherwise():
+    assert Case("mechanism", "wear", 0) == Case("mechanism", "wear", 0, shape="ellipse", contact_time=2e-5)
+    assert Case("law", "rounded_corners", 0).shape == Case("mujoco", "corner_radius", 0).shape == "square"
+    assert Case("mujoco", NOTHING, 0).contact_time == 1e-3
+    assert Case("mujoco", NOTHING, 0).is_usual and not Case("mujoco", NOTHING, 0, shape="square").is_usual
+    for source, truth, contact in (
+        ("mujoco", "corner_radius", {"shape": "ellipse"}),
+        ("law", "wear", {"contact_time": 1e-3}),
+    ):
+        with pytest.raises(ValueError, match=r"corners|cannot last"):
+            Case(source, truth, 0, **contact)
+
+
+@pytest.mark.parametrize("source", [name for name in SOURCES if name != "law"])
+def test_each_source_drops_the_body_of_a_case_with_its_contact(source):
+    """A contact of 3 ms is deeper than one of 0.3 ms, in each source, and of an ellipse as of a square."""
+    for shape in ("ellipse", "square"):
+        deepest = []
+        for time in (3e-4, 3e-3):
+            case = Case(source, NOTHING, 3, drops=2, shape=shape, contact_time=time)
+            drops = simulate(case, {}, np.random.default_rng(5))
+            assert drops.header.body == case.body and len(drops.impacts)
+            deepest.append(drops.impacts.groupby("trial")["duration"].first().max())
+        assert deepest[1] > 4.0 * deepest[0]
+    one, two, other = (
+        make(Case(source, NOTHING, 3, drops=2, contact_time=time))[0].digest() for time in (1e-3, 1e-3, 3e-3)
+    )
+    assert one == two != other
+
+
+def test_sizes_of_causes_come_from_their_source_and_shape(monkeypatch):
+    stored = {"mujoco": {"square": {"tilt": 0.2}}}
+    monkeypatch.setattr(sizes, "_stored_sizes", lambda: stored)
+    usual_size = CAUSES["tilt"].size
+    assert Case("mujoco", "tilt", 0, shape="square").size("tilt") == 0.2
+    assert Case("mujoco", "tilt", 0).size("tilt") == Case("mechanism", "tilt", 0).size("tilt") == usual_size
+    assert Case("mujoco", "tilt", 0, shape="square", ratio=1.5).size("tilt") == pytest.approx(0.2 * np.sqrt(1.25 / 8.0))
+
+
+@pytest.mark.slow
+def test_the_size_of_a_cause_raises_the_misfit_to_the_ratio():
+    """Of one in flight: drag of three times the floor, and about half of it at half the excess."""
+    case = Case("mujoco", "linear_drag", 7)
+    found = find_cause_size(case)
+    assert 0.3 < found / CAUSES["linear_drag"].size < 3.0
+    assert find_cause_size(Case("mujoco", "linear_drag", 7, ratio=1.5)) < 0.7 * found
+
+
+def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
+    many(tmp_path, "mechanism", "wear", 5, 0)  # of the first table: not counted
+    many(tmp_path, "mechanism", "wear", 1, 1, contact_time=1e-3)
+    many(tmp_path, "mujoco", "wear", 9, 1, shape="square")
+    put(tmp_path, Case("mujoco", "tilt", SEEDS, shape="square"), verdict="unexplained")
+    many(tmp_path, "drake_point", NOTHING, 4, 0, contact_time=3e-3)
+    table = by_contact(outcomes(tmp_path), recovered(tmp_path)).set_index(["figure", "source", "shape"])
+    single = table.loc["one cause, named alone"]
+    assert single.loc[("all", "all"), "n"] == 13 and single.loc[("all", "all"), "share"] == pytest.approx(10 / 13)
+    assert single.loc[("mujoco", "square"), "share"] == pytest.approx(9 / 11)  # right, but something remains
+    assert single.loc[("mechanism", "ellipse"), "n"] == 2
+    nothing = table.loc["nothing hidden: adequate"].loc[("drake_point", "ellipse")]
+    assert nothing["met"] == "met" and nothing["contact_time"] == 3e-3
+    text = "\n".join(contact_lines(by_contact(outcomes(tmp_path), recovered(tmp_path))))
+    assert "mujoco              square   1 ms     81.8" in text
+    assert set(usual(outcomes(tmp_path))["source"]) == {"mechanism"}  # at 20 µs; a square and 3 ms are asked for

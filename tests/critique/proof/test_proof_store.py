@@ -12,7 +12,7 @@ from thesis_lib.critique.proof import __main__ as command
 from thesis_lib.critique.proof import check as proof_check
 from thesis_lib.critique.proof import compute as proof_compute
 from thesis_lib.critique.proof import sizes as proof_sizes
-from thesis_lib.critique.proof.cases import NOTHING, SEEDS, SOURCES, Case
+from thesis_lib.critique.proof.cases import NOTHING, RIGID, SEEDS, SOURCES, Case
 from thesis_lib.critique.proof.check import AGREES, DIFFERS, MOVES, check, compare, rerun, rows_to_check
 from thesis_lib.critique.proof.compute import code_hash, compute
 from thesis_lib.critique.proof.store import STORE, put_row, read_rows, write_rows
@@ -23,7 +23,9 @@ WEAR = Case("law", "wear", SEEDS)
 
 class TestStore:
     def test_what_is_stored_in_the_checkout_is_written_as_it_stands(self, tmp_path):
-        for source in SOURCES:
+        stored = [source for source in SOURCES if (STORE / f"{source}.csv").exists()]
+        assert set(RIGID) <= set(stored)
+        for source in stored:
             write_rows(source, read_rows(source), tmp_path)
             assert (tmp_path / f"{source}.csv").read_bytes() == (STORE / f"{source}.csv").read_bytes()
 
@@ -36,6 +38,27 @@ class TestStore:
                 tmp_path, case, [["wear", "magnus"], ["tilt"]], errors=errors, parameters={"w": parameter(rng.normal())}
             )
             assert read_rows("law", tmp_path)[case] == row
+
+    def test_shape_and_contact_time_are_part_of_the_dataset(self, tmp_path):
+        cases = [
+            Case("mujoco", "wear", SEEDS, shape=shape, contact_time=time)
+            for shape in ("ellipse", "square")
+            for time in (3e-4, 3e-3)
+        ]
+        for case in cases:
+            put(tmp_path, case)
+        assert set(read_rows("mujoco", tmp_path)) == set(cases)
+
+    def test_tables_from_before_shapes_are_read_with_what_they_meant(self, tmp_path):
+        put(tmp_path, Case("mechanism", "corner_radius", SEEDS))
+        put(tmp_path, Case("mechanism", "wear", SEEDS))
+        path = tmp_path / "mechanism.csv"
+        lines = [line.split(",") for line in path.read_text().splitlines()]
+        at = lines[0].index("shape")
+        assert [line[at : at + 2] for line in lines[1:]] == [["square", "2e-05"], ["ellipse", "2e-05"]]
+        now = read_rows("mechanism", tmp_path)
+        path.write_text("".join(",".join(line[:at] + line[at + 2 :]) + "\n" for line in lines))
+        assert read_rows("mechanism", tmp_path) == now and len(now) == 2
 
     def test_rows_are_sorted_whatever_the_order_in_which_they_came(self, tmp_path):
         cases = [WEAR, replace(WEAR, seed=999), replace(WEAR, drops=50), Case("law", "adhesion", 5)]

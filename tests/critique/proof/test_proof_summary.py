@@ -176,6 +176,7 @@ class TestReport:
         assert sorted(path.name for path in (tmp_path / "csv").iterdir()) == [
             "confusion.csv",
             "misses.csv",
+            "real_contacts.csv",
             "summary.csv",
         ]
         for name, table in tables(mixed).items():

@@ -4,6 +4,8 @@ python -m thesis_lib.critique.proof run --seeds 10 --source law --truths com_off
 python -m thesis_lib.critique.proof check --sample 10 --stamp
 python -m thesis_lib.critique.proof table
 python -m thesis_lib.critique.proof size com_offset
+python -m thesis_lib.critique.proof run --source mujoco --shape square --contact-time 1 --truths nothing
+python -m thesis_lib.critique.proof size com_offset_x --source mujoco --shape square
 """
 
 import argparse
@@ -12,7 +14,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from thesis_lib.critique.proof.cases import RATIO, SEEDS, SOURCES, Case, pairs, truths
+from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
+from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.check import ages, check, rows_to_check
 from thesis_lib.critique.proof.compute import compute
 from thesis_lib.critique.proof.sizes import find_size, require_checkout, stored_factor
@@ -37,21 +40,41 @@ def main(arguments: list[str] | None = None) -> int:
         elif options.command == "table":
             print(report(folder=options.csv), end="")
         else:
-            factor = find_size(options.effect, RATIO, options.seed)
-            print(f"{options.effect}: {factor:g} (factor on its scales)", flush=True)
-            print(f"stored: {stored_factor(options.effect):g}")
+            _size(options)
     except UserError as error:
         print(error, file=sys.stderr)
         return 1
     return 0
 
 
+def _size(options: argparse.Namespace) -> None:
+    known = truths(options.source)[1:]
+    if options.name not in known:
+        raise UserError(f"The source {options.source} hides no {options.name!r}; known are {', '.join(known)}.")
+    if options.source == "law":
+        factor = find_size(options.name, RATIO, options.seed)
+        print(f"{options.name}: {factor:g} (factor on its scales)", flush=True)
+        print(f"stored: {stored_factor(options.name):g}")
+        return
+    shape = "square" if options.name in CORNERED else options.shape or "ellipse"
+    case = Case(options.source, options.name, options.seed, shape=shape, contact_time=_seconds(options.contact_time))
+    found = find_cause_size(case)
+    print(f"{options.name}, {case.shape}: {found:g}, stored {case.size(options.name):g}")
+
+
+def _seconds(milliseconds: float | None) -> float:
+    return OF_SOURCE if milliseconds is None else 1e-3 * milliseconds
+
+
 def _run(options: argparse.Namespace) -> None:
+    time = _seconds(options.contact_time)
     cases = [
-        Case(source, truth, seed, options.drops, options.noise, options.ratio)
+        Case(source, truth, seed, options.drops, options.noise, options.ratio, shape or "", time)
         for seed in range(options.first, options.first + options.seeds)
         for source in options.source
         for truth in _chosen(source, options.truths)
+        for shape in options.shape or [None]
+        if not (shape == "ellipse" and CORNERED & set(truth.split("+")))
     ]
     if not cases:
         raise UserError(f"No truth of {', '.join(options.source)} is called {' or '.join(options.truths)}.")
@@ -87,6 +110,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--drops", type=int, default=150)
     run.add_argument("--noise", type=float, default=1.0, help="times the rig's (1)")
     run.add_argument("--ratio", type=float, default=RATIO, help="misfit over the noise floor (3)")
+    run.add_argument("--shape", nargs="+", choices=tuple(BODIES), help="ellipse, but a square where corners matter")
+    run.add_argument("--contact-time", type=float, metavar="MS", help="of a central impact, ms; that of the source")
     run.add_argument("--development", action="store_true", help="tuning seeds; results are printed, not stored")
     older = "say which stored rows are older than the code, and compute some of them again"
     again = commands.add_parser("check", help=older)
@@ -96,11 +121,14 @@ def _parser() -> argparse.ArgumentParser:
     again.add_argument("--all", action="store_true", help=every)
     again.add_argument("--stamp", action="store_true", help="store what was computed where the verdict agrees")
     table = commands.add_parser("table", help="the stored results against the targets, the misses, the confusion table")
-    files = "write summary.csv, misses.csv and confusion.csv there too"
+    files = "write summary.csv, real_contacts.csv, misses.csv and confusion.csv there too"
     table.add_argument("--csv", type=Path, metavar="DIR", help=files)
-    found = "find the size of an effect at which the misfit is 3 times the floor again (half a minute)"
+    found = "find the size of an effect or cause at which the misfit is 3 times the floor again (half a minute)"
     size = commands.add_parser("size", help=found)
-    size.add_argument("effect", choices=truths("law")[1:])
+    size.add_argument("name", help="an effect of the source law, a cause of another one")
+    size.add_argument("--source", choices=SOURCES, default="law", help="other than law: some minutes (law)")
+    size.add_argument("--shape", choices=tuple(BODIES), help="of a cause's body (ellipse)")
+    size.add_argument("--contact-time", type=float, metavar="MS", help="of a cause, ms; that of the source")
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")
     return parser
 

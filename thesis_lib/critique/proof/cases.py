@@ -1,30 +1,68 @@
 """The datasets of the proof: what is hidden in each, and how it is made.
 
-There are three sources of truth.  "law" injects the effect's own law into drops (law_drops).  "mechanism" simulates
-compliant contact in continuous time, in which the effect follows from its cause (simulate/compliant).  "drake" does the
-same for the causes that Drake's MultibodyPlant supports (simulate/drake).
+A source of truth is what makes the drops:
+
+| source             | contact                                             | in                 |
+|--------------------|-----------------------------------------------------|--------------------|
+| law                | the effect's own law, injected                      | law_drops          |
+| mechanism          | hysteretic, in continuous time                      | simulate/compliant |
+| drake              | Drake's spring on a pad with the same restitution   | simulate/drake     |
+| drake_point        | Drake's spring with Hunt and Crossley's dissipation | simulate/drake     |
+| drake_hydroelastic | Drake's pressure field in a soft body               | simulate/drake     |
+| mujoco             | MuJoCo's spring, damper and viscous friction        | simulate/mujoco    |
+
+Only in "law" the effect acts by its own law; elsewhere it follows from its cause.  In Drake's own
+contact restitution falls with the speed: who names that with nothing hidden is right (`by_itself`).
 
 Sizes raise the base law's error (for effects in flight the misfit of arcs, for the touch that of gaps) to about three
-times the noise floor.  They were fixed on seeds in `DEVELOPMENT`; the table uses `SEEDS` and above.  For the detection
+times the noise floor.  They were fixed on seeds in `DEVELOPMENT`; the table uses `SEEDS` and above.  Sources with
+contacts as long as real ones have sizes of their own, by shape (`cause_sizes`).  For the detection
 curve the factor √(R² − 1) / √8 scales them to R times the floor, as if squares of misfit and noise added up.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.proof.sizes import EPSILON, LAW, MU, law_size, stored_factor
+from thesis_lib.critique.proof.sizes import EPSILON, LAW, MU, cause_size, law_size, stored_factor
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
+from thesis_lib.simulate.mujoco.causes import OWN, MujocoCauses
+from thesis_lib.simulate.mujoco.causes import SUPPORTED as MUJOCO
+from thesis_lib.simulate.rig.hidden_causes import (
+    CAUSES,
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    Cause,
+    CompliantContact,
+    HiddenCauses,
+)
+from thesis_lib.simulate.rig.record import Drops
 
 NOTHING = "nothing"
-SOURCES = ("law", "mechanism", "drake")
+# contact time in s of each source unless a case says otherwise; 0: an instant
+CONTACT_TIMES = {
+    "law": 0.0,
+    "mechanism": 2e-5,
+    "drake": 2e-5,
+    "drake_point": 1e-3,
+    "drake_hydroelastic": 1e-3,
+    "mujoco": 1e-3,
+}
+SOURCES = tuple(CONTACT_TIMES)
+RIGID = ("law", "mechanism", "drake")  # contacts far shorter than real ones: the first table of the proof
+# surfaces of the sources in Drake
+SURFACES_OF = {"drake": "pad", "drake_point": "point", "drake_hydroelastic": "hydroelastic"}
+BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
+OF_SOURCE = -1.0  # contact time of a case that takes its source's
+ALL_CAUSES: dict[str, Cause] = CAUSES | OWN
 RATIO = 3.0  # base law's misfit over the noise floor, at the stored sizes
 DEVELOPMENT = range(0, 1000)  # seeds for tuning; never in the table
 SEEDS = 1000  # first seed of the table
@@ -48,8 +86,10 @@ PAIRS = (
 class Case:
     """One dataset of the proof: `drops` releases with `noise` times the rig's.
 
-    `truth` is an effect (law) or cause (mechanism, drake), two of them joined by "+", or "nothing"; `ratio` is the
-    nominal misfit over the noise floor.
+    `truth` is an effect (law) or cause (other sources), two of them joined by "+", or "nothing"; `ratio` is the nominal
+    misfit over the noise floor; `shape` is one of `BODIES`, by default the ellipse unless corners matter;
+    `contact_time` is in s, by default that of the source.  ValueError for corners of an ellipse, or if an instant is to
+    last.
     """
 
     source: str
@@ -58,10 +98,30 @@ class Case:
     drops: int = 150
     noise: float = 1.0
     ratio: float = RATIO
+    shape: str = ""
+    contact_time: float = OF_SOURCE
+
+    def __post_init__(self) -> None:
+        cornered = bool(CORNERED & set(self.hidden))
+        if not self.shape:
+            object.__setattr__(self, "shape", "square" if cornered else "ellipse")
+        if self.contact_time == OF_SOURCE:
+            object.__setattr__(self, "contact_time", CONTACT_TIMES[self.source])
+        if cornered and self.shape == "ellipse":
+            raise ValueError(f"{self.truth} needs corners; an ellipse has none")
+        if (self.contact_time == 0.0) != (self.source == "law"):
+            raise ValueError(f"contacts of the source {self.source} cannot last {self.contact_time:g} s")
 
     def __str__(self) -> str:
         size = f"ratio {self.ratio:g}, {self.drops} drops, noise {self.noise:g}"
-        return f"{self.source}/{self.truth} {self.seed} ({size})"
+        contact = "" if self.is_usual else f", {self.shape}, {1e3 * self.contact_time:g} ms"
+        return f"{self.source}/{self.truth} {self.seed} ({size}{contact})"
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether shape and contact time are those that cases of this source and truth have by default."""
+        usual = replace(self, shape="", contact_time=OF_SOURCE)
+        return (self.shape, self.contact_time) == (usual.shape, usual.contact_time)
 
     @property
     def hidden(self) -> tuple[str, ...]:
@@ -81,21 +141,40 @@ class Case:
 
         KeyError if there is no such effect or cause.
         """
-        return tuple((EFFECTS[n].name,) if self.source == "law" else CAUSES[n].effects for n in self.hidden)
+        return tuple((EFFECTS[n].name,) if self.source == "law" else ALL_CAUSES[n].effects for n in self.hidden)
+
+    @property
+    def by_itself(self) -> tuple[str, ...]:
+        """Effects that the source's contact has with nothing hidden, and that may be named."""
+        own_contact = self.source in ("drake_point", "drake_hydroelastic")
+        return ("velocity_dependent_restitution",) if own_contact else ()
 
     @property
     def body(self) -> Body:
-        """The ellipse of the chapter, or a square if corners matter."""
-        corners = {"rounded_corners", *(name for name, cause in CAUSES.items() if cause.polygon_only)}
-        return SQUARE if corners & set(self.hidden) else ELLIPSE_BODY
+        """The body of the case's shape."""
+        return BODIES[self.shape]
+
+    def size(self, name: str) -> float:
+        """Size of the hidden cause `name`, in its unit, at the case's ratio."""
+        return self.factor * cause_size(self.source, self.shape, name, ALL_CAUSES[name].size)
+
+    @property
+    def factor(self) -> float:
+        """Factor on the stored sizes for the case's ratio, as if squares of misfit and noise added up."""
+        return float(np.sqrt(self.ratio**2 - 1.0) / np.sqrt(RATIO**2 - 1.0))
+
+
+CORNERED = {"rounded_corners", *(name for name, cause in CAUSES.items() if cause.polygon_only)}
 
 
 def truths(source: str) -> list[str]:
     """All single truths of a source, "nothing" first."""
-    if source == "drake":
-        from thesis_lib.simulate.drake.drops import SUPPORTED
+    if source in SURFACES_OF:
+        from thesis_lib.simulate.drake.drops import SURFACES
 
-        return [NOTHING, *SUPPORTED]
+        return [NOTHING, *SURFACES[SURFACES_OF[source]]]
+    if source == "mujoco":
+        return [NOTHING, *MUJOCO]
     if source == "law":  # impacts of a law are instants
         return [NOTHING, *(name for name, effect in EFFECTS.items() if not effect.needs_contact_time)]
     return [NOTHING, *CAUSES]
@@ -110,20 +189,41 @@ def pairs(source: str) -> list[str]:
 
 def make(case: Case) -> tuple[Dataset, dict[str, float]]:
     """The dataset, and the true parameters by full name; empty unless the source is "law"."""
-    rng = generator(case.seed, "proof", case.source, case.truth)
-    noise = Noise(position=case.noise * RIG_NOISE.position, angle=case.noise * RIG_NOISE.angle)  # pyright: ignore[reportOperatorIssue]
-    factor = float(np.sqrt(case.ratio**2 - 1.0) / np.sqrt(RATIO**2 - 1.0))
+    contact = () if case.is_usual and case.source in RIGID else (case.shape, f"{case.contact_time:g}")
+    rng = generator(case.seed, "proof", case.source, case.truth, *contact)
     if case.source == "law":
         true = {"mu": MU, "epsilon": EPSILON}
         for name in case.hidden:
-            true |= {f"{name}.{k}": v for k, v in law_size(name, factor * stored_factor(name)).items()}
+            true |= {f"{name}.{k}": v for k, v in law_size(name, case.factor * stored_factor(name)).items()}
         model = Model(LAWS[LAW], tuple(EFFECTS[name] for name in case.hidden))
-        drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=noise, rng=rng)
+        drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=_noise(case), rng=rng)
         return drops, true
-    hidden: dict = {name: True if name == "mirrored" else factor * CAUSES[name].size for name in case.hidden}
-    if case.source == "drake":
-        from thesis_lib.simulate.drake.drops import simulate_drake_drops as simulate
-    else:
-        from thesis_lib.simulate.compliant.drops import simulate_compliant_drops as simulate
-    drops = simulate(case.body, PROOF_RELEASE, case.drops, hidden=HiddenCauses(**hidden), noise=noise, rng=rng)
+    drops = simulate(case, {name: case.size(name) for name in case.hidden}, rng)
     return Dataset("proof", drops.header, drops.trajectories), {}
+
+
+def simulate(case: Case, sizes: dict[str, float], rng: np.random.Generator) -> Drops:
+    """Drops of a case's source, body, contact time and noise, with hidden causes of given `sizes`."""
+    hidden: dict = {name: True if name == "mirrored" else size for name, size in sizes.items()}
+    body, n, noise = case.body, case.drops, _noise(case)
+    if case.source == "mujoco":
+        from thesis_lib.simulate.mujoco.contact import MujocoContact
+        from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+
+        own, causes = MujocoContact(contact_time=case.contact_time), MujocoCauses(**hidden)
+        return simulate_mujoco_drops(body, PROOF_RELEASE, n, contact=own, hidden=causes, noise=noise, rng=rng)
+    contact, causes = CompliantContact(contact_time=case.contact_time), HiddenCauses(**hidden)
+    if case.source in SURFACES_OF:
+        from thesis_lib.simulate.drake.drops import simulate_drake_drops
+
+        surface = SURFACES_OF[case.source]
+        return simulate_drake_drops(
+            body, PROOF_RELEASE, n, contact=contact, hidden=causes, noise=noise, surface=surface, rng=rng
+        )
+    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+
+    return simulate_compliant_drops(body, PROOF_RELEASE, n, contact=contact, hidden=causes, noise=noise, rng=rng)
+
+
+def _noise(case: Case) -> Noise:
+    return Noise(position=case.noise * RIG_NOISE.position, angle=case.noise * RIG_NOISE.angle)  # pyright: ignore[reportOperatorIssue]

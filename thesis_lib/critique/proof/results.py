@@ -7,7 +7,10 @@ The verdict on a dataset is right (`is_right`) if
 - one effect was hidden, and the first group contains it;
 - two effects were hidden (truth "a+b"), and each is in a group of its own.
 
-A refusal is wrong, and so is a group that counts and has more than `LARGEST_GROUP` effects.
+A refusal is wrong, and so is a group that counts and has more than `LARGEST_GROUP` effects.  Effects that the contact
+of the source has by itself (`Case.by_itself`) are left out first, and `effects` without any other is `adequate`.
+
+A verdict is exact (`is_exact`) if it is right and complete: `effects`, and as many groups as causes.
 
 The misfit over its floor is the largest in the channels of the hidden effect: the error of impacts over the noise
 floor, and the misfits of flights and gaps in units of noise, with floor 1.  (The covariance of gaps is conservative:
@@ -36,9 +39,17 @@ from thesis_lib.statistics.intervals import Z95, wilson
 
 KINDS = ("single", NOTHING, "pair", "outside")
 LARGEST_GROUP = 3  # most effects in a group
-CELL = ("source", "truth", "ratio", "drops", "noise")  # datasets of a cell differ only in the seed
+CELL = (
+    "source",
+    "truth",
+    "ratio",
+    "drops",
+    "noise",
+    "shape",
+    "contact_time",
+)  # datasets of a cell differ only in the seed
 OUTCOMES = (
-    *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right"),
+    *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right", "exact"),
     *("error_before", "error_after", "floor", "before_over_floor", "after_over_floor", "why"),
 )
 RECOVERED = (*CELL, "seed", "effect", "parameter", "z", "inside", "width")
@@ -46,15 +57,16 @@ TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary; other si
 MISFITS = ("error_before", "error_after", "floor", "before_over_floor", "after_over_floor")
 CONFUSION = (
     *CELL,
-    *("kind", "n", "right", "right_low", "right_high", "group_size", "named_first", "verdicts"),
+    *("kind", "n", "right", "right_low", "right_high", "exact", "group_size", "named_first", "verdicts"),
     *MISFITS,
     *("n_parameters", "z", "coverage", "coverage_low", "coverage_high", "width"),
 )
-MISSES = ("source", "truth", "seed", "kind", "verdict", "named", "why")
+MISSES = ("source", "truth", "seed", "shape", "contact_time", "kind", "verdict", "named", "why")
 
 
 def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
     """Whether verdict and groups are right, as the module's docstring defines it."""
+    verdict, groups = _without_own(case, verdict, groups)
     if case.kind in (NOTHING, "outside"):
         return verdict == ("adequate" if case.kind == NOTHING else "unexplained")
     counted = _counted(case, groups)
@@ -64,6 +76,22 @@ def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
         all(set(names) & set(group) for names, group in zip(case.expected, chosen))
         for chosen in permutations(counted, len(case.expected))
     )
+
+
+def is_exact(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
+    """Whether the verdict is right and complete: nothing is named beside what was hidden, and nothing remains."""
+    right = is_right(case, verdict, groups)
+    if case.kind in (NOTHING, "outside"):
+        return right
+    verdict, groups = _without_own(case, verdict, groups)
+    return right and verdict == "effects" and len(groups) == len(case.hidden)
+
+
+def _without_own(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> tuple[str, Sequence[Sequence[str]]]:
+    """Verdict and groups without effects that the contact of the source has by itself."""
+    others = [group for group in groups if not set(group) & set(case.by_itself)]
+    alone = verdict == "effects" and len(groups) > 0 and not others
+    return ("adequate" if alone else verdict), others
 
 
 def _counted(case: Case, groups: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
@@ -114,12 +142,14 @@ def _cell(case: Case) -> dict:
 def _outcome(row: Row) -> dict:
     case = row.case
     effects = case.expected[0] if case.kind == "single" else ()
-    sizes = [len(group) for group in _counted(case, row.groups)]
+    sizes = [len(group) for group in _counted(case, _without_own(case, row.verdict, row.groups)[1])]
     outcome = _cell(case) | {name: getattr(row, name) for name in ("verdict", "named", "why")}
     outcome |= {"kind": case.kind, "effect": effects[0] if effects else "", "floor": row.errors["floor"]}
     outcome |= {"named_first": row.groups[0][0] if row.groups else ""}
     outcome |= {"group_size": float(np.mean(sizes)) if sizes else np.nan}
-    outcome |= {"right": is_right(case, row.verdict, row.groups)}
+    outcome |= {
+        name: judge(case, row.verdict, row.groups) for name, judge in (("right", is_right), ("exact", is_exact))
+    }
     for when, which in (("before", "base"), ("after", "augmented")):
         outcome |= {f"error_{when}": row.errors[which], f"{when}_over_floor": _misfit(row, effects, which)}
     return outcome
@@ -132,6 +162,15 @@ def _misfit(row: Row, effects: Sequence[str], when: str) -> float:
     over_floor = {name: row.errors[f"{name}_{when}"] for name in ("flight", "touch")}
     over_floor["impact"] = row.errors[when] / floor if floor else np.nan
     return max((v for name, v in over_floor.items() if name in channels and np.isfinite(v)), default=np.nan)
+
+
+def usual(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows with the shape and contact time that cases of their source and truth have by default."""
+    cells = table[["source", "truth", "shape", "contact_time"]].drop_duplicates()
+    keep = [
+        Case(s, t, 0, shape=shape, contact_time=time).is_usual for s, t, shape, time in cells.itertuples(index=False)
+    ]
+    return table.merge(cells[keep], how="inner") if len(table) else table
 
 
 def of_table(table: pd.DataFrame, **changes: float) -> pd.DataFrame:
@@ -151,7 +190,7 @@ def confusion(store: Path = STORE) -> pd.DataFrame:
         values = by_cell.get(cell, parameters.iloc[:0])
         row = dict(zip(CELL, cell)) | {name: group[name].median() for name in MISFITS}
         row |= {"kind": group["kind"].iloc[0], "n": len(group)}
-        row |= {"right": group["right"].mean(), "group_size": group["group_size"].mean()}
+        row |= {name: group[name].mean() for name in ("right", "exact", "group_size")}
         row["right_low"], row["right_high"] = wilson(int(group["right"].sum()), len(group))
         row["named_first"] = _counts(group.loc[group["named_first"] != "", "named_first"])
         row["verdicts"] = _counts(group["verdict"], VERDICTS)

@@ -1,9 +1,11 @@
-"""Sizes of the laws injected in the proof: those at which the base law's misfit is 3 times the floor.
+"""Sizes of what the proof hides: those at which the base law's misfit is 3 times the floor.
 
-Factors in config/proof_sizes.json multiply the scales of an effect's parameters.  They were found on a development seed
-before the first run.  `python -m thesis_lib.critique.proof size NAME` finds one again.
+Of laws, factors in config/proof_sizes.json multiply the scales of an effect's parameters; of causes it holds, by source
+and shape, those that `cause_sizes` found (other sources and causes have the sizes in `hidden_causes`).  They were found
+on a development seed before the first run.  `python -m thesis_lib.critique.proof size NAME` finds one again.
 """
 
+import functools
 import json
 from pathlib import Path
 
@@ -44,6 +46,17 @@ def stored_factor(name: str) -> float:
     if name not in stored:
         raise UserError(f"config/proof_sizes.json has no size of {name}; `size {name}` finds one.")
     return stored[name]
+
+
+@functools.cache
+def _stored_sizes() -> dict[str, dict]:
+    require_checkout()
+    return json.loads(SIZES.read_text(encoding="utf-8"))
+
+
+def cause_size(source: str, shape: str, name: str, default: float) -> float:
+    """Size of a hidden cause in config/proof_sizes.json, in its unit; `default` if none is stored for it."""
+    return _stored_sizes().get(source, {}).get(shape, {}).get(name, default)
 
 
 def law_size(name: str, factor: float) -> dict[str, float]:

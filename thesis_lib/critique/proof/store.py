@@ -5,6 +5,7 @@ Rows are sorted, and numbers have the shortest exact form, so that git shows wha
 | column                            | unit | meaning                                                                   |
 |-----------------------------------|------|---------------------------------------------------------------------------|
 | truth, ratio, drops, noise, seed  |      | the dataset (`Case`)                                                      |
+| shape, contact_time               | s    | its body, and how long a central contact lasts; older tables lack both    |
 | verdict, law, n_impacts, why      |      | as in `Row`                                                               |
 | named                             |      | groups of effects in the order of selection: "a/b + c"                    |
 | base, augmented, floor            | m/s  | held-out error of the impacts before and after, and its noise floor       |
@@ -21,7 +22,7 @@ import math
 import os
 from pathlib import Path
 
-from thesis_lib.critique.proof.cases import Case
+from thesis_lib.critique.proof.cases import OF_SOURCE, Case
 from thesis_lib.critique.proof.compute import Recovered, Row
 from thesis_lib.critique.proof.sizes import CONFIG
 from thesis_lib.foundation.errors import CorruptFileError
@@ -31,8 +32,9 @@ from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_by
 STORE = CONFIG / "proof"
 VERDICTS = ("adequate", "effects", "unexplained", "refused")
 ERRORS = ("base", "augmented", "floor", "flight_base", "flight_augmented", "touch_base", "touch_augmented")
+CONTACT = ("shape", "contact_time")
 COLUMNS = (
-    *("truth", "ratio", "drops", "noise", "seed", "verdict", "law", "named", "n_impacts"),
+    *("truth", "ratio", "drops", "noise", "seed", *CONTACT, "verdict", "law", "named", "n_impacts"),
     *ERRORS,
     *("remaining_p", "parameters", "why", "code"),
 )
@@ -49,11 +51,11 @@ def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
     try:
         text = read_bytes(path, MAX_TABLE).decode("utf-8")
         header, *lines = csv.reader(io.StringIO(text, newline=""), strict=True)
-        if tuple(header) != COLUMNS:
+        if tuple(header) not in (COLUMNS, tuple(name for name in COLUMNS if name not in CONTACT)):
             raise ValueError(f"the columns are not {', '.join(COLUMNS)}")
         for cells in lines:
             line += 1
-            row = _row(source, dict(zip(COLUMNS, cells, strict=True)))
+            row = _row(source, dict(zip(header, cells, strict=True)))
             if row.case in rows:
                 raise ValueError("the dataset stands twice")
             rows[row.case] = row
@@ -86,16 +88,20 @@ def write_rows(source: str, rows: dict[Case, Row], store: Path) -> None:
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    order = sorted(rows, key=lambda case: (case.truth, case.ratio, case.drops, case.noise, case.seed))
+    order = sorted(rows, key=_place)
     writer.writerows([_text(value) for value in _cells(rows[case])] for case in order)
     write_text(text.getvalue(), Path(store) / f"{source}.csv")
+
+
+def _place(case: Case) -> tuple:
+    return case.truth, case.ratio, case.drops, case.noise, case.shape, case.contact_time, case.seed
 
 
 def _cells(row: Row) -> list[object]:
     case = row.case
     parameters = (f"{name}={':'.join(map(_text, values))}" for name, values in sorted(row.parameters.items()))
     return [
-        *(case.truth, case.ratio, case.drops, case.noise, case.seed),
+        *(case.truth, case.ratio, case.drops, case.noise, case.seed, case.shape, case.contact_time),
         *(row.verdict, row.law, row.named, row.n_impacts),
         *(row.errors.get(name, math.nan) for name in ERRORS),
         *(row.remaining_p, ";".join(parameters), row.why, row.code),
@@ -114,7 +120,9 @@ def _number(text: str) -> float:
 
 def _row(source: str, cells: dict[str, str]) -> Row:
     drops, seed = int(cells["drops"]), int(cells["seed"])
-    case = Case(source, cells["truth"], seed, drops, float(cells["noise"]), float(cells["ratio"]))
+    size = float(cells["noise"]), float(cells["ratio"])
+    contact = cells.get("shape", ""), float(cells.get("contact_time", OF_SOURCE))
+    case = Case(source, cells["truth"], seed, drops, *size, *contact)
     _ = case.kind  # raises KeyError if the truth is unknown
     if cells["verdict"] not in VERDICTS:
         raise ValueError(f"no verdict is called {cells['verdict']!r}")

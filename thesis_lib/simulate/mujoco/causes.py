@@ -13,6 +13,12 @@ from thesis_lib.simulate.rig.hidden_causes import CAUSES, Cause, HiddenCauses
 WITHOUT_ELEMENT = (
     *("tangential_compliance", "hunt_crossley", "stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy"),
 )
+# causes that change friction or solref of the pairs before each contact
+BY_PLACE = (
+    *("orientation_restitution", "soft_spot", "wear", "friction_slope", "restitution_slope", "stiffness_slope"),
+    *(f"{what}_{shape}" for what in ("restitution", "friction") for shape in ("patch", "bump", "step")),
+    "stiffness_patch",
+)
 OWN = {"fluid_density": Cause((), 10.0)}  # causes that only MuJoCo makes
 SUPPORTED: tuple[str, ...] = (*(name for name in CAUSES if name not in WITHOUT_ELEMENT), *OWN)
 
@@ -31,5 +37,5 @@ class MujocoCauses(HiddenCauses):
 
     @property
     def by_place(self) -> bool:
-        """Whether restitution or friction depends on the drop or on the place of the contact."""
-        return bool(self.orientation_restitution or self.restitution_slope or self.friction_slope or self.wear)
+        """Whether restitution, friction or stiffness depends on the drop or on the place of the contact."""
+        return any(getattr(self, name) for name in BY_PLACE)

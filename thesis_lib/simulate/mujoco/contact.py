@@ -80,7 +80,8 @@ def restitution_and_time(stiffness: float, damping: float) -> tuple[float, float
     return epsilon, duration / omega
 
 
-def solref(epsilon: np.ndarray, contact: MujocoContact, share: float) -> np.ndarray:
-    """MuJoCo's `solref` (..., 2) for restitutions `epsilon` (...); `share` is d' of a central impact over d."""
-    flat = [spring_and_damper(float(one), contact.contact_time) for one in np.ravel(epsilon)]
+def solref(epsilon: np.ndarray | float, contact_time: np.ndarray | float, share: float) -> np.ndarray:
+    """MuJoCo's `solref` (..., 2) for restitutions and times in s (...); `share` is d' of a central impact over d."""
+    both = zip(np.ravel(epsilon), np.ravel(contact_time))
+    flat = [spring_and_damper(float(one), float(time)) for one, time in both]
     return -np.array(flat).reshape(*np.shape(epsilon), 2) / share

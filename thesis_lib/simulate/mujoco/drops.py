@@ -228,7 +228,10 @@ class _Drops:
         rows = rows[~np.isin(rows, list(self.open))]
         memory = self.mechanics.touch(self._state(rows)[0], rows)
         self.batch.expand("pair_friction")[rows, :, :2] = memory.mu[..., None]
-        self.batch.expand("pair_solref")[rows] = solref(memory.epsilon, self.contact, share(self.model, self.contact))
+        # a softer place has the same damping ratio
+        lasting = self.contact.contact_time * np.sqrt(self.mechanics.stiffness / memory.stiffness)
+        of_central = share(self.model, self.contact)
+        self.batch.expand("pair_solref")[rows] = solref(memory.epsilon, lasting, of_central)
 
     # --- contacts ---
 

@@ -7,19 +7,19 @@ The plane is MuJoCo's world x-y plane with gravity along −y.  One pair of geom
 (`contact`), condim 3 and the elliptic cone.  MuJoCo finds the lowest point of an ellipsoid from its support function,
 so that an ellipse touches the plane in one exact point, and a box to the tolerance of its collision detection.
 
-| cause                                    | in the model                                                         |
-|------------------------------------------|----------------------------------------------------------------------|
-| tilt, gravity_error                      | gravity vector; what carries the plate is weightless                 |
-| com_offset, inertia_error                | where the shape sits on the frame of the centre of mass; inertia     |
-| size_error, corner_radius                | geometry of the body                                                 |
-| surface_height                           | height of the plane or of the box                                    |
-| plate_velocity, plate_amplitude          | a carriage of `HEAVY` body masses that coasts, or swings on a spring |
-| wear, restitution_slope, orientation_... | solref of each pair, set before each contact                         |
-| friction_slope                           | friction of each pair, set before each contact                       |
-| linear_drag, spin_damping                | damping of the joints                                                |
-| quadratic_drag, magnus                   | MuJoCo's fluid forces on a sphere without added mass                 |
-| fluid_density                            | the same on the body's own ellipsoid: drag by pose, lift, added mass |
-| loose_mass                               | a point mass on two slides with springs and dampers in the body      |
+| cause                                | in the model                                                         |
+|--------------------------------------|----------------------------------------------------------------------|
+| tilt, gravity_error                  | gravity vector; what carries the plate is weightless                 |
+| com_offset, inertia_error            | where the shape sits on the frame of the centre of mass; inertia     |
+| size_error, corner_radius            | geometry of the body                                                 |
+| surface_height                       | height of the plane or of the box                                    |
+| plate_velocity, plate_amplitude      | a carriage of `HEAVY` body masses that coasts, or swings on a spring |
+| restitution_..., stiffness_..., wear | solref of each pair, set before each contact                         |
+| friction_slope, friction_patch, ...  | friction of each pair, set before each contact                       |
+| linear_drag, spin_damping            | damping of the joints                                                |
+| quadratic_drag, magnus               | MuJoCo's fluid forces on a sphere without added mass                 |
+| fluid_density                        | the same on the body's own ellipsoid: drag by pose, lift, added mass |
+| loose_mass                           | a point mass on two slides with springs and dampers in the body      |
 
 Source: MuJoCo's documentation, "Computation" (constraint model) and "Fluid forces" (ellipsoid model).
 """
@@ -53,7 +53,7 @@ def drop_model(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: flo
     # added mass of the sphere that stands for drag and Magnus force
     model.geom_fluid[model.geom("air").id, 6:] = 0.0
     for pair in range(model.npair):
-        model.pair_solref[pair] = solref(np.array(contact.epsilon), contact, share(model, contact))
+        model.pair_solref[pair] = solref(contact.epsilon, contact.contact_time, share(model, contact))
     return model
 
 

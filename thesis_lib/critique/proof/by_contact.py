@@ -1,0 +1,77 @@
+"""The proof in contacts as long as real ones: exact verdicts by source, shape and contact time, against what is asked.
+
+A verdict is exact if it is right and nothing else is named (`results.is_exact`): `adequate` with nothing hidden, one
+cause alone or with what cannot be told from it, both of a pair, and `unexplained` for a cause outside the library.
+Parameters count where they have a true value.  Shares have 95 % Wilson intervals.
+"""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.proof.cases import NOTHING, RIGID
+from thesis_lib.critique.proof.results import of_table, usual
+from thesis_lib.statistics.intervals import wilson
+
+# figure, kind of the datasets, drops, share asked
+ASKED = (
+    ("nothing hidden: adequate", NOTHING, 150, 0.95),
+    ("one cause, named alone", "single", 150, 0.90),
+    ("both of a pair, and nothing else", "pair", 150, 0.80),
+    ("outside the library: unexplained", "outside", 150, 0.80),
+    ("one cause, named alone, 50 drops", "single", 50, 0.75),
+)
+COVERED = "parameter inside its 95 % interval"
+COVERAGE = (0.90, 0.98)
+PLACE = ("source", "shape", "contact_time")
+CONTACTS = ("figure", *PLACE, "at_least", "share", "low", "high", "n", "met")
+EVERY = "all"  # stands for all sources or shapes; their contact time is empty
+
+
+def by_contact(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> pd.DataFrame:
+    """A row per figure, source, shape and contact time with results, and one for all of them: columns `CONTACTS`.
+
+    `outcomes` and `recovered` are those of `results`; datasets of the first table of the proof do not count.
+    """
+    parts = [
+        (figure, _real(of_table(outcomes, drops=drops)).query("kind == @kind"), "exact", (asked, 1.0))
+        for figure, kind, drops, asked in ASKED
+    ]
+    parts.append((COVERED, _real(of_table(recovered)), "inside", COVERAGE))
+    rows = []
+    for figure, table, measure, asked in parts:
+        if len(table):
+            rows.append(_row(figure, (EVERY, EVERY, np.nan), table[measure], asked))
+        for place, group in table.groupby(list(PLACE)):
+            rows.append(_row(figure, place, group[measure], asked))
+    return pd.DataFrame(rows, columns=list(CONTACTS))
+
+
+def _real(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows without those of the first table: rigid sources with the contact time and shape of old."""
+    first = usual(table[table["source"].isin(RIGID)])
+    keys = list(table.columns.intersection(["source", "truth", "seed", *PLACE]))
+    old = pd.MultiIndex.from_frame(first[keys])
+    return table[~pd.MultiIndex.from_frame(table[keys]).isin(old)]
+
+
+def _row(figure: str, place: tuple, counted: pd.Series, asked: tuple[float, float]) -> dict:
+    right = int(counted.sum())
+    share, (low, high) = right / len(counted), wilson(right, len(counted))
+    met = "met" if asked[0] <= share <= asked[1] else "missed"
+    row = {"figure": figure, "at_least": asked[0], "share": share, "low": low, "high": high, "n": len(counted)}
+    return row | dict(zip(PLACE, place)) | {"met": met}
+
+
+def contact_lines(table: pd.DataFrame) -> list[str]:
+    """The table as lines for a terminal; none if nothing is stored."""
+    if not len(table):
+        return []
+    lines, last = ["", "Contacts as long as real ones: exact verdicts, by source, shape and contact time", ""], None
+    for row in table.to_dict("records"):
+        if row["figure"] != last:
+            lines.append(f"{row['figure']} (at least {100 * row['at_least']:.0f} %)")
+            last = row["figure"]
+        time = "" if np.isnan(row["contact_time"]) else f"{1e3 * row['contact_time']:g} ms"
+        share = f"{100 * row['share']:.1f} [{100 * row['low']:.0f}, {100 * row['high']:.0f}]"
+        lines.append(f"    {row['source']:<20}{row['shape']:<9}{time:<9}{share:<18}{row['n']:>4}  {row['met']}")
+    return lines
