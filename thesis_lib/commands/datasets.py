@@ -124,6 +124,9 @@ def build_parser() -> Parser:
     example.add_argument("--hidden", metavar="NAME", help=hidden)
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
     example.add_argument("--drops", type=int, help="releases; default: 150, of a mechanism 16 trials")
+    filters = ["moving_average", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
+    example.add_argument("--filter", choices=filters, help="smooths the drops before they are written; default: none")
+    example.add_argument("--cutoff", type=float, help="of the filter, Hz, where its gain is 1/√2; default: 40")
     example.add_argument("--seed", type=int, default=0, help="other seeds give other drops; default: %(default)s")
     example.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
     example.add_argument("-h", "--help", action=_ExampleHelp, nargs=0, help="show this and exit")
@@ -220,7 +223,8 @@ def _example(args: argparse.Namespace) -> int:
     if args.mechanism:
         return _example_recording(args, out)
     name, hidden, drops = out.resolve().name, args.hidden or "com_offset_x", 150 if args.drops is None else args.drops
-    example = simulate_example(name, hidden, size=args.size, drops=drops, seed=args.seed)
+    chosen: dict = {"size": args.size, "drops": drops, "seed": args.seed, "tracker": _tracker(args)}
+    example = simulate_example(name, hidden, **chosen)
     write_example(example, out)
     print(summary_text(*check_dataset(out)))
     print(
@@ -230,11 +234,27 @@ def _example(args: argparse.Namespace) -> int:
     return 0
 
 
+def _tracker(args: argparse.Namespace):
+    """How the drops of an example are recorded, None if as they are seen."""
+    from thesis_lib.simulate.rig.tracker import Tracker
+
+    if args.filter is None:
+        if args.cutoff is not None:
+            raise UserError("--cutoff needs --filter, which it belongs to.")
+        return None
+    cutoff = 40.0 if args.cutoff is None else args.cutoff
+    if not 1.0 <= cutoff < 125.0:
+        raise UserError(f"--cutoff must be at least 1 Hz and below 125 Hz, half the rate; got {cutoff:g}.")
+    return Tracker(filter=args.filter, cutoff=cutoff)
+
+
 def _example_recording(args: argparse.Namespace, out: Path) -> int:
     from thesis_lib.datasets.recordings.read import read_recording
     from thesis_lib.datasets.recordings.recording import recording_text, write_recording
     from thesis_lib.simulate.chapter2.recording import TRIALS, simulate_recording
 
+    if args.filter or args.cutoff is not None:
+        raise UserError("--filter and --cutoff are for drops; leave them out with --mechanism.")
     hidden, trials = args.hidden or "rolling_resistance", TRIALS if args.drops is None else args.drops
     name = out.resolve().name
     recording = simulate_recording(name, args.mechanism, hidden, size=args.size, trials=trials, seed=args.seed)

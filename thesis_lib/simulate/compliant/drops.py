@@ -33,6 +33,8 @@ from thesis_lib.simulate.rig.record import (
     trial_table,
 )
 from thesis_lib.simulate.rig.release import Release
+from thesis_lib.simulate.rig.smoothing import low_pass
+from thesis_lib.simulate.rig.tracker import Tracker
 
 FLIGHT_STEP = 1e-3  # s; a corner at 0.05 m turning with 60 rad/s dips by at most 0.02 mm undetected
 BISECTIONS = 34  # of a flight step: 1e-3 / 2^34 = 6e-14 s
@@ -58,6 +60,7 @@ def simulate_compliant_drops(
     noise: Noise | None = None,
     rng: np.random.Generator,
     engine: Callable[..., Any] | None = None,
+    tracker: Tracker | None = None,
 ) -> Drops:
     """Release n bodies over a plate and record their poses.
 
@@ -67,6 +70,7 @@ def simulate_compliant_drops(
         duration, rate: s, Hz; samples at 0, 1/rate, ... up to the duration.
         noise: one-sigma noise of position (x, y each) and angle; none where it is None or absent.
         engine: class that integrates the motion, with the arguments and results of `_Drops`, which is the default.
+        tracker: how poses are recorded; if None, as they are seen.
 
     Returns:
         Drops whose `impacts` also have duration (s) and separated (False where the recording ended during the contact),
@@ -87,9 +91,12 @@ def simulate_compliant_drops(
     pose, velocity = release.draw(n, release_rng)
     mechanics = Mechanics(body, contact, hidden, gravity, n, phase_rng.uniform(0.0, 2.0 * np.pi, n))
 
-    samples = sample_times(duration, rate)
+    pictures = rate * (tracker.frames if tracker else 1)
+    samples = sample_times(duration, pictures)
     lagged = samples - hidden.time_lag
-    drops = (engine or _Drops)(mechanics, pose, velocity, samples, lagged, rate)
+    drops = (engine or _Drops)(mechanics, pose, velocity, samples, lagged, pictures)
+    if tracker and tracker.time_constant:
+        drops.poses = low_pass(drops.poses, drops.ticks, velocity, tracker.time_constant)
     poses = drops.poses_at(samples)
     late = poses[..., 2]
     if hidden.time_lag:
@@ -99,7 +106,7 @@ def simulate_compliant_drops(
         shown = wobble(impacts, samples, n, hidden, body.radius_of_gyration)
         poses, late = poses + shown, late + shown[..., 2]
     poses = reported(poses, late, samples, hidden)
-    dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng)
+    dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng, tracker)
     count = np.bincount(impacts["trial"], minlength=n)
     return Drops(*dataset, impacts, trial_table(pose, velocity, contacts=count, t_end=drops.t))
 

@@ -20,6 +20,7 @@ from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.camera import reported
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
 from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.tracker import Tracker
 
 NOTHING = "nothing"
 NEW_IMPACTS = "new_impacts.csv"
@@ -38,8 +39,18 @@ class Example:
     new_impacts: pd.DataFrame
 
 
-def simulate_example(name: str, hidden: str, *, size: float | None = None, drops: int = 150, seed: int = 0) -> Example:
+def simulate_example(
+    name: str,
+    hidden: str,
+    *,
+    size: float | None = None,
+    drops: int = 150,
+    seed: int = 0,
+    tracker: Tracker | None = None,
+) -> Example:
     """Simulate an example with the cause `hidden` of `CAUSES`, or "nothing"; `size`: in its unit, default there.
+
+    `tracker` is how the drops are recorded; if None, as they are seen.
 
     Raises:
         UserError: the cause is unknown, its size is out of range, or there are no drops.
@@ -52,8 +63,8 @@ def simulate_example(name: str, hidden: str, *, size: float | None = None, drops
     body = SQUARE if hidden in CAUSES and CAUSES[hidden].polygon_only else ELLIPSE_BODY
 
     def released(n: int, part: str) -> Drops:
-        rng = generator(seed, "example", part)
-        return simulate_compliant_drops(body, PROOF_RELEASE, n, hidden=causes, noise=RIG_NOISE, rng=rng)
+        chosen: dict = {"hidden": causes, "noise": RIG_NOISE, "tracker": tracker}
+        return simulate_compliant_drops(body, PROOF_RELEASE, n, rng=generator(seed, "example", part), **chosen)
 
     made = released(drops, "drops")
     header = made.header.model_copy(update={"description": DESCRIPTION})

@@ -15,6 +15,7 @@ from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.camera import as_trajectories, with_noise
 from thesis_lib.simulate.rig.release import Release
+from thesis_lib.simulate.rig.tracker import Tracker
 
 CONTACT = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", "c_n")
 
@@ -62,9 +63,17 @@ def as_dataset(
     rate: float,
     noise: Noise | None,
     rng: np.random.Generator,
+    tracker: Tracker | None = None,
 ) -> tuple[Header, pd.DataFrame]:
-    """Header and trajectories of reported poses (n, samples, 3), to which `noise` is added."""
-    poses = with_noise(poses, noise, rng)
+    """Header and trajectories of reported poses (n, samples, 3), to which `noise` is added.
+
+    With a `tracker` the poses are those in its pictures, and the header states no noise: the rig's owner sees only what
+    is written.
+    """
+    if tracker is None:
+        poses = with_noise(poses, noise, rng)
+    else:
+        poses, noise = tracker.record(poses, noise, rate, rng), None
     header = Header(schema=1, description=description, body=body, gravity=gravity, rate=rate, noise=noise)  # pyright: ignore[reportCallIssue]
     return header, as_trajectories(poses, np.arange(poses.shape[1]) / rate)
 

@@ -1,0 +1,107 @@
+"""Filters with which motion capture smooths poses, on recordings of different lengths.
+
+| name                     | what it does                                                                              |
+|--------------------------|-------------------------------------------------------------------------------------------|
+| `moving_average`         | mean of N poses about each one, N odd; gain |sin(π N f/f_s) / (N sin(π f/f_s))|           |
+| `butterworth`            | second-order Butterworth filter, as a tracker runs it: what it writes comes late          |
+| `zero_phase_butterworth` | the same forwards and backwards (`filtfilt`): its gain is the square                      |
+| `kalman_smoother`        | Rauch-Tung-Striebel smoother of constant acceleration, driven by white jerk of density q  |
+
+All have the gain 1/√2 at the cutoff f_c.  For the smoother of samples with unit noise, Δt apart, the gain is
+1/(1 + ω⁶ Δt/q), so q = Δt ω_c⁶/(√2 − 1).  `low_pass` is the first-order filter T ẏ + y = x in continuous time.
+
+Ends are extended by a reflection in the end point, as `scipy.signal.filtfilt` does.
+
+Source: Rauch, Tung and Striebel 1965, doi 10.2514/3.3166.
+"""
+
+import numpy as np
+from scipy.signal import butter, lfilter
+
+SQUARED = (np.sqrt(2.0) - 1.0) ** 0.25  # cutoff of a Butterworth filter over that of its square (second order)
+
+
+def smoothed(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.ndarray:
+    """Poses (n, samples, 3) taken `rate` times a second, smoothed; recordings end where a pose is NaN."""
+    length = np.isfinite(poses).all(axis=2).sum(axis=1)
+    if kind == "kalman_smoother":
+        return _kalman_smoother(poses, length, cutoff, rate)
+    out = np.full_like(poses, np.nan)
+    for size in np.unique(length[length > 1]):
+        rows = length == size
+        out[rows, :size] = _filtered(poses[rows, :size], kind, cutoff, rate)
+    return out
+
+
+def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.ndarray:
+    size = poses.shape[1]
+    pad = min(size - 1, int(np.ceil(rate / cutoff)))  # in a period of the cutoff a transient falls to 1 %
+    before = 2.0 * poses[:, :1] - poses[:, pad:0:-1]
+    after = 2.0 * poses[:, -1:] - poses[:, -2 : -pad - 2 : -1]
+    x = np.concatenate([before, poses, after], axis=1)
+    if kind == "moving_average":
+        # gain of N poses: 1/√2 at f_s 0.443 / √(N² − 1)
+        n = 1 + 2 * max(1, round((np.sqrt(1.0 + (0.443 * rate / cutoff) ** 2) - 1.0) / 2.0))
+        total = np.cumsum(np.pad(x, ((0, 0), (n // 2 + 1, n // 2), (0, 0)), mode="edge"), axis=1)
+        y = (total[:, n:] - total[:, :-n]) / n
+    else:
+        both = kind == "zero_phase_butterworth"
+        warped = np.tan(np.pi * cutoff / rate) / (SQUARED if both else 1.0)  # of the bilinear transform
+        b, a = np.asarray(butter(2, rate / np.pi * np.arctan(warped), fs=rate))
+        y = _causal(b, a, x)
+        if both:
+            y = _causal(b, a, y[:, ::-1])[:, ::-1]
+    return y[:, pad : pad + size]
+
+
+def _causal(b: np.ndarray, a: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The filter along the samples of x (n, samples, 3), as if the first one had lasted for ever."""
+    first = x[:, :1]
+    return np.asarray(lfilter(b, a, x - first, axis=1)) + first
+
+
+def _kalman_smoother(poses: np.ndarray, length: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
+    n, size, _ = poses.shape
+    h, omega = 1.0 / rate, 2.0 * np.pi * cutoff
+    F = np.array([[1.0, h, h * h / 2.0], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
+    power = np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
+    Q = power * h * omega**6 / (np.sqrt(2.0) - 1.0)
+    P = np.diag([1.0, omega**2, omega**4]) * 1e6  # nothing is known of the first state
+    state = np.zeros((n, 3, 3))  # drop, pose and its derivatives, channel
+    state[:, 0] = poses[:, 0]
+    states, spreads = [], []
+    for k in range(size):
+        if k:
+            state, P = F @ state, F @ P @ F.T + Q
+        gain = P[:, 0] / (P[0, 0] + 1.0)
+        state = state + gain[:, None] * (poses[:, k] - state[:, 0])[:, None, :]
+        P = P - np.outer(gain, P[0])
+        P = 0.5 * (P + P.T)
+        states.append(state)
+        spreads.append(P)
+    out = np.full_like(poses, np.nan)
+    smooth = states[-1]
+    for k in range(size - 1, -1, -1):
+        if k < size - 1:
+            back = spreads[k] @ F.T @ np.linalg.inv(F @ spreads[k] @ F.T + Q)
+            smooth = states[k] + back @ (smooth - F @ states[k])
+        smooth = np.where((k >= length - 1)[:, None, None], states[k], smooth)
+        out[:, k] = smooth[:, 0]
+    return np.where(np.isfinite(poses), out, np.nan)
+
+
+def low_pass(poses: np.ndarray, times: np.ndarray, velocity: np.ndarray, constant: float) -> np.ndarray:
+    """y of T ẏ + y = x, T = `constant` in s, at `times` (m,) in s of straight lines between the poses x (n, m, 3).
+
+    `velocity` (n, 3) is that of the body before the first pose.
+    """
+    out = np.empty_like(poses)
+    late = poses[:, 0] - constant * velocity
+    out[:, 0] = late
+    for k, h in enumerate(np.diff(times), start=1):
+        slope = (poses[:, k] - poses[:, k - 1]) / h
+        # the line's own response, x − T ẋ, and a remainder that decays
+        remainder = (late - poses[:, k - 1] + constant * slope) * np.exp(-h / constant)
+        late = poses[:, k] - constant * slope + remainder
+        out[:, k] = late
+    return out

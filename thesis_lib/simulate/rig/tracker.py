@@ -1,0 +1,85 @@
+"""What a tracker writes of the poses that it sees: noise with memory, filters, lost frames, outliers, few digits.
+
+Cameras take `frames` pictures for each pose that is written, of poses that may have passed a first-order filter of time
+constant T (`smoothing.low_pass`, which the simulator applies).  Each picture has noise e = σ (f_x, f_y, f_θ) u, where u
+is white or, with a correlation time t_c, first-order autoregressive, and may wander slowly:
+
+    u_k = ρ u_{k−1} + √(1 − ρ²) w_k,   ρ = exp(−Δt/t_c),   w white                                           (AR(1))
+
+A filter (`smoothing`) smooths the poses, every `frames`-th of them is rounded, and some are not written at all.  The
+defaults write what is seen.
+"""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.signal import lfilter
+
+from thesis_lib.bodies.body import Noise
+from thesis_lib.foundation.settings import Section
+from thesis_lib.simulate.rig.smoothing import smoothed
+
+FilterName = Literal["none", "moving_average", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
+
+
+class Tracker(Section):
+    """How poses are recorded; the defaults change nothing."""
+
+    frames: int = Field(1, ge=1, le=20, description="pictures for each pose that is written")
+    time_constant: float = Field(0.0, ge=0, le=0.05, description="T of a filter T ẏ + y = x before the pictures, s")
+    filter: FilterName = Field("none", description="what smooths the poses before they are written")
+    cutoff: float = Field(40.0, gt=0, allow_inf_nan=False, description="Hz; there the filter's gain is 1/√2")
+    noise_factors: tuple[float, float, float] = Field((1.0, 1.0, 1.0), description="on the noise of x, y, θ")
+    correlation_time: float = Field(0.0, ge=0, allow_inf_nan=False, description="of the noise, s; 0: white")
+    wander: float = Field(0.0, ge=0, allow_inf_nan=False, description="slow part of the noise over the fast one, 1")
+    wander_time: float = Field(0.3, gt=0, allow_inf_nan=False, description="its correlation time, s")
+    outliers: float = Field(0.0, ge=0, lt=1, description="share of pictures with a wrong pose")
+    outlier_size: float = Field(20.0, ge=0, allow_inf_nan=False, description="one sigma of it over that of the noise")
+    dropped: float = Field(0.0, ge=0, lt=1, description="share of poses that are not written")
+    bursts: float = Field(0.0, ge=0, le=1, description="share of trials in which a run of poses is lost")
+    burst_length: int = Field(10, ge=1, description="poses in that run")
+    position_step: float = Field(0.0, ge=0, allow_inf_nan=False, description="x, y are multiples of this, m; 0: any")
+    angle_step: float = Field(0.0, ge=0, allow_inf_nan=False, description="θ is a multiple of this, rad; 0: any")
+
+    def record(self, poses: np.ndarray, noise: Noise | None, rate: float, rng: np.random.Generator) -> np.ndarray:
+        """Poses (n, samples, 3) as written `rate` times a second, NaN where none is.
+
+        `poses` (n, frames × samples, 3) are those in the pictures, in m and rad, NaN after the end of a recording.
+        """
+        outlier_rng, lost_rng, wander_rng = rng.spawn(3)
+        position, angle = (noise.position or 0.0, noise.angle or 0.0) if noise else (0.0, 0.0)
+        sigma = np.array([position, position, angle]) * self.noise_factors
+        step = 1.0 / (rate * self.frames)
+        error = _autoregressive(rng.standard_normal(poses.shape), self.correlation_time, step)
+        slow = _autoregressive(wander_rng.standard_normal(poses.shape), self.wander_time, step)
+        wrong = outlier_rng.random(poses.shape[:2]) < self.outliers
+        error += self.wander * slow
+        error += self.outlier_size * wrong[..., None] * outlier_rng.standard_normal(poses.shape)
+        seen = poses + sigma * error
+        if self.filter != "none":
+            seen = smoothed(seen, self.filter, self.cutoff, rate * self.frames)
+        written = seen[:, :: self.frames].copy()
+        for column, digit in enumerate((self.position_step, self.position_step, self.angle_step)):
+            if digit:
+                written[..., column] = np.round(written[..., column] / digit) * digit
+        written[self._lost(written.shape[:2], lost_rng)] = np.nan
+        return written
+
+    def _lost(self, shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+        """Mask (n, samples) of poses that are not written."""
+        n, size = shape
+        lost = rng.random(shape) < self.dropped
+        start = rng.integers(0, max(size - self.burst_length, 1), n)[:, None]
+        burst = (np.arange(size) >= start) & (np.arange(size) < start + self.burst_length)
+        return lost | (burst & (rng.random(n) < self.bursts)[:, None])
+
+
+def _autoregressive(white: np.ndarray, time: float, step: float) -> np.ndarray:
+    """AR(1) noise of variance 1 with this correlation time (s), from white noise (n, samples, 3)."""
+    if time == 0.0:
+        return white
+    rho = np.exp(-step / time)
+    fresh = np.sqrt(1.0 - rho**2)
+    drive = np.concatenate([white[:, :1], fresh * white[:, 1:]], axis=1)
+    return np.asarray(lfilter([1.0], [1.0, -rho], drive, axis=1))
