@@ -38,16 +38,16 @@ class Flights:
 NO_FLIGHTS = Flights(State(*(np.zeros(0),) * 8), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
-def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray) -> Flights:
+def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray, guard: float = GUARD) -> Flights:
     """Accelerations of the flights with at least `MIN_FLIGHT` samples, whose noise has `variance` (3,) in m², rad².
 
     A flight must end at a hit that is used: after the last hit of a trial the body may rest, and a poorly known instant
-    mixes samples of two flights.
+    mixes samples of two flights.  Samples within `guard` (s) of a hit belong to no flight.
     """
     next_hit = hits.before(samples.trial, samples.t)
     near = np.zeros(len(samples), bool)
     for hit in (next_hit - 1, next_hit):
-        near |= np.abs(hits.instants(hit, samples.trial, np.inf) - samples.t) < GUARD
+        near |= np.abs(hits.instants(hit, samples.trial, np.inf) - samples.t) < guard
     samples, next_hit = samples.select(~near), next_hit[~near]
     trial, t, q = samples.trial, samples.t, samples.q
 

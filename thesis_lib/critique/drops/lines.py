@@ -70,11 +70,14 @@ def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.nd
     return np.searchsorted(trial * span + t, of_trial * span + of_t)
 
 
-def edges_of(hits: Hits, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Edges (n, 4) in s of the flights before and after single hits at (trial, t): neighbouring hits end a flight."""
+def edges_of(hits: Hits, trial: np.ndarray, t: np.ndarray, guard: float = GUARD) -> np.ndarray:
+    """Edges (n, 4) in s of the flights before and after single hits at (trial, t): neighbouring hits end a flight.
+
+    Samples within `guard` (s) of a hit belong to no flight.
+    """
     after = hits.before(trial, t + LATER)  # number of the first hit after the impact
     earliest, latest = hits.instants(after - 2, trial, -np.inf), hits.instants(after, trial, np.inf)
-    return np.stack([earliest + GUARD, t - GUARD, t + GUARD, latest - GUARD], axis=1)
+    return np.stack([earliest + guard, t - guard, t + guard, latest - guard], axis=1)
 
 
 def side_lines(samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.ndarray, most: np.ndarray) -> SideLines:

@@ -96,7 +96,8 @@ def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: boo
     if found.samples is None:
         return _from_impacts(found, rig)
     single = _from_samples(found.samples, found, rig)
-    return _with_episodes(single, found.samples, dataset.header, settings or ArcSettings()) if episodes else single
+    settings = (settings or ArcSettings()).model_copy(update={"guard": found.guard})
+    return _with_episodes(single, found.samples, dataset.header, settings) if episodes else single
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
@@ -135,7 +136,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
     hits = Hits(table["trial"].to_numpy(), table["t"].to_numpy(), table["used"].to_numpy(bool))
     # a window that detection cut short at a bent arc stays short
     most = found.used_arcs[["n_pre", "n_post"]].to_numpy()
-    lines = side_lines(samples, impacts.trial, impacts.t, edges_of(hits, impacts.trial, impacts.t), most)
+    lines = side_lines(samples, impacts.trial, impacts.t, edges_of(hits, impacts.trial, impacts.t, found.guard), most)
     variance = found.noise.used**2 * found.noise.colour
     cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
     rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
@@ -151,7 +152,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         t_std=found.used_arcs["t_std"].to_numpy()[rows],
         offset=np.zeros((len(rows), 2)),
         arcs=True,
-        flights=measured_flights(samples, hits, variance),
+        flights=measured_flights(samples, hits, variance, found.guard),
         noise_known=True,
         found=replace(found, impacts=impacts.select(rows)),
     )

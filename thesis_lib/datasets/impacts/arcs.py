@@ -168,7 +168,7 @@ def fit_arcs(
     scale = 1.0 / np.sqrt(np.einsum("nii->ni", covariance))
     t = p[:, _T]
     return ArcFits(
-        at=at + windows.moved(t),
+        at=np.minimum(at + windows.moved(t), len(samples) - 2),
         t=t + windows.t_0,
         t_std=np.sqrt(covariance[:, _T, _T]),
         q=p[:, _Q] + windows.q_0,

@@ -1,11 +1,13 @@
 """From trajectories to impacts: detection, arc fits, noise estimate and quality tests, in this order.
 
 Each step handles all impacts at once: sort the samples and find gaps (`samples`), mask glitches and detect (`spikes`),
-fit two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`), fit again with that noise, and
-test (`quality`).  Impacts that cannot be measured are left out with a reason; the others carry a covariance.
+fit two arcs around each hit (`arcs`), estimate the noise from their residuals (`noise`, `colour`), keep samples that a
+filter rounded out of the flights (`rounding`), fit again with that noise, and test (`quality`).  Impacts that cannot be
+measured are left out with a reason; the others carry a covariance.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,8 +27,10 @@ from thesis_lib.datasets.impacts.noise import (
     noise_from_arcs,
     noise_warnings,
     stated_sigma,
+    with_colour,
 )
 from thesis_lib.datasets.impacts.quality import assess_arcs, flag_physics, has_flag_text
+from thesis_lib.datasets.impacts.rounding import guard_of, rounding_warning, sampling_interval, touch_time
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.foundation.errors import UserError
 
@@ -40,6 +44,7 @@ ARC_COLUMNS = (
     *("chi2_pre", "chi2_post", "chi2_meet", "miss", "gap", "gap_std"),
 )
 _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
+_STANDING_OUT = 0.9  # share of the hits that are left with coloured noise; fewer call for a second detection
 _MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets stay below 0.1
 _FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
@@ -57,6 +62,7 @@ class FoundImpacts:
     glitches: pd.DataFrame  # columns trial, t: samples masked as tracking glitches
     # the poses searched, sorted, without glitches and ends of records that stand out; None if impacts.csv was used
     samples: Samples | None = None
+    guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
     warnings: tuple[str, ...] = ()  # sentences for the user
 
     @property
@@ -104,26 +110,23 @@ def find_in_arrays(
 ) -> FoundImpacts:
     """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped."""
     settings = settings or ArcSettings()
-    samples = make_samples(trial, t, q, header, settings)
-    everything = samples
-    rough = noise_from_differences(samples)
-    stated = believed = stated_sigma(header)
-    for _ in range(2):
-        # the larger of the two, so that an optimistic header does not turn noise into impacts
-        sigma = np.fmax(np.fmax(believed, rough), SIGMA_FLOOR)
-        glitch = find_glitches(everything, header.gravity, sigma, settings)
-        samples = everything.select(~glitch)
-        at = detect(samples, header, sigma, settings)
-        at = add_weak_hits(samples, at, header, sigma, settings)
-        fits = fit_arcs(samples, at, sigma, header, settings)
-        noise = noise_from_arcs(fits, rough, stated)
-        unchanged = np.array_equal(noise.stated, believed, equal_nan=True)
-        quiet = (noise.sigma < _NOISIER * sigma).all() or not np.isfinite(noise.sigma).all()
-        if quiet and unchanged:
-            break
-        believed = noise.stated
-        if not quiet:
-            rough = noise.sigma  # a long rest, or coloured noise, hid part of it: detect again
+    everything = make_samples(trial, t, q, header, settings)
+    stated = stated_sigma(header)
+    search = partial(_search, everything, header, stated)
+    samples, at, fits, noise, glitch, sigma = search(settings, np.zeros(3))
+    least = np.zeros(3)
+    if (noise.colour > 1.0).any():
+        # jumps that coloured noise makes are no hits; where nearly all stand out of it, the search stays what it was
+        coloured = np.fmax(sigma, noise.used * np.sqrt(noise.colour))
+        if len(_instants(samples, header, coloured, settings)) < _STANDING_OUT * len(at):
+            least = coloured
+            samples, at, fits, noise, glitch, sigma = search(settings, least)
+    rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
+    usual = settings.guard
+    if rounded > usual:
+        settings = settings.model_copy(update={"guard": rounded})
+        samples, at, fits, noise, glitch, sigma = search(settings, least)
+    noise = with_colour(noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0)
     glitches = _reported_glitches(everything, glitch)
 
     if not settings.stray_acceleration:
@@ -152,7 +155,10 @@ def find_in_arrays(
         flags=flags[used],
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
-    warnings = _detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial))
+    warnings = (
+        *rounding_warning(settings.guard, usual, touch_time(impacts, fits.gap[used]), sampling_interval(samples)),
+        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
+    )
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
         left_out=left_out[~used].reset_index(drop=True),
@@ -160,8 +166,40 @@ def find_in_arrays(
         noise=noise,
         glitches=glitches,
         samples=samples,
+        guard=settings.guard,
         warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings)),
     )
+
+
+def _instants(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
+    """Samples (n,) before the hits that stand out of noise `sigma` (3,)."""
+    return add_weak_hits(samples, detect(samples, header, sigma, settings), header, sigma, settings)
+
+
+def _search(
+    everything: Samples, header: Header, stated: np.ndarray, settings: ArcSettings, least: np.ndarray
+) -> tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]:
+    """Samples without glitches, instants (n,), arcs, noise, mask of glitches, noise (3,) with which arcs were fitted.
+
+    `stated` (3,) is the header's noise, NaN where it states none; hits stand out of noise of at least `least` (3,).
+    """
+    rough, believed = noise_from_differences(everything), stated
+    for _ in range(2):
+        # the larger of the two, so that an optimistic header does not turn noise into impacts
+        sigma = np.fmax(np.fmax(believed, rough), SIGMA_FLOOR)
+        glitch = find_glitches(everything, header.gravity, sigma, settings)
+        samples = everything.select(~glitch)
+        at = _instants(samples, header, np.fmax(sigma, least), settings)
+        fits = fit_arcs(samples, at, sigma, header, settings)
+        noise = noise_from_arcs(fits, rough, stated)
+        unchanged = np.array_equal(noise.stated, believed, equal_nan=True)
+        quiet = (noise.sigma < _NOISIER * sigma).all() or not np.isfinite(noise.sigma).all()
+        if quiet and unchanged:
+            break
+        believed = noise.stated
+        if not quiet:
+            rough = noise.sigma  # a long rest, or coloured noise, hid part of it: detect again
+    return samples, at, fits, noise, glitch, sigma  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
 def _detection_warnings(

@@ -5,16 +5,19 @@ differences cannot see.  Slow errors correlate the residuals of neighbouring sam
 than white noise of the same size would:
 
     var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1) noise, lag-one correlation ρ)
+
+Where samples were smoothed, or the spectrum of long flights contradicts this, the colour is that of `colour`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits
+from thesis_lib.datasets.impacts.colour import long_flights, slope_variance
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.statistics.spread import robust_std
 
@@ -25,6 +28,9 @@ _LONG_ARC_SAMPLES = 16  # enough long arcs are used alone: short ones are rattle
 _MAX_LAG1 = 0.8  # above, an arc of 25 samples cannot separate noise from curvature
 _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passes for white
 CONTRADICTED = 2.0  # ratio of stated noise to that of the arcs (known to 10 %) beyond which it is not believed
+_SHORT_MEMORY = 0.7  # ρ; slower noise looks like curvature in an arc of 25 samples
+_WORSE = 0.5  # relative excess of a variance that changes an interval by a quarter
+_LONG_FLIGHT = 4  # arcs; errors slower than these are no noise of the arcs
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
 
@@ -89,6 +95,31 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
     position = float(np.sqrt(np.mean(sigma[:2] ** 2)))
     stray = _stray_acceleration(fits, sigma, colour)
     return NoiseEstimate(position, float(sigma[2]), sigma, used, source, 0.0, lag1, colour, stray, stated)
+
+
+def with_colour(
+    noise: NoiseEstimate, fits: ArcFits, samples: Samples, at: np.ndarray, guard: float, *, smoothed: bool
+) -> NoiseEstimate:
+    """The noise with its colour from the spectrum of long flights (`colour`), where AR(1) is no answer.
+
+    That is if the samples are `smoothed`, if ρ is larger than short arcs can tell, or if noise that seems white is
+    clearly worse.  Between these, what long flights show beyond AR(1) may be a motion that no parabola describes.
+    `at` (n,) are the samples before the hits, `guard` (s) is how near to one samples belong to no flight.
+    """
+    sides = fits.n_side[fits.n_side >= _MIN_ARC_SAMPLES]
+    if noise.source != "arcs" or not len(sides):
+        return noise
+    n = int(np.median(sides))
+    flights = long_flights(samples, at, fits.t, guard, longest=_LONG_FLIGHT * n)
+    if not flights:
+        return noise
+    white = np.fmax(noise.sigma, SIGMA_FLOOR) ** 2 * 12.0 / (n * (n**2 - 1.0))
+    colour = np.maximum(slope_variance(flights, n) / white, 1.0)
+    worse = 1.0 + max(_WORSE, 8.0 / np.sqrt(len(flights[0])))  # 4 standard errors
+    slow = (noise.lag1 > _SHORT_MEMORY).any() or ((noise.colour == 1.0).all() and (colour > worse).any())
+    if not (smoothed or slow):
+        return noise
+    return replace(noise, colour=colour, stray=_stray_acceleration(fits, noise.used, colour))
 
 
 def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:

@@ -1,0 +1,103 @@
+"""Recordings as rigs write them: intervals hold, colour and rounding are found where they are and nowhere else."""
+
+import numpy as np
+import pytest
+from bouncing import ellipse_header, fly
+from scipy.signal import lfilter
+from scipy.stats import binom
+
+from tests.datasets.written_recordings import CASES, NORMAL, Case, measure, simulated
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.colour import slope_variance
+from thesis_lib.datasets.impacts.detect import find_impacts, find_in_arrays
+from thesis_lib.datasets.impacts.rounding import rounding_warning
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.tracker import Tracker
+
+ASKED = 0.92, 0.97  # share of velocities within their 95 % interval
+CHANCE = 1e-3  # one-sided, of a binomial count; errors of an impact are taken as independent in three of its six values
+INDEPENDENT = 0.5
+FOUND = 0.9  # share of the hits with 30 ms of flight on both sides
+FALSE = 0.02  # share of used impacts with no true hit between their flights: weak ones that are taken at a wrong time
+COLOUR = 0.3  # relative error from 200 flights, and from a spectrum of boxes that ends with waves of 40 samples
+DROPS = 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_intervals_hold(name: str):
+    parts = [measure(CASES[name], shape, 1e-3, DROPS, 1) for shape in ("ellipse", "square")]
+    result = [e for part in parts for e in part[0]]
+    assert len(result) == 2
+    within = np.concatenate([np.abs(e.z) < NORMAL for e in result])
+    n = int(INDEPENDENT * within.size)
+    low, high = binom.ppf(CHANCE, n, ASKED[0]) / n, binom.ppf(1.0 - CHANCE, n, ASKED[1]) / n
+    assert low < within.mean() < high
+    assert sum(e.found for e in result) > FOUND * sum(e.there for e in result)
+    assert sum(e.false for e in result) <= max(1, FALSE * sum(e.used for e in result))
+
+
+@pytest.mark.parametrize("rate", [100.0, 250.0])
+def test_unsmoothed_data_keep_guard_and_colour(rate: float):
+    dataset, _ = simulated(Case(rate), "square", 3e-4, 60, 3)
+    found = find_impacts(dataset)
+    assert found.guard == ArcSettings().guard
+    np.testing.assert_array_equal(found.noise.colour, 1.0)
+    assert not any("belong to no flight" in text for text in found.warnings)
+
+
+def test_smoothed_data_widen_the_guard_and_say_so():
+    dataset, _ = simulated(CASES["filtfilt 30 Hz"], "ellipse", 1e-3, 60, 4)
+    found = find_impacts(dataset)
+    # the filter's response to a corner ends within a period of the cutoff
+    assert 0.25 / 30.0 < found.guard < 1.0 / 30.0
+    assert any("The samples were smoothed" in text for text in found.warnings)
+    # with that guard given there is no rounding left to be seen
+    assert find_impacts(dataset, ArcSettings(guard=found.guard)).guard == found.guard
+
+
+@pytest.mark.parametrize("contact_time", [1e-3, 4e-3])
+def test_a_long_contact_is_not_called_a_filter(contact_time: float):
+    dataset, _ = simulated(Case(1000.0), "ellipse", contact_time, 60, 6)
+    assert not any("were smoothed" in text for text in find_impacts(dataset).warnings)
+
+
+@pytest.mark.parametrize(
+    ("touch_time", "told"), [(0.5e-3, "The samples were smoothed"), (6e-3, "Contacts last about 12 ms")]
+)
+def test_rounding_is_a_filter_or_a_long_contact(touch_time: float, told: str):
+    (text,) = rounding_warning(0.012, 1e-3, touch_time, 4e-3)
+    assert text.startswith(told) and "Samples within 12 ms" in text
+    assert rounding_warning(1e-3, 1e-3, touch_time, 4e-3) == ()
+
+
+def test_data_smoothed_beyond_their_flights_are_refused():
+    dataset, _ = simulated(Case(250.0, Tracker(filter="zero_phase_butterworth", cutoff=8.0)), "ellipse", 1e-3, 60, 5)
+    with pytest.raises(UserError, match=r"The samples are smoothed: .* Write the data without a filter"):
+        find_impacts(dataset)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, 0.9])
+def test_colour_of_autoregressive_noise(rho: float):
+    rng, n = np.random.default_rng(7), 25
+    white = rng.standard_normal((200, 400, 3))
+    noise = lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white, axis=1)[:, -60:]
+    t = np.arange(60.0)[:, None]
+    flights = noise + rng.standard_normal((200, 1, 3)) * t + rng.standard_normal((200, 1, 3)) * t**2
+    c = np.arange(n) - (n - 1) / 2.0
+    c /= c @ c
+    R = rho ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    np.testing.assert_allclose(slope_variance([flights, flights[:, 20:]], n), c @ R @ c, rtol=COLOUR)
+
+
+def test_colour_of_filtered_noise_is_that_before_the_filter():
+    rng, n = np.random.default_rng(8), 25
+    white = rng.standard_normal((200, 64, 3))
+    mean = sum(white[:, k : k + 60] for k in range(5)) / 5.0  # gain 1 at the low frequencies of a slope
+    c = np.arange(n) - (n - 1) / 2.0
+    np.testing.assert_allclose(slope_variance([mean], n), 1.0 / (c @ c), rtol=COLOUR)
+
+
+def test_exact_samples_have_no_rounding():
+    f = fly(ellipse_header(), np.random.default_rng(9), 60, position=0.0, angle=0.0)
+    assert find_in_arrays(f.trial, f.t, f.q, f.header).guard == ArcSettings().guard

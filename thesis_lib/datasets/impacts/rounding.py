@@ -1,0 +1,161 @@
+"""How far around an impact the samples are rounded: by a filter that smoothed them, or by a long contact.
+
+Flights bend at an impact.  A filter that smooths the samples rounds that corner, and so does a contact that lasts
+several samples.  Samples in the rounding belong to neither flight, so the guard (`windows`) must cover them.
+
+A parabola is fitted to the samples of each side beyond a reach R.  Let e be the deviation from it of samples nearer to
+the impact, over the noise, averaged over those whose |τ| lies between two `EDGES`.  Rounding moves samples along Δv
+(over the noise: direction u), noise moves them along all directions alike.  So for each pair of edges
+
+    F = (median of (e·u)² / m_1) / (median of (‖e‖² − (e·u)²) / m_2),    m_k: median of chi² with k dof
+
+is 1 without rounding, for noise of any size and colour that all channels share.  Acceleration in flight is in the
+parabola.  F above `MATERIAL` by `CLEAR` standard errors is rounding; the guard ends one sample after the last pair that
+has it, because rounding does not end at once.  R grows until nothing is seen in its outer half; the widest guard of all
+R counts, because a parabola that starts further away tells less.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.impacts.arcs import ArcFits
+from thesis_lib.datasets.impacts.windows import sides_of, windows_around
+from thesis_lib.foundation.errors import UserError
+
+EDGES = np.array([0, 1, 2, 3, 4, 6, 8, 12, 16, 24])  # sampling intervals from the impact
+REACHES = (3, 6, 12, 24)  # sampling intervals: R
+NARROWEST = 0.01  # s, the least R: filters of motion capture reach further
+FAR = 25  # samples beyond R at most; and at least
+LEAST = 10
+ENOUGH = 30  # flights that have such samples
+# rounding of 0.7 sigma of a sample moves the velocity of a line through 25 by a fifth of its standard error
+MATERIAL = 1.5
+CLEAR = 3.0
+_SPREAD = 2.74  # relative standard error of F times √n, from the densities of chi² at its medians
+_CONTACT = 1.5  # τ; contacts end before
+_EXACT = 1e-2  # mean square of e below which samples have no noise
+_MEDIANS = 0.4549, 1.3863  # of chi² with 1 and 2 degrees of freedom
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """F between the `edges` (g + 1,) in s of |τ|, before and after the impacts: (g, 2), NaN with few flights."""
+
+    edges: np.ndarray
+    ratio: np.ndarray
+    count: np.ndarray  # (g, 2) flights
+
+    @property
+    def rounded(self) -> np.ndarray:
+        """Mask (g,) of the pairs of edges between which samples of either side are rounded."""
+        excess = self.ratio - MATERIAL - CLEAR * _SPREAD / np.sqrt(np.maximum(self.count, 1))
+        return np.any(np.nan_to_num(excess, nan=-1.0) > 0.0, axis=1)
+
+    @property
+    def reach(self) -> float:
+        """Time from an impact in s within which samples are rounded; 0 if none are."""
+        groups = np.flatnonzero(self.rounded)
+        return float(self.edges[groups[-1] + 1]) if len(groups) else 0.0
+
+
+def sampling_interval(samples: Samples) -> float:
+    """Median time in s between samples of a run; 1 without any."""
+    step = np.diff(samples.t)[samples.run[1:] == samples.run[:-1]]
+    return float(np.median(step)) if len(step) else 1.0
+
+
+def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> float:
+    """Time from an impact in s within which samples are rounded, and one sample more; 0 if none are.
+
+    `sigma` (3,) is the noise of x, y, θ in m, m, rad.
+    UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
+    """
+    interval = sampling_interval(samples)
+    widest, ends = 0.0, True
+    for reach in REACHES:
+        found = rounding_within(reach, fits, samples, sigma, settings, interval)
+        if (found.count.max(axis=1) < ENOUGH).all():
+            break
+        widest = max(widest, found.reach)
+        ends = found.reach <= 0.5 * reach * interval
+        if ends and reach * interval > NARROWEST:
+            break
+    if not ends:
+        raise UserError(
+            f"The samples are smoothed: over {1e3 * widest:.2g} ms and more from an impact they leave the free flight, "
+            "and too few flights are long enough to see where that ends. Write the data without a filter, or with a "
+            "higher cutoff frequency, or drop the body from higher up."
+        )
+    return widest + interval if widest else 0.0
+
+
+def rounding_within(
+    reach: int, fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings, interval: float
+) -> Rounding:
+    """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
+    windows = windows_around(samples, fits.at, reach + FAR + 1)
+    t = fits.t - windows.t_0
+    tau = windows.t - t[:, None]
+    beyond = sides_of(windows, t, settings.model_copy(update={"guard": reach * interval, "max_window": FAR}), None)
+    near = sides_of(windows, t, settings.model_copy(update={"max_window": reach + FAR}), None) > 0
+    near &= (np.abs(tau) < reach * interval)[:, None] & (beyond.sum(2) >= LEAST)[..., None]
+
+    # parabolas through the samples beyond R, in units of R
+    basis = (tau / (reach * interval))[..., None] ** np.arange(3)
+    normal = np.einsum("nsw,nwi,nwj->nsij", beyond, basis, basis)
+    normal += (beyond.sum(2) < LEAST)[..., None, None] * np.eye(3)
+    right = np.einsum("nsw,nwi,nwc->nsic", beyond, basis, windows.q)
+    path = np.einsum("nwi,nsic->nswc", basis, np.linalg.solve(normal, right))
+    e = (windows.q[:, None] - path) / sigma
+    u = (fits.v_post - fits.v_pre) / sigma
+    u /= np.maximum(np.sqrt((u**2).sum(1)), 1e-300)[:, None]
+
+    edges = EDGES[reach >= EDGES] * interval
+    ratio, count = np.full((len(edges) - 1, 2), np.nan), np.zeros((len(edges) - 1, 2))
+    for g, (low, high) in enumerate(itertools.pairwise(edges)):
+        here = near & ((np.abs(tau) >= low) & (np.abs(tau) < high))[:, None]
+        for side in (0, 1):
+            number = here[:, side].sum(1)
+            rows = number > 0
+            count[g, side] = rows.sum()
+            if count[g, side] < ENOUGH:
+                continue
+            mean = np.einsum("nw,nwc->nc", here[rows, side], e[rows, side]) / number[rows, None]
+            along = (mean * u[rows]).sum(1) ** 2
+            across = np.median((mean**2).sum(1) - along) / _MEDIANS[1]
+            ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
+    return Rounding(edges, ratio, count)
+
+
+def rounding_warning(guard: float, usual: float, touch_time: float, interval: float) -> tuple[str, ...]:
+    """A sentence for the user if samples further from impacts than `usual` are left out; times in s.
+
+    A contact that lasts T sinks in for τ = `touch_time` ≈ T/2, and its samples lie within about 1.2 τ of the instant
+    where the arcs meet.  Smoothing rounds corners but sinks nothing in.
+    """
+    if guard <= usual:
+        return ()
+    # the last rounded samples are at least this far from the impact
+    least = max(guard - 2.0 * interval, usual)
+    if least > _CONTACT * touch_time:
+        why = "The samples were smoothed (a low-pass filter, a moving average or a Kalman smoother): corners at impacts"
+        why += f" are rounded far beyond what contacts of about {2e3 * touch_time:.2g} ms do."
+    else:
+        why = f"Contacts last about {2e3 * touch_time:.2g} ms, several samples."
+    return (f"{why} Samples within {1e3 * guard:.3g} ms of an impact belong to no flight and are not used.",)
+
+
+def touch_time(impacts: Impacts, gap: np.ndarray) -> float:
+    """τ in s of n impacts from how far below the surface their arcs meet, −φ_n √K_nn / |v_n|: the median, at least 0.
+
+    `gap` (n,) is φ_n in m.
+    """
+    if not len(impacts):
+        return 0.0
+    r_x = impacts.r[:, 0]
+    v_n = impacts.v_pre[:, 1] + r_x * impacts.v_pre[:, 2]
+    return max(float(np.median(-gap * np.sqrt(1.0 + (r_x / impacts.k_g) ** 2) / np.abs(v_n))), 0.0)
