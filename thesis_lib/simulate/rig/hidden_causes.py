@@ -127,6 +127,7 @@ class Cause:
     scale: the misfit of whole arcs; height: the gap at impact), at 0.3 mm and 3 mrad, for 150 throws of the chapter's
     ellipse (corners: of a 70 mm square).  Patch, bump, step and stiffness: with contacts of 1 ms.  A soft patch or spot
     never reaches 3 times, because the misfit of the gap is that of the median impact; their sizes are rubber on metal.
+    A slope of the stiffness would have to be so steep that it ends within the plate.
     """
 
     effects: tuple[str, ...]  # that describe it, the best first; () if it is outside the library
@@ -161,7 +162,7 @@ CAUSES: dict[str, Cause] = {
     "friction_bump": Cause(("surface_patch",), 0.35),
     "friction_step": Cause(("surface_patch",), 0.08),
     "stiffness_patch": Cause(("surface_patch",), -0.8),
-    "stiffness_slope": Cause(("position_dependent_contact_time",), 3.0),
+    "stiffness_slope": Cause(("position_dependent_contact_time",), 1.5),
     "linear_drag": Cause(("linear_drag",), 0.42),
     "spin_damping": Cause(("linear_drag",), 0.47),
     "quadratic_drag": Cause(("quadratic_drag",), 0.23),
