@@ -21,10 +21,12 @@ from thesis_lib.datasets.impacts.misfits import bow, with_stray
 from thesis_lib.datasets.impacts.noise import NoiseEstimate
 
 EPISODE_COLUMNS = ("trial", "impact", "last", "t_first", "t_last", "start", "end", "n_pre", "n_post")
+DOUBTFUL = ("second_hit", "not_ballistic")
+MIN_FLIGHT = 4  # samples of a flight beside an episode
 MOST_SKIPPED = 3  # samples; more is 12 ms at 250 Hz
 _NEAR = 7.8  # chi² with 3 dof that one sample in 20 beside an episode exceeds by chance
 _CUTS = 2
-_CLEAR = 4.0  # sigmas that a flying body is above the surface
+_CLEAR = 3.0  # sigmas that a flying body is above the surface
 _CHANCE = 4.0  # sigmas of a chi²
 _REST = 9.0  # chi² by which rest must beat free fall
 
@@ -93,12 +95,12 @@ def _groups(samples: Samples, hits: pd.DataFrame, settings: ArcSettings) -> np.n
         return np.zeros((0, 2), int)
     span = 2.0 * (np.abs(samples.t).max(initial=0.0) + 1.0)
     number = np.searchsorted(samples.trial * span + samples.t, trial * span + t)
-    close = (trial[1:] == trial[:-1]) & (np.diff(number) < settings.min_window)
+    close = (trial[1:] == trial[:-1]) & (np.diff(number) < MIN_FLIGHT)
     alone = reason == ""
     close &= ~alone[1:] & ~alone[:-1]
     first = np.flatnonzero(np.r_[True, ~close])
     last = np.r_[first[1:], len(hits)] - 1
-    doubtful = np.array([(reason[i : j + 1] == "second_hit").any() for i, j in zip(first, last)], bool)
+    doubtful = np.array([np.isin(reason[i : j + 1], DOUBTFUL).any() for i, j in zip(first, last)], bool)
     return np.stack([first, last], axis=1)[doubtful]
 
 
@@ -166,7 +168,7 @@ def _straight(side: _Side, way: int, sigma: np.ndarray, stray: np.ndarray, setti
     used = side.used
     for _ in range(_CUTS):
         count, chi2 = _chi2(side, used, sigma, stray)
-        most = np.where(_bent(count, chi2, settings), np.maximum(count // 2 + 1, settings.min_window), np.inf)
+        most = np.where(_bent(count, chi2, settings), np.maximum(count // 2 + 1, MIN_FLIGHT), np.inf)
         used = used * (_ranked(used, way) <= most[:, None])
     return replace(side, used=used)
 
@@ -183,7 +185,7 @@ def _is_flight(side: _Side, sigma: np.ndarray, stray: np.ndarray, gravity: float
     resting = side.q.copy()
     resting[..., 1] -= 0.5 * gravity * side.t**2
     rest = _chi2(replace(side, q=resting), side.used, sigma, 0.0 * stray)[1][:, 1]
-    return (count >= settings.min_window) & ~_bent(count, chi2, settings) & (rest - chi2[:, 1] > -_REST)
+    return (count >= MIN_FLIGHT) & ~_bent(count, chi2, settings) & (rest - chi2[:, 1] > -_REST)
 
 
 def _is_clear(side: _Side, way: int, gravity: float, header: Header, level: float, sigma: np.ndarray) -> np.ndarray:
