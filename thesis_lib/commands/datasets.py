@@ -57,6 +57,7 @@ examples:
   python -m thesis_lib datasets example -o data/tilted --hidden tilt --size 0.02
   python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
   python -m thesis_lib datasets example -o data/arm --mechanism arm --hidden payload --size 0.1
+  python -m thesis_lib datasets example -o data/wheel --mechanism wheel --hidden payload --engine mujoco
 
 what can be hidden, its default size (about 3 times the error of a perfect model) and meaning:
 """
@@ -122,6 +123,10 @@ def build_parser() -> Parser:
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
     hidden = "see below; default: com_offset_x, in a mechanism rolling_resistance"
     example.add_argument("--hidden", metavar="NAME", help=hidden)
+    engine = (
+        "who simulates a mechanism: the stepping of this program, or another simulator with sensors as rigs have them"
+    )
+    example.add_argument("--engine", choices=["stepping", "mujoco", "drake"], default="stepping", help=engine)
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
     example.add_argument("--drops", type=int, help="releases; default: 150, of a mechanism 16 trials")
     filters = ["moving_average", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
@@ -222,6 +227,8 @@ def _example(args: argparse.Namespace) -> int:
     out = Path(args.out)
     if args.mechanism:
         return _example_recording(args, out)
+    if args.engine != "stepping":
+        raise UserError("--engine is for mechanisms; add --mechanism arm or --mechanism wheel, or leave it out.")
     name, hidden, drops = out.resolve().name, args.hidden or "com_offset_x", 150 if args.drops is None else args.drops
     chosen: dict = {"size": args.size, "drops": drops, "seed": args.seed, "tracker": _tracker(args)}
     example = simulate_example(name, hidden, **chosen)
@@ -257,7 +264,13 @@ def _example_recording(args: argparse.Namespace, out: Path) -> int:
         raise UserError("--filter and --cutoff are for drops; leave them out with --mechanism.")
     hidden, trials = args.hidden or "rolling_resistance", TRIALS if args.drops is None else args.drops
     name = out.resolve().name
-    recording = simulate_recording(name, args.mechanism, hidden, size=args.size, trials=trials, seed=args.seed)
+    given = {"size": args.size, "trials": trials, "seed": args.seed}
+    if args.engine == "stepping":
+        recording = simulate_recording(name, args.mechanism, hidden, **given)
+    else:
+        from thesis_lib.simulate.engines.recording import record_engine
+
+        recording = record_engine(name, args.mechanism, hidden, args.engine, **given)
     write_recording(recording, out)
     print(recording_text(read_recording(out)))
     print(f"written to {out}. Next: python -m thesis_lib critique {out}")

@@ -19,10 +19,10 @@ def text() -> str:
 
 def recording_text() -> str:
     """Every key of recording.yaml with its default, those of the arm before those of the wheel."""
-    from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, StateNoise, Wheel
+    from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Sampling, StateNoise, Wheel
 
     rows: list[tuple[str, str, str, str]] = []
-    nested = {"mechanism": (Arm, Wheel), "noise": (StateNoise,)}
+    nested = {"mechanism": (Arm, Wheel), "noise": (StateNoise,), "sampling": (Sampling,)}
     for name, field in RecordingHeader.model_fields.items():
         for section in nested.get(name, ()):
             rows += _rows(f"{name}.", section)

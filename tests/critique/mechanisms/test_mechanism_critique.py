@@ -13,7 +13,8 @@ from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import HiddenStudy, MechanismSettings, WindowSettings
 from thesis_lib.critique.mechanisms.study import believed, exact_form, hidden_effect_study, is_right, true_sizes
-from thesis_lib.critique.mechanisms.windows import WeakForm, measured
+from thesis_lib.critique.mechanisms.trials import measured
+from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, Windows, fit_effects
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.foundation.errors import UserError

@@ -12,6 +12,7 @@ between cells, summed over the free coordinates,
     S = Σ_coordinates Σ_cells (Σ_cell z)² / n_cell.
 
 The null permutes the windows.  Strengths are standardised by their null; p refers to the maximum over all of them.
+It is `unexplained`, too, if errors of sensors would have to exceed what the recording states (`sensors`).
 Noise also enters the columns (errors in variables), but only to second order.
 """
 
@@ -23,12 +24,14 @@ from scipy.stats import chi2
 
 from thesis_lib.critique.mechanisms.effects import CANDIDATES, MechanismEffect
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, BelievedWheel
+from thesis_lib.critique.mechanisms.sensors import aligned, camera_delay, sensor_errors
 from thesis_lib.critique.mechanisms.settings import MechanismSettings
-from thesis_lib.critique.mechanisms.windows import Trial, WeakForm
-from thesis_lib.critique.mechanisms.world import ForceFit, ForceJudgement, Windows
+from thesis_lib.critique.mechanisms.trials import Trial
+from thesis_lib.critique.mechanisms.windows import WeakForm
+from thesis_lib.critique.mechanisms.world import ForceFit, ForceJudgement, Windows, sensor_excess
 from thesis_lib.critique.selection.search import Discovery, Step, judge_held_out, paired_gain, search, split
 from thesis_lib.critique.selection.world import Remaining
-from thesis_lib.datasets.recordings.header import Arm, RecordingHeader
+from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Sampling
 from thesis_lib.datasets.recordings.recording import Recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
@@ -51,7 +54,10 @@ class MechanismCritique:
         ladder: held-out misfit (rms of z, low, high) after 0, 1, ... effects.
         gains: by effect, held-out gain over the final model without it: nats per window with 95 % interval.
         remaining: misfit on held-out trials; the states that it depends on are found on training trials.
-        is_structured: whether the remaining misfit is material, even with the effect `below` added.
+        is_structured: whether the remaining misfit is material, even with the effect `below` added, or sensors err
+            materially more than stated.
+        camera_delay: s, by which poses of the body were read later than the joints.
+        sensor_excess: rms of the fitted errors of sensors over what is stated, and its p-value; 0 and 1 without any.
     """
 
     model: BelievedModel
@@ -64,6 +70,14 @@ class MechanismCritique:
     gains: dict[str, tuple[float, float, float]]
     remaining: Remaining
     is_structured: bool
+    camera_delay: float = 0.0
+    sensor_excess: tuple[float, float] = (0.0, 1.0)
+
+    @property
+    def are_sensors_off(self) -> bool:
+        """Whether sensors would have to err materially more than is stated."""
+        excess, p_value = self.sensor_excess
+        return is_excess_material(excess, p_value, self.settings)
 
     @property
     def verdict(self) -> str:
@@ -111,10 +125,12 @@ def criticise_recording(
         if name not in library:
             raise UserError(f"There is no effect {name!r} of the {kind}; known are {', '.join(library)}.")
     candidates = [library[name] for name in (library if effects is None else effects)]
-    return criticise_mechanism(_trials_of(recording), _believed_model(recording.header), candidates, rng, settings)
+    model, sampling = believed_model(recording.header), recording.header.sampling
+    return criticise_mechanism(trials_of(recording), model, candidates, rng, settings, sampling)
 
 
-def _believed_model(header: RecordingHeader) -> BelievedModel:
+def believed_model(header: RecordingHeader) -> BelievedModel:
+    """The mechanism that recording.yaml describes."""
     m, g = header.mechanism, header.gravity
     if isinstance(m, Arm):
         links = (m.link_lengths, m.link_masses, m.link_coms, m.link_inertias)
@@ -122,14 +138,16 @@ def _believed_model(header: RecordingHeader) -> BelievedModel:
     return BelievedWheel(RimlessWheel(m.spokes, m.length, m.mass, m.inertia, m.slope, g), m.payload_radius)
 
 
-def _trials_of(recording: Recording) -> list[Trial]:
+def trials_of(recording: Recording) -> list[Trial]:
+    """The trials of a recording, with the noise that it states."""
     h, m = recording.header, recording.header.mechanism
     trials = []
     for _, samples in recording.states.groupby("trial"):
         f_ext = np.zeros((len(samples) - 1, len(m.coordinates)))
         f_ext[:, : len(m.torques)] = samples[list(m.torques)].to_numpy(float)[:-1]
         q, v = (samples[list(names)].to_numpy(float) for names in (m.coordinates, m.velocities))
-        trials.append(Trial(1.0 / h.rate, q, v, f_ext, np.array(h.sigmas)))
+        noise, how = np.array(h.sigmas), h.sampling
+        trials.append(Trial(1.0 / h.rate, q, v, f_ext, noise, how.velocities, how.jitter))
     return trials
 
 
@@ -139,12 +157,14 @@ def criticise_mechanism(
     candidates: Sequence[MechanismEffect],
     rng: np.random.Generator,
     settings: MechanismSettings | None = None,
+    sampling: Sampling | None = None,
 ) -> MechanismCritique:
     """Criticise the believed model of a mechanism with measured trials of a common time step.
 
     Args:
         candidates: effects that may be missing.
         rng: splits the trials and draws null distributions.
+        sampling: stated errors of clocks and torques; default: none.
 
     Raises:
         UserError: fewer than four trials, different time steps, or no usable window.
@@ -158,8 +178,16 @@ def criticise_mechanism(
     if len({t.h for t in trials}) > 1:
         raise UserError("The trials of one critique share a time step; resample them or criticise them apart.")
     kept, unseen = split(np.arange(len(trials)), thresholds.held_out_share, rng)
+    sampling = sampling or Sampling()
+    sensors = sensor_errors(sampling, model.joints)
+    late = camera_delay([trials[i] for i in kept], model, sampling.delay)
     held_out, training = (
-        Windows(WeakForm([trials[i] for i in part], model, settings.windows), candidates, draws)
+        Windows(
+            WeakForm(aligned([trials[i] for i in part], model, late), model, settings.windows),
+            candidates,
+            draws,
+            sensors,
+        )
         for part in (unseen, kept)
     )
     discovery = search(training, thresholds, rng)
@@ -177,14 +205,23 @@ def criticise_mechanism(
         # an effect too small to matter may still explain all of the remaining misfit
         with_it = _beyond_noise(held_out.judge(discovery.below))
         is_structured = is_structured and with_it.is_structured(thresholds, 1.0)
+    excess = sensor_excess(discovery.fitted)
+    is_structured = is_structured or is_excess_material(*excess, settings)
     if is_structured:
         # training trials: the test needs many windows, and it chooses nothing
         depends_on, _ = dependence(training.weak, discovery.fitted.z, thresholds.alpha, rng)
         remaining = replace(remaining, depends_on=depends_on)
     weak = (training.weak, held_out.weak)
     return MechanismCritique(
-        *(model, settings, tuple(candidates), *weak, discovery, tuple(ladder), gains, remaining, is_structured)
+        *(model, settings, tuple(candidates), *weak, discovery, tuple(ladder), gains, remaining, is_structured),
+        late,
+        excess,
     )
+
+
+def is_excess_material(excess: float, p_value: float, settings: MechanismSettings) -> bool:
+    """Whether errors of sensors, `excess` times the stated ones, are significant and matter."""
+    return p_value <= settings.thresholds.alpha and settings.thresholds.matters(excess, 1.0, 1.0)
 
 
 def _beyond_noise(judgement: ForceJudgement) -> Remaining:

@@ -11,6 +11,8 @@
 | effects         | cosines                            | overlap of the shift with every other candidate |
 | error           | unit "sigma"                       | held-out rms of the whitened residual generalised forces |
 | where           | coordinate, contacts, before, after| the same by free coordinate and pairs in contact |
+| sensors         | found                              | clocks, offsets, and ripple over the stated one; if stated |
+|                 | excess, p_value                    | rms of these errors over what is stated |
 | detectable      | smallest                           | smallest detectable size of each parameter |
 """
 
@@ -21,7 +23,7 @@ import numpy as np
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependence, smallest_sizes, states_of_windows
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
-from thesis_lib.critique.mechanisms.world import ForceFit, residual
+from thesis_lib.critique.mechanisms.world import ForceFit, predict
 from thesis_lib.critique.selection.search import Step
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
@@ -29,6 +31,7 @@ from thesis_lib.statistics.wording import listed, number
 if TYPE_CHECKING:
     import pandas as pd
 
+STATED = 4  # more parameters of one sensor error are told by their rms over the stated one
 STATES = 3  # proposed for the next experiment
 
 
@@ -75,7 +78,9 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "detectable": [{"name": k, "smallest": v} for k, v in smallest_sizes(critique).items()],
         "next_experiment": _next_experiment(critique),
     }
-    content["summary"] = _summary(content)
+    if critique.fitted.sensors:
+        content["sensors"] = _sensors(critique)
+    content["summary"] = _summary(content) + _clocks(content)
     return six_digits(content)
 
 
@@ -112,11 +117,27 @@ def _effect(critique: MechanismCritique, step: Step) -> dict:
     }
 
 
+def _sensors(critique: MechanismCritique) -> dict:
+    fitted, (excess, p_value) = critique.fitted, critique.sensor_excess
+    found: dict = {"camera_delay": {"value": critique.camera_delay, "unit": "s"}}
+    for e in fitted.sensors:
+        if len(e.parameters) > STATED:
+            found[e.name] = {
+                "value": float(np.sqrt(np.mean(fitted.values[e.name] ** 2)) / e.prior[0]),
+                "unit": "stated",
+            }
+            continue
+        for p, value, std in zip(e.parameters, fitted.values[e.name], fitted.std[e.name]):
+            found[f"{e.name}.{p.name}"] = {"value": value, "std": std, "unit": p.unit}
+    return {"found": found, "excess": excess, "p_value": p_value, "exceeds": critique.are_sensors_off}
+
+
 def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
     """Held-out misfit by free coordinate and contacts, before and after."""
     held, names = critique.held_out, critique.model.coordinates
-    before, after = (residual(held, fitted.effects, fitted.values) for fitted in (base_fit, critique.fitted))
-    pairs = [listed([critique.model.mechanism.pairs[j] for j in w]) or "none" for w in held.active_pairs]
+    before, after = (predict(held, fitted).z for fitted in (base_fit, critique.fitted))
+    contacts = [*critique.model.mechanism.pairs, *(f"{name} at rest" for name in names[: critique.model.joints])]
+    pairs = [listed([contacts[j] for j in w]) or "none" for w in held.active_pairs]
     # the wheel's spokes are alike: only whether one is in contact counts
     if critique.model.name == "wheel":
         pairs = ["one spoke" if p != "none" else p for p in pairs]
@@ -149,6 +170,16 @@ def _next_experiment(critique: MechanismCritique) -> dict:
     }
 
 
+def _clocks(d: Mapping) -> list[str]:
+    """What is found of the clocks, where recording.yaml says that they may be apart."""
+    found = d.get("sensors", {}).get("found", {})
+    if "sensor_delay.d" not in found:
+        return []
+    joints, camera = (1e3 * found[name]["value"] for name in ("sensor_delay.d", "camera_delay"))
+    when = f"{number(abs(camera))} ms {'after' if camera > 0 else 'before'} the joints"
+    return [f"The joints are read {number(joints)} ms after the torques act, and the disk {when}."]
+
+
 def _summary(d: Mapping) -> list[str]:
     error = d["error"]
     base = f"{number(error['base'])} standard deviations of noise"
@@ -176,6 +207,11 @@ def _summary(d: Mapping) -> list[str]:
             "than noise.",
             f"What is left depends on {listed(on)}: look there for the cause." if on else "",
         ]
+    if d.get("sensors", {}).get("exceeds"):
+        sentences.append(
+            f"To explain the motion, the torques would have to err {number(d['sensors']['excess'])} times as much as "
+            "recording.yaml states."
+        )
     if any(e["family"] == "measurement" for e in d["effects"]):
         sentences.insert(0, "A sensor may be faulty: check it before reading anything here as physics.")
     return [s for s in sentences if s]
@@ -186,12 +222,13 @@ def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.Da
     import pandas as pd
 
     held, names = critique.held_out, critique.model.coordinates
+    base, _ = critique.discovery.bases[critique.discovery.base]
     residuals = pd.DataFrame(
         {
             "window": held.window,
             "coordinate": [names[c] for c in held.coordinate],
-            "before": residual(held, (), {}),
-            "after": residual(held, critique.fitted.effects, critique.fitted.values),
+            "before": predict(held, base).z,
+            "after": predict(held, critique.fitted).z,
         }
     )
     scan = critique.discovery.first_scan

@@ -31,12 +31,17 @@ SMOOTH_JOINT, SMOOTH_ROLLING = 0.02, 0.03
 
 @dataclass(frozen=True)
 class Motion:
-    """n steps of measured motion: q, v, a (n, nv) in m, rad and s; normal forces `c_n` (n, p) of the pairs in N."""
+    """n steps of measured motion: q, v, a (n, nv) in m, rad and s; normal forces `c_n` (n, p) of the pairs in N.
+
+    `f` (n, nv) is the known force in N or N m, `df` (n, nv) its time derivative; None where neither is needed.
+    """
 
     q: np.ndarray
     v: np.ndarray
     a: np.ndarray
     c_n: np.ndarray
+    f: np.ndarray | None = None
+    df: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,7 @@ class MechanismEffect:
         force: Q (n, nv) in N or N m from model, motion and parameters (n_p,).
         parameters: 0 without the effect; the linear fit knows no bounds.
         needs_normal: whether Q depends on contact forces.
+        prior: standard deviation of each parameter about 0, of errors that a recording states; empty: free.
     """
 
     name: str
@@ -57,6 +63,7 @@ class MechanismEffect:
     force: Callable[[BelievedModel, Motion, np.ndarray], np.ndarray]
     parameters: tuple[Parameter, ...]
     needs_normal: bool = False
+    prior: tuple[float, ...] = ()
 
 
 def _parameters(unit: str, scale: float, *names: str) -> tuple[Parameter, ...]:

@@ -62,10 +62,13 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
         return Identified(base, columns, believed + m_p * step, np.abs(step) * std, believed)
     # fitted jointly with the effects' parameters, whose columns are -U, from the believed and fitted values
     B = np.concatenate([weak.gathered(Y[:, :, columns[base.columns]]), -fitted.columns], axis=1)
+    r, (own, units) = base.rank, fitted.prior
+    B = np.concatenate([B, np.concatenate([np.zeros((len(own), r)), -units], axis=1)])
+    z = np.concatenate([fitted.z, own])
     scale = np.linalg.norm(B, axis=0)
-    B, r = B / scale, base.rank
-    change = -np.linalg.lstsq(B, fitted.z, rcond=None)[0]
-    rest = fitted.z + B @ change
+    B = B / scale
+    change = -np.linalg.lstsq(B, z, rcond=None)[0]
+    rest = z + B @ change
     # a wrong model errs by its scatter, not by the noise
     scatter = max(1.0, float(np.sqrt(rest @ rest / max(len(rest) - len(change), 1))))
     std = scatter * np.sqrt(np.diag(np.linalg.inv(B.T @ B))) / scale
@@ -77,7 +80,7 @@ def force_error(weak: WeakForm, records: tuple[Record, ...], fitted: ForceFit) -
 
     Also the estimated and true forces (n, 2, p) in N, NaN where skipped.  `weak` holds the exact states of `records`.
     """
-    estimate = np.stack(weak.contact_forces(total_force(weak, fitted.effects, fitted.values)), axis=1)
+    estimate = np.stack(weak.contact_forces(total_force(weak, fitted.forces, fitted.values)), axis=1)
     true = np.array([(records[i].c_n[k], records[i].c_t[k]) for i, k in zip(weak.step_trial, weak.step)])
     normal = true[:, 0]
     touching = normal > 0.0

@@ -11,6 +11,11 @@ class WindowSettings(Section):
     """How the equations are gathered; own choices."""
 
     window: int = Field(20, ge=1, description="steps, 0.1 s: shorter windows see noise, longer ones blur the cause")
+    tapered_window: int = Field(
+        40,
+        ge=1,
+        description="steps of windows that weigh their middle most and half overlap, which continuous motion has",
+    )
     min_window: int = Field(5, ge=1, description="steps; shorter ones cost more than they tell")
     gap_sigmas: float = Field(4.0, gt=0, description="standard deviations of a gap: within, a contact counts as active")
     exact_db: float = Field(80.0, description="dB, noise ascribed to exact states: the accuracy asked of the model")

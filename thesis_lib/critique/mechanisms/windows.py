@@ -5,11 +5,16 @@ contacts leave free, J_k N_k = 0.  Contact forces then drop out, and a window of
 
     r_w = Σ_k N_k' h (Y_k π − f_k − Q_k),        h Y_k π ∋ M_k (v_{k+1} − v_k).
 
-Noisy velocities enter only at the ends of the window, not divided by h at each step.  N_k = [1; −J_D⁻¹ J_F] with free
-coordinates F and dependent ones D; D is fixed within a window, so that N varies smoothly.  A contact counts as active
-if noise could hide it: projecting out an inactive one only costs information.
+Noisy velocities enter only at the ends of the window, not divided by h at each step.  (`steps` says how q, v and v̇ of
+a step follow from samples, and how a window weighs its steps; the weights are part of N_k.)  N_k = [1; −J_D⁻¹ J_F] with
+free coordinates F and dependent ones D; D is fixed within a window, so that N varies smoothly.  A contact counts as
+active if noise could hide it: projecting out an inactive one only costs information.
 
-The noise of the states is independent with known σ for each channel.  With G = ∂r/∂(q, v) by central differences,
+A driven joint that stands still may stick: dry friction is then a force of constraint, of any size up to its limit.
+In measured motion such a joint counts as a contact of its own (`stands`), with the row of its coordinate for J.
+
+The noise of the samples is independent with known σ for each channel; an instant that errs by σ_t adds v σ_t to it.
+With G the change of r with each sample, by central differences of the equations of a step,
 
     S = G diag(σ²) G',      S = L L',      z = L⁻¹ r      one S per trial,
 
@@ -34,42 +39,16 @@ from itertools import combinations, pairwise, product
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from thesis_lib.critique.mechanisms.effects import Motion
+from thesis_lib.critique.mechanisms.effects import SMOOTH_JOINT, Motion
 from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.critique.mechanisms.settings import WindowSettings
+from thesis_lib.critique.mechanisms.steps import Rule, lasting, may_touch, rule_of
+from thesis_lib.critique.mechanisms.trials import Trial
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.multibody import ContactGeometry
-from thesis_lib.simulate.stepping.stepping import Record
 
 NUDGE = 1e-5  # m, rad and per s: central differences of smooth functions of order one
 SINGULAR = 0.02  # least |det J_D| in a window: below it N amplifies noise
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Measured motion: q, v (m+1, nv), f_ext (m, nv), and the noise `sigma` (2, nv) of q and v."""
-
-    h: float
-    q: np.ndarray
-    v: np.ndarray
-    f_ext: np.ndarray
-    sigma: np.ndarray
-
-
-def measured(
-    records: Sequence[Record], snr_db: float, rng: np.random.Generator, settings: WindowSettings
-) -> tuple[Trial, ...]:
-    """Trials as measured at this signal-to-noise ratio; infinite: exact states."""
-    trials = []
-    for record in records:
-        noisy = add_noise(record, snr_db, rng)
-        sigma = noisy.sigma
-        if not np.isfinite(snr_db):
-            spread = np.stack([record.q.std(axis=0), record.v.std(axis=0)])
-            sigma = spread * 10.0 ** (-settings.exact_db / 20.0)
-        trials.append(Trial(record.h, noisy.q, noisy.v, record.f_ext, sigma))
-    return tuple(trials)
 
 
 @dataclass(frozen=True)
@@ -87,9 +66,10 @@ class WeakForm:
     Attributes:
         motion: (n, ...) all steps in a window, with contact forces of the believed model alone.
         f: (n, nv) known forces in N, N m; step, step_trial: (n,) numbers of step and trial.
-        starts: (windows,) first step of each window; active_pairs: its contact pairs.
+        starts: (windows,) first step of each window; active_pairs: its contact pairs, and p + i where joint i stands.
         trial, window, coordinate: (N,) trial, window and free coordinate of each row of z.
         left_out: steps in no window, by reason; steps, trials: numbers of all.
+        columns: by sensor error, what one unit changes in z; filled by `world`.
 
     Raises:
         UserError: no usable window, or a state that is not finite.
@@ -98,10 +78,12 @@ class WeakForm:
     def __init__(self, trials: Sequence[Trial], model: BelievedModel, settings: WindowSettings) -> None:
         self.model, self.h = model, trials[0].h
         self.left_out: Counter[str] = Counter()
+        self.columns: dict[str, np.ndarray] = {}
         self.steps, self.trials = sum(len(t.f_ext) for t in trials), len(trials)
         for i, t in enumerate(trials):
             if not all(np.isfinite(x).all() for x in (t.q, t.v, t.f_ext, t.sigma)):
                 raise UserError(f"Trial {i} holds states, forces or noise that are not finite; repair or drop it.")
+        self.rule: Rule = rule_of(trials[0].velocities, self.h)
         windows = [w for i, t in enumerate(trials) for w in self._windows(i, t, settings)]
         if not windows:
             raise UserError(
@@ -111,43 +93,73 @@ class WeakForm:
         self.step = np.concatenate([np.arange(w.start, w.stop) for w in windows])
         self.step_trial = np.concatenate([np.full(w.stop - w.start, w.trial) for w in windows])
         self.active_pairs = tuple(w.active for w in windows)
+        self._weight = np.concatenate([self.rule.kernel(w.stop - w.start) for w in windows])
         self._group(windows)
-        q, v, v_next, f = (
-            np.concatenate([getattr(trials[w.trial], name)[w.start + later : w.stop + later] for w in windows])
-            for name, later in (("q", 0), ("v", 0), ("v", 1), ("f_ext", 0))
-        )
+        q, v, a, f, df = (np.concatenate(parts) for parts in zip(*(self._states(trials[w.trial], w) for w in windows)))
         self.f, self.basis, self._to_contact = f, self._basis(q), self._constraints(q)
-        self.motion = Motion(q, v, (v_next - v) / self.h, np.zeros((len(q), len(model.mechanism.pairs))))
-        self._rest = model.inverse_dynamics(q, v, self.motion.a) - f
+        self.motion = Motion(q, v, a, np.zeros((len(q), len(model.mechanism.pairs))), f, df)
+        self._rest = model.inverse_dynamics(q, v, a) - f
         self.motion = self.with_normals(np.zeros_like(q))
-        self._factors = self._whitening(trials, v_next)
+        self._contact = np.concatenate(self.contact_forces(np.zeros_like(q)), axis=1)
+        self._factors = self._whitening(trials)
+
+    def _states(self, t: Trial, w: "_Window") -> tuple[np.ndarray, ...]:
+        """q, v, a, f, df (n, nv) of the steps of a window."""
+        k, rule = np.arange(w.start, w.stop), self.rule
+        states = (rule.of(stencil, t.q, t.v, k) for stencil in (rule.q, rule.v, rule.a))
+        last = len(t.f_ext) - 1
+        none = np.zeros((len(k), t.q.shape[1]))
+        known = (sum((w * t.f_ext[np.clip(k + j, 0, last)] for j, w in weights), none) for weights in (rule.f, rule.df))
+        return (*states, *known)
+
+    def _active(self, t: Trial, settings: WindowSettings) -> np.ndarray:
+        """(m, p) or (m, p + joints): which pairs may touch, and which joints stand, in the time that a step needs."""
+        if t.velocities == "time_stepping":
+            q, v = t.q[:-1], t.v[:-1]
+            contacts = self.model.mechanism.contacts_of(q)
+            closing = np.minimum(0.0, self.h * np.einsum("kpv,kv->kp", contacts.J_n, v))
+            active = contacts.phi + closing <= self._reach(contacts, t, settings)
+            # the step before counts too: a driven arm closes a gap faster than gravity
+            active[:-1] |= active[1:]
+            return active
+        contacts = self.model.mechanism.contacts_of(t.q)
+        active = may_touch(contacts.phi, self._reach(contacts, t, settings))
+        if t.velocities == "derived":  # a second difference sees the interval before, too
+            active[1:] |= active[:-1].copy()
+        k = np.arange(self.rule.before, len(t.q) - self.rule.after)
+        still = np.zeros((len(active), self.model.joints), dtype=bool)
+        v, weights = self.rule.of(self.rule.v, t.q, t.v, k), np.array([w for _, _, w in self.rule.v])
+        noise = np.sqrt(weights @ weights) * t.sigma["qv".index(self.rule.v[0][0])]
+        for i in range(self.model.joints):
+            slow = np.abs(v[:, i]) <= settings.gap_sigmas * noise[i] + SMOOTH_JOINT
+            still[k, i] = lasting(slow, settings.min_window)
+        return np.concatenate([active, still], axis=1)
+
+    def _reach(self, contacts: ContactGeometry, t: Trial, settings: WindowSettings) -> np.ndarray:
+        """Gap (m, p) in m within which a contact counts: noise, and one step of free fall."""
+        spread = np.sqrt(np.einsum("kpv,v->kp", contacts.J_n**2, t.sigma[0] ** 2))
+        return settings.gap_sigmas * spread + np.linalg.norm(self.model.gravity) * self.h**2
 
     def _windows(self, i: int, t: Trial, settings: WindowSettings) -> list[_Window]:
-        q, v = t.q[:-1], t.v[:-1]
-        contacts = self.model.mechanism.contacts_of(q)
-        spread = np.sqrt(np.einsum("kpv,v->kp", contacts.J_n**2, t.sigma[0] ** 2))
-        closing = np.minimum(0.0, self.h * np.einsum("kpv,kv->kp", contacts.J_n, v))
-        # margin: noise, and one step of free fall
-        reach = settings.gap_sigmas * spread + np.linalg.norm(self.model.gravity) * self.h**2
-        active = contacts.phi + closing <= reach
-        # the step before counts too: a driven arm closes a gap faster than gravity
-        active[:-1] |= active[1:]
-        cuts = (np.flatnonzero((active[1:] != active[:-1]).any(axis=1)) + 1).tolist()
+        active = self._active(t, settings)
+        contacts = self.model.mechanism.contacts_of(t.q[:-1])
+        first, last = self.rule.before, len(t.q) - self.rule.after
+        self.left_out["too close to an end"] += first + len(active) - last
+        cuts = (np.flatnonzero((active[first + 1 : last] != active[first : last - 1]).any(axis=1)) + first + 1).tolist()
         windows = []
-        for a, b in zip([0, *cuts], [*cuts, len(q)]):
+        for a, b in zip([first, *cuts], [*cuts, last]):
             if b - a < settings.min_window:
                 self.left_out["too short"] += b - a
                 continue
-            parts = max(1, round((b - a) / settings.window))
-            ends = np.linspace(a, b, parts + 1).round().astype(int).tolist()
             pairs = tuple(np.flatnonzero(active[a]).tolist())
             J = _jacobians(contacts, pairs)
-            for start, stop in pairwise(ends):
+            for start, stop in _pieces(a, b, settings, self.rule):
                 dependent, why = _dependent(J[start:stop])
                 if why:
                     self.left_out[why] += stop - start
                 else:
                     windows.append(_Window(i, start, stop, pairs, dependent))
+        self.left_out = +self.left_out
         return windows
 
     def _group(self, windows: list[_Window]) -> None:
@@ -177,26 +189,38 @@ class WeakForm:
                 solved = np.linalg.solve(J[:, :, list(dependent)], J[:, :, free])
                 N[:, :, list(dependent)] = -np.swapaxes(solved, 1, 2)
             basis[at, : len(free)] = N
-        return basis
+        return basis * self._weight[:, None, None]
 
     def _constraints(self, q: np.ndarray) -> np.ndarray:
-        """(J M⁻¹ J')⁺ J M⁻¹ (n, 2 p, nv), which maps the residual force to contact forces."""
+        """(J M⁻¹ J')⁺ J M⁻¹ (n, 2 p or more, nv), which maps the residual force to contact forces."""
         contacts = self.model.mechanism.contacts_of(q)
-        is_active = np.zeros(contacts.phi.shape, dtype=bool)
+        n, pairs = contacts.phi.shape
+        is_active = np.zeros((n, pairs + self.model.joints), dtype=bool)
         for (active, _), at in self._groups.items():
             is_active[np.ix_(at, list(active))] = True
-        J = np.concatenate([contacts.J_n * is_active[..., None], contacts.J_t * is_active[..., None]], axis=1)
+        touching, still = is_active[:, :pairs, None], is_active[:, pairs:, None]
+        parts = [contacts.J_n * touching, contacts.J_t * touching]
+        if still.any():
+            parts.append(np.eye(self.model.joints, q.shape[1]) * still)
+        J = np.concatenate(parts, axis=1)
         JM = J @ np.linalg.inv(self.model.mass_matrix(q))
         return np.linalg.pinv(JM @ np.swapaxes(J, 1, 2), hermitian=True) @ JM
 
     def contact_forces(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """c_n, c_t (n, p) in N that the motion requires if `force` (n, nv) acts besides the believed model."""
-        c_n, c_t = np.split(np.einsum("kcv,kv->kc", self._to_contact, self._rest - force), 2, axis=1)
-        return c_n, c_t
+        p = len(self.model.mechanism.pairs)
+        c = np.einsum("kcv,kv->kc", self._to_contact[:, : 2 * p], self._rest - force)
+        return c[:, :p], c[:, p:]
 
     def with_normals(self, force: np.ndarray) -> Motion:
         """The motion with the normal forces that it requires if `force` (n, nv) also acts."""
-        return replace(self.motion, c_n=self.contact_forces(force)[0])
+        c_n = self.contact_forces(force)[0]
+        if self.rule.power:  # the noise of one step exceeds the force: the mean of a window
+            ends = np.append(self.starts, len(c_n))
+            total = np.add.reduceat(self._weight[:, None] * c_n, self.starts, axis=0)
+            mean = total / np.add.reduceat(self._weight, self.starts)[:, None]
+            c_n = np.repeat(mean, np.diff(ends), axis=0)
+        return replace(self.motion, c_n=c_n)
 
     def gathered(self, force: np.ndarray) -> np.ndarray:
         """Σ_k N_k' h force_k over each window, whitened: (n, nv) to (N,), or (n, nv, j) to (N, j)."""
@@ -211,44 +235,82 @@ class WeakForm:
         """z (N,) if `force` (n, nv) of the effects acts besides the believed model."""
         return self.gathered(self._rest - force)
 
-    def _whitening(self, trials: Sequence[Trial], v_next: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _whitening(self, trials: Sequence[Trial]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Rows of z and L of each trial."""
-        n, nv = v_next.shape
+        n, nv = self.motion.q.shape
+        measured = np.stack([self.motion.q, self.motion.v, self.motion.a])
 
-        def balance(q: np.ndarray, v: np.ndarray, v_next: np.ndarray) -> np.ndarray:
-            rest = self.model.inverse_dynamics(q, v, (v_next - v) / self.h) - self.f
+        def balance(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+            rest = self.model.inverse_dynamics(q, v, a) - self.f
             return np.einsum("krv,kv->kr", self._basis(q), self.h * rest)
 
-        slopes = np.zeros((3, n, nv, nv))  # of q_k, v_k, v_{k+1}; row, channel
-        measured = np.stack([self.motion.q, self.motion.v, v_next])
+        slopes = np.zeros((3, n, nv, nv))  # of q, v, v̇; row, channel
         for which, channel in product(range(3), range(nv)):
             shift = np.zeros_like(measured)
             shift[which, :, channel] = NUDGE
             slopes[which, :, :, channel] = (balance(*measured + shift) - balance(*measured - shift)) / (2.0 * NUDGE)
+        stencils = list(enumerate((self.rule.q, self.rule.v, self.rule.a)))
         factors = []
         ends = np.append(self.starts, n).tolist()
         for i, t in enumerate(trials):
             rows = np.flatnonzero(self.trial == i)
             if not len(rows):
                 continue
-            G = np.zeros((2, len(rows), len(t.q), nv))
+            G = np.zeros((2, len(rows), len(t.q), nv))  # of q, v
             for row, r in enumerate(rows):
                 window = int(self.window[r])
                 at = np.arange(ends[window], ends[window + 1])
                 k, slot = self.step[at], self._slot[r]
-                G[0, row, k] += slopes[0, at, slot]
-                G[1, row, k] += slopes[1, at, slot]
-                G[1, row, k + 1] += slopes[2, at, slot]
-            S = np.einsum("crkv,cv,cskv->rs", G, t.sigma**2, G, optimize=True)
+                for which, stencil in stencils:
+                    for name, j, w in stencil:
+                        G["qv".index(name), row, k + j] += w * slopes[which, at, slot]
+            for channel, W in t.mixed.items():
+                G[:, :, :, channel] = G[:, :, :, channel] @ W
+            sigma = np.repeat(t.sigma[:, None], len(t.q), axis=1)  # (2, m+1, nv)
+            if t.jitter:
+                sigma[0] = np.hypot(sigma[0], t.jitter * np.gradient(t.q, self.h, axis=0))
+            S = np.einsum("crkv,ckv,cskv->rs", G, sigma**2, G, optimize=True)
+            if self.rule.is_blind_to_instants:
+                T = self._instants(t, rows, ends)
+                S += T @ T.T
             # rows may have no noise at all: a small diagonal keeps the factor defined
             S += 1e-14 * np.trace(S) / len(S) * np.eye(len(S))
             factors.append((rows, np.linalg.cholesky(S)))
         return factors
 
+    def _instants(self, t: Trial, rows: np.ndarray, ends: list[int]) -> np.ndarray:
+        """(rows, m+1): change of r by one sigma of the instant, within each step, at which its contact impulse acts.
+
+        An impact takes less than a step, in which J turns by ΔJ: the error is N' ΔJ' h c / √12.
+        """
+        T = np.zeros((len(rows), len(t.q)))
+        contacts = self.model.mechanism.contacts_of(t.q)
+        J = np.concatenate([contacts.J_n, contacts.J_t], axis=1)
+        for row, r in enumerate(rows):
+            at = np.arange(ends[self.window[r]], ends[self.window[r] + 1])
+            k = self.step[at]
+            turned = np.einsum("kcv,kc->kv", J[k + 1] - J[k], self._contact[at])
+            T[row, k] += self.h / np.sqrt(12.0) * np.einsum("kv,kv->k", self.basis[at, self._slot[r]], turned)
+        return T
+
+
+def _pieces(a: int, b: int, settings: WindowSettings, rule: Rule) -> list[tuple[int, int]]:
+    """First and last-but-one steps of the windows of a stretch a..b-1: side by side, or half over each other."""
+    if not rule.power:
+        parts = max(1, round((b - a) / settings.window))
+        return list(pairwise(np.linspace(a, b, parts + 1).round().astype(int).tolist()))
+    length = min(b - a, settings.tapered_window)
+    count = int(np.ceil(2.0 * (b - a - length) / length)) + 1
+    starts = np.linspace(a, b - length, count).round().astype(int)
+    return [(start, start + length) for start in starts.tolist()]
+
 
 def _jacobians(contacts: ContactGeometry, pairs: tuple[int, ...]) -> np.ndarray:
-    """Normal and tangential rows (n, 2 p, nv) of `pairs`."""
-    return np.concatenate([contacts.J_n[:, list(pairs)], contacts.J_t[:, list(pairs)]], axis=1)
+    """Normal and tangential rows (n, 2 p, nv) of `pairs`, and the coordinates of joints, which count on after them."""
+    n, p, nv = contacts.J_n.shape
+    touching, joints = [j for j in pairs if j < p], [j - p for j in pairs if j >= p]
+    still = np.broadcast_to(np.eye(nv)[joints], (n, len(joints), nv))
+    return np.concatenate([contacts.J_n[:, touching], contacts.J_t[:, touching], still], axis=1)
 
 
 def _dependent(J: np.ndarray) -> tuple[tuple[int, ...], str]:

@@ -4,6 +4,12 @@ With z (N,) the window equations of `windows`, U = -∂z/∂p (N, n_p) and unit 
 
     p̂ = argmin |z(0) - U p|²,    cov p̂ = (U'U)⁻¹,    log score = -|z|²/2 + const.
 
+Stated errors of sensors (`sensors`) are fitted with every model.  Their priors are rows of their own, p / σ_p = 0 ± 1,
+which belong to no trial.  What they still leave open widens the noise of windows that they are not fitted to, and these
+are judged one after the other, each given those before it:
+
+    S = I + U_s cov(p̂_s) U_s' = L L',      z → L⁻¹ z,      log score = -|L⁻¹ z|²/2 - log |L| + const.
+
 The direction of gravity is not linear in its parameter, nor are effects that need contact forces, which depend on the
 other effects.  So the linear fit is repeated, each time at the last values.  All else is linear: parameters of a fold
 follow from the full fit, and refits gain what the score test predicts.
@@ -13,8 +19,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.stats import chi2
 
-from thesis_lib.critique.mechanisms.effects import MechanismEffect
+from thesis_lib.critique.mechanisms.effects import MechanismEffect, Motion
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.selection.scan import RANK
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -23,6 +31,7 @@ from thesis_lib.statistics.bootstrap import central_95, draw_counts
 
 BASE = "believed"
 ROUNDS = 3  # linear fits
+DETERMINED = 0.5  # posterior over prior variance, below which data determine an error of sensors
 
 
 @dataclass(frozen=True)
@@ -30,9 +39,10 @@ class ForceFit:
     """Effects fitted to the window equations of a set of trials.
 
     Attributes:
-        values, std: by effect, (n_p,) parameters and standard errors.
+        values, std: by effect and sensor error, (n_p,) parameters and standard errors.
         z: (N,) whitened residual with the effects.
-        columns: (N, sum n_p) U.
+        columns: (N, sum n_p) U, of sensor errors first.
+        sensors: stated errors of sensors, fitted with the effects.
     """
 
     effects: tuple[MechanismEffect, ...]
@@ -40,20 +50,36 @@ class ForceFit:
     std: dict[str, np.ndarray]
     z: np.ndarray
     columns: np.ndarray
+    sensors: tuple[MechanismEffect, ...] = ()
     base: str = BASE
+
+    @property
+    def forces(self) -> tuple[MechanismEffect, ...]:
+        """Sensor errors and effects, in the order of `columns`."""
+        return (*self.sensors, *self.effects)
+
+    @property
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n,) of the priors and their `columns` (n, sum n_p)."""
+        return _prior(self.forces, self.values)
 
     @property
     def score(self) -> float:
         """Log score in nats, up to a constant."""
-        return float(-0.5 * (self.z @ self.z))
+        own = self.prior[0]
+        return float(-0.5 * (self.z @ self.z + own @ own))
 
 
 @dataclass(frozen=True)
 class ForceJudgement:
-    """Whitened residuals z (N,) of the windows `weak` under a model fitted to other windows."""
+    """Whitened residuals z (N,) of the windows `weak` under a model fitted to other windows.
+
+    `spread` (N,) is the predicted standard deviation of each row, given those before it, over that of its noise alone.
+    """
 
     z: np.ndarray
     weak: WeakForm
+    spread: np.ndarray
 
     @property
     def trials(self) -> np.ndarray:
@@ -65,10 +91,11 @@ class ForceJudgement:
 
     @property
     def total(self) -> float:
-        return float(-0.5 * (self.z @ self.z))
+        return float(-0.5 * (self.z @ self.z) - np.log(self.spread).sum())
 
     def by_trial(self, trials: np.ndarray) -> np.ndarray:
-        return -0.5 * np.bincount(self.weak.trial, self.z**2, minlength=trials[-1] + 1)[trials]
+        score = 0.5 * self.z**2 + np.log(self.spread)
+        return -np.bincount(self.weak.trial, score, minlength=trials[-1] + 1)[trials]
 
     @property
     def misfit(self) -> float:
@@ -90,8 +117,14 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
     unit = "window"
     bases = (BASE,)
 
-    def __init__(self, weak: WeakForm, candidates: Sequence[MechanismEffect], resamples: int) -> None:
-        self.weak, self.resamples = weak, resamples
+    def __init__(
+        self,
+        weak: WeakForm,
+        candidates: Sequence[MechanismEffect],
+        resamples: int,
+        sensors: Sequence[MechanismEffect] = (),
+    ) -> None:
+        self.weak, self.resamples, self.sensors = weak, resamples, tuple(sensors)
         self.candidates = {e.name: e for e in candidates}
         self.trials = np.arange(weak.trials)
         self._fits: dict[tuple[str, ...], ForceFit] = {}
@@ -106,23 +139,30 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
     ) -> ForceFit:
         names = tuple(e.name for e in effects)
         if names not in self._fits:
-            self._fits[names] = fit_effects(self.weak, effects)
+            self._fits[names] = fit_effects(self.weak, effects, self.sensors)
         return self._fits[names]
 
     def judge(self, fitted: ForceFit) -> ForceJudgement:
-        return ForceJudgement(residual(self.weak, fitted.effects, fitted.values), self.weak)
+        return predict(self.weak, fitted)
 
     def cross_validate(self, fitted: ForceFit, folds: np.ndarray) -> ForceJudgement:
-        z = fitted.z.copy()
+        z, spread = fitted.z.copy(), np.ones(len(fitted.z))
         fold = folds[self.weak.trial]
+        own, units = fitted.prior
+        n = units.shape[0]
         for k in np.unique(folds):
             inside, others = fold == k, fold != k
-            z[inside] -= fitted.columns[inside] @ _solve(fitted.columns[others], fitted.z[others])
-        return ForceJudgement(z, self.weak)
+            U, known = (np.concatenate(parts) for parts in ((fitted.columns[others], units), (fitted.z[others], own)))
+            rest = z[inside] - fitted.columns[inside] @ _solve(U, known)
+            z[inside], spread[inside] = _widened(rest, fitted.columns[inside, :n], _covariance(U)[:n, :n])
+        return ForceJudgement(z, self.weak, spread)
 
     def slopes(self, fitted: ForceFit, candidates: Sequence[MechanismEffect]) -> Slopes:
-        columns = {e.name: _columns(self.weak, e, fitted.effects, fitted.values) for e in candidates}
-        return Slopes(fitted.z, fitted.columns, columns, unit_noise=True)
+        columns = {e.name: _columns(self.weak, e, fitted.forces, fitted.values) for e in candidates}
+        own, units = fitted.prior
+        columns = {name: np.concatenate([U, np.zeros((len(own), U.shape[1]))]) for name, U in columns.items()}
+        z, U = np.concatenate([fitted.z, own]), np.concatenate([fitted.columns, units])
+        return Slopes(z, U, columns, unit_noise=True)
 
     def is_material(
         self, better: ForceJudgement, worse: ForceJudgement, candidate: MechanismEffect, settings: SearchSettings
@@ -130,19 +170,78 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
         return settings.matters(worse.misfit, better.misfit, 1.0)
 
 
-def fit_effects(weak: WeakForm, effects: Sequence[MechanismEffect]) -> ForceFit:
-    """Fit all parameters of `effects` to `weak`."""
-    values = {e.name: np.zeros(len(e.parameters)) for e in effects}
+def fit_effects(
+    weak: WeakForm, effects: Sequence[MechanismEffect], sensors: Sequence[MechanismEffect] = ()
+) -> ForceFit:
+    """Fit all parameters of `effects` and of `sensors` to `weak`."""
+    forces = (*sensors, *effects)
+    values = {e.name: np.zeros(len(e.parameters)) for e in forces}
     std: dict[str, np.ndarray] = {}
-    ends = np.cumsum([len(e.parameters) for e in effects])[:-1]
-    z, U = residual(weak, effects, values), np.zeros((len(weak.trial), 0))
-    for _ in range(ROUNDS if effects else 0):
-        U = np.concatenate([_columns(weak, e, effects, values) for e in effects], axis=1)
-        change, spread = _solve(U, z), np.sqrt(np.diag(np.linalg.pinv(U.T @ U)))
-        for e, step, error in zip(effects, np.split(change, ends), np.split(spread, ends)):
+    ends = np.cumsum([len(e.parameters) for e in forces])[:-1]
+    z, U = residual(weak, forces, values), np.zeros((len(weak.trial), 0))
+    for _ in range(ROUNDS if forces else 0):
+        U = np.concatenate([_columns(weak, e, forces, values) for e in forces], axis=1)
+        own, units = _prior(forces, values)
+        both = np.concatenate([U, units])
+        change, spread = _solve(both, np.concatenate([z, own])), np.sqrt(np.diag(np.linalg.pinv(both.T @ both)))
+        for e, step, error in zip(forces, np.split(change, ends), np.split(spread, ends)):
             values[e.name], std[e.name] = values[e.name] + step, error
-        z = residual(weak, effects, values)
-    return ForceFit(tuple(effects), values, std, z, U)
+        z = residual(weak, forces, values)
+    return ForceFit(tuple(effects), values, std, z, U, tuple(sensors))
+
+
+def _prior(forces: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals -p / σ_p of the priors of `forces`, and their columns, one for each parameter of any force."""
+    counts = [len(e.parameters) for e in forces]
+    z, rows = [], []
+    for e, at in zip(forces, np.cumsum([0, *counts])):
+        for i, sigma in enumerate(e.prior):
+            z.append(-values[e.name][i] / sigma)
+            rows.append(np.zeros(sum(counts)))
+            rows[-1][at + i] = 1.0 / sigma
+    return np.array(z), np.array(rows).reshape(len(rows), sum(counts))
+
+
+def predict(weak: WeakForm, fitted: ForceFit) -> ForceJudgement:
+    """Judge a model on windows that it was not fitted to."""
+    z = residual(weak, fitted.forces, fitted.values)
+    _, units = fitted.prior
+    if not len(units):
+        return ForceJudgement(z, weak, np.ones(len(z)))
+    U = np.concatenate([_columns(weak, e, (), {}) for e in fitted.sensors], axis=1)
+    cov = _covariance(np.concatenate([fitted.columns, units]))[: len(units), : len(units)]
+    z, spread = _widened(z, U, cov)
+    return ForceJudgement(z, weak, spread)
+
+
+def sensor_excess(fitted: ForceFit) -> tuple[float, float]:
+    """How far fitted errors of sensors exceed the stated ones: their rms over what is expected, and the p-value.
+
+    In directions that the data determine, p̂ has the covariance S₀ - C, prior less posterior, and |p̂|² in it is χ².
+    """
+    own, units = fitted.prior
+    if not len(own):
+        return 0.0, 1.0
+    C = _covariance(np.concatenate([fitted.columns, units]))[: len(own), : len(own)]
+    scale = units.max(axis=1)  # 1 / σ_p
+    share, directions = np.linalg.eigh(scale[:, None] * C * scale)  # posterior over prior variance
+    known = share < DETERMINED
+    if not known.any():
+        return 0.0, 1.0
+    squares = (directions.T @ own)[known] ** 2 / (1.0 - share[known])
+    return float(np.sqrt(squares.mean())), float(chi2.sf(squares.sum(), known.sum()))
+
+
+def _covariance(U: np.ndarray) -> np.ndarray:
+    return np.linalg.pinv(U.T @ U, hermitian=True)
+
+
+def _widened(z: np.ndarray, U: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """L⁻¹ z and the diagonal of L, for parameters of columns U (N, n) with covariance `cov`."""
+    if not U.shape[1]:
+        return z, np.ones(len(z))
+    L = np.linalg.cholesky(np.eye(len(z)) + U @ cov @ U.T)
+    return solve_triangular(L, z, lower=True), np.diag(L)
 
 
 def residual(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -163,8 +262,17 @@ def _columns(
     weak: WeakForm, effect: MechanismEffect, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]
 ) -> np.ndarray:
     """U (N, n_p): change of -z per unit of each parameter, with `effects` at `values` already acting."""
+    if effect.prior:  # linear and independent of contact forces: the same with any other force
+        if effect.name not in weak.columns:
+            weak.columns[effect.name] = _slopes(weak, effect, weak.motion, np.zeros(len(effect.parameters)))
+        return weak.columns[effect.name]
     motion = weak.with_normals(total_force(weak, effects, values))
     here = values.get(effect.name, np.zeros(len(effect.parameters)))
+    return _slopes(weak, effect, motion, here)
+
+
+def _slopes(weak: WeakForm, effect: MechanismEffect, motion: Motion, here: np.ndarray) -> np.ndarray:
+    """U (N, n_p) at the parameters `here`."""
     base = effect.force(weak.model, motion, here)
     slopes = [
         (effect.force(weak.model, motion, here + p.scale * unit) - base) / p.scale

@@ -8,6 +8,9 @@ A recording is a folder with recording.yaml, which describes the believed mechan
 q_1 is the angle of link 1 against the horizontal, q_2 of link 2 against link 1; x, y, theta are the pose of the disk or
 of the wheel's hub.  The wheel's x points down its slope and y away from it.  The torques u act from the time of their
 row until the next; those of a trial's last row are not used.
+
+`sampling` says how the numbers came about.  Encoders count, and velocities are computed from positions: such velocities
+tell nothing that positions do not.  Each device has a clock, and writes what was a few milliseconds ago.
 """
 
 from typing import Annotated, ClassVar, Literal
@@ -67,6 +70,28 @@ class StateNoise(Section):
     angle: Positive = Field(description="rad, each theta, q_1 and q_2")
     velocity: Positive = Field(description="m/s, each vx and vy")
     angular_velocity: Positive = Field(description="rad/s, each omega, dq_1 and dq_2")
+    joint_angle: Positive | None = Field(
+        None, description="rad, q_1 and q_2; default: angle; of an encoder, a count over √12"
+    )
+
+
+class Sampling(Section):
+    """How samples and torques came about."""
+
+    velocities: Literal["measured", "derived", "time_stepping"] = Field(
+        "measured",
+        description="measured: by sensors of their own, with the noise stated; derived: computed from the positions, "
+        "filtered or not, and not used; time_stepping: a simulation with v_{k+1} = v_k + h v̇(q_k, v_k)",
+    )
+    jitter: float = Field(0.0, ge=0, description="s, one sigma of the time of a sample")
+    delay: float = Field(0.0, ge=0, description="s, how far the clocks of torques, joints and disk may be apart")
+    torque_ripple: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="share of a torque, one sigma, by which it may err as a function of its joint's angle",
+    )
+    torque_offset: float = Field(0.0, ge=0, description="N m, one sigma of a torque's constant error")
 
 
 class RecordingHeader(Section):
@@ -80,6 +105,7 @@ class RecordingHeader(Section):
     gravity: Positive = Field(9.81, description="m/s²")
     rate: Positive = Field(description="Hz, of the samples; the same throughout")
     noise: StateNoise
+    sampling: Sampling = Sampling()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -90,8 +116,11 @@ class RecordingHeader(Section):
     @property
     def sigmas(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Noise of each coordinate and of each velocity, in the order of the columns and in their units."""
-        n, straight = self.noise, [name in ("x", "y") for name in self.mechanism.coordinates]
+        n, names = self.noise, self.mechanism.coordinates
+        straight = [name in ("x", "y") for name in names]
+        joint = n.joint_angle or n.angle
+        angles = [joint if name in ("q_1", "q_2") else n.angle for name in names]
         return (
-            tuple(n.position if s else n.angle for s in straight),
+            tuple(n.position if s else angle for s, angle in zip(straight, angles)),
             tuple(n.velocity if s else n.angular_velocity for s in straight),
         )

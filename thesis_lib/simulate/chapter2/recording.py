@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, StateNoise, Wheel
+from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Sampling, StateNoise, Wheel
 from thesis_lib.datasets.recordings.recording import Recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
@@ -53,9 +53,9 @@ def simulate_recording(
         raise UserError(
             f"A recording needs {MIN_TRIALS} trials or more and a seed of 0 or more; got {trials} and {seed}."
         )
-    header = _header(kind, bodies)
+    header = recording_header(kind, bodies)
     plans = planned(kind, trials, generator(seed, "recording", kind), bodies)
-    records = run_with(kind, hidden, plans, bodies, _sizes(kind, hidden, size))
+    records = run_with(kind, hidden, plans, bodies, hidden_sizes(kind, hidden, size))
     rng = generator(seed, "recording", kind, "noise")
     sigma_q, sigma_v = np.array(header.sigmas)
     driven = len(header.mechanism.torques)
@@ -70,7 +70,8 @@ def simulate_recording(
     return Recording(name, header, pd.concat(tables, ignore_index=True))
 
 
-def _header(kind: MechanismKind, bodies: Chapter2Bodies) -> RecordingHeader:
+def recording_header(kind: MechanismKind, bodies: Chapter2Bodies) -> RecordingHeader:
+    """The header of a time-stepping simulation of `bodies`."""
     section, believed = (Arm, bodies.arm) if kind == "arm" else (Wheel, bodies.wheel)
     mechanism = {name: getattr(believed, name) for name in section.model_fields if hasattr(believed, name)}
     if kind == "wheel":
@@ -83,11 +84,13 @@ def _header(kind: MechanismKind, bodies: Chapter2Bodies) -> RecordingHeader:
             "gravity": bodies.gravity,
             "rate": 1.0 / bodies.h,
             "noise": NOISE,
+            "sampling": Sampling(velocities="time_stepping"),
         }
     )
 
 
-def _sizes(kind: MechanismKind, hidden: str, size: float | None) -> HiddenSizes:
+def hidden_sizes(kind: MechanismKind, hidden: str, size: float | None) -> HiddenSizes:
+    """Default sizes, with `size` for the cause; UserError if it is not possible."""
     if size is None or hidden not in TRUTHS[kind]:  # `run_with` refuses unknown causes
         return HiddenSizes()
     key = SIZE_OF.get((kind, hidden))

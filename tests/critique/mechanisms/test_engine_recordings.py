@@ -1,0 +1,121 @@
+"""The critique on recordings of MuJoCo and Drake names what is hidden, and the stored proof is what the code says."""
+
+import json
+
+import pytest
+
+from thesis_lib.__main__ import main
+from thesis_lib.critique.mechanisms.__main__ import main as proof_main
+from thesis_lib.critique.mechanisms.proof import CAUSES, NOTHING, Case, cases, compute, is_exact, put, read, report
+from thesis_lib.foundation.errors import UserError
+
+
+def row(truth="payload", seed=1, **changes):
+    stored = {"mechanism": "wheel", "engine": "mujoco", "truth": truth, "seed": seed, "trials": 16}
+    stored |= {"verdict": "effects", "named": truth, "before": 4.0, "after": 1.0, "remaining_p": 0.5}
+    return stored | {"sensor_excess": 0.0, "parameters": "m_p=0.05:0.052:0.0005"} | changes
+
+
+def test_a_driven_arm_of_mujoco_is_adequate_and_tells_its_clocks(tmp_path, capsys):
+    """Twelve trials with counts, delays, ripple and offsets, nothing hidden, by the command line."""
+    data, out = str(tmp_path / "arm"), str(tmp_path / "out")
+    command = ["datasets", "example", "-o", data, "--mechanism", "arm", "--engine", "mujoco", "--hidden", "nothing"]
+    assert main([*command, "--drops", "12", "--seed", "7"]) == 0
+    assert main(["critique", data, "-o", out, "-q"]) == 0
+    capsys.readouterr()
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert content["verdict"] == "adequate" and 0.8 < content["error"]["base"] < 1.2
+    sensors = content["sensors"]
+    assert "ms after the torques act" in content["summary"][-1]
+    assert not sensors["exceeds"] and 1e-3 - 5e-4 < sensors["found"]["sensor_delay.d"]["value"] < 5e-3 + 5e-4
+
+
+def test_a_wheel_of_mujoco_with_a_payload_is_told_and_its_size_is_found(tmp_path):
+    data, out = str(tmp_path / "wheel"), str(tmp_path / "out")
+    command = ["datasets", "example", "-o", data, "--mechanism", "wheel", "--engine", "mujoco", "--hidden", "payload"]
+    assert main([*command, "--size", "0.08"]) == 0
+    assert main(["critique", data, "-o", out, "-q"]) == 0
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    (effect,) = content["effects"]
+    size = effect["parameters"]["m_p"]
+    assert (content["verdict"], effect["name"]) == ("effects", "payload")
+    assert abs(size["value"] - 0.08) < 4.0 * size["std"] < 0.008
+
+
+def test_an_engine_is_for_mechanisms(tmp_path, capsys):
+    assert main(["datasets", "example", "-o", str(tmp_path / "x"), "--engine", "drake"]) == 2
+    assert "--engine is for mechanisms" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("truth", "verdict", "named", "right"),
+    [
+        ("nothing", "adequate", "", True),
+        ("nothing", "effects", "payload", False),
+        ("cogging", "unexplained", "payload", True),
+        ("payload", "effects", "payload", True),
+        ("payload", "effects", "gravity_direction/payload", True),
+        ("payload", "effects", "payload + gravity_direction", False),
+        ("payload", "unexplained", "payload", False),
+        ("payload", "effects", "payload/a/b/c", False),
+        ("payload", "adequate", "", False),
+    ],
+)
+def test_only_an_exact_verdict_is_right(truth, verdict, named, right):
+    assert is_exact(truth, verdict, named) is right
+
+
+def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
+    store = tmp_path / "proof" / "mechanisms.csv"
+    with pytest.raises(UserError, match="holds no row"):
+        report(read(store))
+    for seed in (2, 1):
+        put(row(seed=seed), store)
+    put(row(seed=2, verdict="unexplained", parameters="m_p=0.05:0.05:0.0005"), store)
+    put(row("nothing", verdict="adequate", named="", parameters=""), store)
+    table = read(store)
+    assert table[["truth", "seed", "right"]].to_numpy().tolist() == [
+        ["nothing", 1, True],
+        ["payload", 1, True],
+        ["payload", 2, False],
+    ]
+    text = report(table)
+    assert "| a cause | wheel | mujoco | 50 % | 9.45 to 90.5 % | 2 |" in text
+    assert "wheel mujoco payload 2: unexplained, payload (4 → 1, sensors 0)" in text
+    # one of the two is 4 standard errors off
+    assert "interval: 50.0 %" in text
+    store.write_text("a,b\n1,2\n")
+    with pytest.raises(UserError, match="does not have the columns"):
+        read(store)
+
+
+def test_the_stored_proof_is_whole_and_meets_what_was_asked(capsys):
+    table = read()
+    stored = {Case(*key) for key in table[["mechanism", "engine", "truth", "seed"]].itertuples(index=False)}
+    assert stored >= set(cases(NOTHING, CAUSES))
+    for _, rows in table.groupby("mechanism"):
+        nothing = rows["truth"] == "nothing"
+        assert rows.loc[nothing, "right"].mean() >= 0.95 and rows.loc[~nothing, "right"].mean() >= 0.9
+    assert proof_main(["table"]) == 0
+    assert "| nothing | both | both |" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("mechanism", "engine", "truth"),
+    [
+        ("arm", "mujoco", "nothing"),
+        ("arm", "mujoco", "cogging"),
+        ("arm", "drake", "coulomb_joint_friction"),
+        ("wheel", "mujoco", "rolling_resistance"),
+        ("wheel", "drake", "gravity_direction"),
+    ],
+)
+def test_a_stored_row_is_what_the_code_finds(mechanism, engine, truth):
+    case = next(c for c in cases() if (c.mechanism, c.engine, c.truth) == (mechanism, engine, truth))
+    table, again = read(), compute(case)
+    same = (table[["mechanism", "engine", "truth"]] == [mechanism, engine, truth]).all(axis=1)
+    (stored,) = table[same & (table["seed"] == case.seed)].to_dict("records")
+    assert (stored["verdict"], stored["named"]) == (again["verdict"], again["named"])
+    # the last digits of the engines depend on the processor
+    assert again["before"] == pytest.approx(stored["before"], rel=0.05)

@@ -1,0 +1,183 @@
+"""The proof of the critique of mechanisms: causes hidden in recordings that MuJoCo and Drake made (`simulate.engines`).
+
+The engines' contacts take time and creep, the sensors count, lag and ripple; the critique's equations share nothing of
+it.  A recording is right if the verdict is exact:
+
+    nothing hidden          adequate
+    a cause                 effects: this one and no other, or with at most two that cannot be told from it
+    outside the library     unexplained
+
+config/proof/mechanisms.csv holds a row per recording:
+
+| column                             | unit | meaning                                                        |
+|------------------------------------|------|----------------------------------------------------------------|
+| mechanism, engine, truth, seed     |      | the recording                                                  |
+| trials                             |      | usable ones                                                    |
+| verdict, named                     |      | of the critique; groups of effects as "a/b + c"                |
+| before, after                      | 1    | held-out misfit, in units of noise                             |
+| remaining_p, sensor_excess         | 1    | p-value of the remaining misfit; errors of sensors over stated |
+| parameters                         |      | "name=true:found:std" of each, joined by ";", if named         |
+"""
+
+import fcntl
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.critique.mechanisms.critique import GROUP, criticise_recording
+from thesis_lib.critique.mechanisms.study import OUTSIDE, true_sizes
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind
+from thesis_lib.simulate.engines.recording import record_engine
+from thesis_lib.simulate.engines.settings import EngineName
+from thesis_lib.statistics.intervals import wilson
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "mechanisms.csv"
+SEEDS = 1100  # the table's begin here; those below 1000 are for development
+ENGINES: tuple[EngineName, ...] = ("mujoco", "drake")
+NOTHING, CAUSES = 10, 3  # recordings of each mechanism and engine
+KEY = ("mechanism", "engine", "truth", "seed")
+COLUMNS = (*KEY, *("trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters"))
+WITHIN = 1.96  # standard errors
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording."""
+
+    mechanism: MechanismKind
+    engine: EngineName
+    truth: str
+    seed: int
+
+
+def cases(nothing: int = NOTHING, causes: int = CAUSES, first: int = SEEDS) -> list[Case]:
+    """All recordings of the table: `nothing` without and `causes` with each cause, of each mechanism and engine."""
+    return [
+        Case(kind, engine, truth, first + i)
+        for kind in TRUTHS
+        for engine in ENGINES
+        for truth in TRUTHS[kind]
+        for i in range(nothing if truth == "nothing" else causes)
+    ]
+
+
+def compute(case: Case) -> dict[str, object]:
+    """Record and criticise; a row of the table."""
+    sizes = HiddenSizes()
+    recording = record_engine(case.truth, case.mechanism, case.truth, case.engine, seed=case.seed)
+    # not from the recording's digest: its last digits depend on the processor
+    rng = generator(case.seed, "mechanism proof", case.mechanism, case.engine, case.truth)
+    critique = criticise_recording(recording, rng)
+    values, std = critique.fitted.values, critique.fitted.std
+    found = {}
+    if case.truth in values:
+        names = [p.name for e in critique.candidates if e.name == case.truth for p in e.parameters]
+        true = true_sizes(case.mechanism, case.truth, sizes)
+        found = {n: (true[n], x, s) for n, x, s in zip(names, values[case.truth], std[case.truth])}
+    return {
+        **vars(case),
+        "trials": len(recording.trials),
+        "verdict": critique.verdict,
+        "named": " + ".join("/".join((step.effect.name, *step.alternatives)) for step in critique.steps),
+        "before": float(f"{critique.ladder[0][0]:.4g}"),
+        "after": float(f"{critique.ladder[-1][0]:.4g}"),
+        "remaining_p": float(f"{critique.remaining.p_value:.4g}"),
+        "sensor_excess": float(f"{critique.sensor_excess[0]:.4g}"),
+        "parameters": ";".join(f"{n}={':'.join(f'{x:.6g}' for x in numbers)}" for n, numbers in found.items()),
+    }
+
+
+def is_exact(truth: str, verdict: str, named: str) -> bool:
+    """Whether verdict and names are right; see the module's docstring."""
+    if truth in ("nothing", OUTSIDE):
+        return verdict == ("adequate" if truth == "nothing" else "unexplained")
+    groups = [group.split("/") for group in named.split(" + ")]
+    return verdict == "effects" and len(groups) == 1 and truth in groups[0] and len(groups[0]) <= GROUP
+
+
+def read(store: Path = STORE) -> "pd.DataFrame":
+    """The stored rows, with columns `right` and none if there is no table.
+
+    Raises:
+        UserError: the file holds other columns.
+    """
+    import pandas as pd
+
+    if not Path(store).exists():
+        return pd.DataFrame(columns=[*COLUMNS, "right"])
+    table = pd.read_csv(store, keep_default_na=False)
+    if tuple(table.columns) != COLUMNS:
+        raise UserError(f"{store} does not have the columns {', '.join(COLUMNS)}; delete it and run the proof again.")
+    table["right"] = [is_exact(*row) for row in zip(table["truth"], table["verdict"], table["named"])]
+    return table
+
+
+def put(row: dict[str, object], store: Path = STORE) -> None:
+    """Store a row in place of an earlier one of the same recording; rows are sorted, parallel runs wait."""
+    import pandas as pd
+
+    Path(store).parent.mkdir(parents=True, exist_ok=True)
+    folder = os.open(Path(store).parent, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)  # the kernel releases it when the process ends
+        table = read(store).drop(columns="right")
+        same = np.ones(len(table), dtype=bool)
+        for name in KEY:
+            same &= (table[name] == row[name]).to_numpy()
+        rows = [*table[~same].to_dict("records"), row]
+        ordered = pd.DataFrame(rows, columns=list(COLUMNS)).sort_values(list(KEY))
+        write_text(ordered.to_csv(index=False, lineterminator="\n"), Path(store))
+    finally:
+        os.close(folder)
+
+
+def report(table: "pd.DataFrame") -> str:
+    """Shares by mechanism and engine with 95 % intervals, by cause, all misses, and parameters in their interval."""
+    if table.empty:
+        raise UserError("The proof of mechanisms holds no row: python -m thesis_lib.critique.mechanisms run.")
+    lines = ["| hidden | mechanism | engine | right | 95 % interval | recordings |", "|---|---|---|---|---|---|"]
+    nothing = table["truth"] == "nothing"
+    for label, part in (("nothing", table[nothing]), ("a cause", table[~nothing])):
+        for (mechanism, engine), rows in part.groupby(["mechanism", "engine"]):
+            lines.append(f"| {label} | {mechanism} | {engine} | {_share(rows)} |")
+        lines.append(f"| {label} | both | both | {_share(part)} |")
+    lines += ["", "Right of all, by cause:", ""]
+    for (mechanism, truth), rows in table.groupby(["mechanism", "truth"]):
+        by = ", ".join(f"{engine} {int(r['right'].sum())} of {len(r)}" for engine, r in rows.groupby("engine"))
+        lines.append(f"    {mechanism:<6} {truth:<24} {by}")
+    misses = table[~table["right"]]
+    lines += ["", f"Misses: {len(misses)}", ""]
+    lines += [
+        f"    {r.mechanism} {r.engine} {r.truth} {r.seed}: {r.verdict}, {r.named or 'nothing named'} "
+        f"({r.before:g} → {r.after:g}, sensors {r.sensor_excess:g})"
+        for r in misses.itertuples()
+    ]
+    errors = np.array([abs(error) for text in table["parameters"] for error in _errors(text)])
+    low, high = wilson(int((errors <= WITHIN).sum()), len(errors))
+    share = 100.0 * float((errors <= WITHIN).mean()) if len(errors) else np.nan
+    lines += [
+        "",
+        f"Parameters in their 95 % interval: {share:.1f} % ({100 * low:.1f} to {100 * high:.1f} %) of {len(errors)}.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _share(rows: "pd.DataFrame") -> str:
+    right, n = int(rows["right"].sum()), len(rows)
+    low, high = wilson(right, n)
+    return f"{100 * right / n:.3g} % | {100 * low:.3g} to {100 * high:.3g} % | {n}"
+
+
+def _errors(text: str) -> list[float]:
+    """Errors of the parameters of a row in standard errors."""
+    numbers = (map(float, part.split("=")[1].split(":")) for part in text.split(";") if part)
+    return [(found - true) / std for true, found, std in numbers]

@@ -1,0 +1,145 @@
+"""Errors that a recording states of its sensors: fitted with every model, and no missing force.
+
+    torque_delay    Q_i = -d τ̇_i                                     d ~ N(0, delay²): joints are read d late
+    torque_offset   Q_i = o_i                                        o ~ N(0, torque_offset²)
+    torque_ripple   Q_i = τ_i Σ_n a_n cos n q_i + b_n sin n q_i      a, b ~ N(0, torque_ripple² / HARMONICS)
+
+Their priors are part of the likelihood, so that an error beyond what is stated shows: as a missing force that explains
+it better, or as sensors that are worse than stated.  Nothing is assumed of the ripple but that it repeats with a turn
+and that what changes faster than HARMONICS times a turn is averaged out over a window.
+
+The camera's clock is found beforehand, from geometry alone.  In contact the gap is zero, so that the disk's pose, read
+d later than the joints', shows a gap of d times the speed with which the disk alone would open it:
+
+    d̂ = argmin Σ_k min(φ(q_joints(t_k), q_disk(t_k + d))², c²)
+
+Gaps are cut off at c = `OUTLIER`, so that samples in flight do not count.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from thesis_lib.critique.mechanisms.effects import MechanismEffect, Motion
+from thesis_lib.critique.mechanisms.model import BelievedModel
+from thesis_lib.critique.mechanisms.steps import interpolation
+from thesis_lib.critique.mechanisms.trials import Trial
+from thesis_lib.datasets.recordings.header import Sampling
+from thesis_lib.effects.effect import Parameter
+
+HARMONICS = 32  # a turn; a window of 0.2 s at 1 rad/s spans a thirtieth of one
+OUTLIER = 2e-3  # m, beyond the noise of a gap
+GRID = 41  # delays tried, from -delay to delay
+
+
+def sensor_errors(sampling: Sampling, joints: int) -> tuple[MechanismEffect, ...]:
+    """Errors of the torques of a mechanism with `joints` driven joints, with their priors."""
+    if not joints:
+        return ()
+    errors = []
+    if sampling.delay:
+        d = (Parameter("d", "s", null=0.0, low=-np.inf, high=np.inf, scale=1e-3),)
+        what = ("sensor_delay", "measurement", "joints that are read late", "Q_i = −d τ̇_i")
+        errors.append(MechanismEffect(*what, _delay, d, prior=(sampling.delay,)))
+    if sampling.torque_offset:
+        names = [f"o_{i + 1}" for i in range(joints)]
+        what = ("sensor_offset", "measurement", "offsets of the torques", "Q_i = o_i")
+        errors.append(MechanismEffect(*what, _offset, _of("N m", names), prior=(sampling.torque_offset,) * joints))
+    if sampling.torque_ripple:
+        names = [f"{ab}_{i + 1}_{n}" for i in range(joints) for ab in "ab" for n in range(1, HARMONICS + 1)]
+        prior = (sampling.torque_ripple / np.sqrt(HARMONICS),) * len(names)
+        what = ("sensor_ripple", "measurement", "ripple of the torques", "Q_i = τ_i ρ(q_i)")
+        errors.append(MechanismEffect(*what, _ripple, _of("1", names), prior=prior))
+    return tuple(errors)
+
+
+def _of(unit: str, names: Sequence[str]) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name, unit, null=0.0, low=-np.inf, high=np.inf, scale=0.01) for name in names)
+
+
+def _delay(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+    assert motion.df is not None
+    return -p[0] * motion.df
+
+
+def _offset(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+    Q = np.zeros_like(motion.v)
+    Q[:, : model.joints] = p
+    return Q
+
+
+def _ripple(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+    Q = np.zeros_like(motion.v)
+    angles = np.arange(1, HARMONICS + 1) * motion.q[:, : model.joints, None]
+    waves = np.concatenate([np.cos(angles), np.sin(angles)], axis=2)
+    share = np.einsum("kjh,jh->kj", waves, np.reshape(p, (model.joints, -1)))
+    assert motion.f is not None
+    Q[:, : model.joints] = motion.f[:, : model.joints] * share
+    return Q
+
+
+def camera_delay(trials: Sequence[Trial], model: BelievedModel, delay: float) -> float:
+    """How much later the disk's pose is read than the joints, s, up to `delay`; 0 if no link can touch it."""
+    pairs = [j for j, one in enumerate(_touches(model)) if one]
+    if not pairs or not delay:
+        return 0.0
+    h = trials[0].h
+
+    def misfit(d: float) -> float:
+        total = 0.0
+        for t in trials:
+            m = len(t.q)
+            q = np.array(t.q)
+            at = np.arange(m) + d / h
+            q[:, model.joints :] = interpolation(m, d / h) @ t.q[:, model.joints :]
+            inside = (at >= 0) & (at <= m - 1)
+            phi = model.mechanism.contacts_of(q[inside]).phi[:, pairs]
+            total += np.minimum(phi**2, OUTLIER**2).sum() / inside.sum() * m
+        return total
+
+    grid = np.linspace(-delay, delay, GRID)
+    best = grid[int(np.argmin([misfit(d) for d in grid]))]
+    step = grid[1] - grid[0]
+    # a parabola through three points about the minimum, where the cut no longer changes
+    left, middle, right = (misfit(best + s * step) for s in (-1.0, 0.0, 1.0))
+    bend = left - 2.0 * middle + right
+    return float(best + (0.5 * step * (left - right) / bend if bend > 0 else 0.0))
+
+
+def _touches(model: BelievedModel) -> np.ndarray:
+    """(p,): whether a pair lies between a driven link and the body that a camera sees."""
+    q = np.full((1, len(model.coordinates)), 0.3)
+    J = model.mechanism.contacts_of(q).J_n[0]
+    return np.abs(J[:, : model.joints]).sum(axis=1) > 0.0
+
+
+def aligned(trials: Sequence[Trial], model: BelievedModel, late: float) -> list[Trial]:
+    """Trials whose body poses, read `late` s later than the joints, are interpolated to the joints' instants.
+
+    What would lie outside a trial is cut off its ends.
+    """
+    if not late:
+        return list(trials)
+    out = []
+    for t in trials:
+        m, shift = len(t.q), late / t.h
+        W = interpolation(m, shift)
+        q = np.array(t.q)
+        bodies = range(model.joints, q.shape[1])
+        q[:, model.joints :] = W @ q[:, model.joints :]
+        first, last = max(0, int(np.ceil(-shift))), m - max(0, int(np.ceil(shift)))
+        # joints keep their samples; `mixed` maps all samples of a trial to those that are left
+        out.append(
+            replace(t, q=q, mixed=dict.fromkeys(bodies, W))
+            if first == 0 and last == m
+            else _cut(replace(t, q=q, mixed=dict.fromkeys(bodies, W)), first, last)
+        )
+    return out
+
+
+def _cut(t: Trial, first: int, last: int) -> Trial:
+    """Samples first..last-1 of a trial."""
+    kept = slice(first, last)
+    mixed = {channel: W[kept, kept] for channel, W in t.mixed.items()}
+    return replace(t, q=t.q[kept], v=t.v[kept], f_ext=t.f_ext[first : last - 1], mixed=mixed)

@@ -1,0 +1,118 @@
+"""From samples to steps: state, acceleration and known force of each step, as sums of neighbouring samples.
+
+A step needs q, v, v̇ and the known force f at one instant.  How they follow from samples depends on where velocities
+come from (`sampling` of recording.yaml):
+
+    time_stepping   q_k, v_k, (v_{k+1} - v_k) / h, f_k                       exact for a simulation that steps so
+    measured        means of samples k and k+1, (v_{k+1} - v_k) / h, f_k     midpoint rule, second order in h
+    derived         (q_{k+1} - 2 q_k + q_{k-1}) / h², (f_{k-1} + f_k) / 2, and q and v of a parabola through seven
+                    samples
+
+Velocities that were computed from positions hold no noise of their own, and a filter delays them.  So `derived` uses
+positions alone.  f acts from its sample to the next; what a second difference sees of it is the mean of two.  The
+parabola keeps the noise of q_k in the directions of the contacts apart from the same noise in v̇, whose product would
+be a force.  It is wider than a second difference and rounds off impacts, which only matters to second order.
+
+A second difference shares an impact between two steps by its instant, as it should.  The midpoint rule does not see the
+instant; `windows` adds what that costs to the noise.
+
+A window weighs its steps by the kernel that is best for its noise: all alike for time stepping, (1 - s²) for noisy
+velocities and (1 - s²)² for noisy positions, |s| <= 1 in the window: least squares of a line and of a parabola.
+
+Sources: A. Savitzky, M. J. E. Golay, Anal. Chem. 36 (1964), doi 10.1021/ac60214a047; D. A. Messenger, D. M. Bortz,
+Multiscale Model. Simul. 19 (2021), doi 10.1137/20M1343166 (test functions).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Velocities = Literal["measured", "derived", "time_stepping"]
+Stencil = tuple[tuple[str, int, float], ...]  # ("q" or "v", sample relative to k, weight)
+_HALF = 3  # samples of the parabola on each side
+_PARABOLA = (-2.0, 3.0, 6.0, 7.0, 6.0, 3.0, -2.0)  # over 21: value in the middle
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How steps follow from samples.
+
+    Attributes:
+        q, v, a: stencils of state and acceleration.
+        f: (sample, weight) of the known force.
+        df: (sample, weight) of its time derivative, in 1/s.
+        before, after: samples that a step needs on each side of k.
+        power: of the kernel (1 - s²)^power.
+        is_blind_to_instants: whether the instant of an impact within a step matters to first order.
+    """
+
+    q: Stencil
+    v: Stencil
+    a: Stencil
+    f: tuple[tuple[int, float], ...]
+    df: tuple[tuple[int, float], ...]
+    before: int
+    after: int
+    power: int
+    is_blind_to_instants: bool = False
+
+    def of(self, stencil: Stencil, q: np.ndarray, v: np.ndarray, k: np.ndarray) -> np.ndarray:
+        """The sum (n, nv) of a stencil at steps k (n,) from samples q and v (m, nv)."""
+        samples = {"q": q, "v": v}
+        return sum((w * samples[name][k + j] for name, j, w in stencil), np.zeros((len(k), q.shape[1])))
+
+    def kernel(self, length: int) -> np.ndarray:
+        """Weights (length,) of the steps of a window."""
+        s = 2.0 * (np.arange(length) + 0.5) / length - 1.0
+        return (1.0 - s**2) ** self.power
+
+
+def rule_of(velocities: Velocities, h: float) -> Rule:
+    """The rule for samples every h seconds."""
+    a = (("v", 1, 1.0 / h), ("v", 0, -1.0 / h))
+    if velocities == "time_stepping":
+        return Rule((("q", 0, 1.0),), (("v", 0, 1.0),), a, ((0, 1.0),), ((0, 0.0),), 0, 1, 0)
+    if velocities == "measured":
+        q, v = ((("q", 0, 0.5), ("q", 1, 0.5)), (("v", 0, 0.5), ("v", 1, 0.5)))
+        return Rule(q, v, a, ((0, 1.0),), ((-1, -0.5 / h), (1, 0.5 / h)), 1, 2, 1, True)
+    around = range(-_HALF, _HALF + 1)
+    value = tuple(("q", j, w / 21.0) for j, w in zip(around, _PARABOLA))
+    slope = tuple(("q", j, j / (28.0 * h)) for j in around)
+    second = (("q", 1, 1.0 / h**2), ("q", 0, -2.0 / h**2), ("q", -1, 1.0 / h**2))
+    f, df = ((-1, 0.5), (0, 0.5)), ((-1, -1.0 / h), (0, 1.0 / h))
+    return Rule(value, slope, second, f, df, _HALF, _HALF + 1, 2)
+
+
+def may_touch(phi: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Whether each pair may touch between samples k and k+1: (m-1, p) from gaps and margins (m, p) in m.
+
+    Between samples a gap may close as fast as it did before, or have opened as fast as it does afterwards.
+    """
+    change = np.diff(phi, axis=0)
+    ahead, back = np.array(phi), np.array(phi)
+    ahead[1:] += np.minimum(change, 0.0)
+    back[:-1] -= np.maximum(change, 0.0)
+    near = np.minimum(phi, np.minimum(ahead, back)) <= reach
+    return near[:-1] | near[1:]
+
+
+def lasting(on: np.ndarray, least: int) -> np.ndarray:
+    """`on` (n,) without stretches of fewer than `least` steps."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
+    out = np.zeros_like(on)
+    for start, stop in edges.reshape(-1, 2):
+        out[start:stop] = stop - start >= least
+    return out
+
+
+def interpolation(m: int, shift: float) -> np.ndarray:
+    """(m, m) weights of samples that give the signal `shift` samples later, by cubics; at the ends, extrapolated."""
+    W = np.zeros((m, m))
+    at = np.arange(m) + shift
+    first = np.clip(np.floor(at).astype(int) - 1, 0, m - 4)
+    x = at - first
+    for i in range(4):
+        others = [j for j in range(4) if j != i]
+        W[np.arange(m), first + i] = np.prod([(x - j) / (i - j) for j in others], axis=0)
+    return W

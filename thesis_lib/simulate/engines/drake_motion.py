@@ -1,0 +1,202 @@
+"""Arm and wheel in Drake, with Drake's own compliant point contact and regularised friction.
+
+Contact is Drake's: a spring with the dissipation of Hunt and Crossley, and Coulomb friction that is reduced below a
+slip of `stiction` (TAMSI).  Causes that Drake's plant has itself (damping of the joints, gravity, a payload) are set
+there; the others are generalised forces, updated every `control` seconds from Drake's state and contact forces:
+
+    Coulomb friction   -f_i tanh(q̇_i / q̇_s)        cogging   A sin(n q_1)
+    rolling resistance -c_rr ρ N tanh(ω / ω_s)      N the normal force of the ground, as Drake reports it
+
+Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (MultibodyPlant, "compliant contact");
+A. Castro et al., IEEE Robot. Autom. Lett. 5 (2020), doi 10.1109/LRA.2020.2964631 (TAMSI).
+"""
+
+# Drake's stubs accept ndarray[float64] only, though lists and other arrays work, and lack the types of ports
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportReturnType=false
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.geometry import (
+    AddContactMaterial,
+    Box,
+    CollisionFilterDeclaration,
+    GeometrySet,
+    HalfSpace,
+    ProximityProperties,
+    SceneGraph,
+    Shape,
+    Sphere,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    ContactModel,
+    CoulombFriction,
+    DiscreteContactApproximation,
+    MultibodyPlant,
+)
+from pydrake.multibody.tree import PlanarJoint, RigidBody, RotationalInertia, SpatialInertia
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from thesis_lib.simulate.chapter2 import motions as chapter2
+from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind, loaded_arm
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.stepping.stepping import Record
+
+_UP = np.array([0.0, 1.0, 0.0])
+
+
+def drake_motions(
+    kind: MechanismKind,
+    truth: str,
+    plans: Sequence[Record],
+    bodies: Chapter2Bodies,
+    sizes: HiddenSizes,
+    contact: DrawnContact,
+) -> list[EngineMotion]:
+    """The planned trials (start and torques) of a mechanism with the hidden cause `truth`, in Drake."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=contact.settings.dt)
+    plant.set_contact_model(ContactModel.kPoint)
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
+    add = _add_arm if kind == "arm" else _add_wheel
+    slope = add(plant, scene_graph, truth, bodies, sizes, contact) + (
+        sizes.tilt if truth == "gravity_direction" else 0.0
+    )
+    plant.mutable_gravity_field().set_gravity_vector(bodies.gravity * np.array([np.sin(slope), -np.cos(slope), 0.0]))
+    plant.Finalize()
+    plant.set_stiction_tolerance(contact.settings.stiction)
+    simulator = Simulator(builder.Build())
+    ground = plant.GetBodyByName("ground").index()
+    return [_run(simulator, plant, ground, _force(kind, truth, bodies, sizes), plan, contact) for plan in plans]
+
+
+def _run(simulator, plant: MultibodyPlant, ground, force, plan: Record, contact: DrawnContact) -> EngineMotion:
+    """One trial; `force` gives a generalised force (nv,) from q, v and the ground's normal force."""
+    context = simulator.get_mutable_context()
+    context.SetTime(0.0)
+    own = plant.GetMyMutableContextFromRoot(context)
+    plant.SetPositionsAndVelocities(own, np.concatenate([plan.q[0], plan.v[0]]))
+    port, contacts = plant.get_applied_generalized_force_input_port(), plant.get_contact_results_output_port()
+    port.FixValue(own, plan.f_ext[0])
+    simulator.Initialize()
+    per_step, k = round(plan.h / contact.settings.control), 0
+    q, v = [plan.q[0]], [plan.v[0]]
+    for f in plan.f_ext:
+        for _ in range(per_step):
+            total = f
+            if force is not None:
+                total = f + force(q[-1], v[-1], _normal(contacts.Eval(own), ground))
+            port.FixValue(own, total)
+            k += 1
+            simulator.AdvanceTo(k * contact.settings.control)
+            q.append(plant.GetPositions(own))
+            v.append(plant.GetVelocities(own))
+    return EngineMotion(contact.settings.control * np.arange(len(q)), np.array(q), np.array(v))
+
+
+def _normal(results, ground) -> float:
+    """Normal force in N of the ground, summed over its contacts."""
+    infos = [results.point_pair_contact_info(i) for i in range(results.num_point_pair_contacts())]
+    return sum(abs(i.contact_force()[1]) for i in infos if ground in (i.bodyA_index(), i.bodyB_index()))
+
+
+def _force(kind: MechanismKind, truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes):
+    """Force of a cause that Drake's plant lacks, or None."""
+    n = 5 if kind == "arm" else 3
+
+    def on(coordinates: slice, value: np.ndarray | float) -> np.ndarray:
+        Q = np.zeros(n)
+        Q[coordinates] = value
+        return Q
+
+    radius = bodies.arm.disk_radius if kind == "arm" else bodies.wheel.length
+    f, joints, last = np.array(sizes.coulomb), slice(0, 2), slice(n - 1, n)
+    return {
+        "coulomb_joint_friction": lambda q, v, N: on(joints, -f * np.tanh(v[:2] / sizes.coulomb_speed)),
+        "cogging": lambda q, v, N: on(slice(0, 1), sizes.cogging * np.sin(sizes.cogging_periods * q[0])),
+        "rolling_resistance": lambda q, v, N: on(
+            last, -sizes.rolling * radius * N * np.tanh(v[-1] / sizes.rolling_speed)
+        ),
+    }.get(truth)
+
+
+def _properties(mu: float, contact: DrawnContact) -> ProximityProperties:
+    properties = ProximityProperties()
+    # for both geometries: Drake puts their springs in series
+    AddContactMaterial(
+        dissipation=contact.settings.dissipation,
+        point_stiffness=2.0 * contact.stiffness,
+        friction=CoulombFriction(mu, mu),
+        properties=properties,
+    )
+    return properties
+
+
+def _add(plant: MultibodyPlant, body: RigidBody, place: np.ndarray, shape: Shape, name: str, properties) -> None:
+    plant.RegisterCollisionGeometry(body, RigidTransform(place), shape, name, properties)
+
+
+def _geometries(plant: MultibodyPlant, body: str) -> list:
+    return plant.GetCollisionGeometriesForBody(plant.GetBodyByName(body))
+
+
+def _add_ground(plant: MultibodyPlant, properties: ProximityProperties) -> None:
+    # a body of its own, so that its contacts are told from those of the arm
+    ground = plant.AddRigidBody("ground", SpatialInertia.SolidSphereWithMass(1.0, 1.0))
+    plant.WeldFrames(plant.world_frame(), ground.body_frame())
+    plant.RegisterCollisionGeometry(ground, HalfSpace.MakePose(_UP, np.zeros(3)), HalfSpace(), "ground", properties)
+
+
+def _add_arm(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    truth: str,
+    bodies: Chapter2Bodies,
+    sizes: HiddenSizes,
+    contact: DrawnContact,
+) -> float:
+    """Arm, disk and ground; returns the slope in rad, 0."""
+    a, properties = bodies.arm, _properties(bodies.arm.mu, contact)
+    true = loaded_arm(bodies, sizes.payload) if truth == "payload" else bodies
+    chapter2.arm_disk(true).add_bodies(plant)
+    if truth == "viscous_joint_friction":
+        for i, b in enumerate(sizes.viscous):
+            plant.GetJointByName(f"joint_{i + 1}").set_default_damping(b)
+    length, depth = a.link_lengths[1], LINK_DEPTH
+    place = np.array([0.5 * length, 0.5 * depth, 0.0])
+    _add(plant, plant.GetBodyByName("link_2"), place, Box(length, depth, 0.2), "link", properties)
+    _add(plant, plant.GetBodyByName("disk"), np.zeros(3), Sphere(a.disk_radius), "disk", properties)
+    _add_ground(plant, properties)
+    # the believed model has no contact of arm and ground
+    apart = GeometrySet([geometry for body in ("link_2", "ground") for geometry in _geometries(plant, body)])
+    scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(apart))
+    return 0.0
+
+
+def _add_wheel(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    truth: str,
+    bodies: Chapter2Bodies,
+    sizes: HiddenSizes,
+    contact: DrawnContact,
+) -> float:
+    """Wheel and ground in the axes of the slope; returns the slope in rad."""
+    w, made, properties = bodies.wheel, chapter2.wheel(bodies), _properties(bodies.wheel.mu, contact)
+    load = sizes.wheel_payload if truth == "payload" else 0.0
+    mass, radius = w.mass + load, sizes.payload_radius
+    com = load * radius / mass
+    inertia = w.inertia + load * radius**2 - mass * com**2
+    central = RotationalInertia(inertia, inertia, inertia)
+    solid = SpatialInertia.MakeFromCentralInertia(mass, np.array([com, 0.0, 0.0]), central)
+    wheel = plant.AddRigidBody("wheel", solid)
+    plant.AddJoint(PlanarJoint("plane", plant.world_frame(), wheel.body_frame(), damping=np.zeros(3)))
+    tips = made.contact_points(np.zeros(1))[0] * (1.0 - TIP_RADIUS / w.length)
+    for i, tip in enumerate(tips):
+        _add(plant, wheel, np.array([*tip, 0.0]), Sphere(TIP_RADIUS), f"tip_{i}", properties)
+    _add_ground(plant, properties)
+    return w.slope

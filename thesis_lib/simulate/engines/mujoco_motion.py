@@ -1,0 +1,155 @@
+"""Arm and wheel in MuJoCo, whose soft contact nobody here wrote.
+
+Contact is MuJoCo's: a spring and a damper in units of acceleration (`solref` with negative numbers), an elliptic
+friction cone, and friction that creeps.  Every cause but cogging is a property of MuJoCo's model:
+
+| cause                    | in the model                                                      |
+|--------------------------|-------------------------------------------------------------------|
+| viscous_joint_friction   | `damping` of the hinges                                           |
+| coulomb_joint_friction   | `frictionloss` of the hinges, a constraint                        |
+| gravity_direction        | the vector of gravity                                             |
+| payload                  | a further body with mass and no size                              |
+| rolling_resistance       | rolling friction of the contact with the ground, c_rr ρ in m      |
+| cogging                  | `qfrc_applied`, every `control` seconds                           |
+
+Source: E. Todorov, T. Erez, Y. Tassa, MuJoCo, IROS 2012, doi 10.1109/IROS.2012.6386109;
+https://mujoco.readthedocs.io (contact parameters).
+"""
+
+# mujoco has no stubs
+# pyright: reportAttributeAccessIssue=false
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from thesis_lib.simulate.chapter2 import motions as chapter2
+from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.stepping.stepping import Record
+
+IMPEDANCE = 0.95  # d of MuJoCo's contact: the share of the constraint that is kept, without change over depth
+
+# s, time constant of dry friction in a hinge; with MuJoCo's 20 ms it acts against acceleration around a reversal
+STIFF_FRICTION = 1e-3
+
+
+def mujoco_motions(
+    kind: MechanismKind,
+    truth: str,
+    plans: Sequence[Record],
+    bodies: Chapter2Bodies,
+    sizes: HiddenSizes,
+    contact: DrawnContact,
+) -> list[EngineMotion]:
+    """The planned trials (start and torques) of a mechanism with the hidden cause `truth`, in MuJoCo."""
+    make = arm_xml if kind == "arm" else wheel_xml
+    model = mujoco.MjModel.from_xml_string(make(truth, bodies, sizes, contact))
+    cogging = (sizes.cogging, sizes.cogging_periods) if truth == "cogging" else (0.0, 1)
+    return [_run(model, plan, contact, cogging) for plan in plans]
+
+
+def _run(model: object, plan: Record, contact: DrawnContact, cogging: tuple[float, int]) -> EngineMotion:
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = plan.q[0], plan.v[0]
+    amplitude, periods = cogging
+    per_control = round(contact.settings.control / contact.settings.dt)
+    per_step = round(plan.h / contact.settings.control)
+    q, v = [np.array(data.qpos)], [np.array(data.qvel)]
+    for f in plan.f_ext:
+        for _ in range(per_step):
+            data.qfrc_applied[:] = f
+            if amplitude:
+                data.qfrc_applied[0] += amplitude * np.sin(periods * data.qpos[0])
+            mujoco.mj_step(model, data, per_control)
+            q.append(np.array(data.qpos))
+            v.append(np.array(data.qvel))
+    return EngineMotion(contact.settings.control * np.arange(len(q)), np.array(q), np.array(v))
+
+
+def _head(contact: DrawnContact, gravity: Sequence[float]) -> str:
+    return (
+        f'<option timestep="{contact.settings.dt}" integrator="implicitfast" cone="elliptic" impratio="10" '
+        f'gravity="{gravity[0]} {gravity[1]} 0" solver="Newton" tolerance="1e-10"/>'
+        '<compiler angle="radian" autolimits="true" boundmass="0" boundinertia="0"/>'
+    )
+
+
+def _pair(a: str, b: str, mu: float, rolling: float, contact: DrawnContact) -> str:
+    damping = 2.0 * contact.settings.damping_ratio * np.sqrt(contact.stiffness)
+    return (
+        f'<pair geom1="{a}" geom2="{b}" condim="{6 if rolling else 3}" friction="{mu} {mu} 1e-9 {rolling} {rolling}" '
+        f'solref="{-contact.stiffness} {-damping}" solimp="{IMPEDANCE} {IMPEDANCE} 1e-3"/>'
+    )
+
+
+def _inertial(mass: float, com: float, inertia: float) -> str:
+    # only the moment about z acts in the plane
+    return f'<inertial pos="{com} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>'
+
+
+def _load(truth: str, mass: float, radius: float) -> str:
+    if truth != "payload" or not mass:
+        return ""
+    return f'<body pos="{radius} 0 0"><inertial pos="0 0 0" mass="{mass}" diaginertia="1e-9 1e-9 1e-9"/></body>'
+
+
+def _gravity(truth: str, g: float, slope: float, sizes: HiddenSizes) -> tuple[float, float]:
+    angle = slope + (sizes.tilt if truth == "gravity_direction" else 0.0)
+    return g * float(np.sin(angle)), -g * float(np.cos(angle))
+
+
+def arm_xml(truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact) -> str:
+    """The arm, its disk and the ground y = 0 as a model of MuJoCo."""
+    a = bodies.arm
+    (l1, l2), R = a.link_lengths, a.disk_radius
+    viscous = sizes.viscous if truth == "viscous_joint_friction" else (0.0, 0.0)
+    coulomb = sizes.coulomb if truth == "coulomb_joint_friction" else (0.0, 0.0)
+    hinges = [
+        f'<joint type="hinge" axis="0 0 1" damping="{b}" frictionloss="{f}" solreffriction="{STIFF_FRICTION} 1"/>'
+        for b, f in zip(viscous, coulomb)
+    ]
+    inertias = [_inertial(m, c, i) for m, c, i in zip(a.link_masses, a.link_coms, a.link_inertias)]
+    rolling = sizes.rolling * R if truth == "rolling_resistance" else 0.0
+    depth = 0.5 * LINK_DEPTH
+    return f"""<mujoco>{_head(contact, _gravity(truth, bodies.gravity, 0.0, sizes))}
+    <worldbody>
+      <geom name="ground" type="plane" size="50 50 1" zaxis="0 1 0" contype="0" conaffinity="0"/>
+      <body pos="{a.base[0]} {a.base[1]} 0">{hinges[0]}{inertias[0]}
+        <body pos="{l1} 0 0">{hinges[1]}{inertias[1]}
+          <geom name="link" type="box" size="{0.5 * l2} {depth} 0.1" pos="{0.5 * l2} {depth} 0" contype="0"
+            conaffinity="0"/>{_load(truth, sizes.payload, l2)}
+        </body>
+      </body>
+      <body>
+        <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>
+        {_inertial(a.disk_mass, 0.0, a.disk_inertia)}
+        <geom name="disk" type="sphere" size="{R}" contype="0" conaffinity="0"/>
+      </body>
+    </worldbody>
+    <contact>{_pair("link", "disk", a.mu, 0.0, contact)}{_pair("ground", "disk", a.mu, rolling, contact)}</contact>
+    </mujoco>"""
+
+
+def wheel_xml(truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact) -> str:
+    """The rimless wheel as a model of MuJoCo, in the axes of its slope."""
+    w, made = bodies.wheel, chapter2.wheel(bodies)
+    rolling = sizes.rolling * w.length if truth == "rolling_resistance" else 0.0
+    tips = made.contact_points(np.zeros(1))[0] * (1.0 - TIP_RADIUS / w.length)
+    geoms = "".join(
+        f'<geom name="tip_{i}" type="sphere" size="{TIP_RADIUS}" pos="{x} {y} 0" contype="0" conaffinity="0"/>'
+        for i, (x, y) in enumerate(tips)
+    )
+    pairs = "".join(_pair("ground", f"tip_{i}", w.mu, rolling, contact) for i in range(w.spokes))
+    return f"""<mujoco>{_head(contact, _gravity(truth, bodies.gravity, w.slope, sizes))}
+    <worldbody>
+      <geom name="ground" type="plane" size="50 50 1" zaxis="0 1 0" contype="0" conaffinity="0"/>
+      <body>
+        <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>
+        {_inertial(w.mass, 0.0, w.inertia)}{geoms}{_load(truth, sizes.wheel_payload, sizes.payload_radius)}
+      </body>
+    </worldbody>
+    <contact>{pairs}</contact>
+    </mujoco>"""

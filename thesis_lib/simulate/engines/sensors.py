@@ -1,0 +1,142 @@
+"""What a rig writes of a motion: counts, a camera, delays, and torques with ripple.
+
+| column             | what it holds                                                                              |
+|--------------------|--------------------------------------------------------------------------------------------|
+| q of a joint       | whole counts of an encoder, read `delay` late                                              |
+| pose of disk, hub  | a camera's, with noise, late by another delay                                              |
+| velocities         | differences of these positions over a step, low-pass filtered; or of sensors of their own  |
+| torques            | τ (1 + ρ(q)) + o; ρ(q) is a sum of harmonics of the joint's angle, o an offset             |
+
+Delays, ripple and offsets are drawn once a recording, within what its `sampling` states.  The instant of a sample
+errs by `jitter`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import CubicHermiteSpline
+
+from thesis_lib.datasets.recordings.header import Sampling, StateNoise
+from thesis_lib.foundation.settings import Section
+from thesis_lib.simulate.engines.settings import EngineMotion
+from thesis_lib.simulate.rig.release import Spread
+
+
+class Sensors(Section):
+    """Sensors of a laboratory; own choices."""
+
+    counts: int = Field(4096, ge=1, description="of a joint's encoder, a turn")
+    camera_position: float = Field(3e-4, gt=0, description="m, one sigma")
+    camera_angle: float = Field(5e-4, gt=0, description="rad, one sigma")
+    delay: Spread = Field(Spread(low=1e-3, high=5e-3), description="s, of encoders and of camera, drawn for each")
+    jitter: float = Field(5e-5, ge=0, description="s, one sigma; each device for itself")
+    velocity_filter: float = Field(5e-3, gt=0, description="s, time constant of the velocities' low pass")
+    velocity: float | None = Field(
+        None, gt=0, description="m/s and rad/s, noise of sensors of the velocities; null: none, they are differences"
+    )
+    ripple: Spread = Field(
+        Spread(low=0.005, high=0.015),
+        description="share of the torque, root mean square over a turn, drawn; three harmonics of 1.5 % peak at 3.7 %",
+    )
+    harmonics: int = Field(3, ge=1, description="number of harmonics of a joint's ripple")
+    highest: int = Field(24, ge=1, description="a turn; harmonics are drawn from 1 to this one")
+    offset: float = Field(0.03, ge=0, description="N m, one sigma")
+
+    def noise(self, h: float) -> StateNoise:
+        """The noise that recording.yaml states, samples every h seconds."""
+        joint = 2.0 * np.pi / self.counts / np.sqrt(12.0)
+        # of differences before the low pass; nothing may use them, as they are derived
+        straight, turning = (np.sqrt(2.0) / h * x for x in (self.camera_position, max(self.camera_angle, joint)))
+        return StateNoise(
+            position=self.camera_position,
+            angle=self.camera_angle,
+            velocity=self.velocity or straight,
+            angular_velocity=self.velocity or turning,
+            joint_angle=joint,
+        )
+
+    def sampling(self) -> Sampling:
+        return Sampling(
+            velocities="measured" if self.velocity else "derived",
+            jitter=self.jitter,
+            delay=self.delay.high,
+            torque_ripple=self.ripple.high,
+            torque_offset=self.offset,
+        )
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Sensors with what is fixed during a recording.
+
+    Attributes:
+        delays: s, of joints and camera.
+        harmonics: (joints, n) a turn; ripple: (joints, 2 n) their cosine and sine amplitudes.
+        offset: (joints,) N m.
+    """
+
+    sensors: Sensors
+    joints: int
+    delays: tuple[float, float]
+    harmonics: np.ndarray
+    ripple: np.ndarray
+    offset: np.ndarray
+
+    @classmethod
+    def draw(cls, sensors: Sensors, joints: int, rng: np.random.Generator) -> "Rig":
+        delays = sensors.delay.quantile(rng.random(2))
+        n = min(sensors.harmonics, sensors.highest)
+        harmonics = np.array([1 + rng.choice(sensors.highest, n, replace=False) for _ in range(joints)]).reshape(-1, n)
+        phases = rng.uniform(0.0, 2.0 * np.pi, (joints, n))
+        amplitude = sensors.ripple.quantile(rng.random((joints, 1))) * np.sqrt(2.0 / n)
+        ripple = amplitude * np.concatenate([np.cos(phases), np.sin(phases)], axis=1)
+        return cls(sensors, joints, tuple(delays), harmonics, ripple, sensors.offset * rng.standard_normal(joints))
+
+    def record(
+        self, motion: EngineMotion, torques: np.ndarray, h: float, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """t (n,), q and v (n, nv) and torques (n, joints) as written every h seconds; `torques` (m, joints) acted.
+
+        The first rows, for which the latest device has nothing yet, are left out.
+        """
+        s, j = self.sensors, self.joints
+        first = int(np.ceil(max(self.delays) / h + 1e-9))
+        t = h * np.arange(first, len(torques) + 1)
+        states = CubicHermiteSpline(motion.t, motion.q, motion.v)
+        instants = [
+            np.clip(t - delay + s.jitter * rng.standard_normal(len(t)), 0.0, motion.t[-1]) for delay in self.delays
+        ]
+        joints, camera = (states(instant) for instant in instants)
+        count = 2.0 * np.pi / s.counts
+        # x, y, θ of disk or hub come last
+        q = camera + rng.standard_normal(camera.shape) * [
+            *[0.0] * j,
+            *(s.camera_position, s.camera_position, s.camera_angle),
+        ]
+        q[:, :j] = count * np.floor(joints[:, :j] / count)
+        # an encoder's zero is set in the middle of a count
+        q[:, :j] += 0.5 * count
+        if s.velocity:
+            of_joints, of_camera = (states(instant, 1) for instant in instants)
+            v = np.concatenate([of_joints[:, :j], of_camera[:, j:]], axis=1)
+            v += s.velocity * rng.standard_normal(v.shape)
+        else:
+            differences = np.diff(q, axis=0, prepend=2.0 * q[:1] - q[1:2]) / h
+            v = low_passed(differences, s.velocity_filter / h)
+        u = np.vstack([torques, torques[-1:]])[first:] if j else np.zeros((len(t), 0))
+        if j:
+            true = states(np.clip(t, 0.0, motion.t[-1]))[:, :j]
+            angles = self.harmonics * true[:, :, None]
+            waves = np.concatenate([np.cos(angles), np.sin(angles)], axis=2)
+            u = u * (1.0 + np.einsum("kjh,jh->kj", waves, self.ripple)) + self.offset
+        return t, q, v, u
+
+
+def low_passed(x: np.ndarray, steps: float) -> np.ndarray:
+    """x (n, ...) after a first-order low pass with a time constant of `steps` samples."""
+    share = 1.0 / (1.0 + steps)
+    out = np.array(x)
+    for k in range(1, len(x)):
+        out[k] = out[k - 1] + share * (x[k] - out[k - 1])
+    return out
