@@ -1,6 +1,7 @@
 """The critique on recordings of MuJoCo and Drake names what is hidden, and the stored proof is what the code says."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -97,7 +98,12 @@ def test_the_stored_proof_is_whole_and_meets_what_was_asked(capsys):
         nothing = rows["truth"] == "nothing"
         assert rows.loc[nothing, "right"].mean() >= 0.95 and rows.loc[~nothing, "right"].mean() >= 0.9
     assert proof_main(["table"]) == 0
-    assert "| nothing | both | both |" in capsys.readouterr().out
+    shown, written = (
+        capsys.readouterr().out,
+        (Path(__file__).parents[3] / "docs" / "findings.md").read_text(encoding="utf-8"),
+    )
+    assert "| nothing | both | both |" in shown
+    assert shown.split("\n\n")[0] in written
 
 
 @pytest.mark.slow
