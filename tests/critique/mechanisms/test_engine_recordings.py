@@ -81,7 +81,7 @@ def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
         ["payload", 2, False],
     ]
     text = report(table)
-    assert "| a cause | wheel | mujoco | 50 % | 9.45 to 90.5 % | 2 |" in text
+    assert "| a cause | mujoco | wheel | 50 % | 9.45 to 90.5 % | 2 |" in text
     assert "wheel mujoco payload 2: unexplained, payload (4 → 1, sensors 0)" in text
     # one of the two is 4 standard errors off
     assert "interval: 50.0 %" in text

@@ -144,11 +144,11 @@ def report(table: "pd.DataFrame") -> str:
     """Shares by mechanism and engine with 95 % intervals, by cause, all misses, and parameters in their interval."""
     if table.empty:
         raise UserError("The proof of mechanisms holds no row: python -m thesis_lib.critique.mechanisms run.")
-    lines = ["| hidden | mechanism | engine | right | 95 % interval | recordings |", "|---|---|---|---|---|---|"]
+    lines = ["| hidden | engine | mechanism | right | 95 % interval | recordings |", "|---|---|---|---|---|---|"]
     nothing = table["truth"] == "nothing"
     for label, part in (("nothing", table[nothing]), ("a cause", table[~nothing])):
         for (mechanism, engine), rows in part.groupby(["mechanism", "engine"]):
-            lines.append(f"| {label} | {mechanism} | {engine} | {_share(rows)} |")
+            lines.append(f"| {label} | {engine} | {mechanism} | {_share(rows)} |")
         lines.append(f"| {label} | both | both | {_share(part)} |")
     lines += ["", "Right of all, by cause:", ""]
     for (mechanism, truth), rows in table.groupby(["mechanism", "truth"]):
