@@ -10,9 +10,9 @@ the impact, over the noise, averaged over those whose |τ| lies between two `EDG
     F = (median of (e·u)² / m_1) / (median of (‖e‖² − (e·u)²) / m_2),    m_k: median of chi² with k dof
 
 is 1 without rounding, for noise of any size and colour that all channels share.  Acceleration in flight is in the
-parabola.  F above `MATERIAL` by `CLEAR` standard errors is rounding; the guard ends one sample after the last pair that
-has it, because rounding does not end at once.  R grows until nothing is seen in its outer half; the widest guard of all
-R counts, because a parabola that starts further away tells less.
+parabola.  F above `MATERIAL` by `CLEAR` standard errors is rounding; the guard ends one pair after the last that has
+it, because rounding does not end at once.  R grows until nothing is seen in its outer half, and the guard is at
+least the last R before: a parabola that starts further away tells less.
 """
 
 import itertools
@@ -27,6 +27,7 @@ from thesis_lib.datasets.impacts.windows import sides_of, windows_around
 from thesis_lib.foundation.errors import UserError
 
 EDGES = np.array([0, 1, 2, 3, 4, 6, 8, 12, 16, 24])  # sampling intervals from the impact
+_BEYOND = 32  # the edge after the last
 REACHES = (3, 6, 12, 24)  # sampling intervals: R
 NARROWEST = 0.01  # s, the least R: filters of motion capture reach further
 FAR = 25  # samples beyond R at most; and at least
@@ -69,7 +70,7 @@ def sampling_interval(samples: Samples) -> float:
 
 
 def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> float:
-    """Time from an impact in s within which samples are rounded, and one sample more; 0 if none are.
+    """Time from an impact in s within which samples are rounded, and to the next of `EDGES`; 0 if none are.
 
     `sigma` (3,) is the noise of x, y, θ in m, m, rad.
     UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
@@ -82,6 +83,8 @@ def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSe
             break
         widest = max(widest, found.reach)
         ends = found.reach <= 0.5 * reach * interval
+        if not ends:
+            widest = max(widest, reach * interval)
         if ends and reach * interval > NARROWEST:
             break
     if not ends:
@@ -90,7 +93,9 @@ def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSe
             "and too few flights are long enough to see where that ends. Write the data without a filter, or with a "
             "higher cutoff frequency, or drop the body from higher up."
         )
-    return widest + interval if widest else 0.0
+    if not widest:
+        return 0.0
+    return interval * float(np.append(EDGES, _BEYOND)[(EDGES * interval < widest + 0.5 * interval).sum()])
 
 
 def rounding_within(
@@ -140,7 +145,7 @@ def rounding_warning(guard: float, usual: float, touch_time: float, interval: fl
     if guard <= usual:
         return ()
     # the last rounded samples are at least this far from the impact
-    least = max(guard - 2.0 * interval, usual)
+    least = max(0.5 * guard - interval, usual)
     if least > _CONTACT * touch_time:
         why = "The samples were smoothed (a low-pass filter, a moving average or a Kalman smoother): corners at impacts"
         why += f" are rounded far beyond what contacts of about {2e3 * touch_time:.2g} ms do."
