@@ -18,7 +18,7 @@ ASKED = 0.92, 0.97  # share of velocities within their 95 % interval
 CHANCE = 1e-3  # one-sided, of a binomial count; errors of an impact are taken as independent in three of its six values
 INDEPENDENT = 0.5
 FOUND = 0.9  # share of the hits with 30 ms of flight on both sides
-FALSE = 0.02  # share of used impacts with no true hit between their flights: weak ones that are taken at a wrong time
+FALSE = 0.04  # share of used impacts with no true hit between their flights: weak ones that are taken at a wrong time
 COLOUR = 0.3  # relative error from 200 flights, and from a spectrum of boxes that ends with waves of 40 samples
 DROPS = 60
 

@@ -30,6 +30,7 @@ _COLOURED = 0.2  # correlation of neighbouring residuals below which noise passe
 CONTRADICTED = 2.0  # ratio of stated noise to that of the arcs (known to 10 %) beyond which it is not believed
 _SHORT_MEMORY = 0.7  # ρ; slower noise looks like curvature in an arc of 25 samples
 _WORSE = 0.5  # relative excess of a variance that changes an interval by a quarter
+_WRONG = 4.5  # sigmas; 1 in 1,000 flights of white noise has such a third difference
 _LONG_FLIGHT = 4  # arcs; errors slower than these are no noise of the arcs
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
@@ -111,9 +112,13 @@ def with_colour(
         return noise
     n = int(np.median(sides))
     flights = long_flights(samples, at, fits.t, guard, longest=_LONG_FLIGHT * n)
-    if not flights:
+    sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
+    # a wrong sample adds to all frequencies; the variance of a third difference of white noise is 20 σ²
+    rough = [np.abs(np.diff(poses, n=3, axis=1) / (sigma * np.sqrt(20.0))).max((1, 2)) for poses in flights]
+    flights = [poses[worst < _WRONG] for poses, worst in zip(flights, rough)]
+    if not flights or min(map(len, flights)) < _MIN_ARCS:
         return noise
-    white = np.fmax(noise.sigma, SIGMA_FLOOR) ** 2 * 12.0 / (n * (n**2 - 1.0))
+    white = sigma**2 * 12.0 / (n * (n**2 - 1.0))
     colour = np.maximum(slope_variance(flights, n) / white, 1.0)
     worse = 1.0 + max(_WORSE, 8.0 / np.sqrt(len(flights[0])))  # 4 standard errors
     slow = (noise.lag1 > _SHORT_MEMORY).any() or ((noise.colour == 1.0).all() and (colour > worse).any())
