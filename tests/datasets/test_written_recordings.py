@@ -6,12 +6,16 @@ from bouncing import ellipse_header, fly
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from tests.datasets.written_recordings import CASES, NORMAL, Case, measure, simulated
+from tests.datasets.written_recordings import CASES as RECORDINGS
+from tests.datasets.written_recordings import NORMAL, Case, measure, simulated
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.colour import slope_variance
 from thesis_lib.datasets.impacts.detect import find_impacts, find_in_arrays
 from thesis_lib.datasets.impacts.rounding import rounding_warning
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, HiddenCauses
 from thesis_lib.simulate.rig.tracker import Tracker
 
 ASKED = 0.92, 0.97  # share of velocities within their 95 % interval
@@ -24,9 +28,9 @@ DROPS = 60
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", RECORDINGS)
 def test_intervals_hold(name: str):
-    parts = [measure(CASES[name], shape, 1e-3, DROPS, 1) for shape in ("ellipse", "square")]
+    parts = [measure(RECORDINGS[name], shape, 1e-3, DROPS, 1) for shape in ("ellipse", "square")]
     result = [e for part in parts for e in part[0]]
     assert len(result) == 2
     within = np.concatenate([np.abs(e.z) < NORMAL for e in result])
@@ -46,8 +50,16 @@ def test_unsmoothed_data_keep_guard_and_colour(rate: float):
     assert not any("belong to no flight" in text for text in found.warnings)
 
 
+def test_air_drag_is_not_taken_for_slow_noise():
+    hidden, rng = HiddenCauses(linear_drag=CAUSES["linear_drag"].size), np.random.default_rng(11)
+    made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 80, hidden=hidden, noise=RIG_NOISE, rng=rng)
+    found = find_impacts(Dataset("drag", made.header, made.trajectories))
+    np.testing.assert_array_equal(found.noise.colour, 1.0)
+    assert found.guard == ArcSettings().guard
+
+
 def test_smoothed_data_widen_the_guard_and_say_so():
-    dataset, _ = simulated(CASES["filtfilt 30 Hz"], "ellipse", 1e-3, 60, 4)
+    dataset, _ = simulated(RECORDINGS["filtfilt 30 Hz"], "ellipse", 1e-3, 60, 4)
     found = find_impacts(dataset)
     # the filter's response to a corner ends within a period of the cutoff
     assert 0.25 / 30.0 < found.guard < 1.0 / 30.0

@@ -14,10 +14,9 @@ R = Σ_j w_j R_j with w_j ≥ 0 is noise whose spectrum falls with frequency, a 
 
     R_j(l) = 2 f_j sinc(2 f_j l)        at l samples apart, f_j in cycles per sample; f = 1/2 is white noise
 
-and w minimises Σ_k (P_k − E P_k)² / P_k².  The lesser 80 % hold no flight with an
-undetected hit.  Slow noise makes a flight look
-bent or displaced, and not noisy: it takes flights longer than an arc to see it.  Below the lowest k the spectrum is
-taken as flat.
+and w minimises Σ_k (P_k − E P_k)² / P_k².  What all flights share is taken out before: air drag bends them alike.  The
+lesser 80 % hold no flight with an undetected hit.  Slow noise makes a flight look bent or displaced, and not noisy: it
+takes flights longer than an arc to see it.  Below the lowest k the spectrum is taken as flat.
 """
 
 import numpy as np
@@ -93,7 +92,8 @@ def _powers(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     waves = np.asarray(idct(np.eye(N), norm="ortho", axis=0))[:, FIRST:]
     waves = waves - basis @ (basis.T @ waves)  # M u_k
     moved = poses - poses[:, :1]  # keeps digits
-    squares = np.sort(np.einsum("mic,ik->mkc", moved, waves) ** 2, axis=0)
+    waved = np.einsum("mic,ik->mkc", moved, waves)
+    squares = np.sort((waved - np.median(waved, axis=0)) ** 2, axis=0)
     power = squares[: max(1, round(KEPT * len(squares)))].mean(0) / _MEAN_OF_KEPT
     return np.einsum("ik,jil,lk->kj", waves, _correlations(N), waves), power
 

@@ -104,8 +104,9 @@ def with_colour(
     """The noise with its colour from the spectrum of long flights (`colour`), where AR(1) is no answer.
 
     That is if the samples are `smoothed`, if ρ is larger than short arcs can tell, or if noise that seems white is
-    clearly worse.  Between these, what long flights show beyond AR(1) may be a motion that no parabola describes.
-    `at` (n,) are the samples before the hits, `guard` (s) is how near to one samples belong to no flight.
+    clearly worse in two of three channels (air drag bends long flights in one).  Between these, what long flights show
+    beyond AR(1) may be a motion that no parabola describes.  `at` (n,) are the samples before the hits; samples within
+    `guard` (s) of one belong to no flight.
     """
     sides = fits.n_side[fits.n_side >= _MIN_ARC_SAMPLES]
     if noise.source != "arcs" or not len(sides):
@@ -120,8 +121,8 @@ def with_colour(
         return noise
     white = sigma**2 * 12.0 / (n * (n**2 - 1.0))
     colour = np.maximum(slope_variance(flights, n) / white, 1.0)
-    worse = 1.0 + max(_WORSE, 8.0 / np.sqrt(len(flights[0])))  # 4 standard errors
-    slow = (noise.lag1 > _SHORT_MEMORY).any() or ((noise.colour == 1.0).all() and (colour > worse).any())
+    worse = 1.0 + max(_WORSE, 4.0 / np.sqrt(len(flights[0])))  # 2 standard errors, twice
+    slow = (noise.lag1 > _SHORT_MEMORY).any() or ((noise.colour == 1.0).all() and np.median(colour) > worse)
     if not (smoothed or slow):
         return noise
     return replace(noise, colour=colour, stray=_stray_acceleration(fits, noise.used, colour))
