@@ -66,6 +66,7 @@ class Law:
         breaks: promises that it breaks, with the share of impacts in which it does (in the tests' reference draw).
         reference: where the law is defined.
         mu_unit: unit of μ; "1" except for the viscous variant.
+        is_compliant: whether `impulse` is the limit of a contact that takes time.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Law:
     reference: str
     breaks: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
     mu_unit: str = "1"
+    is_compliant: bool = False
 
     @property
     def as_published(self) -> bool:

@@ -9,23 +9,21 @@ centroid of its impulse, t̄ later (`model`).
 A hit that begins before the one before it is over presses two corners at once.  No sequence of impacts describes that;
 the motion is then integrated from the touch of the first with springs at all corners (`pressing`).
 
-A body without corners has one contact point, the lowest.  So has a polygon with more than `MOST_CORNERS`, which is a
-curve drawn with corners.
+A compliant law has all its contacts integrated.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.critique.drops.model import Model, duration
-from thesis_lib.critique.drops.pressing import press
+from thesis_lib.critique.drops.pressing import contact_points, one_point, press
 from thesis_lib.effects.effect import Rig, State
 
-MOST_CORNERS = 12
 MOST_HITS = 12  # a body that hits more often has come to rest
 LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
+LATEST = 8e-3  # s
 STEP = 1e-3  # s; a corner 0.05 m from the centre that turns with 60 rad/s is off a straight line by 0.02 mm
 NEWTON = 3  # steps to the instant of a touch within a step: the gap to 1 nm
 LARGEST = 400_000  # contact points that are looked at in one call
@@ -42,27 +40,26 @@ class Outcome:
     rests: np.ndarray  # the body has come to rest, or touches at the end
 
 
-def contact_points(rig: Rig) -> int:
-    """Number of points of the body that may touch one after the other."""
-    if isinstance(rig.shape, Polygon) and len(rig.shape.corners) <= MOST_CORNERS:
-        return len(rig.shape.corners)
-    return 1
-
-
-def play(model: Model, values: Mapping[str, float], rig: Rig, true: State, span: np.ndarray) -> Outcome:
-    """True states (n,) near the first touch, flown for `span` (n,) in s with every hit on the way.
+def play(
+    model: Model, values: Mapping[str, float], rig: Rig, true: State, span: np.ndarray, most: int = MOST_HITS
+) -> Outcome:
+    """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
 
     The states belong to the flight before the first hit, continued below the surface where it must: each body first
-    flies back by `LEAD`, and until nothing that comes down is deep.
+    flies back by `LEAD`, and until nothing that comes down is deep.  With `most` = 1 the hit may come up to `LATEST` after
+    `span`; the arc after it is then followed back.
     """
-    return _Play(model, values, rig, true, span).outcome()
+    return _Play(model, values, rig, true, span, most).outcome()
 
 
 class _Play:
     """n bodies, each with its own clock `t` (n,) in s; `motion` (n, 6) are true poses and velocities."""
 
-    def __init__(self, model: Model, values: Mapping[str, float], rig: Rig, true: State, span: np.ndarray) -> None:
-        self.model, self.values, self.rig, self.span, self.start = model, values, rig, span, true
+    def __init__(
+        self, model: Model, values: Mapping[str, float], rig: Rig, true: State, span: np.ndarray, most: int
+    ) -> None:
+        self.model, self.values, self.rig, self.start, self.most = model, values, rig, true, most
+        self.span = span + LATEST if most == 1 else span
         self.active, self.points, n = model.active(values), contact_points(rig), len(span)
         self.motion, self.t = np.concatenate([true.q, true.v], axis=1), np.zeros(n)
         self.hits, self.pressed = np.zeros(n, int), np.zeros(n, bool)
@@ -71,10 +68,16 @@ class _Play:
         self.touch, self.touch_t, self.over = self.motion.copy(), np.zeros(n), np.full(n, -np.inf)
         self._rewind()
         rows = np.arange(n)
-        while len(rows := rows[(self.t[rows] < span[rows] - _NOW) & (self.hits[rows] < MOST_HITS)]):
-            steps = int(np.ceil((span[rows] - self.t[rows]).max() / STEP))
+        while len(rows := rows[(self.t[rows] < self.span[rows] - _NOW) & (self.hits[rows] < most)]):
+            steps = int(np.ceil((self.span[rows] - self.t[rows]).max() / STEP))
             for part in np.array_split(rows, 1 + len(rows) * steps * self.points // LARGEST):
                 self._advance(part)
+        self.rests = (self.hits >= MOST_HITS) | (self.over > self.span)
+        off = np.flatnonzero(np.abs(self.t - span) > _NOW)
+        if len(off):
+            state, h = self._state(off), (span - self.t)[off]
+            self._set(off, state.flown(self._acceleration(state, h), h))
+            self.t[off] = span[off]
 
     def _rewind(self) -> None:
         """Fly back to where no contact point that comes down has reached the surface."""
@@ -88,8 +91,7 @@ class _Play:
                 return
 
     def outcome(self) -> Outcome:
-        rests = (self.hits >= MOST_HITS) | (self.over > self.span)
-        return Outcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, rests)
+        return Outcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, self.rests)
 
     def _state(self, rows: np.ndarray) -> State:
         q, v = self.motion[rows, :3], self.motion[rows, 3:]
@@ -149,20 +151,17 @@ class _Play:
         n, p = len(state.x), self.points
         if p > 1:
             state = _joined([state] * p)
-        rig = self._touching(np.repeat(np.arange(p), n))
+        rig = one_point(self.rig, np.repeat(np.arange(p), n))
         seen, r_x, *_ = self.model.contact_at(state, self.active, rig)
         return self.model.gap(state, self.values, rig).reshape(p, n), (seen.vy + r_x * seen.omega).reshape(p, n)
-
-    def _touching(self, index: np.ndarray) -> Rig:
-        """The rig with one contact point for each body, by its index (n,)."""
-        if self.points == 1:
-            return self.rig
-        return replace(self.rig, shape=Corner(self.rig.shape, index))  # pyright: ignore[reportArgumentType]
 
     def _hit(self, rows: np.ndarray) -> None:
         """Resolve the hits of the bodies `rows`, which touch now."""
         point, now = _first(*self._gaps(self._state(rows))), self.t[rows]
         self.hits[rows] += 1
+        if self.model.is_compliant:
+            self.touch[rows], self.touch_t[rows] = self.motion[rows], now
+            return self._press(rows)
         again = (now < self.over[rows]) & (point != self.last[rows])
         if again.any():
             self._press(rows[again])
@@ -170,7 +169,7 @@ class _Play:
         if not len(rows):
             return
         self.touch[rows], self.touch_t[rows], self.last[rows] = self.motion[rows], now, point
-        touch, rig = self._state(rows), self._touching(point)
+        touch, rig = self._state(rows), one_point(self.rig, point)
         delay = self.model.delay(touch, self.values, rig)
         after, _ = self.model.collide(touch.flown(self._acceleration(touch, delay), delay), self.values, rig)
         self._set(rows, after)
@@ -179,6 +178,7 @@ class _Play:
             self.over[rows] = now + duration(1.0, self.values["epsilon"]) * delay
 
     def _press(self, rows: np.ndarray) -> None:
+        """Integrate the contacts of the bodies `rows` from the touch of their last hit."""
         self.pressed[rows] = True
         after, elapsed = press(
             self.model,

@@ -109,6 +109,11 @@ class Model:
         acting = self.acting("to_true", "to_measured", "acceleration", "arc")
         return [f"{effect.name}.{p.name}" for effect in acting for p in effect.parameters]
 
+    @property
+    def is_compliant(self) -> bool:
+        """Whether contacts are integrated in time rather than resolved by an impulse."""
+        return self.takes_time and self.law.is_compliant
+
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""
         return replace(self, effects=(*self.effects, effect))

@@ -1,14 +1,16 @@
-"""Contacts that overlap: springs at all corners of a body, integrated from touch until none presses any more.
+"""Contacts integrated in time: springs at all contact points of a body, from touch until none presses any more.
 
-Each corner has the contact that the simulators have and that τ stands for (`model`): a linear spring that returns the
-share ε² of its work, and Coulomb friction.  Per unit mass, with δ the depth and δ_m the greatest depth so far:
+They resolve contacts that overlap, and all contacts of a compliant law.  Each contact point has the contact that the
+simulators have and that τ stands for (`model`): a linear spring that returns the share ε² of its work, and Coulomb
+friction.  Per unit mass, with δ the depth and δ_m the greatest depth so far:
 
     loading    f_n = Ω² δ
     unloading  f_n = Ω² δ_m (δ − δ_0)₊ / (δ_m − δ_0),   δ_0 = (1 − ε²) δ_m
     friction   what ends the slip within the step, at most μ f_n
     Ω = (π/2) (1 + ε) / T                               T: duration of a central contact
 
-Effects act on the frame, on the contact points and on (μ, ε) as in a single contact.  What they add to the impulse of
+The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
+on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
 the law is added to the impulse of each corner, at the velocity with which it touched.
 
 Source: Walton and Braun 1986, doi:10.1122/1.549893.
@@ -19,21 +21,25 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Corner
+from thesis_lib.bodies.shapes import Corner, Polygon, Shape
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.model import Model, contact_space_of, duration
 from thesis_lib.effects.effect import Impulse, Rig, State
 
-STEPS = 24  # in one central contact
+MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
+STEPS = 48  # in one central contact
+SHORTEST = 1e-6  # s; no camera tells it from an instant
 LONGEST = 4  # central contacts; a body that presses longer rests
 _LEAST = 1e-6  # of the work that a plastic contact returns, so that its unloading has a slope
 
 
 @dataclass(frozen=True)
 class _Springs:
-    """The p corners of n bodies at first touch: (p, n) from the centre of mass in m, gap in m, μ, share ε² of the work.
+    """The p contact points of n bodies at first touch: (p, n) from the centre of mass in m, gap in m, μ, share ε² of
+    the work.
 
-    `w` is 1/k² in 1/m², `gravity` in m/s², `stiffness` Ω² in 1/s².
+    `w` is 1/k² in 1/m², `gravity` in m/s², `stiffness` Ω² in 1/s²; `shape` of a smooth body, with its angles `theta`
+    (n,) in rad.
     """
 
     r_x: np.ndarray
@@ -44,6 +50,18 @@ class _Springs:
     w: float
     gravity: float
     stiffness: float
+    shape: Shape | None
+    theta: np.ndarray
+
+    def points(self, rows: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r_x, r_y (p, rows) in m of bodies that have turned by `turn` in rad."""
+        cos, sin = np.cos(turn), np.sin(turn)
+        r_x, r_y = self.r_x[:, rows], self.r_y[:, rows]
+        if self.shape is None:
+            return cos * r_x - sin * r_y, sin * r_x + cos * r_y
+        then, now = (self.shape.contact_point(self.theta[rows] + angle).T[:, None] for angle in (0.0, turn))
+        shift_x, shift_y = r_x - then[0], r_y - then[1]
+        return now[0] + cos * shift_x - sin * shift_y, now[1] + sin * shift_x + cos * shift_y
 
 
 @dataclass(frozen=True)
@@ -58,22 +76,37 @@ class _Pressed:
     c_n: np.ndarray
 
 
+def contact_points(rig: Rig) -> int:
+    """Number of points of the body that may touch: its corners; one, the lowest, if it has none or too many."""
+    if isinstance(rig.shape, Polygon) and len(rig.shape.corners) <= MOST_CORNERS:
+        return len(rig.shape.corners)
+    return 1
+
+
+def one_point(rig: Rig, index: np.ndarray) -> Rig:
+    """The rig with one contact point for each of n bodies, by its index (n,)."""
+    if contact_points(rig) == 1:
+        return rig
+    return replace(rig, shape=Corner(rig.shape, index))  # pyright: ignore[reportArgumentType]
+
+
 def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s."""
     active, n = model.active(values), len(true.x)
-    corners = len(rig.shape.corners)  # pyright: ignore[reportAttributeAccessIssue]
-    at_corner = replace(rig, shape=Corner(rig.shape, np.repeat(np.arange(corners), n)))  # pyright: ignore[reportArgumentType]
+    corners = contact_points(rig)
+    at_corner = one_point(rig, np.repeat(np.arange(corners), n))
+    smooth = None if isinstance(rig.shape, Polygon) and corners > 1 else rig.shape
     tiled = State(*(np.tile(getattr(true, item.name), corners) for item in fields(State)))
     seen, r_x, r_y, k_g = model.contact_at(tiled, active, at_corner)
     space = contact_space_of(seen, r_x, r_y, k_g)
     mu, epsilon = (np.full(corners * n, values[name]) for name in ("mu", "epsilon"))
     for effect, p in active:
         mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
-    T = duration(values["tau"], values["epsilon"])
+    T = max(duration(values["tau"], values["epsilon"]), SHORTEST)
     of_corners = (r_x, r_y, model.gap(tiled, values, at_corner), mu, np.maximum(epsilon**2, _LEAST))
     r, r_up, gap, friction, share = (a.reshape(corners, n) for a in of_corners)
     stiffness = (0.5 * np.pi * (1.0 + values["epsilon"]) / T) ** 2
-    springs = _Springs(r, r_up, gap, friction, share, k_g**-2.0, rig.gravity, stiffness)
+    springs = _Springs(r, r_up, gap, friction, share, k_g**-2.0, rig.gravity, stiffness, smooth, true.theta)
     frame = seen.select(np.arange(n))
     pressed = _integrate(springs, frame.v, T / STEPS)
     v = pressed.v + _added(model, values, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
@@ -119,10 +152,9 @@ def _integrate(s: _Springs, v: np.ndarray, h: float) -> _Pressed:
     v = v.copy()
     for _ in range(LONGEST * STEPS):
         at, speed = shift[moving] + 0.5 * h * v[moving], v[moving]
-        cos, sin = np.cos(at[:, 2]), np.sin(at[:, 2])
-        r_x0, r_y0, share, mu = (a[:, moving] for a in (s.r_x, s.r_y, s.share, s.mu))
-        r_x, r_y = cos * r_x0 - sin * r_y0, sin * r_x0 + cos * r_y0
-        depth = -(s.gap[:, moving] + at[:, 1] + r_y - r_y0)
+        share, mu = s.share[:, moving], s.mu[:, moving]
+        r_x, r_y = s.points(moving, at[:, 2])
+        depth = -(s.gap[:, moving] + at[:, 1] + r_y - s.r_y[:, moving])
         most = np.maximum(deepest[:, moving], depth)
         # loading along Ω² δ; unloading, more steeply, to δ_0
         force = np.where(depth < most, np.maximum(depth - (1.0 - share) * most, 0.0) / share, depth)

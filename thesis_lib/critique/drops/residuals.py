@@ -6,13 +6,13 @@ predicted velocity and pose where the flight after it begins; its touch is solve
 The residual of a flight has three, acceleration measured minus predicted ("flight").
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import roots_gegenbauer
 
-from thesis_lib.critique.drops.episodes import play
+from thesis_lib.critique.drops.episodes import MOST_HITS, play
 from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
@@ -62,18 +62,29 @@ def impact_residuals(
     meet = after.q - before.q - model.jump(before, after, values)
     gap = model.gap(model.to_true(before, active, rig), values, rig)
     residual = np.concatenate([after.v - predicted.v, meet, (gap + depth)[:, None]], axis=1)
-    rows = np.flatnonzero(o.span)
-    if len(rows):
-        ends = end_of_episodes(model, values, rig, before.select(rows), o.span[rows])
+    for rows, ends in _played(model, values, o, before):
         residual[rows, :3], residual[rows, 3:6] = (after.v[rows] - ends.v, after.q[rows] - ends.q)
-        residual[rows, 6] = 0.0
+        residual[rows, 6] *= o.span[rows] == 0.0
     return residual
 
 
-def end_of_episodes(model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray) -> State:
-    """Measured states (n,) `span` (n,) in s after measured states at the first touch."""
+def _played(
+    model: Model, values: Mapping[str, float], o: Observations, before: State
+) -> Iterator[tuple[np.ndarray, State]]:
+    """Rows of what is played, and their measured states at the end: episodes, of a compliant law single hits, too."""
+    for single in (True, False) if model.is_compliant else (False,):
+        rows = np.flatnonzero((o.span == 0.0) == single)
+        if len(rows):
+            yield rows, end_of_episodes(model, values, o.rig, before.select(rows), o.span[rows], single)
+
+
+def end_of_episodes(
+    model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray, single: bool = False
+) -> State:
+    """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: of one hit."""
     active = model.active(values)
-    return model.to_measured(play(model, values, rig, model.to_true(before, active, rig), span).after, active, rig)
+    true = model.to_true(before, active, rig)
+    return model.to_measured(play(model, values, rig, true, span, 1 if single else MOST_HITS).after, active, rig)
 
 
 def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
@@ -118,12 +129,11 @@ def synthesise(
         raised = model.to_measured(true.moved(y=true.y - raise_by), active, rig)
         before = before.moved(y=raised.y)
     after = model.predict(before, values, rig, o.offset)
-    rows = np.flatnonzero(o.span)
-    if len(rows):
-        ends = end_of_episodes(model, values, rig, before.select(rows), o.span[rows])
-        q, v = after.q, after.v
-        q[rows], v[rows] = ends.q, ends.v
-        after = State.of(q, v, o.trial, o.t + o.span)
+    played = np.zeros(len(o), bool)
+    q, v = after.q, after.v
+    for rows, ends in _played(model, values, o, before) if o.arcs else ():
+        q[rows], v[rows], played[rows] = ends.q, ends.v, True
+    after = State.of(q, v, o.trial, o.t + o.span)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]
     after = after.with_velocity(after.v + jitter)
     value, slope = np.empty_like(o.value), np.empty_like(o.slope)
@@ -133,7 +143,7 @@ def synthesise(
             if side == 1:
                 # `after` contains the jump already: the pose is that of before plus one jump
                 pose = before.q + model.jump(before, after, values)
-                pose[rows] = after.q[rows]
+                pose[played] = after.q[played]
             a = model.acceleration(state, values, rig)
             if model.has_varying_flight:
                 v = speed + ARC_MEAN * o.bow[:, side, 1:] * a

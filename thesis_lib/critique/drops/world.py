@@ -29,6 +29,7 @@ from thesis_lib.critique.selection.world import Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.statistics.spread import robust_std
 
+LEAVES = 1.2  # median error over noise beyond which a compliant law is tried: it takes ten times as long
 CHANNELS = ("impact", "flight", "meet", "touch")
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
@@ -84,7 +85,9 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def __init__(self, observations: Observations, rivals: int = 1, timed: bool = True) -> None:
         self.timed = timed and observations.arcs
-        self.observations, self.rivals, self.bases = observations, rivals, CANDIDATE_LAWS
+        self.observations, self.rivals = observations, rivals
+        self.bases = tuple(name for name in CANDIDATE_LAWS if not LAWS[name].is_compliant)
+        self.reserve = tuple(name for name in CANDIDATE_LAWS if LAWS[name].is_compliant) if self.timed else ()
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
 
@@ -151,6 +154,9 @@ class Drops(World[Effect, Fit, Judgement]):
             floor=mean([part.floor for part in parts]),
             excess=mean([part.excess for part in parts]),
         )
+
+    def leaves_error(self, judged: Judgement) -> bool:
+        return judged.excess > LEAVES
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         return any(channel_is_material(better, worse, channel, settings) for channel in candidate.channels)

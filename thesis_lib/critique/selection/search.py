@@ -146,6 +146,7 @@ class _Search(Generic[E, F, J]):
         fits = {name: world.fit(name, ()) for name in world.bases}
         bases = {name: (fitted, world.cross_validate(fitted, self.folds)) for name, fitted in fits.items()}
         ranked = sorted(bases, key=lambda name: -bases[name][1].total)
+        ranked = self.with_reserve(bases, ranked)
         fitted, judged = bases[ranked[0]]
         steps: list[Step[E, F, J]] = []
         dropped: set[str] = set()
@@ -179,6 +180,19 @@ class _Search(Generic[E, F, J]):
         rest = [e for e in world.candidates.values() if e.name not in taken]
         last_scan = self.scan(fitted, rest, "last null")
         return Discovery(bases, ranked[0], tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
+
+    def with_reserve(self, bases: dict[str, tuple[F, J]], ranked: list[str]) -> list[str]:
+        """`ranked` with those of the reserve in front that predict better; all that are tried join `bases`."""
+        world, best = self.world, bases[ranked[0]][1]
+        if not world.reserve or not world.leaves_error(best):
+            return ranked
+        for name in world.reserve:
+            fitted = world.fit(name, ())
+            bases[name] = fitted, world.cross_validate(fitted, self.folds)
+            gain = self.gain(bases[name][1], best, "reserve", name)
+            better = gain[1] > 0.0 and bases[name][1].total - best.total > self.settings.tell_apart
+            ranked = [name, *ranked] if better else [*ranked, name]
+        return ranked
 
     def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
         slopes = self.world.slopes(fitted, candidates)

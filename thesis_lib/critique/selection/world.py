@@ -98,6 +98,7 @@ class World(ABC, Generic[E, F, J]):
     Attributes:
         candidates: effects that these data can test, by name; not_testable: name -> why not.
         bases: names of the models without effects, of which the best is chosen.
+        reserve: further bases, tried where the best of `bases` leaves an error, chosen where clearly better.
         rivals: number of bases tried with the first effect; without it the wrong base may fit best.
         trials: numbers of the trials, ascending.
         unit: "impact" or "window".
@@ -107,6 +108,7 @@ class World(ABC, Generic[E, F, J]):
     candidates: Mapping[str, E]
     not_testable: Mapping[str, str] = {}
     bases: tuple[str, ...]
+    reserve: tuple[str, ...] = ()
     rivals: int = 1
     trials: np.ndarray
     unit: str
@@ -133,6 +135,10 @@ class World(ABC, Generic[E, F, J]):
     @abstractmethod
     def slopes(self, fitted: F, candidates: Sequence[E]) -> Slopes:
         """Slopes of the fitted model and of the candidates."""
+
+    def leaves_error(self, judged: J) -> bool:
+        """Whether a model's error is clearly beyond noise."""
+        return True
 
     @abstractmethod
     def is_material(self, better: J, worse: J, candidate: E, settings: SearchSettings) -> bool:
