@@ -231,3 +231,44 @@ def test_the_table_of_impacts_tells_which_hits_belong_together():
     assert table.loc[table["used"] == 1, "hits"].sum() + (table["used"] == 0).sum() == len(
         critique("square").observations.found.arcs
     )
+
+
+def errors_of_single_hits(law: str, shape: str, contact_time: float) -> np.ndarray:
+    """Errors (n,) in m/s of single contacts of the simulator, without noise, as the law plays them."""
+    body = BODIES[shape]
+    rig = Rig(body.shape, body.radius_of_gyration, 9.81, 0.0)
+    table = drops(shape, contact_time, noisy=False).impacts
+    table = table[table["separated"] & (table["impact"] == 0) & (table["duration"] < 2.0 * contact_time)]
+    v_post = table[list(V_POST)].to_numpy()
+    start = State.of(
+        *(table[list(names)].to_numpy() for names in (POSE, V_PRE)), table["trial"].to_numpy(), table["t"].to_numpy()
+    )
+    span = table["duration"].to_numpy()
+    played = play(Model(LAWS[law], takes_time=True), truth(contact_time), rig, start, span, most=1)
+    assert (played.hits == 1).all()
+    return np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)
+
+
+@pytest.mark.parametrize("shape", BODIES)
+def test_a_compliant_law_follows_long_contacts_that_no_impulse_does(shape):
+    rigid, compliant = (np.median(errors_of_single_hits(law, shape, 3e-3)) for law in ("mirtich", "compliant_contact"))
+    assert compliant < 0.001 < rigid
+
+
+def test_a_short_compliant_contact_is_the_rigid_one():
+    rigid, compliant = (
+        np.median(errors_of_single_hits(law, "ellipse", 2e-5)) for law in ("mirtich", "compliant_contact")
+    )
+    assert max(rigid, compliant) < 0.001
+
+
+@pytest.mark.slow
+def test_the_law_that_takes_time_is_chosen_where_contacts_are_long():
+    judged = critique("ellipse", 3e-3)
+    assert judged.verdict == "adequate"
+    fitted = judged.ladder[-1][1]
+    assert fitted.base == "compliant_contact"
+    for name, value in truth(3e-3).items():
+        assert abs(fitted.values[name] - value) < max(SIGMAS * fitted.std[name], 0.002 * value)
+    rigid = judged.discovery.bases["mirtich"][1]
+    assert judged.discovery.bases["compliant_contact"][1].total > rigid.total + 100.0

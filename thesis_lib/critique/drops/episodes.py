@@ -46,8 +46,8 @@ def play(
     """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
 
     The states belong to the flight before the first hit, continued below the surface where it must: each body first
-    flies back by `LEAD`, and until nothing that comes down is deep.  With `most` = 1 the hit may come up to `LATEST` after
-    `span`; the arc after it is then followed back.
+    flies back by `LEAD`, and until nothing that comes down is deep.  With `most` = 1 the hit may come up to `LATEST`
+    after `span`; the arc after it is then followed back.
     """
     return _Play(model, values, rig, true, span, most).outcome()
 

@@ -164,6 +164,9 @@ class _Search(Generic[E, F, J]):
             self.say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
             # a missing effect may favour the wrong base: the next best bases are tried with it, too
             contenders = [fitted] if steps else [bases[name][0] for name in ranked[: world.rivals]]
+            if fitted.base in world.reserve:  # takes long to fit: the best of the others stands in for it in quick fits
+                stand_in = next(name for name in ranked if name in world.bases)
+                contenders = [world.fit(stand_in, fitted.effects, fitted.values, quick=True)]
             step, below = self.best_step(fitted, judged, contenders, candidates, tests, fixed is not None)
             if step is None:
                 break
@@ -216,7 +219,8 @@ class _Search(Generic[E, F, J]):
         # quick fits rank better than score tests: far from the null a robust fit may treat as outliers what the
         # effect explains, and the slope at the null then means nothing
         names = sorted(quick, key=lambda name: -quick[name].score)[: settings.finalists]
-        full = {name: world.fit(quick[name].base, quick[name].effects, quick[name].values) for name in names}
+        bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
+        full = {name: world.fit(bases[name], quick[name].effects, quick[name].values) for name in names}
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
         gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
