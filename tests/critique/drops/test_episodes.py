@@ -10,6 +10,7 @@ from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.episodes import Outcome, play
 from thesis_lib.critique.drops.fit import fit
@@ -244,7 +245,7 @@ def errors_of_single_hits(law: str, shape: str, contact_time: float) -> np.ndarr
         *(table[list(names)].to_numpy() for names in (POSE, V_PRE)), table["trial"].to_numpy(), table["t"].to_numpy()
     )
     span = table["duration"].to_numpy()
-    played = play(Model(LAWS[law], takes_time=True), truth(contact_time), rig, start, span, most=1)
+    played = play(Model(BASES[law], takes_time=True), truth(contact_time), rig, start, span, most=1)
     assert (played.hits == 1).all()
     return np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)
 

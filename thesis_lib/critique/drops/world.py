@@ -16,8 +16,9 @@ from typing import Self
 
 import numpy as np
 
-from thesis_lib.contact import CANDIDATE_LAWS, LAWS
+from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.bases import BASES, RESERVE
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, NU, SLOPE_STEP, Fit, Whitening, fit
 from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
@@ -86,15 +87,14 @@ class Drops(World[Effect, Fit, Judgement]):
     def __init__(self, observations: Observations, rivals: int = 1, timed: bool = True) -> None:
         self.timed = timed and observations.arcs
         self.observations, self.rivals = observations, rivals
-        self.bases = tuple(name for name in CANDIDATE_LAWS if not LAWS[name].is_compliant)
-        self.reserve = tuple(name for name in CANDIDATE_LAWS if LAWS[name].is_compliant) if self.timed else ()
+        self.bases, self.reserve = CANDIDATE_LAWS, RESERVE * self.timed
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
 
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, *, quick: bool = False
     ) -> Fit:
-        model = Model(LAWS[base], effects, self.timed)
+        model = Model(BASES[base], effects, self.timed)
         return fit(model, self.quick, start, rounds=1) if quick else fit(model, self.observations, start)
 
     @cached_property

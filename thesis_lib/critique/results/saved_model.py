@@ -13,7 +13,7 @@ import pandas as pd
 from pydantic import Field, ValidationError
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import CONTACT_TIME, Model
 from thesis_lib.effects import EFFECTS
@@ -55,7 +55,7 @@ class SavedModel(Section):
 
     schema_: Literal[1] = Field(1, alias="schema", description="version of this format")
     dataset: str = Field("", description="fitted to it")
-    law: str = Field(description="key of thesis_lib.contact.LAWS")
+    law: str = Field(description="an impact law, or compliant_contact")
     effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
     parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, tau if seen, effect.parameter")
     scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
@@ -65,7 +65,7 @@ class SavedModel(Section):
     def model(self) -> Model:
         """Law with effects; its contact takes time where the parameters hold that time."""
         effects = tuple(EFFECTS[name] for name in self.effects)
-        return Model(LAWS[self.law], effects, takes_time=CONTACT_TIME.name in self.parameters)
+        return Model(BASES[self.law], effects, takes_time=CONTACT_TIME.name in self.parameters)
 
     @property
     def values(self) -> dict[str, float]:
@@ -114,8 +114,8 @@ def load_model(path: str | Path) -> SavedModel:
         for item in error.errors(include_url=False)[:20]:
             lines.append(f"  {'.'.join(map(str, item['loc']))[:200] or '(top level)'}: {item['msg']}")
         raise UserError("\n".join([*lines, "Write it again with python -m thesis_lib critique."])) from error
-    if model.law not in LAWS:
-        raise UserError(f"{path}: there is no law {model.law[:60]!r}; known are {', '.join(LAWS)}.")
+    if model.law not in BASES:
+        raise UserError(f"{path}: there is no law {model.law[:60]!r}; known are {', '.join(BASES)}.")
     for name in model.effects:
         if name not in EFFECTS:
             raise UserError(f"{path}: there is no effect {name[:60]!r}; python -m thesis_lib effects lists them.")

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.model import duration
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
 from thesis_lib.effects import EFFECTS
@@ -177,7 +177,7 @@ def _fall(content: Mapping, found: Sequence[Mapping]) -> str:
 
 
 def _law(content: Mapping, key: str) -> str:
-    return LAWS[content[key]["name"]].title
+    return BASES[content[key]["name"]].title
 
 
 def _floor(error: Mapping) -> str:

@@ -1,6 +1,6 @@
 """Readable names of laws, effects, parameters and features, with handy units."""
 
-from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.effects import EFFECTS
@@ -32,7 +32,7 @@ def symbol(name: str) -> str:
 
 def law_title(name: str) -> str:
     """Title of a law, or its name if it has none."""
-    return LAWS[name].title if name in LAWS else name
+    return BASES[name].title if name in BASES else name
 
 
 def effect_title(name: str) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.results.numbers import law_errors
@@ -151,7 +151,7 @@ def power(d: Mapping) -> Markup:
 
 
 def sources(d: Mapping) -> list[str]:
-    laws = [LAWS[d[key]["name"]] for key in ("base_model", "augmented_model") if d[key]["name"] in LAWS]
+    laws = [BASES[d[key]["name"]] for key in ("base_model", "augmented_model") if d[key]["name"] in BASES]
     names = [name for e in d["effects"] for name in (e["name"], *e["indistinguishable_from"][:NAMED])]
     effects = [EFFECTS[name] for name in names if name in EFFECTS and EFFECTS[name].reference]
     lines = [f"{law.title}: {law.reference}." for law in laws]
