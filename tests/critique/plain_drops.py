@@ -28,7 +28,8 @@ def drops(n: int = 40, seed: int = 0) -> Drops:
 @cache
 def observed(n: int = 40, seed: int = 0) -> Observations:
     one = drops(n, seed)
-    return observe(Dataset("plain", one.header, one.trajectories))
+    """Single hits; episodes have tests of their own."""
+    return observe(Dataset("plain", one.header, one.trajectories), episodes=False)
 
 
 def sizes(effect: Effect, factor: float = 1.0) -> dict[str, float]:

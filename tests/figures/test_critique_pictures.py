@@ -217,7 +217,7 @@ def test_means_of_bins_are_not_cut_by_the_spread_of_others():
 def test_maps_mark_held_out_impacts_and_title_their_mean(critique, drawn):
     figure, table = drawn["where"]
     held_out = table["held_out"] == 1
-    assert held_out.sum() == len(critique.held_out)
+    assert held_out.sum() == len(critique.held_out.single)
     mean = table.loc[held_out, "error_before"].mean()
     assert f"held-out mean {number(mean)} m/s" in " ".join(texts(figure))
 

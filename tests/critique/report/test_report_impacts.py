@@ -19,8 +19,8 @@ def impacts_in(html):
 def test_ellipses_and_lines_are_those_of_contact_space(made, html):
     """A point of the ellipse keeps the energy, a step along a line keeps v_t = 0 or v_n = 0."""
     critique, found = made[0], impacts_in(html)
-    o, mass = critique.observations, critique.source.mass
-    where = {(trial, impact): i for i, (trial, impact) in enumerate(zip(o.trial, o.found.impacts.impact))}
+    o, mass = critique.observations.single, critique.source.mass
+    where = {(trial, impact): i for i, (trial, impact) in enumerate(zip(o.trial, o.impact))}
     rows = [where[one["trial"], one["impact"]] for one in found]
     assert sorted(rows) == list(range(len(o)))
     v_pre, _, r = (array[rows] for array in velocities(critique.ladder[0][1], o))
@@ -80,7 +80,7 @@ def test_the_finding_about_impacts_is_counted(made):
 
 def test_impacts_without_a_prediction_are_not_drawn(made):
     critique, regions, *_ = made
-    o = critique.observations
+    o = critique.observations.single
     broken = replace(o, slope=np.where(np.arange(len(o))[:, None, None] == 3, np.nan, o.slope))
     part = report_impacts.explorer(replace(critique, observations=broken), regions)
     assert len(impacts_in(part)) == len(o) - 1 and "NaN" not in part and "nan" not in part

@@ -31,7 +31,7 @@ from thesis_lib.critique.drops.residuals import impact_residuals, synthesise
 from thesis_lib.critique.drops.world import Judgement
 from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.search import paired_gain
-from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE, Impacts
+from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import fit_individual
@@ -143,7 +143,7 @@ def impacts(critique: Critique) -> pd.DataFrame:
     rows = np.flatnonzero(o.span)
     if len(rows):
         used = pd.concat([used, _episodes(o.rows(rows))], ignore_index=True)
-    left_out = left_out_impacts(o).assign(used=0)
+    left_out = left_out_impacts(o).assign(used=0, hits=1)
     table = pd.concat([used, left_out], ignore_index=True) if len(left_out) else used
     table["held_out"] = np.isin(table["trial"], critique.held_out.trial).astype(int)
     first = ["trial", "impact", "hits", "span", "used", "held_out", "reason", "detail"]
@@ -153,12 +153,15 @@ def impacts(critique: Critique) -> pd.DataFrame:
 
 def _episodes(o: Observations) -> pd.DataFrame:
     """Episodes as rows of impacts.csv: pose and velocity at the first touch, velocity where the next flight begins."""
+    cov = np.zeros((len(o), 9, 9))
+    for channel in range(3):
+        before = (channel, 3 + channel)
+        cov[np.ix_(range(len(o)), before, before)] = o.cov[:, 0, channel]
+        cov[:, 6 + channel, 6 + channel] = o.cov[:, 1, channel, 1, 1]
     q, v_pre, v_post = o.value[:, 0], o.slope[:, 0], o.slope[:, 1]
-    states = {
-        name: column for names, a in ((POSE, q), (V_PRE, v_pre), (V_POST, v_post)) for name, column in zip(names, a.T)
-    }
-    of_impact = {"trial": o.trial, "impact": o.impact, "t": o.t}
-    return pd.DataFrame(of_impact | states).assign(flags="", hits=o.hits, span=o.span, used=1, reason="", detail="")
+    r = o.rig.shape.contact_point(q[:, 2])
+    episodes = Impacts(o.trial, o.impact, q, v_pre, v_post, r, k_g=o.rig.k_g, t=o.t, cov=cov)
+    return episodes.to_table().assign(hits=o.hits, span=o.span, used=1, reason="", detail="")
 
 
 def left_out_impacts(observations: Observations) -> pd.DataFrame:

@@ -47,6 +47,7 @@ _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a s
 _STANDING_OUT = 0.9  # share of the hits that are left with coloured noise; fewer call for a second detection
 _MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets stay below 0.1
 _FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
+_SIDEWAYS = 0.4  # of gravity, one sigma in flight: beyond it no motion in the plane of the camera
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 
 
@@ -121,8 +122,9 @@ def find_in_arrays(
         if len(_instants(samples, header, coloured, settings)) < _STANDING_OUT * len(at):
             least = coloured
             samples, at, fits, noise, glitch, sigma = search(settings, least)
-    rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
-    usual = settings.guard
+    usual, rounded = settings.guard, 0.0
+    if noise.stray[0] < _SIDEWAYS * header.gravity:  # samples that leave arcs of a body out of its plane are not rounded
+        rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
     if rounded > usual:
         settings = settings.model_copy(update={"guard": rounded})
         samples, at, fits, noise, glitch, sigma = search(settings, least)

@@ -97,7 +97,8 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
     figure = new_figure(height=(5.3 if len(errors) == 2 else 2.9) + 0.15 * len(lines))
     axes = figure.subplots(len(errors), 2).reshape(2, len(errors))
     names = {"before": "base law", "after": "with the effects"}
-    means = dict(zip(names, (critique.ladder[i][2].error.mean() for i in (0, -1))))
+    held_out = np.isin(o.trial, critique.held_out.trial)
+    means = {kind: error[held_out].mean() for kind, error in errors.items()}
     for column, (kind, error) in enumerate(errors.items()):
         ax = axes[0, column]
         shown = _tiles(ax, x, y, error, top)
@@ -123,7 +124,7 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
     if lines:
         figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7)
     set_title(figure, where_sentence(critique, regions))
-    data = table.assign(held_out=np.isin(o.trial, critique.held_out.trial).astype(int))
+    data = table.assign(held_out=held_out.astype(int))
     data = data.assign(disc_across=disc[:, 0], disc_along=disc[:, 1])
     data = data.assign(**{f"error_{kind}": error for kind, error in errors.items()})
     for i, region in enumerate(regions):
