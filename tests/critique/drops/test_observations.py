@@ -112,10 +112,11 @@ def test_no_window_reaches_over_a_detected_hit_used_or_not():
 def test_windows_and_flights_hold_samples_of_one_trial_only():
     one = drops()
     table = one.trajectories.sample(frac=1.0, random_state=0)  # order of rows must not matter
-    shuffled = observe(Dataset("plain", one.header, table))
+    shuffled = observe(Dataset("plain", one.header, table), episodes=False)
     np.testing.assert_allclose(shuffled.slope, observed().slope, atol=1e-12)
     alone = observe(
-        Dataset("plain", one.header, one.trajectories[one.trajectories["trial"] == 7].reset_index(drop=True))
+        Dataset("plain", one.header, one.trajectories[one.trajectories["trial"] == 7].reset_index(drop=True)),
+        episodes=False,
     )
     same = observed().select(np.array([7]))
     assert len(alone) == len(same) > 0

@@ -23,14 +23,16 @@ from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, NU, SLOPE_STEP, Fit, Whitening, fit
 from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, synthesise
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact, synthesise
 from thesis_lib.critique.selection.search import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.statistics.spread import robust_std
 
-LEAVES = 1.2  # median error over noise beyond which a compliant law is tried: it takes ten times as long
+# a compliant law takes ten times as long; it is tried beyond this median error over noise, and where bodies turn by
+# this much more (rad) during a contact
+LEAVES, TURNS = 1.2, 0.02
 CHANNELS = ("impact", "flight", "meet", "touch")
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
@@ -155,8 +157,10 @@ class Drops(World[Effect, Fit, Judgement]):
             excess=mean([part.excess for part in parts]),
         )
 
-    def leaves_error(self, judged: Judgement) -> bool:
-        return judged.excess > LEAVES
+    def calls_for_reserve(self, fitted: Fit, judged: Judgement) -> bool:
+        before, after = states_at_impact(fitted.model, fitted.values, self.observations)
+        turn = fitted.values["tau"] * float(np.median(np.abs(after.omega - before.omega)))
+        return judged.excess > LEAVES and turn > TURNS
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         return any(channel_is_material(better, worse, channel, settings) for channel in candidate.channels)

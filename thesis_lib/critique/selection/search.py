@@ -186,8 +186,8 @@ class _Search(Generic[E, F, J]):
 
     def with_reserve(self, bases: dict[str, tuple[F, J]], ranked: list[str]) -> list[str]:
         """`ranked` with those of the reserve in front that predict better; all that are tried join `bases`."""
-        world, best = self.world, bases[ranked[0]][1]
-        if not world.reserve or not world.leaves_error(best):
+        world, (fitted, best) = self.world, bases[ranked[0]]
+        if not world.reserve or not world.calls_for_reserve(fitted, best):
             return ranked
         for name in world.reserve:
             fitted = world.fit(name, ())

@@ -136,8 +136,8 @@ class World(ABC, Generic[E, F, J]):
     def slopes(self, fitted: F, candidates: Sequence[E]) -> Slopes:
         """Slopes of the fitted model and of the candidates."""
 
-    def leaves_error(self, judged: J) -> bool:
-        """Whether a model's error is clearly beyond noise."""
+    def calls_for_reserve(self, fitted: F, judged: J) -> bool:
+        """Whether the best of `bases` leaves an error that the reserve may explain."""
         return True
 
     @abstractmethod

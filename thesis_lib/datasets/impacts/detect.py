@@ -123,7 +123,9 @@ def find_in_arrays(
             least = coloured
             samples, at, fits, noise, glitch, sigma = search(settings, least)
     usual, rounded = settings.guard, 0.0
-    if noise.stray[0] < _SIDEWAYS * header.gravity:  # samples that leave arcs of a body out of its plane are not rounded
+    if (
+        noise.stray[0] < _SIDEWAYS * header.gravity
+    ):  # samples that leave arcs of a body out of its plane are not rounded
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
     if rounded > usual:
         settings = settings.model_copy(update={"guard": rounded})
