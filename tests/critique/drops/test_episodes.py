@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 
-from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.covariance import residual_covariance
@@ -211,8 +211,6 @@ def test_rounding_moves_each_corner_of_a_polygon_as_it_moves_the_lowest():
         np.arange(40),
         0 * theta,
     )
-    from thesis_lib.bodies.shapes import Corner
-
     for name in ("rounded_corners", "wrong_size"):
         model = MODEL.with_effect(EFFECTS[name])
         values = truth(T) | {f"{name}.{p.name}": p.null + p.scale for p in EFFECTS[name].parameters}

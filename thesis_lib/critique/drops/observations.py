@@ -19,9 +19,7 @@ from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.effects.effect import Rig
 
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
-ROWS = (
-    *("trial", "impact", "hits", "t", "span", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset"),
-)
+ROWS = ("trial", "impact", "hits", "t", "span", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset")
 
 
 @dataclass(frozen=True)
