@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import median_abs_deviation
 
-from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.spread import quantile_std, robust_std
 
 
 def test_it_is_scipys_of_values_about_zero(rng):
@@ -18,3 +18,11 @@ def test_wild_values_hardly_count(rng):
     values = rng.normal(0.0, 2.0, 10_000)
     values[::20] = 1e6
     assert robust_std(values) == pytest.approx(2.0, rel=0.1)
+
+
+def test_an_upper_quantile_sees_a_quarter_of_large_values_and_a_median_does_not():
+    values = np.random.default_rng(0).standard_normal(4000)
+    assert quantile_std(values, 0.5) == pytest.approx(robust_std(values))
+    assert quantile_std(values, 0.9) == pytest.approx(1.0, rel=0.05)
+    values[::4] *= 8.0
+    assert quantile_std(values, 0.9) > 2.5 and robust_std(values) < 1.4

@@ -9,6 +9,8 @@ Source: F. R. Hampel, Journal of the American Statistical Association 69 (1974) 
 doi:10.1080/01621459.1974.10482962.
 """
 
+from statistics import NormalDist
+
 import numpy as np
 
 MAD_TO_STD = 1.482602218505602  # 1/Φ⁻¹(3/4)
@@ -17,3 +19,11 @@ MAD_TO_STD = 1.482602218505602  # 1/Φ⁻¹(3/4)
 def robust_std(values: np.ndarray, axis: int | None = 0) -> np.ndarray:
     """Standard deviation of `values` about zero along `axis` (None: of all), in their unit; NaN without values."""
     return MAD_TO_STD * np.median(np.abs(values), axis=axis)
+
+
+def quantile_std(values: np.ndarray, share: float, axis: int | None = 0) -> np.ndarray:
+    """Standard deviation of `values` about zero from the size that the `share` of them stays below, in their unit.
+
+    With share = 1/2 this is `robust_std`; at 0.9 it sees a minority of large values that a median ignores.
+    """
+    return np.quantile(np.abs(values), share, axis=axis) / NormalDist().inv_cdf(0.5 * (1.0 + share))

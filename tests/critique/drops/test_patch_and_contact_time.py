@@ -1,5 +1,7 @@
 """Patches are found where they are, and effects on contact times do no harm where contacts are instants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plain_drops import LAW, TRUTH, observed
@@ -7,6 +9,8 @@ from plain_drops import LAW, TRUTH, observed
 from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.residuals import synthesise
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.world import Drops, channel_is_material
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
 from thesis_lib.effects import EFFECTS
 
@@ -52,3 +56,16 @@ def test_contacts_that_are_instants_have_no_time_to_test():
     assert {effect.name for effect in TIMED} <= set(why_not) and "surface_patch" in testable
     assert {why_not[effect.name] for effect in TIMED} == {"contacts are taken as instants"}
     assert not set(usable_effects(observed(), timed=True)[1]) & {effect.name for effect in TIMED}
+
+
+def test_a_fault_of_a_quarter_of_the_touches_is_seen_and_matters():
+    data = observed(120)
+    plain = fit(Model(LAW, takes_time=True), data)
+    value = data.value.copy()
+    value[::4, :, 1] += 2e-3  # m; a fault of six times the camera's noise
+    sound, faulty = (Drops(o).judge(plain) for o in (data, replace(data, value=value)))
+    assert sound.sigmas["touch"] < 1.3
+    # a median sees a quarter of it
+    assert faulty.sigmas["touch"] > 4.0 * sound.sigmas["touch"]
+    assert channel_is_material(sound, faulty, "touch", CritiqueSettings())
+    assert not channel_is_material(sound, faulty, "flight", CritiqueSettings())

@@ -11,6 +11,7 @@ from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
 
 TRIALS, POINTS = 20, 15
+IDLE = 7  # columns of a bundle without use
 SIZE = 1.0  # of what is injected, in units of the noise
 
 
@@ -65,7 +66,14 @@ class Line(World[Curve, Fitted, Scores]):
         return Line(self.trial[rows], self.x[rows], self.y[rows])
 
     def columns(self, effects) -> np.ndarray:
-        return np.stack([np.ones_like(self.x), self.x, *(SHAPES[e.name](self.x) for e in effects)], axis=1)
+        return np.column_stack([np.ones_like(self.x), self.x, *(self.shape(e.name) for e in effects)])
+
+    def shape(self, name: str) -> np.ndarray:
+        """Columns (n, k) of a curve; those of a bundle are its square and what has nothing to do with y."""
+        if name in SHAPES:
+            return SHAPES[name](self.x)[:, None]
+        others = np.random.default_rng(len(name)).standard_normal((len(self.x), IDLE))
+        return np.column_stack([SHAPES["square"](self.x), others])
 
     def residual(self, fitted: Fitted) -> np.ndarray:
         return self.y - self.columns(fitted.effects) @ list(fitted.values.values())
@@ -74,7 +82,8 @@ class Line(World[Curve, Fitted, Scores]):
         X = self.columns(effects)
         p = np.linalg.lstsq(X, self.y, rcond=None)[0]
         z = self.y - X @ p
-        return Fitted(base, effects, dict(zip(("a", "b", *(e.name for e in effects)), p)), float(-0.5 * z @ z))
+        names = [f"{e.name}{i or ''}" for e in effects for i in range(self.shape(e.name).shape[1])]
+        return Fitted(base, effects, dict(zip(("a", "b", *names), p)), float(-0.5 * z @ z))
 
     def judge(self, fitted: Fitted) -> Scores:
         return Scores(self.trial, self.residual(fitted))
@@ -87,7 +96,7 @@ class Line(World[Curve, Fitted, Scores]):
         return Scores(np.concatenate([p.trial for p in parts]), np.concatenate([p.z for p in parts]))
 
     def slopes(self, fitted: Fitted, candidates) -> Slopes:
-        columns = {e.name: -SHAPES[e.name](self.x)[:, None] for e in candidates}
+        columns = {e.name: -self.shape(e.name) for e in candidates}
         return Slopes(self.residual(fitted), -self.columns(fitted.effects), columns, unit_noise=True)
 
     def is_material(self, better: Scores, worse: Scores, candidate: Curve, settings: SearchSettings) -> bool:
@@ -118,6 +127,15 @@ def test_what_is_injected_is_found_with_its_size():
     # the gain of the fit is that of the score test, because the model is linear
     gain = discovery.fitted.score - discovery.bases["line"][0].score
     assert step.scan.gain["square"] == pytest.approx(gain, rel=1e-9)
+
+
+def test_parameters_that_gain_by_chance_do_not_rank_a_candidate_first():
+    world = line(0, square=3.0 * SIZE)
+    world.candidates |= {"bundle": Curve("bundle")}
+    gains = {name: world.fit("line", (e,)).score for name, e in world.candidates.items()}
+    assert gains["bundle"] > gains["square"]
+    (step,) = found(world, SearchSettings(finalists=1)).steps
+    assert step.effect.name == "square" and "bundle" in step.alternatives
 
 
 @pytest.mark.parametrize("seed", range(3))

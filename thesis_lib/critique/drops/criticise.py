@@ -79,8 +79,8 @@ class Critique:
         far = ["impact"] if last.excess > limit else []
         for channel, mean_square in last.sigmas.items():
             count = len(last.flight_score if channel == "flight" else last.score)
-            # a root mean square from the median of n values has a relative standard error of 1.17 / √(2n)
-            if np.sqrt(mean_square) > limit * (1.0 + 2.0 * 1.17 / np.sqrt(2.0 * max(count, 1))):
+            # from the median of n values its relative standard error is 1.17 / √n, from the upper tenth 0.89 / √n
+            if np.sqrt(mean_square) > limit * (1.0 + 2.0 * 1.17 / np.sqrt(max(count, 1))):
                 far.append(channel)
         return tuple(far)
 

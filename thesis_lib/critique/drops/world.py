@@ -2,8 +2,10 @@
 
 The error of an impact is the kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s.  The other
 channels need trajectories.  Their misfit is the root mean square of the worst component in units of noise: flight
-(acceleration), meet (pose) and touch (gap).  The noise floor is the error of a perfect model whose inputs and outcome
-are measured with noise: the mean kinetic norm of draws from the residual's covariance S.
+(acceleration), meet (pose) and touch (gap).  A fault of the touch may concern few impacts, as of one corner; its misfit
+is the larger of those that the median and the upper tenth of the impacts tell.  The noise floor is the error of a
+perfect model whose inputs and outcome are measured with noise: the mean kinetic norm of draws from the residual's
+covariance S.
 
 Columns of the score test are secants over a parameter's `scale`, because some effects have no slope at their null.
 They include the weights of the t distribution, so that a bad impact counts as little as in the fit.
@@ -28,12 +30,13 @@ from thesis_lib.critique.selection.search import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
-from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.spread import quantile_std, robust_std
 
 # a compliant law takes ten times as long; it is tried beyond this median error over noise, and where bodies turn by
 # this much more (rad) during a contact
 LEAVES, TURNS = 1.2, 0.02
 CHANNELS = ("impact", "flight", "meet", "touch")
+UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
 
@@ -126,7 +129,8 @@ class Drops(World[Effect, Fit, Judgement]):
             z = R[:, 3:] / np.sqrt(np.einsum("nii->ni", S)[:, 3:])
             touch = z[o.span == 0.0, 3:]  # episodes do not measure it
             sigmas["meet"] = _robust_mean_square(z[:, :3])
-            sigmas["touch"] = _robust_mean_square(touch) if len(touch) else np.nan
+            if len(touch):
+                sigmas["touch"] = max(_robust_mean_square(touch), float(np.max(quantile_std(touch, UPPER)) ** 2))
         error = velocity_error(R[:, :3], o.rig.k_g)
         floor, excess = np.nan, np.nan
         if o.noise_known:

@@ -2,7 +2,9 @@
 
 1. Every base is fitted and judged by K-fold over training trials; the search starts from the best.
 2. Each step screens all candidates by score tests and quick fits.  The best few are fitted with *all* parameters
-   free, and the best three of those are judged by K-fold.
+   free, and the best three of those are judged by K-fold.  Best is the gain less one nat for each parameter, which is
+   what K-fold will find of it (Akaike 1974, doi:10.1109/TAC.1974.1100705; Stone 1977,
+   doi:10.1111/j.2517-6161.1977.tb01603.x).
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
    and it lowers a held-out error materially.  A gain near the null is corrected by refits to data without the effect.
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
@@ -218,14 +220,15 @@ class _Search(Generic[E, F, J]):
         quick = {e.name: max(quick_fits(e), key=lambda fit: fit.score) for e in candidates}
         # quick fits rank better than score tests: far from the null a robust fit may treat as outliers what the
         # effect explains, and the slope at the null then means nothing
-        names = sorted(quick, key=lambda name: -quick[name].score)[: settings.finalists]
+        cost = {name: len(fit.values) - len(fitted.values) for name, fit in quick.items()}
+        names = sorted(quick, key=lambda name: cost[name] - quick[name].score)[: settings.finalists]
         bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
         full = {name: world.fit(bases[name], quick[name].effects, quick[name].values) for name in names}
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
         gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
         gains |= {name: fit.score - best.score for name, fit in full.items()}
-        names = sorted(names, key=lambda name: -gains[name])[:JUDGED]
+        names = sorted(names, key=lambda name: cost[name] - gains[name])[:JUDGED]
         judgements = {name: world.cross_validate(full[name], self.folds) for name in names}
         below = None
         for name in sorted(names, key=lambda name: -judgements[name].total):

@@ -126,7 +126,7 @@ class Cause:
     Its size raises the error of the base law, with μ and ε refitted, to about 3 times the noise floor (flight and
     scale: the misfit of whole arcs; height: the gap at impact), at 0.3 mm and 3 mrad, for 150 throws of the chapter's
     ellipse (corners: of a 70 mm square).  Patch, bump, step and stiffness: with contacts of 1 ms.  A soft patch or spot
-    never reaches 3 times, because the misfit of the gap is that of the median impact; their sizes are rubber on metal.
+    concerns few impacts and never reaches 3 times; their sizes are rubber on metal.
     A slope of the stiffness would have to be so steep that it ends within the plate.
     """
 
