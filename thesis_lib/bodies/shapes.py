@@ -60,6 +60,10 @@ class Ellipse(_Shape):
         h = np.sqrt(a2 * sin**2 + b2 * cos**2)
         return np.stack([-(a2 - b2) * sin * cos / h, -h], axis=-1)
 
+    def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
+        a2, b2 = (axis**2 for axis in self.semi_axes)
+        return np.asarray(y) - np.sqrt(a2 * np.sin(theta) ** 2 + b2 * np.cos(theta) ** 2) - height
+
     def outline(self, points: int = 180) -> np.ndarray:
         angle = np.linspace(0.0, 2.0 * np.pi, points)
         return np.stack([self.semi_axes[0] * np.cos(angle), self.semi_axes[1] * np.sin(angle)], axis=-1)
@@ -113,9 +117,10 @@ class Polygon(_Shape):
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         theta = np.asarray(theta, dtype=float)
-        vertices = np.array(self.vertices)
-        height = np.sin(theta)[..., None] * vertices[:, 0] + np.cos(theta)[..., None] * vertices[:, 1]
-        return _turned(vertices[np.argmin(height, axis=-1)], theta)
+        vertices, sin, cos = np.array(self.vertices), np.sin(theta), np.cos(theta)
+        height = np.multiply.outer(vertices[:, 0], sin) + np.multiply.outer(vertices[:, 1], cos)
+        x, y = np.moveaxis(vertices[np.argmin(height, axis=0)], -1, 0)
+        return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
     def outline(self, points: int = 180) -> np.ndarray:
         return np.array([*self.vertices, self.vertices[0]])

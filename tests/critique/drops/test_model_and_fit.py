@@ -8,10 +8,11 @@ from plain_drops import LAW, TRUTH, injected, observed
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.fit import NU, Whitening, cramer_rao, fit
+from thesis_lib.critique.drops.fit import cramer_rao, fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact, synthesise
+from thesis_lib.critique.drops.whitening import NU, Whitening, log_t, most_probable_scatter
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
@@ -166,15 +167,13 @@ def test_log_scores_add_up_to_the_score_of_the_fit():
 def test_the_score_is_a_normalised_t_distribution():
     from scipy.stats import multivariate_t
 
-    from thesis_lib.critique.drops.fit import _log_t
-
     rng = np.random.default_rng(0)
     root = rng.standard_normal((5, 3, 3)) + 3.0 * np.eye(3)
     S = root @ np.swapaxes(root, 1, 2)
     x = rng.standard_normal((5, 3)) * 4.0
     L = np.linalg.cholesky(S)
     z = np.linalg.solve(L, x[:, :, None])[:, :, 0]
-    ours = _log_t(z, np.linalg.slogdet(S)[1])
+    ours = log_t(z, np.linalg.slogdet(S)[1])
     theirs = [multivariate_t.logpdf(x[i], shape=S[i], df=NU) for i in range(5)]
     np.testing.assert_allclose(ours, theirs, atol=1e-10)
 
@@ -200,3 +199,32 @@ def test_a_fit_does_not_stay_where_everything_sticks(seed):
     o = observe(dataset)
     fitted = fit(Model(LAWS["wang_mason"]), o.select(np.unique(o.trial)[:105]))
     assert abs(fitted.values["mu"] - true["mu"]) < 0.01  # a few hundred sliding impacts tell it to 1e-4
+
+
+def test_the_scatter_is_the_most_probable_one_of_single_hits_and_of_episodes():
+    from types import SimpleNamespace
+
+    from scipy.optimize import minimize_scalar
+    from scipy.stats import multivariate_t
+
+    rng = np.random.default_rng(0)
+    span = np.repeat([0.0, 0.03], 20)
+    k = 0.02
+    # the velocity after the (first) hit scatters, and moves the pose until the next flight
+    D = np.zeros((40, 7, 7))
+    moves = np.zeros((40, 7, 3))
+    moves[:, :3] = np.diag([1.0, 1.0, 1.0 / k])
+    moves[:, 3:6] = span[:, None, None] * moves[:, :3]
+    D = moves @ np.swapaxes(moves, 1, 2)
+    root = 0.1 * rng.standard_normal((40, 7, 7)) + 0.3 * np.eye(7)
+    S = root @ np.swapaxes(root, 1, 2)
+    R = np.array([rng.multivariate_normal(np.zeros(7), s + 0.8**2 * d) for s, d in zip(S, D)])
+
+    def loss(log_sigma: float) -> float:
+        variance = S + np.exp(2.0 * log_sigma) * D
+        return -sum(multivariate_t.logpdf(r, shape=s, df=NU) for r, s in zip(R, variance))
+
+    direct = minimize_scalar(loss, bounds=(-5.0, 1.0), method="bounded")
+    found = most_probable_scatter(R, S, SimpleNamespace(span=span, rig=SimpleNamespace(k_g=k)))
+    assert loss(np.log(found)) == pytest.approx(direct.fun, abs=0.05)
+    assert found == pytest.approx(np.exp(direct.x), rel=0.1)

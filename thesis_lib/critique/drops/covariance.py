@@ -11,34 +11,57 @@ and it has no κ, because its touch is solved for.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import end_of_episodes, impact_residuals, states_at_impact
+from thesis_lib.critique.drops.residuals import compare, end_of_episodes, predict, state_beside
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
+_DATA = tuple(product((0, 1), range(3), (0, 1)))  # side, channel, and value (0) or slope (1) of its line
+
+
+@dataclass(frozen=True)
+class Noisy:
+    """A statistic of n impacts (n, m), its covariance (n, m, m) from noise, and w (n, m), its slope by the instant."""
+
+    value: np.ndarray
+    noise: np.ndarray
+    by_instant: np.ndarray
+
+    def covariance(self, instant: np.ndarray | float = INSTANT) -> np.ndarray:
+        """S (n, m, m) without σ_m.
+
+        `instant` is κ in s, scalar or (n,): wide if S weighs residuals (a fit of the instant), `t_std` for their size
+        at the estimated one.
+        """
+        w, kappa = self.by_instant, np.broadcast_to(instant, len(self.value))
+        return self.noise + kappa[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
 
 
 def residual_covariance(
     model: Model, values: Mapping[str, float], observations: Observations, instant: np.ndarray | float = INSTANT
 ) -> np.ndarray:
-    """S (n, m, m) without σ_m.
+    """S (n, m, m) of the residuals without σ_m; `instant` as in `Noisy.covariance`."""
+    return noisy_residuals(model, values, observations).covariance(instant)
 
-    `instant` is κ in s: wide if S weighs residuals (a fit of the instant), `t_std` for their size at the estimated one.
-    """
+
+def noisy_residuals(model: Model, values: Mapping[str, float], observations: Observations) -> Noisy:
+    """Residuals R of all impacts with their covariance."""
     o = observations
     if not o.span.any():
-        return noise_covariance(lambda o: impact_residuals(model, values, o), o, instant, model.has_arc)
+        return _of_single(model, values, o)
     single, episodes = np.flatnonzero(o.span == 0.0), np.flatnonzero(o.span)
-    instant, S = np.broadcast_to(instant, len(o)), np.zeros((len(o), 7, 7))
-    if len(single):
-        S[single] = residual_covariance(model, values, o.rows(single), instant[single])
-    S[episodes] = _episode_covariance(model, values, o.rows(episodes))
-    return S
+    whole = Noisy(*(np.zeros((len(o), 7) + (7,) * k) for k in (0, 1, 0)))
+    for rows, part in ((single, _of_single), (episodes, _of_episodes)):
+        if len(rows):
+            found = part(model, values, o.rows(rows))
+            whole.value[rows], whole.noise[rows], whole.by_instant[rows] = found.value, found.noise, found.by_instant
+    return whole
 
 
 def noise_covariance(
@@ -54,34 +77,57 @@ def noise_covariance(
         instant: κ in s, scalar or (n,).
         with_samples: whether the statistic uses `nodes` and `weights`.
     """
-    o, n = observations, len(observations)
-    std = np.sqrt(np.einsum("nsckk->nsck", o.cov))
-    step = np.where(std > 0.0, std, 1e-6)
-    data = list(product((0, 1), range(3), (0, 1)))  # side, channel, and value (0) or slope (1) of its line
-    # all secants in one call, on copies of the impacts: each datum moved up and down, and the instant as measured and
-    # a moment later
-    copies = o.tiled(2 * len(data) + 2, with_samples)
-    lines = [array.reshape(-1, n, 2, 3) for array in (copies.value, copies.slope)]
-    for i, (side, channel, k) in enumerate(data):
+    return _noisy(observations, statistic(_copies(observations, with_samples))).covariance(instant)
+
+
+def _copies(o: Observations, with_samples: bool) -> Observations:
+    """26 copies of the impacts: each datum moved up and down by its step, and the instant as measured and later."""
+    copies, step = o.tiled(2 * len(_DATA) + 2, with_samples), _step(o)
+    lines = [array.reshape(-1, len(o), 2, 3) for array in (copies.value, copies.slope)]
+    for i, (side, channel, k) in enumerate(_DATA):
         lines[k][2 * i, :, side, channel] += step[:, side, channel, k]
         lines[k][2 * i + 1, :, side, channel] -= step[:, side, channel, k]
     lines[0][-1] += _H_INSTANT * o.slope
-    R = statistic(copies).reshape(2 * len(data) + 2, n, -1)
+    return copies
 
+
+def _step(o: Observations) -> np.ndarray:
+    """Standard deviation of each datum, (n, side, channel, value or slope)."""
+    std = np.sqrt(np.einsum("nsckk->nsck", o.cov))
+    return np.where(std > 0.0, std, 1e-6)
+
+
+def _noisy(o: Observations, R: np.ndarray) -> Noisy:
+    """From the statistic (26 n, m) of the `_copies`."""
+    n, step = len(o), _step(o)
+    R = R.reshape(2 * len(_DATA) + 2, n, -1)
     up, down, (here, later) = R[0:-2:2], R[1:-2:2], R[-2:]
     secants = (up - down).reshape(2, 3, 2, n, -1)
     S = np.zeros((n, R.shape[2], R.shape[2]))
     for side, channel in product((0, 1), range(3)):
         A = np.stack(list(secants[side, channel]), axis=1) / (2.0 * step[:, side, channel, :, None])  # (n, 2, m)
         S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
-    if o.arcs:
-        w = (later - here) / _H_INSTANT
-        S += np.broadcast_to(instant, n)[:, None, None] ** 2 * w[:, :, None] * w[:, None, :]
-    return S
+    return Noisy(here, S, (later - here) / _H_INSTANT if o.arcs else np.zeros_like(here))
 
 
-def _episode_covariance(model: Model, values: Mapping[str, float], o: Observations) -> np.ndarray:
-    """S (n, 7, 7) of episodes, the last component with unit variance.
+def _of_single(model: Model, values: Mapping[str, float], o: Observations) -> Noisy:
+    """Residuals of single hits; copies that differ after the hit only share its prediction."""
+    n, copies = len(o), _copies(o, model.has_arc)
+    row = np.arange(len(copies))
+    first, last, here = row[: 12 * n], row[12 * n :], np.tile(row[24 * n : 25 * n], 12)
+    moved = np.concatenate([first, row[24 * n :]])
+    data = copies.picked(moved, model.has_arc)
+    before = state_beside(model, values, data, 0)
+    after = state_beside(model, values, copies.picked(last, model.has_arc), 1)
+    prediction = predict(model, values, data, before)
+    # where in `before` and `after` each copy has its state
+    at = np.concatenate([row[: 12 * n], here - 12 * n, row[12 * n : 14 * n]])
+    of = np.concatenate([here - 12 * n, row[: 14 * n]])
+    return _noisy(o, compare(model, values, before.select(at), after.select(of), prediction.select(at)))
+
+
+def _of_episodes(model: Model, values: Mapping[str, float], o: Observations) -> Noisy:
+    """Residuals of episodes, the last component with unit variance.
 
     Residuals r± at one standard deviation ±σ_i along the principal axes i of the noise give, to second order,
 
@@ -89,7 +135,7 @@ def _episode_covariance(model: Model, values: Mapping[str, float], o: Observatio
     """
     variance, axes = np.linalg.eigh(o.cov)  # (n, side, channel, i), (n, side, channel, value or slope, i)
     sigma = np.sqrt(np.maximum(variance, 0.0))[..., None, :] * axes
-    S = np.zeros((len(o), 7, 7))
+    value, S = np.zeros((len(o), 7)), np.zeros((len(o), 7, 7))
     S[:, 6, 6] = 1.0
     for side in (0, 1):
         copies = o.tiled(13, model.has_arc)
@@ -98,11 +144,12 @@ def _episode_covariance(model: Model, values: Mapping[str, float], o: Observatio
             for line, step in zip(lines, np.moveaxis(sigma[:, side, channel, :, i], 1, 0)):
                 line[2 * j, :, side, channel] += step
                 line[2 * j + 1, :, side, channel] -= step
-        state = states_at_impact(model, values, copies)[side]
+        state = state_beside(model, values, copies, side)
         if side == 0:
             state = end_of_episodes(model, values, o.rig, state, copies.span)
         r = np.concatenate([state.v, state.q], axis=1).reshape(13, len(o), 6)
+        value[:, :6] += (2 * side - 1) * r[12]
         up, down, here = r[0:12:2], r[1:12:2], r[12]
         for part in (0.5 * (up - down), np.sqrt(2.0) * (0.5 * (up + down) - here)):
             S[:, :6, :6] += np.einsum("inj,ink->njk", part, part)
-    return S
+    return Noisy(value, S, np.zeros_like(value))

@@ -162,7 +162,8 @@ class _Play:
         if self.model.is_compliant:
             self.touch[rows], self.touch_t[rows] = self.motion[rows], now
             return self._press(rows)
-        again = (now < self.over[rows]) & (point != self.last[rows])
+        # a corner may touch at the very instant at which another one is free
+        again = (now < self.over[rows] - _NOW) & (point != self.last[rows])
         if again.any():
             self._press(rows[again])
             rows, point, now = rows[~again], point[~again], now[~again]

@@ -1,38 +1,32 @@
 """Fit all parameters of a model under the measured noise, and score it.
 
-    log score of an impact   log t_ν(R; 0, S),   Student's t with ν = 8 in m dimensions
-    log score of a flight    the same in 3 dimensions
-
-The t distribution limits the influence of single impacts; for Gaussian residuals it loses 2 % of efficiency.  The fit
-is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residuals, with weights (ν + m)/(ν + d²).  At
-fixed S this maximises the likelihood; S and σ_m are updated between rounds.
+The fit is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened residuals, with the weights
+(ν + m)/(ν + d²) of the t distribution (`whitening`).  At fixed S this maximises the likelihood; S and σ_m are updated
+between rounds.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.special import gammaln
 from scipy.stats import chi2
 
 from thesis_lib.critique.drops.covariance import residual_covariance
+from thesis_lib.critique.drops.levenberg_marquardt import levenberg_marquardt
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
+from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, weight
 from thesis_lib.effects.effect import Effect, State
 
-NU = 8.0
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
-STEPS = 12  # Levenberg-Marquardt steps per round
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
-ENOUGH = 1e-3  # nats; a round ends below this gain per step, a twentieth of a standard error
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
-SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
 
 @dataclass(frozen=True)
@@ -40,19 +34,32 @@ class Fit:
     """A fitted model.
 
     Attributes:
-        values, std: by full parameter name.
-        covariance: (p, p) of the parameters in their order.
-        sigma_m: scatter beyond noise, m/s.
+        values: by full parameter name.
         score: log score of the training data, nats; n: number of impacts.
+        whitening: residuals at the last S and σ_m.
     """
 
     model: Model
     values: dict[str, float]
-    std: dict[str, float]
-    covariance: np.ndarray
-    sigma_m: float
     score: float
     n: int
+    whitening: Whitening = field(repr=False)
+
+    @property
+    def sigma_m(self) -> float:
+        """Scatter beyond noise, m/s."""
+        return self.whitening.sigma_m
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(p, p) of the fitted parameters in their order."""
+        return _covariance(self.whitening, self.values)
+
+    @cached_property
+    def std(self) -> dict[str, float]:
+        """Standard errors by full parameter name; 0 of what is on or off."""
+        errors = np.sqrt(np.diag(self.covariance)).tolist()
+        return dict.fromkeys(self.values, 0.0) | dict(zip(self.model.fitted_parameters, errors))
 
     @property
     def base(self) -> str:
@@ -63,46 +70,6 @@ class Fit:
     def effects(self) -> tuple[Effect, ...]:
         """Effects in the order of selection."""
         return self.model.effects
-
-
-class Whitening:
-    """Whitened residuals of a model at fixed S and σ_m.
-
-    Flights and states at impact are cached until one of their parameters changes.
-    """
-
-    def __init__(self, model: Model, observations: Observations, S: np.ndarray, sigma_m: float) -> None:
-        self.model, self.observations, self.sigma_m = model, observations, sigma_m
-        L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
-        self._inverse = np.linalg.inv(L)
-        self._log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
-        self._kept: tuple | None = None
-
-    @classmethod
-    def at(cls, model: Model, values: Mapping[str, float], observations: Observations) -> "Whitening":
-        """With the covariance and the most probable σ_m of the model at `values`."""
-        S = residual_covariance(model, values, observations)
-        return cls(model, observations, S, _best_sigma(model, values, observations, S))
-
-    def __call__(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened residuals of impacts (n, m) and flights (f, 3)."""
-        model, o = self.model, self.observations
-        key = [values[name] for name in model.flight_parameters]
-        if self._kept is None or self._kept[0] != key:
-            f = flight_residuals(model, values, o.flights, o.rig) / np.sqrt(o.flights.variance)
-            self._kept = key, states_at_impact(model, values, o), f
-        _, states, f = self._kept
-        R = impact_residuals(model, values, o, states)
-        return (self._inverse @ R[:, :, None])[:, :, 0], f
-
-    def stacked(self, values: Mapping[str, float]) -> np.ndarray:
-        """All whitened residuals as one vector (N,), impacts first."""
-        return np.concatenate([part.ravel() for part in self(values)])
-
-    def log_scores(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Log score in nats of each impact (n,) and each flight (f,)."""
-        z, f = self(values)
-        return _log_t(z, self._log_det), _log_t(f, np.log(self.observations.flights.variance).sum(1))
 
 
 def fit(
@@ -150,9 +117,9 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
 
     def column(values: Mapping[str, float], name: str, step: float) -> np.ndarray:
         moved = whitening({**values, name: values[name] + step})
-        return np.concatenate([(_weight(z) * (m - z) / step).ravel() for z, m in zip(here, moved)])
+        return np.concatenate([(weight(z) * (m - z) / step).ravel() for z, m in zip(here, moved)])
 
-    residual = np.concatenate([(_weight(z) * z).ravel() for z in here])
+    residual = np.concatenate([(weight(z) * z).ravel() for z in here])
     free = smaller.fitted_parameters.items()
     fitted = [column(at, name, inward(p, at[name], SLOPE_STEP * p.scale)) for name, p in free]
     sizes = {f"{effect.name}.{p.name}": p for p in effect.parameters if p.name not in shapes[0]}
@@ -178,55 +145,15 @@ def _fit_from(model: Model, observations: Observations, start: dict[str, float],
         values |= dict(zip(free, map(float, x)))
         whitening = Whitening.at(model, values, observations)
 
-        def residuals(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([_robust(z).ravel() for z in whitening({**values, **dict(zip(free, x))})])  # noqa: B023
+        def residuals(points: Sequence[np.ndarray]) -> list[np.ndarray]:
+            found = whitening.many([{**values, **dict(zip(free, map(float, x)))} for x in points])  # noqa: B023
+            return [np.concatenate([robust(part).ravel() for part in z]) for z in found]
 
-        x = _levenberg_marquardt(residuals, x, low, high, step)
+        x = levenberg_marquardt(residuals, x, low, high, step)
     values |= dict(zip(free, map(float, x)))
     whitening = Whitening.at(model, values, observations)
-    score, flight_score = whitening.log_scores(values)
-    covariance = _covariance(whitening, values)
-    std = dict.fromkeys(values, 0.0) | dict(zip(free, np.sqrt(np.diag(covariance)).tolist()))
-    total = float(score.sum() + flight_score.sum())
-    return Fit(model, values, std, covariance, whitening.sigma_m, total, len(observations))
-
-
-def _levenberg_marquardt(
-    residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray, low: np.ndarray, high: np.ndarray, step: np.ndarray
-) -> np.ndarray:
-    """Minimise |residuals(x)|² over x (p,) within the bounds `low`, `high`; `step` (p,): finite differences."""
-    r = residuals(x)
-    cost, damping = r @ r, 1e-3
-    J = np.zeros((len(r), len(x)))
-    for _ in range(STEPS):
-        for i in range(len(x)):
-            h = step[i] if x[i] + step[i] <= high[i] else -step[i]
-            moved = x.copy()
-            moved[i] += h
-            J[:, i] = (residuals(moved) - r) / h
-        JtJ, g = J.T @ J, J.T @ r
-        for _ in range(6):
-            # keep parameters at a bound if their step leaves the box
-            held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
-            move = ~held
-            d = np.zeros_like(x)
-            if not move.any():
-                return x
-            H = JtJ[np.ix_(move, move)]
-            d[move] = -np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g[move], rcond=None)[0]
-            new = np.clip(x + d, low, high)
-            r_new = residuals(new)
-            cost_new = r_new @ r_new
-            if cost_new < cost:
-                break
-            damping *= 10.0
-        else:
-            return x
-        gain = cost - cost_new
-        x, r, cost, damping = new, r_new, cost_new, max(damping / 10.0, 1e-8)
-        if gain < ENOUGH:
-            return x
-    return x
+    score = float(sum(part.sum() for part in whitening.log_scores(values)))
+    return Fit(model, values, score, len(observations), whitening)
 
 
 def _covariance(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray:
@@ -239,19 +166,16 @@ def _covariance(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray
     summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals this is 1.02 times the Cramér-Rao
     bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.
     """
-    here = whitening(values)
-    columns: list[list[np.ndarray]] = [[], []]
     free = whitening.model.fitted_parameters
-    for name, p in free.items():
-        h = inward(p, values[name], SLOPE_STEP * p.scale)
-        for part, moved, base in zip(columns, whitening({**values, name: values[name] + h}), here):
-            part.append((moved - base).ravel() / h)
+    steps = [inward(p, values[name], SLOPE_STEP * p.scale) for name, p in free.items()]
+    here, *moved = whitening.many([values, *({**values, name: values[name] + h} for name, h in zip(free, steps))])
+    columns = [[(m[part] - here[part]).ravel() / h for m, h in zip(moved, steps)] for part in (0, 1)]
     H, B = np.zeros((2, len(free), len(free)))
     for part, z in zip(columns, here):
         if not len(z):
             continue
         J, m = np.stack(part, axis=1), z.shape[1]
-        normal = _curvature_and_variance(chi2.ppf((np.arange(2000) + 0.5) / 2000, m), m)
+        normal = _of_normal(m)
         measured = _curvature_and_variance(np.einsum("nm,nm->n", z, z), m)
         a, b = max(measured, normal, key=lambda pair: pair[1] / pair[0] ** 2)
         information = J.T @ J
@@ -264,58 +188,17 @@ def _covariance(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray
     return inverse @ B @ inverse
 
 
+@lru_cache
+def _of_normal(m: int) -> tuple[float, float]:
+    """The same for normal residuals."""
+    return _curvature_and_variance(chi2.ppf((np.arange(2000) + 0.5) / 2000, m), m)
+
+
 def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:
     """a and b of `_covariance` from d² (n,) in m dimensions."""
     w = (NU + m) / (NU + d2)
     a = max(float(np.mean(w - 2.0 * w / (NU + d2) * d2 / m)), LEAST_CURVATURE)
     return a, float(np.mean(w * w * d2 / m))
-
-
-def _robust(z: np.ndarray) -> np.ndarray:
-    """Residuals with the sum of squares −2 log t_ν up to a constant."""
-    m = z.shape[1]
-    d2 = np.einsum("nm,nm->n", z, z)
-    scale = (NU + m) * np.log1p(d2 / NU) / np.where(d2 > 0, d2, 1.0)
-    return z * np.sqrt(np.where(d2 > 0, scale, 1.0))[:, None]
-
-
-def _weight(z: np.ndarray) -> np.ndarray:
-    """Square roots (n, 1) of the t distribution's weights, for whitened residuals (n, m)."""
-    return np.sqrt((NU + z.shape[1]) / (NU + np.einsum("nm,nm->n", z, z)))[:, None]
-
-
-def _log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
-    m = z.shape[1]
-    d2 = np.einsum("nm,nm->n", z, z)
-    constant = gammaln(0.5 * (NU + m)) - gammaln(0.5 * NU) - 0.5 * m * np.log(NU * np.pi)
-    return constant - 0.5 * log_det - 0.5 * (NU + m) * np.log1p(d2 / NU)
-
-
-def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
-    """σ_m² D (m, m); with episodes (n, m, m): the velocity after their first hit scatters, and moves the pose."""
-    variance = np.zeros(7 if observations.arcs else 3)
-    variance[:3] = sigma_m**2, sigma_m**2, (sigma_m / observations.rig.k_g) ** 2
-    scatter, span = np.diag(variance), observations.span
-    if not span.any():
-        return scatter
-    scatter = np.tile(scatter, (len(span), 1, 1))
-    for i in range(3):
-        scatter[:, 3 + i, 3 + i] = span**2 * variance[i]
-        scatter[:, i, 3 + i] = scatter[:, 3 + i, i] = span * variance[i]
-    return scatter
-
-
-def _best_sigma(model: Model, values: Mapping[str, float], observations: Observations, S: np.ndarray) -> float:
-    R = impact_residuals(model, values, observations)
-
-    def loss(log_sigma: float) -> float:
-        L = np.linalg.cholesky(S + _scatter(observations, np.exp(log_sigma)))
-        z = np.linalg.solve(L, R[:, :, None])[:, :, 0]
-        return -_log_t(z, 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)).sum()
-
-    bounds = (np.log(SIGMA_LOW), np.log(SIGMA_HIGH))
-    best = minimize_scalar(loss, bounds=bounds, method="bounded", options={"xatol": 0.05})
-    return float(np.exp(best.x))
 
 
 def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:

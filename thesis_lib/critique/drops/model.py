@@ -30,6 +30,7 @@ change τ from impact to impact.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -77,14 +78,14 @@ class Model:
     effects: tuple[Effect, ...] = ()
     takes_time: bool = False
 
-    @property
+    @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
         of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in effect.parameters}
         of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time
         return {p.name: p for p in of_law} | of_effects
 
-    @property
+    @cached_property
     def fitted_parameters(self) -> dict[str, Parameter]:
         """Those that are not on or off."""
         return {name: p for name, p in self.parameters.items() if p.discrete is None}
@@ -93,17 +94,22 @@ class Model:
         """The effects that override one of these hooks."""
         return [e for e in self.effects if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)]
 
-    @property
+    @cached_property
     def has_varying_flight(self) -> bool:
         """Whether the acceleration in flight may change with the velocity."""
         return bool(self.acting("acceleration"))
 
-    @property
+    @cached_property
+    def camera_is_exact(self) -> bool:
+        """Whether measured states are true ones."""
+        return not self.acting("to_true", "to_measured")
+
+    @cached_property
     def has_arc(self) -> bool:
         """Whether paths in flight may differ from parabolas."""
         return bool(self.acting("arc"))
 
-    @property
+    @cached_property
     def flight_parameters(self) -> list[str]:
         """Parameters on which the measured flights, and so the states at impact, depend."""
         acting = self.acting("to_true", "to_measured", "acceleration", "arc")
@@ -204,16 +210,18 @@ class Model:
         """As `strike`, from the true state to the true state; `offset` is that at the true pose."""
         active = self.active(values)
         contact = seen, r_x, *_ = self.contact_at(true, active, rig, offset)
+        space = contact_space_of(*contact)
         mu = np.full_like(r_x, values["mu"]) if mu is None else mu
         epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
-        after, depth = self._struck(*contact, active, rig, mu, epsilon), np.zeros_like(r_x)
+        after, depth = self._struck(contact, space, active, rig, mu, epsilon), np.zeros_like(r_x)
         if self.takes_time:
-            delay = self._delay(contact, after, values["tau"], active, rig)
+            delay = self._delay(contact, space, after, values["tau"], active, rig)
             fallen = delay * (true.vy + 0.5 * rig.gravity * delay)
             at_touch = rig.shape.gap(true.y - fallen, true.theta - delay * true.omega)
-            depth = np.where(contact_space_of(*contact).v_n < 0.0, at_touch - rig.shape.gap(true.y, true.theta), 0.0)
+            depth = np.where(space.v_n < 0.0, at_touch - rig.shape.gap(true.y, true.theta), 0.0)
             turned = TURNED * delay * (after.omega - seen.omega)
-            after = self._struck(*self.contact_at(true, active, rig, offset, turned), active, rig, mu, epsilon)
+            contact = self.contact_at(true, active, rig, offset, turned)
+            after = self._struck(contact, contact_space_of(*contact), active, rig, mu, epsilon)
         for effect, p in reversed(active):
             after = effect.from_contact(after, p, rig)
         return after, depth
@@ -224,35 +232,29 @@ class Model:
             return np.zeros_like(true.x)
         active = self.active(values)
         contact = self.contact_at(true, active, rig)
+        space = contact_space_of(*contact)
         mu, epsilon = (np.full_like(true.x, values[name]) for name in ("mu", "epsilon"))
-        return self._delay(contact, self._struck(*contact, active, rig, mu, epsilon), values["tau"], active, rig)
+        after = self._struck(contact, space, active, rig, mu, epsilon)
+        return self._delay(contact, space, after, values["tau"], active, rig)
 
     @staticmethod
-    def _delay(contact: tuple, after: State, tau: float, active: Sequence, rig: Rig) -> np.ndarray:
-        """t̄ (n,) in s of each impact, from what `contact` returns and the state after the impulse."""
-        seen, space = contact[0], contact_space_of(*contact)
+    def _delay(contact: tuple, space: ContactSpace, after: State, tau: float, active: Sequence, rig: Rig) -> np.ndarray:
+        """t̄ (n,) in s of each impact, from what `contact` returns, its space, and the state after the impulse."""
+        seen, r_x, *_ = contact
         tau = np.full_like(seen.x, tau)
         for effect, p in active:
             tau = effect.contact_time(tau, space, seen, p, rig)
         push = after.vy - seen.vy
-        gained = after.vy + contact[1] * after.omega - space.v_n
+        gained = after.vy + r_x * after.omega - space.v_n
         mobility = np.divide(gained, push, out=np.ones_like(push), where=push > 0.0)
         return tau / np.sqrt(np.maximum(mobility, LEAST_MOBILITY))
 
     def _struck(
-        self,
-        seen: State,
-        r_x: np.ndarray,
-        r_y: np.ndarray,
-        k_g: float,
-        active: Sequence,
-        rig: Rig,
-        mu: np.ndarray,
-        epsilon: np.ndarray,
+        self, contact: tuple, space: ContactSpace, active: Sequence, rig: Rig, mu: np.ndarray, epsilon: np.ndarray
     ) -> State:
         """State after the impulse as the contact sees it, from what `contact` returns and (μ, ε) of each impact."""
+        seen, r_x, r_y, k_g = contact
         w = 1.0 / (k_g * k_g)
-        space = contact_space_of(seen, r_x, r_y, k_g)
         for effect, p in active:
             mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
         with np.errstate(all="ignore"):
@@ -266,6 +268,8 @@ class Model:
     def acceleration(self, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Measured acceleration in flight (n, 3), m/s² and rad/s²."""
         active = self.active(values)
+        if self.camera_is_exact:
+            return self.true_acceleration(measured, active, rig)
         true = self.to_true(measured, active, rig)
         a = self.true_acceleration(true, active, rig)
         # the camera's map is linear in the velocity, so that a difference quotient is exact

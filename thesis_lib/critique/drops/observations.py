@@ -79,9 +79,13 @@ class Observations:
         return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})
 
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
-        """The impacts repeated `copies` times; without samples `nodes` and `weights` are not repeated."""
+        """The impacts repeated `copies` times, for a model; without samples `nodes` and `weights` are not repeated."""
+        return self.picked(np.tile(np.arange(len(self)), copies), with_samples)
+
+    def picked(self, rows: np.ndarray, with_samples: bool) -> "Observations":
+        """What a model needs of the impacts at `rows` (indices, also repeated)."""
         names = ("trial", "t", "span", "value", "slope", "bow", "offset") + ("nodes", "weights") * with_samples
-        return replace(self, **{name: np.concatenate([getattr(self, name)] * copies) for name in names})
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:

@@ -7,7 +7,7 @@ The residual of a flight has three, acceleration measured minus predicted ("flig
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import roots_gegenbauer
@@ -26,46 +26,87 @@ _PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [
 _PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
 
 
+@dataclass(frozen=True)
+class Prediction:
+    """What a model predicts of n impacts from the measured states before them.
+
+    Attributes:
+        v: (n, 3) velocity after, m/s and rad/s.
+        touch: (n,) gap in m that is left where the arcs meet; None without trajectories.
+        q: (n, 3) poses after, m and rad, NaN where they are those before; None if all are.
+    """
+
+    v: np.ndarray
+    touch: np.ndarray | None
+    q: np.ndarray | None
+
+    def select(self, rows: np.ndarray) -> "Prediction":
+        """The impacts at `rows`."""
+        touch, q = (array if array is None else array[rows] for array in (self.touch, self.q))
+        return Prediction(self.v[rows], touch, q)
+
+
 def states_at_impact(model: Model, values: Mapping[str, float], observations: Observations) -> tuple[State, State]:
     """Measured states just before and after impact, extrapolated with the model's flight."""
-    o, value, slope = observations, observations.value, observations.slope
-    sides = []
-    for side in (0, 1):
-        t = o.t if side == 0 else o.t + o.span
-        state = State.of(value[:, side], slope[:, side], o.trial, t)
-        if o.arcs:
-            a = model.acceleration(state, values, o.rig)
-            if model.has_varying_flight:
-                v = slope[:, side] - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
-                a = model.acceleration(state.with_velocity(v), values, o.rig)
-            q = value[:, side] - o.bow[:, side, :1] * a
-            v = slope[:, side] - o.bow[:, side, 1:] * a
-            state = State.of(q, v, o.trial, t)
-            beyond = model.arc(o.nodes[:, side], state, values, o.rig)
-            if beyond is not None:
-                line = o.weights[:, side] @ beyond
-                state = State.of(q - line[:, 0], v - line[:, 1], o.trial, t)
-        sides.append(state)
-    return sides[0], sides[1]
+    return state_beside(model, values, observations, 0), state_beside(model, values, observations, 1)
+
+
+def state_beside(model: Model, values: Mapping[str, float], observations: Observations, side: int) -> State:
+    """The state on one side of the impact: 0 before, 1 after."""
+    o, value, slope = observations, observations.value[:, side], observations.slope[:, side]
+    t = o.t if side == 0 else o.t + o.span
+    state = State.of(value, slope, o.trial, t)
+    if not o.arcs:
+        return state
+    a = model.acceleration(state, values, o.rig)
+    if model.has_varying_flight:
+        v = slope - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
+        a = model.acceleration(state.with_velocity(v), values, o.rig)
+    q = value - o.bow[:, side, :1] * a
+    v = slope - o.bow[:, side, 1:] * a
+    state = State.of(q, v, o.trial, t)
+    beyond = model.arc(o.nodes[:, side], state, values, o.rig) if model.has_arc else None
+    if beyond is None:
+        return state
+    line = o.weights[:, side] @ beyond
+    return State.of(q - line[:, 0], v - line[:, 1], o.trial, t)
 
 
 def impact_residuals(
     model: Model, values: Mapping[str, float], observations: Observations, states: tuple[State, State] | None = None
 ) -> np.ndarray:
     """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m); `states` as of `states_at_impact`."""
-    o, rig = observations, observations.rig
-    before, after = states or states_at_impact(model, values, o)
-    predicted, depth = model.strike(before, values, rig, o.offset)
+    before, after = states or states_at_impact(model, values, observations)
+    return compare(model, values, before, after, predict(model, values, observations, before))
+
+
+def predict(model: Model, values: Mapping[str, float], observations: Observations, before: State) -> Prediction:
+    """What follows from the measured states `before` impact."""
+    o, rig, n = observations, observations.rig, len(before.x)
     if not o.arcs:
-        return after.v - predicted.v
-    active = model.active(values)
-    meet = after.q - before.q - model.jump(before, after, values)
-    gap = model.gap(model.to_true(before, active, rig), values, rig)
-    residual = np.concatenate([after.v - predicted.v, meet, (gap + depth)[:, None]], axis=1)
+        return Prediction(model.predict(before, values, rig, o.offset).v, None, None)
+    v, touch, rows = np.empty((n, 3)), np.zeros(n), np.flatnonzero(o.span == 0.0)
+    single = before if len(rows) == n else before.select(rows)
+    after, depth = model.strike(single, values, rig, o.offset[rows])
+    v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(values), rig), values, rig) + depth
+    q = None
     for rows, ends in _played(model, values, o, before):
-        residual[rows, :3], residual[rows, 3:6] = (after.v[rows] - ends.v, after.q[rows] - ends.q)
-        residual[rows, 6] *= o.span[rows] == 0.0
-    return residual
+        q = np.full((n, 3), np.nan) if q is None else q
+        v[rows], q[rows] = ends.v, ends.q
+    return Prediction(v, touch, q)
+
+
+def compare(
+    model: Model, values: Mapping[str, float], before: State, after: State, prediction: Prediction
+) -> np.ndarray:
+    """R of measured states `before` and `after` impacts, as `impact_residuals`."""
+    dv = after.v - prediction.v
+    if prediction.touch is None:
+        return dv
+    meet = after.q - before.q - model.jump(before, after, values)
+    if prediction.q is not None:
+        meet = np.where(np.isnan(prediction.q), meet, after.q - prediction.q)
+    return np.concatenate([dv, meet, prediction.touch[:, None]], axis=1)
 
 
 def _played(

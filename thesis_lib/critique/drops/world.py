@@ -21,11 +21,12 @@ import numpy as np
 from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES, RESERVE
-from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, NU, SLOPE_STEP, Fit, Whitening, fit
+from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covariance
+from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, SLOPE_STEP, Fit, fit
 from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact, synthesise
+from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
+from thesis_lib.critique.drops.whitening import Whitening, weight
 from thesis_lib.critique.selection.search import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
@@ -119,8 +120,9 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def judge(self, fitted: Fit) -> Judgement:
         model, values, o = fitted.model, fitted.values, self.observations
-        whitening = Whitening(model, o, residual_covariance(model, values, o), fitted.sigma_m)
-        R, S = impact_residuals(model, values, o), residual_covariance(model, values, o, o.t_std)
+        noisy = noisy_residuals(model, values, o)
+        whitening = Whitening(model, o, noisy.covariance(), fitted.sigma_m, (values, noisy.value))
+        R, S = noisy.value, noisy.covariance(o.t_std)
         sigmas: dict[str, float] = dict.fromkeys(CHANNELS[1:], np.nan)
         flight = flight_residuals(model, values, o.flights, o.rig)
         if len(flight):
@@ -183,10 +185,11 @@ class Drops(World[Effect, Fit, Judgement]):
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
         model, S = fitted.model, residual_covariance(fitted.model, fitted.values, self.observations)
         here = Whitening(model, self.observations, S, fitted.sigma_m)
-        base, weight = here.stacked(fitted.values), np.concatenate([_weights(z) for z in here(fitted.values)])
+        base = here.stacked(fitted.values)
+        weights = np.concatenate([np.repeat(weight(z), z.shape[1]) for z in here(fitted.values)])
 
         def slope(whitening: Whitening, values: Mapping[str, float], name: str, step: float) -> np.ndarray:
-            return weight * (whitening.stacked({**values, name: values[name] + step}) - base) / step
+            return weights * (whitening.stacked({**values, name: values[name] + step}) - base) / step
 
         columns = [
             slope(here, fitted.values, name, inward(p, fitted.values[name], SLOPE_STEP * p.scale))
@@ -201,7 +204,7 @@ class Drops(World[Effect, Fit, Judgement]):
                 step = inward(p, p.null, p.scale) if p.discrete is None else p.discrete - p.null
                 secants.append(slope(with_it, values, f"{effect.name}.{p.name}", step))
             of_candidates[effect.name] = np.stack(secants, axis=1)
-        return Slopes(weight * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
+        return Slopes(weights * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
 
 
 def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str, Effect], dict[str, str]]:
@@ -236,9 +239,3 @@ def _robust_mean_square(z: np.ndarray) -> float:
     The median ignores a few flights with an undetected hit; the worst component shows a wrong gravity despite x and θ.
     """
     return float(np.max(robust_std(z)) ** 2)
-
-
-def _weights(z: np.ndarray) -> np.ndarray:
-    """Square roots of the t distribution's weights, (n m,), for whitened residuals (n, m)."""
-    m = z.shape[1]
-    return np.repeat(np.sqrt((NU + m) / (NU + np.einsum("nm,nm->n", z, z))), m)

@@ -19,9 +19,10 @@ import numpy as np
 
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import SLOPE_STEP, Whitening
+from thesis_lib.critique.drops.fit import SLOPE_STEP
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals
+from thesis_lib.critique.drops.whitening import Whitening
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95

@@ -1,0 +1,52 @@
+"""Least squares by the method of Levenberg and Marquardt, within bounds.
+
+Source: Marquardt 1963, doi:10.1137/0111030.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+STEPS = 12
+ENOUGH = 1e-3  # nats; the search ends below this gain per step, a twentieth of a standard error
+
+
+def levenberg_marquardt(
+    residuals: Callable[[Sequence[np.ndarray]], list[np.ndarray]],
+    x: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    step: np.ndarray,
+) -> np.ndarray:
+    """Minimise |r(x)|² over x (p,) within the bounds `low`, `high`.
+
+    `residuals` takes several x at once and returns r (N,) of each; `step` (p,) is that of finite differences.
+    """
+    (r,) = residuals([x])
+    cost, damping = r @ r, 1e-3
+    for _ in range(STEPS):
+        h = np.where(x + step <= high, step, -step)
+        J = np.stack([(moved - r) / h_i for moved, h_i in zip(residuals(list(x + np.diag(h))), h)], axis=1)
+        JtJ, g = J.T @ J, J.T @ r
+        for _ in range(6):
+            # keep parameters at a bound if their step leaves the box
+            held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
+            move = ~held
+            d = np.zeros_like(x)
+            if not move.any():
+                return x
+            H = JtJ[np.ix_(move, move)]
+            d[move] = -np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g[move], rcond=None)[0]
+            new = np.clip(x + d, low, high)
+            (r_new,) = residuals([new])
+            cost_new = r_new @ r_new
+            if cost_new < cost:
+                break
+            damping *= 10.0
+        else:
+            return x
+        gain = cost - cost_new
+        x, r, cost, damping = new, r_new, cost_new, max(damping / 10.0, 1e-8)
+        if gain < ENOUGH:
+            return x
+    return x

@@ -1,0 +1,145 @@
+"""Whitened residuals of a model, and their likelihood under Student's t distribution.
+
+    log score of an impact   log t_ν(R; 0, S),   ν = 8, in m dimensions
+    log score of a flight    the same in 3 dimensions
+
+The t distribution limits the influence of single impacts; for Gaussian residuals it loses 2 % of efficiency.  The
+scatter σ_m that neither noise nor model explains is added to S: it has σ_m² D on the velocities after impact,
+D = diag(1, 1, 1/k²).
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import gammaln
+
+from thesis_lib.critique.drops.covariance import noisy_residuals
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
+
+NU = 8.0
+SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
+
+
+class Whitening:
+    """Whitened residuals of a model at fixed S and σ_m.
+
+    Flights and states at impact are cached until one of their parameters changes, all residuals until any does; `known`
+    are values and the residuals (n, m) at them.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        observations: Observations,
+        S: np.ndarray,
+        sigma_m: float,
+        known: tuple[Mapping[str, float], np.ndarray] | None = None,
+    ) -> None:
+        self.model, self.observations, self.sigma_m = model, observations, sigma_m
+        L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
+        self._inverse = np.linalg.inv(L)
+        self._log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
+        self._kept: tuple | None = None
+        self._last = known
+
+    @classmethod
+    def at(cls, model: Model, values: Mapping[str, float], observations: Observations) -> "Whitening":
+        """With the covariance and the most probable σ_m of the model at `values`."""
+        noisy = noisy_residuals(model, values, observations)
+        S = noisy.covariance()
+        sigma_m = most_probable_scatter(noisy.value, S, observations)
+        return cls(model, observations, S, sigma_m, (dict(values), noisy.value))
+
+    def __call__(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened residuals of impacts (n, m) and flights (f, 3)."""
+        model, o = self.model, self.observations
+        key = [values[name] for name in model.flight_parameters]
+        if self._kept is None or self._kept[0] != key:
+            f = flight_residuals(model, values, o.flights, o.rig) / np.sqrt(o.flights.variance)
+            self._kept = key, states_at_impact(model, values, o), f
+        _, states, f = self._kept
+        if self._last is None or self._last[0] != values:
+            self._last = dict(values), impact_residuals(model, values, o, states)
+        return (self._inverse @ self._last[1][:, :, None])[:, :, 0], f
+
+    def many(self, points: Sequence[Mapping[str, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The same for each of several sets of values."""
+        return [self(values) for values in points]
+
+    def stacked(self, values: Mapping[str, float]) -> np.ndarray:
+        """All whitened residuals as one vector (N,), impacts first."""
+        return np.concatenate([part.ravel() for part in self(values)])
+
+    def log_scores(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Log score in nats of each impact (n,) and each flight (f,)."""
+        z, f = self(values)
+        return log_t(z, self._log_det), log_t(f, np.log(self.observations.flights.variance).sum(1))
+
+
+def robust(z: np.ndarray) -> np.ndarray:
+    """Residuals with the sum of squares −2 log t_ν up to a constant."""
+    m = z.shape[1]
+    d2 = np.einsum("nm,nm->n", z, z)
+    scale = (NU + m) * np.log1p(d2 / NU) / np.where(d2 > 0, d2, 1.0)
+    return z * np.sqrt(np.where(d2 > 0, scale, 1.0))[:, None]
+
+
+def weight(z: np.ndarray) -> np.ndarray:
+    """Square roots (n, 1) of the t distribution's weights, for whitened residuals (n, m)."""
+    return np.sqrt((NU + z.shape[1]) / (NU + np.einsum("nm,nm->n", z, z)))[:, None]
+
+
+def log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
+    m = z.shape[1]
+    d2 = np.einsum("nm,nm->n", z, z)
+    constant = gammaln(0.5 * (NU + m)) - gammaln(0.5 * NU) - 0.5 * m * np.log(NU * np.pi)
+    return constant - 0.5 * log_det - 0.5 * (NU + m) * np.log1p(d2 / NU)
+
+
+def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
+    """σ_m² D (m, m); with episodes (n, m, m): the velocity after their first hit scatters, and moves the pose."""
+    variance = np.zeros(7 if observations.arcs else 3)
+    variance[:3] = sigma_m**2, sigma_m**2, (sigma_m / observations.rig.k_g) ** 2
+    scatter, span = np.diag(variance), observations.span
+    if not span.any():
+        return scatter
+    scatter = np.tile(scatter, (len(span), 1, 1))
+    for i in range(3):
+        scatter[:, 3 + i, 3 + i] = span**2 * variance[i]
+        scatter[:, i, 3 + i] = scatter[:, 3 + i, i] = span * variance[i]
+    return scatter
+
+
+def most_probable_scatter(R: np.ndarray, S: np.ndarray, observations: Observations) -> float:
+    """σ_m in m/s that makes the residuals R (n, m) of covariance S (n, m, m) most probable.
+
+    In coordinates in which the scatter moves the velocities alone, with the others given and with the eigenvalues λ_i
+    of what is left of S there, an impact has d² = d_0² + Σ e_i²/(λ_i + σ²) and log det S = Σ log(λ_i + σ²) + const.
+    """
+    m, far = R.shape[1], np.zeros(len(R))
+    if R.shape[1] > 3:
+        span = observations.span[:, None]
+        R, S = R.copy(), S.copy()
+        R[:, 3:6] -= span * R[:, :3]
+        S[:, 3:6] -= span[:, None] * S[:, :3]
+        S[:, :, 3:6] -= span[:, None] * S[:, :, :3]
+        others, across = R[:, 3:, None], S[:, 3:, :3]
+        solved = np.linalg.solve(S[:, 3:, 3:], np.concatenate([others, across], axis=2))
+        far = np.einsum("nij,nij->n", others, solved[:, :, :1])
+        given = np.swapaxes(across, 1, 2) @ solved
+        R, S = R[:, :3] - given[:, :, 0], S[:, :3, :3] - given[:, :, 1:]
+    unit = np.array([1.0, 1.0, observations.rig.k_g])
+    variance, axes = np.linalg.eigh(S * np.outer(unit, unit))
+    variance, square = np.maximum(variance, 0.0), (np.swapaxes(axes, 1, 2) @ (unit * R)[:, :, None])[:, :, 0] ** 2
+
+    def loss(log_sigma: float) -> float:
+        total = variance + np.exp(2.0 * log_sigma)
+        d2 = far + (square / total).sum(axis=1)
+        return float(0.5 * np.log(total).sum() + 0.5 * (NU + m) * np.log1p(d2 / NU).sum())
+
+    bounds = (np.log(SIGMA_LOW), np.log(SIGMA_HIGH))
+    best = minimize_scalar(loss, bounds=bounds, method="bounded", options={"xatol": 0.05})
+    return float(np.exp(best.x))
