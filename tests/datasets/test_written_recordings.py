@@ -8,6 +8,8 @@ from scipy.stats import binom
 
 from tests.datasets.written_recordings import CASES as RECORDINGS
 from tests.datasets.written_recordings import NORMAL, Case, measure, simulated
+from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.colour import slope_variance
@@ -17,6 +19,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, HiddenCauses
 from thesis_lib.simulate.rig.tracker import Tracker
+from thesis_lib.statistics.spread import robust_std
 
 ASKED = 0.92, 0.97  # share of velocities within their 95 % interval
 CHANCE = 1e-3  # one-sided, of a binomial count; errors of an impact are taken as independent in three of its six values
@@ -75,12 +78,64 @@ def test_a_long_contact_is_not_called_a_filter(contact_time: float):
 
 
 @pytest.mark.parametrize(
-    ("touch_time", "told"), [(0.5e-3, "The samples were smoothed"), (6e-3, "Contacts last about 12 ms")]
+    ("touch_time", "told"), [(0.5e-3, "Corners at impacts are rounded"), (6e-3, "Contacts last about 12 ms")]
 )
 def test_rounding_is_a_filter_or_a_long_contact(touch_time: float, told: str):
-    (text,) = rounding_warning(0.012, 1e-3, touch_time, 4e-3)
+    (text,) = rounding_warning(0.012, 1e-3, touch_time, 4e-3, None)
     assert text.startswith(told) and "Samples within 12 ms" in text
-    assert rounding_warning(1e-3, 1e-3, touch_time, 4e-3) == ()
+    assert rounding_warning(1e-3, 1e-3, touch_time, 4e-3, None) == ()
+
+
+FILTERS = {  # name of the recording and its cutoff in Hz
+    "moving average 50 Hz": 37.0,
+    "moving average, 1000 Hz": 63.0,
+    "Butterworth 30 Hz": 30.0,
+    "Butterworth 100 Hz, 1000 Hz": 100.0,
+    "filtfilt 60 Hz": 60.0,
+    "Kalman smoother 30 Hz": 30.0,
+}
+
+
+@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("contact_time", [1e-3, 3e-3])
+def test_a_filter_is_measured_whatever_its_kind(name: str, contact_time: float):
+    dataset, _ = simulated(RECORDINGS[name], "ellipse", contact_time, 60, 905)
+    low_pass = find_impacts(dataset).low_pass
+    assert low_pass is not None
+    value, std = low_pass.cutoff
+    assert abs(value - FILTERS[name]) < 2.0 * std < 0.4 * value
+
+
+def test_a_moving_average_lowers_falling_bodies_and_that_is_put_right():
+    n, interval = 3, 4e-3  # samples of the average, and seconds between them
+    dataset, _ = simulated(RECORDINGS["moving average 50 Hz"], "ellipse", 1e-3, 60, 905)
+    plain, _ = simulated(Case(), "ellipse", 1e-3, 60, 905)
+    found, expected = find_impacts(dataset), find_impacts(plain)
+    low_pass = found.low_pass
+    assert low_pass is not None and low_pass.moves_parabolas
+    variance = (n**2 - 1) / 12.0 * interval**2
+    assert abs(low_pass.second_moment - variance) < 3.0 * low_pass.second_moment_std < 0.1 * variance
+    # hits of the same drops, far from the surface by what the contact's time does and nothing else
+    gap, true = found.used_arcs["gap"].to_numpy(), expected.used_arcs["gap"].to_numpy()
+    error = np.hypot(*(robust_std(g - np.median(g)) * 1.25 / np.sqrt(len(g)) for g in (gap, true)))
+    assert abs(np.median(gap) - np.median(true)) < 2.0 * error
+
+
+@pytest.mark.slow
+def test_smoothed_drops_are_adequate_with_the_contact_time_that_they_have():
+    critiques = []
+    for case in (Case(), RECORDINGS["moving average 50 Hz"]):
+        dataset, _ = simulated(case, "ellipse", 1e-3, 100, 906)
+        critiques.append(criticise(dataset, rng=np.random.default_rng(0)))
+    assert [c.verdict for c in critiques] == ["adequate", "adequate"]
+    fitted = [c.ladder[-1][1] for c in critiques]
+    tau, std = zip(*((f.values["tau"], f.std["tau"]) for f in fitted))
+    assert min(tau) > 10.0 * max(std)
+    assert abs(tau[0] - tau[1]) < 3.0 * np.hypot(*std)
+    content = diagnosis(critiques[1], np.random.default_rng(1))
+    assert content["low_pass"]["cutoff"]["value"] == pytest.approx(37.0, rel=0.2)
+    assert content["summary"][0].startswith("The samples were smoothed by a low-pass filter of about 3")
+    assert "low_pass" not in diagnosis(critiques[0], np.random.default_rng(1))
 
 
 def test_data_smoothed_beyond_their_flights_are_refused():

@@ -24,7 +24,7 @@ def summary(content: Mapping) -> list[str]:
     clearing = [e for e in content["effects"] if e["clears"]]
     by_hand = [e for e in content["effects"] if not e["clears"]]
     faults = [e for e in clearing if e["family"] == "measurement"]
-    sentences = [*_faults(clearing, faults), *_left_out(content)]
+    sentences = [*_low_pass(content), *_faults(clearing, faults), *_left_out(content)]
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*_contact_time(content["augmented_model"]["parameters"]), *_by_hand(content, clearing, by_hand)]
@@ -54,6 +54,16 @@ def _faults(found: Sequence[Mapping], faults: Sequence[Mapping]) -> list[str]:
                 "as physics."
             )
     return sentences
+
+
+def _low_pass(content: Mapping) -> list[str]:
+    if "low_pass" not in content:
+        return []
+    cutoff = content["low_pass"]["cutoff"]
+    return [
+        f"The samples were smoothed by a low-pass filter of about {cutoff['value']:.0f} Hz (± {cutoff['std']:.0f} Hz); "
+        "those that it rounded are not used, so it does not pass for a long contact, but it costs the shorter flights."
+    ]
 
 
 def _left_out(content: Mapping) -> list[str]:

@@ -1,6 +1,6 @@
 """Poses of all trials as flat arrays, and the settings of the search for impacts in them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -65,6 +65,10 @@ class Samples:
     def select(self, rows: np.ndarray) -> "Samples":
         """The samples at `rows` (mask or indices)."""
         return Samples(self.trial[rows], self.t[rows], self.q[rows], self.run[rows])
+
+    def raised(self, height: float) -> "Samples":
+        """The samples with `height` (m) added to y."""
+        return replace(self, q=self.q + [0.0, height, 0.0])
 
     def without_gravity(self, gravity: float) -> np.ndarray:
         """q (N, 3) with g t²/2 added to y, t from the start of the trial: free flight becomes a straight line."""

@@ -7,7 +7,6 @@ measured are left out with a reason; the others carry a covariance.
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_sample
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.impacts.lines import norm
+from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
 from thesis_lib.datasets.impacts.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
@@ -49,6 +49,7 @@ _MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets
 _FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
 _SIDEWAYS = 0.4  # of gravity, one sigma in flight: beyond it no motion in the plane of the camera
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
+_Found = tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class FoundImpacts:
     # the poses searched, sorted, without glitches and ends of records that stand out; None if impacts.csv was used
     samples: Samples | None = None
     guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
+    low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
     warnings: tuple[str, ...] = ()  # sentences for the user
 
     @property
@@ -113,7 +115,10 @@ def find_in_arrays(
     settings = settings or ArcSettings()
     everything = make_samples(trial, t, q, header, settings)
     stated = stated_sigma(header)
-    search = partial(_search, everything, header, stated)
+
+    def search(settings: ArcSettings, least: np.ndarray) -> _Found:
+        return _search(everything, header, stated, settings, least)
+
     samples, at, fits, noise, glitch, sigma = search(settings, np.zeros(3))
     least = np.zeros(3)
     if (noise.colour > 1.0).any():
@@ -127,9 +132,16 @@ def find_in_arrays(
         noise.stray[0] < _SIDEWAYS * header.gravity
     ):  # samples that leave arcs of a body out of its plane are not rounded
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
+    low_pass, lasting = None, 0.0
     if rounded > usual:
         settings = settings.model_copy(update={"guard": rounded})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
+        lasting, known = touch_time(fits, header), np.fmax(noise.sigma, SIGMA_FLOOR)
+        low_pass = low_pass_of(fits, samples, known, header.gravity, rounded, sampling_interval(samples), lasting)
+        if low_pass is not None and low_pass.moves_parabolas:
+            # the filter lowered all free fall alike
+            everything = everything.raised(0.5 * header.gravity * low_pass.second_moment)
+            samples, at, fits, noise, glitch, sigma = search(settings, least)
     noise = with_colour(noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0)
     glitches = _reported_glitches(everything, glitch)
 
@@ -160,7 +172,7 @@ def find_in_arrays(
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
     warnings = (
-        *rounding_warning(settings.guard, usual, touch_time(impacts, fits.gap[used]), sampling_interval(samples)),
+        *rounding_warning(settings.guard, usual, lasting, sampling_interval(samples), low_pass),
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
     )
     return FoundImpacts(
@@ -171,6 +183,7 @@ def find_in_arrays(
         glitches=glitches,
         samples=samples,
         guard=settings.guard,
+        low_pass=low_pass,
         warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings)),
     )
 
@@ -182,7 +195,7 @@ def _instants(samples: Samples, header: Header, sigma: np.ndarray, settings: Arc
 
 def _search(
     everything: Samples, header: Header, stated: np.ndarray, settings: ArcSettings, least: np.ndarray
-) -> tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]:
+) -> _Found:
     """Samples without glitches, instants (n,), arcs, noise, mask of glitches, noise (3,) with which arcs were fitted.
 
     `stated` (3,) is the header's noise, NaN where it states none; hits stand out of noise of at least `least` (3,).

@@ -20,9 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits
+from thesis_lib.datasets.impacts.low_pass import LowPass
 from thesis_lib.datasets.impacts.windows import sides_of, windows_around
 from thesis_lib.foundation.errors import UserError
 
@@ -136,7 +137,9 @@ def rounding_within(
     return Rounding(edges, ratio, count)
 
 
-def rounding_warning(guard: float, usual: float, touch_time: float, interval: float) -> tuple[str, ...]:
+def rounding_warning(
+    guard: float, usual: float, touch_time: float, interval: float, low_pass: LowPass | None
+) -> tuple[str, ...]:
     """A sentence for the user if samples further from impacts than `usual` are left out; times in s.
 
     A contact that lasts T sinks in for τ = `touch_time` ≈ T/2, and its samples lie within about 1.2 τ of the instant
@@ -146,21 +149,23 @@ def rounding_warning(guard: float, usual: float, touch_time: float, interval: fl
         return ()
     # the last rounded samples are at least this far from the impact
     least = max(0.5 * guard - interval, usual)
-    if least > _CONTACT * touch_time:
-        why = "The samples were smoothed (a low-pass filter, a moving average or a Kalman smoother): corners at impacts"
-        why += f" are rounded far beyond what contacts of about {2e3 * touch_time:.2g} ms do."
+    contacts = f"contacts of about {2e3 * touch_time:.2g} ms"
+    if low_pass is not None:
+        why = f"The samples were smoothed by {low_pass.text()}: corners at impacts are rounded more than {contacts} do."
+    elif least > _CONTACT * touch_time:
+        why = f"Corners at impacts are rounded further than {contacts} reach, as if the samples were smoothed."
     else:
         why = f"Contacts last about {2e3 * touch_time:.2g} ms, several samples."
     return (f"{why} Samples within {1e3 * guard:.3g} ms of an impact belong to no flight and are not used.",)
 
 
-def touch_time(impacts: Impacts, gap: np.ndarray) -> float:
-    """τ in s of n impacts from how far below the surface their arcs meet, −φ_n √K_nn / |v_n|: the median, at least 0.
-
-    `gap` (n,) is φ_n in m.
-    """
-    if not len(impacts):
+def touch_time(fits: ArcFits, header: Header) -> float:
+    """τ in s of contacts from how far below the surface the arcs meet, −φ_n √K_nn / |v_n|: the median, at least 0."""
+    rows = np.flatnonzero(fits.converged & (fits.n_side >= 2).all(1))
+    r_x = header.body.shape.contact_point(fits.q[rows, 2])[:, 0]
+    v_n = np.abs(fits.v_pre[rows, 1] + r_x * fits.v_pre[rows, 2])
+    rows, r_x, v_n = (a[v_n > 0.0] for a in (rows, r_x, v_n))
+    if not len(rows):
         return 0.0
-    r_x = impacts.r[:, 0]
-    v_n = impacts.v_pre[:, 1] + r_x * impacts.v_pre[:, 2]
-    return max(float(np.median(-gap * np.sqrt(1.0 + (r_x / impacts.k_g) ** 2) / np.abs(v_n))), 0.0)
+    root_K = np.sqrt(1.0 + (r_x / header.body.radius_of_gyration) ** 2)
+    return max(float(np.median(-fits.gap[rows] * root_K / v_n)), 0.0)

@@ -1,0 +1,106 @@
+"""The low-pass filter that smoothed the samples, from how far corners at impacts are rounded.
+
+A filter with impulse response h (of unit area; its mean is the delay, and time is counted from there) changes a path
+whose velocity jumps by Δv at τ = 0 by Δv r(τ), and a parabola of acceleration a by a constant:
+
+    r(τ) = ∫ (τ − s)⁺ h(s) ds − τ⁺,      ∫ r dτ = m₂/2,      parabola + a m₂/2,      m₂ = ∫ s² h(s) ds.           (1)
+
+T_r = r(0), by which a corner misses its tip, is the filter's time constant.  Of filters with |H| = 1/√2 at ω_c it is
+
+    T_r ω_c = 0.35 (moving average), 0.33 (Gaussian), 0.28 (second-order Butterworth, once or forwards and backwards),
+              0.29 (Kalman smoother of constant acceleration)                                                       (2)
+
+so that ω_c = 0.31/T_r holds to an eighth for all of them.  m₂ is σ² of a Gaussian filter and W²/12 of a moving average
+of width W; filters whose gain is flat to second order, as the last two, have m₂ = 0 and leave a parabola where it was.
+
+A contact sinks in as a filter cannot, but rounds the corner as well: a force of half a sine of duration T does so as
+if it were h, T_r = T (1/4 − 1/(2π)) with T ≈ 2 τ.  One after the other two filters have √(T₁² + T₂²), as two Gaussian
+ones have; that of the contact is taken off.  Near its tip
+
+    r(τ) + |τ|/2 = T_r + h(0) τ²/2,      h(0) = 1/(2π T_r)    (Gaussian),                                            (3)
+
+which samples an interval apart resolve if it has a solution T_r for their mean τ².
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.impacts.arcs import ArcFits
+from thesis_lib.datasets.impacts.windows import windows_around
+from thesis_lib.statistics.spread import robust_std
+
+OF_CUTOFF, SPREAD = 0.31, 0.12  # T_r ω_c, and its relative spread between kinds of filters, (2)
+OF_CONTACT = 2.0 * (0.25 - 0.5 / np.pi)  # T_r / τ of a contact
+MEDIAN = 1.2533  # standard error of a median over that of a mean, of normal errors
+CLEAR = 3.0  # standard errors
+FEWEST = 12  # impacts with a sample next to them
+ARC = 6  # samples on either side: shorter arcs say too little of the path without the filter
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A filter as its time constant T_r and second moment m₂, (1), with standard errors; s and s²."""
+
+    time_constant: float
+    time_constant_std: float
+    second_moment: float
+    second_moment_std: float
+
+    @property
+    def cutoff(self) -> tuple[float, float]:
+        """Cutoff frequency in Hz, at which a motion is written 1/√2 as large, and its standard error (2)."""
+        value = OF_CUTOFF / (2.0 * np.pi * self.time_constant)
+        return value, value * float(np.hypot(SPREAD, self.time_constant_std / self.time_constant))
+
+    @property
+    def moves_parabolas(self) -> bool:
+        """Whether m₂ is more than chance."""
+        return self.second_moment > CLEAR * self.second_moment_std
+
+    def text(self) -> str:
+        """What it is, for a sentence."""
+        value, std = self.cutoff
+        milliseconds = f"{1e3 * self.time_constant:.2g} ± {1e3 * self.time_constant_std:.1g} ms"
+        return f"a low-pass filter of about {value:.2g} Hz (± {std:.1g} Hz; time constant {milliseconds})"
+
+
+def low_pass_of(
+    fits: ArcFits, samples: Samples, sigma: np.ndarray, gravity: float, guard: float, interval: float, touch_time: float
+) -> LowPass | None:
+    """The filter that rounds corners at impacts beyond what contacts of τ = `touch_time` do; None if none does.
+
+    The arcs `fits` must have left out the samples within `guard` of an impact; `sigma` (3,) is the noise of x, y, θ in
+    m, m, rad, `gravity` in m/s²; the other times are in s, `interval` that between samples.
+    """
+    windows = windows_around(samples, fits.at, int(np.ceil(guard / interval)) + 2)
+    tau = windows.t - (fits.t - windows.t_0)[:, None]
+    v = np.where((tau < 0.0)[..., None], fits.v_pre[:, None], fits.v_post[:, None])
+    fall = np.array([0.0, -gravity, 0.0])
+    path = (fits.q - windows.q_0)[:, None] + v * tau[..., None] + 0.5 * fall * tau[..., None] ** 2
+    jump = (fits.v_post - fits.v_pre) / sigma
+    size = (jump**2).sum(1)
+    rows = (fits.n_side >= ARC).all(1) & fits.converged & (size > 0.0)
+    # r(τ): the deviation along Δv, over Δv
+    r = np.einsum("nwc,nc->nw", (windows.q - path) / sigma, jump) / np.where(size, size, 1.0)[:, None]
+    inside = windows.usable & (np.abs(tau) < guard) & rows[:, None]
+    tip = inside & (np.abs(tau) < 0.5 * interval)
+    if tip.sum() < FEWEST:
+        return None
+    above, above_std = _median(r[tip] + 0.5 * np.abs(tau[tip]))
+    moment, moment_std = _median(2.0 * interval * np.where(inside, r, 0.0).sum(1)[rows])
+    resolved = above**2 - np.mean(tau[tip] ** 2) / np.pi
+    if above < 0.0 or resolved < 0.0:
+        return None
+    both, contact = 0.5 * (above + np.sqrt(resolved)), OF_CONTACT * touch_time
+    constant_std = above_std * both / np.sqrt(resolved) if resolved else np.inf
+    constant = float(np.sqrt(max(both**2 - contact**2, 0.0)))
+    if constant < max(CLEAR * constant_std, contact):
+        return None
+    return LowPass(constant, float(constant_std), moment, moment_std)
+
+
+def _median(values: np.ndarray) -> tuple[float, float]:
+    """Median and its standard error."""
+    return float(np.median(values)), float(MEDIAN * robust_std(values - np.median(values)) / np.sqrt(len(values)))
