@@ -25,7 +25,6 @@ from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.world import CHANNELS, channel_is_material
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
-from thesis_lib.datasets.impacts.low_pass import LowPass
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.bootstrap import bootstrap_mean
@@ -64,7 +63,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "next_experiment": next_experiment(critique, rng),
     }
     if (low_pass := critique.observations.found.low_pass) is not None:
-        content["low_pass"] = _low_pass(low_pass)
+        content["low_pass"] = low_pass.content()
     rungs = ladder(critique, rng) if rungs is None else rungs
     for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
         content["error"][key] = [float(row["error_low"]), float(row["error_high"])]
@@ -74,15 +73,6 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     content["laws"][discovery.base]["interval"] = content["error"]["base_interval"]
     content["summary"] = summary(content)
     return six_digits(content)
-
-
-def _low_pass(low_pass: LowPass) -> dict:
-    """The filter that smoothed the samples."""
-    cutoff, std = low_pass.cutoff
-    return {
-        "cutoff": {"value": cutoff, "std": std, "unit": "Hz"},
-        "time_constant": {"value": low_pass.time_constant, "std": low_pass.time_constant_std, "unit": "s"},
-    }
 
 
 def _parameters(fitted: Fit, of: str = "") -> dict:

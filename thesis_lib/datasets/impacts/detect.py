@@ -84,6 +84,7 @@ class FoundImpacts:
             "noise": {key: value if np.isfinite(value) else None for key, value in noise.items()},
             "noise_source": self.noise.source,
             "glitches": len(self.glitches),
+            "low_pass": None if self.low_pass is None else self.low_pass.content(),
             "warnings": list(self.warnings),
         }
 

@@ -59,6 +59,14 @@ class LowPass:
         """Whether m₂ is more than chance."""
         return self.second_moment > CLEAR * self.second_moment_std
 
+    def content(self) -> dict:
+        """Cutoff frequency and time constant, ready for JSON."""
+        cutoff, std = self.cutoff
+        return {
+            "cutoff": {"value": cutoff, "std": std, "unit": "Hz"},
+            "time_constant": {"value": self.time_constant, "std": self.time_constant_std, "unit": "s"},
+        }
+
     def text(self) -> str:
         """What it is, for a sentence."""
         value, std = self.cutoff
