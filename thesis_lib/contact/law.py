@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from thesis_lib.contact.normal_force import NormalForce
 from thesis_lib.contact.space import ContactSpace, contact_space
 
 
@@ -66,7 +67,7 @@ class Law:
         breaks: promises that it breaks, with the share of impacts in which it does (in the tests' reference draw).
         reference: where the law is defined.
         mu_unit: unit of μ; "1" except for the viscous variant.
-        is_compliant: whether `impulse` is the limit of a contact that takes time.
+        force: of a contact that takes time, whose limit `impulse` is.
     """
 
     name: str
@@ -76,7 +77,7 @@ class Law:
     reference: str
     breaks: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
     mu_unit: str = "1"
-    is_compliant: bool = False
+    force: NormalForce | None = None
 
     @property
     def as_published(self) -> bool:

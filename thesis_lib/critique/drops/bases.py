@@ -1,30 +1,63 @@
-"""Models without effects that the critique starts from: the impact laws, and a compliant contact.
+"""Models without effects that the critique starts from: the impact laws, and compliant contacts.
 
-`COMPLIANT` is a linear spring that returns the share ε² of its work, with Coulomb friction; it takes time.
-
-    loading    f_n = k δ
-    unloading  f_n = k δ_m (δ − δ_0)₊ / (δ_m − δ_0),   δ_0 = (1 − ε²) δ_m,   δ_m the greatest depth so far
+A compliant contact takes time, and the critique integrates the motion of the body under its force
+(`thesis_lib/critique/drops/pressing.py`), with Coulomb friction.  They differ in their normal force
+(`thesis_lib/contact/normal_force.py`).
 
 The shorter the contact, the less does the body move meanwhile.  In the limit the impulse is that of Routh's path with
-Stronge's energetic restitution, which is Mirtich's law; `impulse` is this limit.  Where contacts take time, the
-critique integrates the motion of the body under the force (`thesis_lib/critique/drops/pressing.py`).
-
-Source: Walton and Braun 1986, doi:10.1122/1.549893.
+Stronge's energetic restitution, which is Mirtich's law, with the ε that the force has for the mass that the contact
+feels in compression and for its speed; `impulse` is this limit.
 """
 
 from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import replace
 
-from thesis_lib.contact import LAWS, mirtich
-from thesis_lib.contact.law import Law
+import numpy as np
 
-COMPLIANT = replace(
-    mirtich.LAW,
-    name="compliant_contact",
-    title="compliant contact",
-    reference="Walton and Braun 1986, doi:10.1122/1.549893",
-    is_compliant=True,
+from thesis_lib.contact import LAWS, mirtich
+from thesis_lib.contact.law import ImpulseFunction, Law
+from thesis_lib.contact.normal_force import HuntCrossley, LinearDamper, NormalForce
+from thesis_lib.contact.slip_path import slip_path
+from thesis_lib.critique.drops.model import LEAST_MOBILITY
+
+HERTZ = 1.5  # exponent
+
+
+def _limit(force: NormalForce) -> ImpulseFunction:
+    def impulse(space, mu, epsilon):
+        with np.errstate(all="ignore"):
+            mobility = np.maximum(-space.v_n / slip_path(space, mu).p_c, LEAST_MOBILITY)
+        return mirtich.impulse(space, mu, force.epsilon_at(epsilon, mobility, space.v_n))
+
+    return impulse
+
+
+def _compliant(name: str, title: str, force: NormalForce, reference: str) -> Law:
+    return replace(mirtich.LAW, name=name, title=title, impulse=_limit(force), reference=reference, force=force)
+
+
+COMPLIANT = (
+    _compliant("compliant_contact", "compliant contact", NormalForce(), "Walton and Braun 1986, doi:10.1122/1.549893"),
+    _compliant("hertz_contact", "Hertz's contact", NormalForce(HERTZ), "Johnson 1985, doi:10.1017/CBO9781139171731"),
+    _compliant(
+        "damped_contact",
+        "spring and damper",
+        LinearDamper(),
+        "Schwager and Pöschel 2007, doi:10.1007/s10035-007-0065-z",
+    ),
+    _compliant(
+        "hunt_crossley_contact",
+        "Hunt and Crossley's contact",
+        HuntCrossley(),
+        "Hunt and Crossley 1975, doi:10.1115/1.3423596",
+    ),
+    _compliant(
+        "hunt_crossley_hertz_contact",
+        "Hunt and Crossley's contact on Hertz's spring",
+        HuntCrossley(HERTZ),
+        "Hunt and Crossley 1975, doi:10.1115/1.3423596",
+    ),
 )
-BASES: Mapping[str, Law] = ChainMap({COMPLIANT.name: COMPLIANT}, LAWS)
-RESERVE = (COMPLIANT.name,)  # those that are tried where rigid laws leave an error
+BASES: Mapping[str, Law] = ChainMap({law.name: law for law in COMPLIANT}, LAWS)
+RESERVE = tuple(law.name for law in COMPLIANT)  # those that are tried where rigid laws leave an error

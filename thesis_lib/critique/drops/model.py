@@ -118,7 +118,12 @@ class Model:
     @property
     def is_compliant(self) -> bool:
         """Whether contacts are integrated in time rather than resolved by an impulse."""
-        return self.takes_time and self.law.is_compliant
+        return self.takes_time and self.law.force is not None
+
+    @property
+    def limit(self) -> "Model":
+        """The model with the impulse that the contacts of a compliant law have in the limit of short ones."""
+        return replace(self, law=replace(self.law, force=None)) if self.is_compliant else self
 
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""
@@ -215,7 +220,7 @@ class Model:
         epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
         after, depth = self._struck(contact, space, active, rig, mu, epsilon), np.zeros_like(r_x)
         if self.takes_time:
-            delay = self._delay(contact, space, after, values["tau"], active, rig)
+            delay = self._delay(contact, space, after, values, active, rig)
             fallen = delay * (true.vy + 0.5 * rig.gravity * delay)
             at_touch = rig.shape.gap(true.y - fallen, true.theta - delay * true.omega)
             depth = np.where(space.v_n < 0.0, at_touch - rig.shape.gap(true.y, true.theta), 0.0)
@@ -235,19 +240,23 @@ class Model:
         space = contact_space_of(*contact)
         mu, epsilon = (np.full_like(true.x, values[name]) for name in ("mu", "epsilon"))
         after = self._struck(contact, space, active, rig, mu, epsilon)
-        return self._delay(contact, space, after, values["tau"], active, rig)
+        return self._delay(contact, space, after, values, active, rig)
 
-    @staticmethod
-    def _delay(contact: tuple, space: ContactSpace, after: State, tau: float, active: Sequence, rig: Rig) -> np.ndarray:
+    def _delay(
+        self, contact: tuple, space: ContactSpace, after: State, values: Mapping[str, float], active: Sequence, rig: Rig
+    ) -> np.ndarray:
         """t̄ (n,) in s of each impact, from what `contact` returns, its space, and the state after the impulse."""
         seen, r_x, *_ = contact
-        tau = np.full_like(seen.x, tau)
+        tau = np.full_like(seen.x, values["tau"])
         for effect, p in active:
             tau = effect.contact_time(tau, space, seen, p, rig)
         push = after.vy - seen.vy
         gained = after.vy + r_x * after.omega - space.v_n
         mobility = np.divide(gained, push, out=np.ones_like(push), where=push > 0.0)
-        return tau / np.sqrt(np.maximum(mobility, LEAST_MOBILITY))
+        mobility = np.maximum(mobility, LEAST_MOBILITY)
+        if self.law.force is not None:
+            tau = self.law.force.tau_at(tau, np.full_like(tau, values["epsilon"]), mobility, space.v_n)
+        return tau / np.sqrt(mobility)
 
     def _struck(
         self, contact: tuple, space: ContactSpace, active: Sequence, rig: Rig, mu: np.ndarray, epsilon: np.ndarray

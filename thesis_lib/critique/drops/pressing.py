@@ -1,19 +1,15 @@
-"""Contacts integrated in time: springs at all contact points of a body, from touch until none presses any more.
+"""Contacts integrated in time: forces at all contact points of a body, from touch until none presses any more.
 
-They resolve contacts that overlap, and all contacts of a compliant law.  Each contact point has the contact that the
-simulators have and that τ stands for (`model`): a linear spring that returns the share ε² of its work, and Coulomb
-friction.  Per unit mass, with δ the depth and δ_m the greatest depth so far:
+They resolve contacts that overlap, and all contacts of a compliant law.  Each contact point has the normal force of the
+law, or a linear spring that returns the share ε² of its work where the law has none, and Coulomb friction; L and v₀ are
+the units of `thesis_lib/contact/normal_force.py`.  Per unit mass, with x the depth over L,
 
-    loading    f_n = Ω² δ
-    unloading  f_n = Ω² δ_m (δ − δ_0)₊ / (δ_m − δ_0),   δ_0 = (1 − ε²) δ_m
+    normal     f_n = f(x, x', x_m; D) v₀²/L,   D and L from ε and τ of a central contact
     friction   what ends the slip within the step, at most μ f_n
-    Ω = (π/2) (1 + ε) / T                               T: duration of a central contact
 
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
 the law is added to the impulse of each corner, at the velocity with which it touched.
-
-Source: Walton and Braun 1986, doi:10.1122/1.549893.
 """
 
 from collections.abc import Mapping
@@ -22,34 +18,35 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from thesis_lib.bodies.shapes import Corner, Polygon, Shape
+from thesis_lib.contact.normal_force import SPEED, NormalForce
 from thesis_lib.contact.space import ContactSpace
-from thesis_lib.critique.drops.model import Model, contact_space_of, duration
+from thesis_lib.critique.drops.model import Model, contact_space_of
 from thesis_lib.effects.effect import Impulse, Rig, State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
 STEPS = 48  # in one central contact
 SHORTEST = 1e-6  # s; no camera tells it from an instant
 LONGEST = 4  # central contacts; a body that presses longer rests
-_LEAST = 1e-6  # of the work that a plastic contact returns, so that its unloading has a slope
+SPRING = NormalForce()  # of laws without a force
 
 
 @dataclass(frozen=True)
 class _Springs:
-    """The p contact points of n bodies at first touch: (p, n) from the centre of mass in m, gap in m, μ, share ε² of
-    the work.
+    """The p contact points of n bodies at first touch: (p, n) from the centre of mass in m, gap in m, μ, loss D, unit
+    L of depth in m.
 
-    `w` is 1/k² in 1/m², `gravity` in m/s², `stiffness` Ω² in 1/s²; `shape` of a smooth body, with its angles `theta`
-    (n,) in rad.
+    `w` is 1/k² in 1/m², `gravity` in m/s²; `shape` of a smooth body, with its angles `theta` (n,) in rad.
     """
 
     r_x: np.ndarray
     r_y: np.ndarray
     gap: np.ndarray
     mu: np.ndarray
-    share: np.ndarray
+    loss: np.ndarray
+    length: np.ndarray
+    force: NormalForce
     w: float
     gravity: float
-    stiffness: float
     shape: Shape | None
     theta: np.ndarray
 
@@ -99,16 +96,19 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     tiled = State(*(np.tile(getattr(true, item.name), corners) for item in fields(State)))
     seen, r_x, r_y, k_g = model.contact_at(tiled, active, at_corner)
     space = contact_space_of(seen, r_x, r_y, k_g)
-    mu, epsilon = (np.full(corners * n, values[name]) for name in ("mu", "epsilon"))
+    force = model.law.force or SPRING
+    mu, epsilon, tau = (np.full(corners * n, values[name]) for name in ("mu", "epsilon", "tau"))
+    as_fitted = force.loss(epsilon)
     for effect, p in active:
         mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
-    T = max(duration(values["tau"], values["epsilon"]), SHORTEST)
-    of_corners = (r_x, r_y, model.gap(tiled, values, at_corner), mu, np.maximum(epsilon**2, _LEAST))
-    r, r_up, gap, friction, share = (a.reshape(corners, n) for a in of_corners)
-    stiffness = (0.5 * np.pi * (1.0 + values["epsilon"]) / T) ** 2
-    springs = _Springs(r, r_up, gap, friction, share, k_g**-2.0, rig.gravity, stiffness, smooth, true.theta)
+        tau = effect.contact_time(tau, space, seen, p, rig)
+    length = force.length(np.maximum(tau, SHORTEST), as_fitted)
+    of_corners = (r_x, r_y, model.gap(tiled, values, at_corner), mu, force.loss(epsilon), length)
+    r, r_up, gap, friction, loss, unit = (a.reshape(corners, n) for a in of_corners)
+    springs = _Springs(r, r_up, gap, friction, loss, unit, force, k_g**-2.0, rig.gravity, smooth, true.theta)
     frame = seen.select(np.arange(n))
-    pressed = _integrate(springs, frame.v, T / STEPS)
+    central = force.duration(as_fitted[:n]) * unit.min(axis=0) / SPEED
+    pressed = _integrate(springs, frame.v, central / STEPS)
     v = pressed.v + _added(model, values, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
     after = State.of(frame.q + pressed.shift, v, frame.trial, frame.t + pressed.elapsed)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
@@ -144,21 +144,24 @@ def _added(
     return np.stack([a.reshape(pressed.c_t.shape).sum(axis=0) for a in (d_t, d_n, turn)], axis=1)
 
 
-def _integrate(s: _Springs, v: np.ndarray, h: float) -> _Pressed:
-    """Steps of `h` in s, half a drift, a kick and half a drift, from velocity v (n, 3) until all corners are free."""
+def _integrate(s: _Springs, v: np.ndarray, steps: np.ndarray) -> _Pressed:
+    """Steps (n,) in s, half a drift, a kick and half a drift, from velocity v (n, 3) until all corners are free."""
     n, moving = len(v), np.arange(len(v))
     shift, elapsed = np.zeros((n, 3)), np.zeros(n)
     c_t, c_n, deepest = (np.zeros_like(s.gap) for _ in range(3))
     v = v.copy()
     for _ in range(LONGEST * STEPS):
-        at, speed = shift[moving] + 0.5 * h * v[moving], v[moving]
-        share, mu = s.share[:, moving], s.mu[:, moving]
+        h, unit, mu = steps[moving], s.length[:, moving], s.mu[:, moving]
+        half, speed = 0.5 * h[:, None], v[moving]
+        at = shift[moving] + half * speed
         r_x, r_y = s.points(moving, at[:, 2])
         depth = -(s.gap[:, moving] + at[:, 1] + r_y - s.r_y[:, moving])
+        rate = -(speed[:, 1] + r_x * speed[:, 2])
         most = np.maximum(deepest[:, moving], depth)
-        # loading along Ω² δ; unloading, more steeply, to δ_0
-        force = np.where(depth < most, np.maximum(depth - (1.0 - share) * most, 0.0) / share, depth)
-        push = np.where(most > 0.0, h * s.stiffness * force, 0.0)
+        force, slope = s.force.push(depth / unit, rate / SPEED, most / unit, s.loss[:, moving])
+        # a damper acts at the velocity in the middle of the step
+        kick = h * SPEED**2 / unit
+        push = kick * force / (1.0 + 0.5 * kick * slope * (1.0 + r_x * r_x * s.w))
         speed[:, 1] += push.sum(axis=0) - h * s.gravity
         speed[:, 2] += s.w * (r_x * push).sum(axis=0)
         several = np.maximum((push > 0.0).sum(axis=0), 1)
@@ -166,7 +169,7 @@ def _integrate(s: _Springs, v: np.ndarray, h: float) -> _Pressed:
         drag = np.clip(-slip / ((1.0 + r_y * r_y * s.w) * several), -mu * push, mu * push)
         speed[:, 0] += drag.sum(axis=0)
         speed[:, 2] -= s.w * (r_y * drag).sum(axis=0)
-        shift[moving], v[moving] = at + 0.5 * h * speed, speed
+        shift[moving], v[moving] = at + half * speed, speed
         elapsed[moving] += h
         c_t[:, moving] += drag
         c_n[:, moving] += push

@@ -33,9 +33,9 @@ from thesis_lib.critique.selection.world import Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.statistics.spread import quantile_std, robust_std
 
-# a compliant law takes ten times as long; it is tried beyond this median error over noise, and where bodies turn by
-# this much more (rad) during a contact
-LEAVES, TURNS = 1.2, 0.02
+# a compliant contact takes ten times as long; it is tried beyond this median error over noise, where bodies turn by
+# this much more (rad) during a contact, or where its limit as an impact law gains this much (nats)
+LEAVES, TURNS, GAINS = 1.2, 0.02, 3.0
 CHANNELS = ("impact", "flight", "meet", "touch")
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
 FLOOR_SEED = 0
@@ -101,7 +101,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, *, quick: bool = False
     ) -> Fit:
         model = Model(BASES[base], effects, self.timed)
-        return fit(model, self.quick, start, rounds=1) if quick else fit(model, self.observations, start)
+        return fit(model.limit, self.quick, start, rounds=1) if quick else fit(model, self.observations, start)
 
     @cached_property
     def quick(self) -> Observations:
@@ -163,10 +163,20 @@ class Drops(World[Effect, Fit, Judgement]):
             excess=mean([part.excess for part in parts]),
         )
 
-    def calls_for_reserve(self, fitted: Fit, judged: Judgement) -> bool:
+    def reserve_fits(self, fitted: Fit, judged: Judgement) -> list[Fit]:
+        if not self.reserve or judged.excess <= LEAVES:
+            return []
         before, after = states_at_impact(fitted.model, fitted.values, self.observations)
         turn = fitted.values["tau"] * float(np.median(np.abs(after.omega - before.omega)))
-        return judged.excess > LEAVES and turn > TURNS
+        rigid = fit(fitted.model, self.quick, fitted.values, rounds=1)
+        of_law = {p.name for p in BASE_PARAMETERS}
+        start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
+        for name in self.reserve:
+            limit = self.fit(name, fitted.effects, start, quick=True)
+            if turn > TURNS or limit.score > rigid.score + GAINS:
+                model = Model(BASES[name], fitted.effects, self.timed)
+                fits.append(fit(model, self.quick, limit.values, rounds=1))
+        return fits
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         return any(channel_is_material(better, worse, channel, settings) for channel in candidate.channels)
@@ -179,7 +189,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return {name: value for name, value in fitted.values.items() if name not in of_law}
 
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
-        synthetic = synthesise(fitted.model, fitted.values, self.observations, rng, fitted.sigma_m)
+        synthetic = synthesise(fitted.model.limit, fitted.values, self.observations, rng, fitted.sigma_m)
         return type(self)(synthetic, self.rivals, self.timed)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:

@@ -55,7 +55,7 @@ class SavedModel(Section):
 
     schema_: Literal[1] = Field(1, alias="schema", description="version of this format")
     dataset: str = Field("", description="fitted to it")
-    law: str = Field(description="an impact law, or compliant_contact")
+    law: str = Field(description="an impact law or a compliant contact")
     effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
     parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, tau if seen, effect.parameter")
     scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")

@@ -8,6 +8,8 @@
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
    and it lowers a held-out error materially.  A gain near the null is corrected by refits to data without the effect.
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
+5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
+   the next effect would.
 
 Random streams are named by effects, so that a further candidate changes no draw of the others.
 """
@@ -148,12 +150,15 @@ class _Search(Generic[E, F, J]):
         fits = {name: world.fit(name, ()) for name in world.bases}
         bases = {name: (fitted, world.cross_validate(fitted, self.folds)) for name, fitted in fits.items()}
         ranked = sorted(bases, key=lambda name: -bases[name][1].total)
-        ranked = self.with_reserve(bases, ranked)
         fitted, judged = bases[ranked[0]]
+        most = self.settings.max_effects if fixed is None else len(fixed)
+        if (fixed is not None or not most) and (other := self.other_base(fitted, judged, None)):
+            bases[other[0].base] = fitted, judged = other
+        base = fitted.base
         steps: list[Step[E, F, J]] = []
         dropped: set[str] = set()
         first_scan = below = None
-        while len(steps) < (self.settings.max_effects if fixed is None else len(fixed)):
+        while len(steps) < most:
             taken = {step.effect.name for step in steps} | dropped
             candidates = [e for e in world.candidates.values() if e.name not in taken]
             if fixed is not None:
@@ -166,10 +171,18 @@ class _Search(Generic[E, F, J]):
             self.say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
             # a missing effect may favour the wrong base: the next best bases are tried with it, too
             contenders = [fitted] if steps else [bases[name][0] for name in ranked[: world.rivals]]
-            if fitted.base in world.reserve:  # takes long to fit: the best of the others stands in for it in quick fits
-                stand_in = next(name for name in ranked if name in world.bases)
-                contenders = [world.fit(stand_in, fitted.effects, fitted.values, quick=True)]
+            if fitted.base in world.reserve:
+                contenders = [world.fit(fitted.base, fitted.effects, fitted.values, quick=True)]
+                candidates = self.worth_a_fit(candidates, tests) if fixed is None else candidates
             step, below = self.best_step(fitted, judged, contenders, candidates, tests, fixed is not None)
+            if fixed is None and (other := self.other_base(fitted, judged, step)):
+                fitted, judged = other
+                self.say(f"step {len(steps) + 1}: another base, {fitted.base}")
+                if steps:
+                    steps[-1] = replace(steps[-1], fitted=fitted, judged=judged)
+                else:
+                    bases[fitted.base], base = other, fitted.base
+                continue
             if step is None:
                 break
             step = self.with_best_base(step)
@@ -184,20 +197,33 @@ class _Search(Generic[E, F, J]):
         taken = {step.effect.name for step in steps}
         rest = [e for e in world.candidates.values() if e.name not in taken]
         last_scan = self.scan(fitted, rest, "last null")
-        return Discovery(bases, ranked[0], tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
+        return Discovery(bases, base, tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
 
-    def with_reserve(self, bases: dict[str, tuple[F, J]], ranked: list[str]) -> list[str]:
-        """`ranked` with those of the reserve in front that predict better; all that are tried join `bases`."""
-        world, (fitted, best) = self.world, bases[ranked[0]]
-        if not world.reserve or not world.calls_for_reserve(fitted, best):
-            return ranked
-        for name in world.reserve:
-            fitted = world.fit(name, ())
-            bases[name] = fitted, world.cross_validate(fitted, self.folds)
-            gain = self.gain(bases[name][1], best, "reserve", name)
-            better = gain[1] > 0.0 and bases[name][1].total - best.total > self.settings.tell_apart
-            ranked = [name, *ranked] if better else [*ranked, name]
-        return ranked
+    def other_base(self, fitted: F, judged: J, step: Step[E, F, J] | None) -> tuple[F, J] | None:
+        """Fit and judgement of a base of the reserve with the same effects, if it predicts better than the next effect.
+
+        `step` is that with the next effect; None if there is none.
+        """
+        world, least = self.world, self.settings.tell_apart
+        quick = [] if fitted.base in world.reserve else world.reserve_fits(fitted, judged)
+        if not quick:
+            return None
+        rival, to_beat = (step.fitted, step.judged) if step else (fitted, judged)
+        best = max(quick, key=lambda fit: fit.score)
+        best = world.fit(best.base, best.effects, best.values)
+        if best.score - rival.score < least:
+            return None
+        other = world.cross_validate(best, self.folds)
+        gain = self.gain(other, to_beat, "reserve", best.base)
+        return (best, other) if gain[1] > 0.0 and other.total - to_beat.total > least else None
+
+    def worth_a_fit(self, candidates: Sequence[E], tests: Scan) -> list[E]:
+        """The candidates whose score test comes within half of what is significant; a base of the reserve fits slowly.
+
+        It is chosen where it leaves little, so that slopes at the null mean what they say.
+        """
+        least = 0.5 * np.quantile(tests.null, 1.0 - self.settings.alpha)
+        return [e for e in candidates if tests.gain[e.name] >= least]
 
     def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
         slopes = self.world.slopes(fitted, candidates)

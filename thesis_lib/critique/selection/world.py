@@ -98,7 +98,7 @@ class World(ABC, Generic[E, F, J]):
     Attributes:
         candidates: effects that these data can test, by name; not_testable: name -> why not.
         bases: names of the models without effects, of which the best is chosen.
-        reserve: further bases, tried where the best of `bases` leaves an error, chosen where clearly better.
+        reserve: further bases, slow to fit, tried where a model leaves an error, chosen where clearly better.
         rivals: number of bases tried with the first effect; without it the wrong base may fit best.
         trials: numbers of the trials, ascending.
         unit: "impact" or "window".
@@ -136,9 +136,9 @@ class World(ABC, Generic[E, F, J]):
     def slopes(self, fitted: F, candidates: Sequence[E]) -> Slopes:
         """Slopes of the fitted model and of the candidates."""
 
-    def calls_for_reserve(self, fitted: F, judged: J) -> bool:
-        """Whether the best of `bases` leaves an error that the reserve may explain."""
-        return True
+    def reserve_fits(self, fitted: F, judged: J) -> list[F]:
+        """Quick fits, with the same effects, of those of the reserve that may explain what a model leaves."""
+        return []
 
     @abstractmethod
     def is_material(self, better: J, worse: J, candidate: E, settings: SearchSettings) -> bool:

@@ -1,0 +1,72 @@
+"""Compliant bases: their integrated contacts, the limit of short ones, and where the search takes them."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES, RESERVE
+from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.pressing import press
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.effects.effect import Rig, State
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, CompliantContact
+
+RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
+SHORT = {"mu": 0.15, "epsilon": 0.6, "tau": 2e-6}  # s; nothing moves meanwhile
+STEPPED = 0.006  # of ε: 48 steps in a contact, which ends within one
+
+
+def touching(theta: np.ndarray, v: np.ndarray) -> State:
+    """Ellipses at angles (n,) in rad that touch with velocities (n, 3)."""
+    height = -RIG.shape.contact_point(theta)[:, 1]
+    return State.of(np.column_stack([np.zeros_like(theta), height, theta]), v, np.arange(len(theta)), 0.0 * theta)
+
+
+@pytest.mark.parametrize("name", RESERVE)
+def test_a_contact_without_friction_has_the_restitution_of_its_force(name):
+    theta = np.array([0.0, 0.5, 0.9, 1.3, 0.5, 0.9])
+    speed = np.array([1.0, 1.0, 1.0, 1.0, 3.0, 0.4])
+    v = np.column_stack([np.zeros(6), -speed, np.zeros(6)])
+    after, elapsed = press(Model(BASES[name], takes_time=True), SHORT | {"mu": 0.0}, RIG, touching(theta, v))
+    r_x = RIG.shape.contact_point(theta)[:, 0]
+    b = 1.0 + (r_x / RIG.k_g) ** 2
+    force = BASES[name].force
+    expected = force.epsilon_at(np.full(6, SHORT["epsilon"]), b, speed)
+    assert (after.vy + r_x * after.omega) / speed == pytest.approx(expected, abs=STEPPED)
+    # the impulse acts at its centroid: its moment about the touch is what the centre of mass is ahead by
+    dv = after.vy + speed
+    ahead = after.y - touching(theta, v).y + speed * elapsed
+    tau = force.tau_at(np.full(6, SHORT["tau"]), np.full(6, SHORT["epsilon"]), b, speed)
+    assert elapsed - ahead / dv == pytest.approx(tau / np.sqrt(b), rel=0.02)
+
+
+@pytest.mark.parametrize("name", RESERVE)
+def test_short_contacts_tend_to_the_limit(name):
+    rng = np.random.default_rng(3)
+    v = np.column_stack([rng.uniform(-1.5, 1.5, 100), rng.uniform(-3.0, -0.8, 100), rng.uniform(-12.0, 12.0, 100)])
+    state = touching(rng.uniform(0.0, 2.0 * np.pi, 100), v)
+    r_x = RIG.shape.contact_point(state.theta)[:, 0]
+    state = state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
+    model = Model(BASES[name], takes_time=True)
+    after, _ = press(model, SHORT, RIG, state)
+    limit, _ = model.limit.collide(state, SHORT, RIG)
+    plain, _ = Model(LAWS["mirtich"]).collide(state, SHORT, RIG)
+    scale = [1.0, 1.0, RIG.k_g]
+    error, other = (np.median(np.linalg.norm((after.v - s.v) * scale, axis=1)) for s in (limit, plain))
+    assert error < 0.001  # of 3 m/s
+    assert error < 0.1 * other or name in ("compliant_contact", "hertz_contact")
+
+
+@pytest.mark.slow
+def test_hertz_is_named_where_contacts_are_long():
+    contact = CompliantContact(contact_time=3e-3, exponent=1.5)
+    rng = np.random.default_rng(1)
+    made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 150, contact=contact, noise=RIG_NOISE, rng=rng)
+    judged = criticise(Dataset("hertz", made.header, made.trajectories), rng=np.random.default_rng(1))
+    assert judged.verdict == "adequate"
+    fitted = judged.ladder[-1][1]
+    assert fitted.base == "hertz_contact" and fitted.values["epsilon"] == pytest.approx(0.55, abs=0.003)
+    assert fitted.values["mu"] == pytest.approx(0.15, abs=0.002)
+    assert judged.discovery.bases["hertz_contact"][1].total > judged.discovery.bases["mirtich"][1].total + 100.0

@@ -1,0 +1,176 @@
+"""Normal forces of contacts that take time, and what a central contact under each of them does.
+
+In units of a length L, of v₀ = 1 m/s and of L/v₀, with x the depth, x' its rate, x_m the greatest depth so far and D
+the loss, the force per mass is
+
+    hysteresis      f = xⁿ while loading,  f = ((x − (1 − D) x_m)₊ / D)ⁿ below x_m,  D = ε²
+    linear damper   f = (x + D x')₊
+    Hunt-Crossley   f = xⁿ (1 + D x')₊
+
+with n = 1 for a linear spring and 3/2 for Hertz's contact.  No contact pulls.  A central contact, x'' = −f from x = 0
+and x' = 1, is over after S, where f is 0 again; its velocity is −ε then.  The centroid of its impulse is at
+s = (ε S + x(S)) / (1 + ε).  So ε and τ = s L / v₀ of a central contact at v₀ say everything: D follows from ε, and L
+from τ.
+
+A contact at another speed v or of another mass 1/b has the same motion in other units, L' = L (v²/(b v₀²))^(1/(n+1)):
+
+| force         | its loss | so restitution                      | time          |
+|---------------|----------|-------------------------------------|---------------|
+| hysteresis    | D        | is the same at any speed and mass   | s L'/v        |
+| linear damper | D √b     | is less where less mass is behind   | s(D √b) L'/v  |
+| Hunt-Crossley | D v/v₀   | is less in faster contacts          | s(D v/v₀) L'/v |
+
+Sources: Walton and Braun 1986, doi:10.1122/1.549893; Schwager and Pöschel 2007, doi:10.1007/s10035-007-0065-z; Hunt and
+Crossley 1975, doi:10.1115/1.3423596; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731 (Hertz).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+SPEED = 1.0  # m/s, v₀
+LEAST = 1e-6  # D of a hysteresis: of the work that a plastic contact returns, so that its unloading has a slope
+LOSSES = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 300)])  # D of the table; ε is below 0.05 at the last
+FINE = 4e-3  # step of the table's integration; ε and S to 1e-5
+SLOWEST = 1e-2  # m/s, below every impact that a camera sees; keeps powers finite
+
+
+@dataclass(frozen=True)
+class NormalForce:
+    """A force with the `exponent` n; this one returns the share ε² of its work."""
+
+    exponent: float = 1.0
+
+    def push(
+        self, depth: np.ndarray, rate: np.ndarray, deepest: np.ndarray, loss: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """f and ∂f/∂x' for x, x', x_m and D, arrays that broadcast, in the units of the docstring."""
+        below = np.maximum(depth - (1.0 - loss) * deepest, 0.0) / loss
+        return self._power(np.where(depth < deepest, below, np.maximum(depth, 0.0))), np.zeros_like(depth)
+
+    def loss(self, epsilon: np.ndarray) -> np.ndarray:
+        """D of contacts with restitutions ε at v₀."""
+        return np.maximum(epsilon * epsilon, LEAST)
+
+    def changed(self, loss: np.ndarray, b: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        """D of contacts of mass 1/b at speeds in m/s, from D of a central one at v₀."""
+        return loss + 0.0 * b * speed
+
+    def restitution(self, loss: np.ndarray) -> np.ndarray:
+        """ε of contacts with the loss D."""
+        return np.sqrt(loss)
+
+    def duration(self, loss: np.ndarray) -> np.ndarray:
+        """S of contacts with the loss D."""
+        return self._half * (1.0 + np.sqrt(loss))
+
+    def centroid(self, loss: np.ndarray) -> np.ndarray:
+        """s of contacts with the loss D."""
+        epsilon = np.sqrt(loss)
+        return (epsilon * self.duration(loss) + (1.0 - loss) * self._depth) / (1.0 + epsilon)
+
+    @property
+    def _depth(self) -> float:
+        """Greatest x without loss: xⁿ⁺¹/(n + 1) = 1/2."""
+        return (0.5 * (self.exponent + 1.0)) ** (1.0 / (self.exponent + 1.0))
+
+    @cached_property
+    def _half(self) -> float:
+        """Time to the greatest depth."""
+        from scipy.special import gamma
+
+        power = 1.0 / (self.exponent + 1.0)
+        return float(self._depth * np.sqrt(np.pi) * gamma(1.0 + power) / gamma(0.5 + power))
+
+    def _power(self, depth: np.ndarray) -> np.ndarray:
+        return depth if self.exponent == 1.0 else depth**self.exponent
+
+    # --- of impacts ---
+
+    def length(self, tau: np.ndarray, loss: np.ndarray) -> np.ndarray:
+        """L in m of contacts with the loss D and the time τ in s at v₀."""
+        return tau * SPEED / self.centroid(loss)
+
+    def epsilon_at(self, epsilon: np.ndarray, b: np.ndarray, v_n: np.ndarray) -> np.ndarray:
+        """ε of contacts of mass 1/b at v_n in m/s, from that of a central one at v₀."""
+        return self.restitution(self.changed(self.loss(epsilon), b, np.abs(v_n) / SPEED))
+
+    def tau_at(self, tau: np.ndarray, epsilon: np.ndarray, b: np.ndarray, v_n: np.ndarray) -> np.ndarray:
+        """τ in s of contacts of mass 1/b at v_n in m/s, times √b, from that of a central one at v₀."""
+        loss, speed = self.loss(epsilon), np.maximum(np.abs(v_n), SLOWEST) / SPEED
+        there = self.centroid(self.changed(loss, b, speed)) / self.centroid(loss)
+        return tau * there * (np.sqrt(b) / speed) ** ((self.exponent - 1.0) / (self.exponent + 1.0))
+
+
+class _Damped(NormalForce):
+    """A force whose loss grows with its rate; what its central contacts do is tabulated."""
+
+    def loss(self, epsilon: np.ndarray) -> np.ndarray:
+        return np.interp(epsilon, self._table[0][::-1], LOSSES[::-1])
+
+    def restitution(self, loss: np.ndarray) -> np.ndarray:
+        return np.interp(loss, LOSSES, self._table[0])
+
+    def duration(self, loss: np.ndarray) -> np.ndarray:
+        return np.interp(loss, LOSSES, self._table[1])
+
+    def centroid(self, loss: np.ndarray) -> np.ndarray:
+        return np.interp(loss, LOSSES, self._table[2])
+
+    def _left(self, x: np.ndarray, v: np.ndarray, loss: np.ndarray) -> np.ndarray:
+        """What falls to 0 where a contact is over."""
+        return x
+
+    @cached_property
+    def _table(self) -> np.ndarray:
+        """ε, S and s (3, losses) of central contacts, by classical Runge-Kutta steps; the last is cut where f is 0."""
+
+        def rate(y: np.ndarray) -> np.ndarray:
+            return np.stack([y[1], -self.push(y[0], y[1], y[0], loss)[0]])
+
+        table, rows, loss, t = np.zeros((3, len(LOSSES))), np.arange(len(LOSSES)), LOSSES, 0.0
+        y = np.stack([np.zeros_like(LOSSES), np.ones_like(LOSSES)])
+        while len(rows):
+            a = rate(y)
+            b = rate(y + 0.5 * FINE * a)
+            c = rate(y + 0.5 * FINE * b)
+            later = y + FINE / 6.0 * (a + 2.0 * b + 2.0 * c + rate(y + FINE * c))
+            left, then = (self._left(*state, loss) for state in (y, later))
+            over = then <= 0.0
+            if over.any():
+                part = (left[over] / (left[over] - then[over]))[None]
+                x, v = y[:, over] + part * (later - y)[:, over]
+                S = t + FINE * part[0]
+                table[:, rows[over]] = -v, S, (x - v * S) / (1.0 - v)
+            rows, loss, y, t = rows[~over], loss[~over], later[:, ~over], t + FINE
+        return table
+
+
+@dataclass(frozen=True)
+class LinearDamper(_Damped):
+    """A linear spring with a damper beside it; the exponent is 1."""
+
+    def push(self, depth, rate, deepest, loss):
+        force = depth + loss * rate
+        presses = (depth >= 0.0) & (force > 0.0)
+        return np.where(presses, force, 0.0), np.where(presses, loss, 0.0)
+
+    def changed(self, loss, b, speed):
+        return loss * np.sqrt(b)
+
+    def _left(self, x, v, loss):
+        return x + loss * v
+
+
+@dataclass(frozen=True)
+class HuntCrossley(_Damped):
+    """A spring whose loss grows with depth and rate."""
+
+    def push(self, depth, rate, deepest, loss):
+        elastic = self._power(np.maximum(depth, 0.0))
+        factor = 1.0 + loss * rate
+        return elastic * np.maximum(factor, 0.0), np.where(factor > 0.0, loss * elastic, 0.0)
+
+    def changed(self, loss, b, speed):
+        return loss * speed
