@@ -6,6 +6,7 @@ unpickle, and is killed when it hangs.
 """
 
 import contextlib
+import faulthandler
 import io
 import os
 import resource
@@ -146,6 +147,7 @@ def examine(task: Task, names: tuple[str, ...], root: Path, watch: _Watch, start
 
 def _serve(pipe: Connection, root: Path, make: Callable[[int], tuple[Task, tuple[str, ...]]]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    faulthandler.disable()  # the pool tells a crash
     resource.setrlimit(resource.RLIMIT_AS, (_memory("VmSize") + MEMORY, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
