@@ -3,13 +3,13 @@
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.body import Noise
+from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Effect, Rig, State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, HiddenCauses
 
@@ -32,12 +32,15 @@ def simulated(name: str, seed: int, **mechanisms: float) -> Dataset:
     return Dataset(name, drops.header, drops.trajectories)
 
 
-def injected_impacts(name: str, n: int, seed: int, effect: str, values: dict[str, float]) -> Dataset:
+def injected_impacts(
+    name: str, n: int, seed: int, effect: str | Effect, values: dict[str, float], body: Body = ELLIPSE_BODY
+) -> Dataset:
     """impacts.csv only, from the law with one effect, with noise as stated in its header."""
+    effect = EFFECTS[effect] if isinstance(effect, str) else effect
     rng = np.random.default_rng(seed)
     noise = Noise(position=3e-4, angle=3e-3, velocity=0.01, angular_velocity=0.3)
-    header = Header(schema=1, body=ELLIPSE_BODY, noise=noise)
-    shape = ELLIPSE_BODY.shape
+    header = Header(schema=1, body=body, noise=noise)
+    shape = body.shape
     theta = rng.uniform(-np.pi, np.pi, n)
     state = State(
         x=rng.uniform(-0.2, 0.2, n),
@@ -49,10 +52,8 @@ def injected_impacts(name: str, n: int, seed: int, effect: str, values: dict[str
         trial=np.arange(n),
         t=np.zeros(n),
     )
-    model = Model(LAWS["anitescu_potra_newton"], (EFFECTS[effect],))
-    after = model.predict(
-        state, {"mu": 0.2, "epsilon": 0.6, **values}, Rig(shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
-    )
+    model = Model(LAWS["anitescu_potra_newton"], (effect,))
+    after = model.predict(state, {"mu": 0.2, "epsilon": 0.6, **values}, Rig(shape, body.radius_of_gyration, 9.81, 0.0))
 
     def seen(values: np.ndarray, sigma: float) -> np.ndarray:
         return values + sigma * rng.standard_normal(n)

@@ -238,6 +238,19 @@ def test_init_flips_axes_and_reads_other_delimiters(tmp_path):
     assert read_dataset(tmp_path / "out").k_g == 0.02
 
 
+def test_init_says_that_a_body_is_homogeneous(tmp_path, capsys):
+    rig(trajectories()).to_csv(tmp_path / "log.csv", index=False)
+    args = [str(tmp_path / "log.csv"), "--units", "mm,deg,ms", "--columns", COLUMNS]
+    assert init(tmp_path, *args, "--homogeneous", "0.003") == 0
+    body = read_dataset(tmp_path / "out").header.body
+    assert body.homogeneous and body.known("inertia") == pytest.approx(0.006)
+    assert "--k-g to change" not in capsys.readouterr().out
+    assert init(tmp_path, *args, "--homogeneous", "3", "--force") == 2
+    assert "--homogeneous: 3.0" in capsys.readouterr().err
+    assert init(tmp_path, *args, "--homogeneous", "0.003", "--k-g", "0.02", "--force") == 2
+    assert "off that of this shape of one density" in capsys.readouterr().err
+
+
 def test_init_takes_a_file_for_each_trial_without_times(tmp_path):
     files = []
     for number, part in trajectories().groupby("trial"):

@@ -198,6 +198,11 @@ del_ = object()
         ("body.mass", 0, "is 0, but must be above 0"),
         ("body.mass", float("nan"), "is nan, but must be"),
         ("body.mass", "heavy", "is 'heavy', but must be a number"),
+        ("body.homogeneous", "partly", "body.homogeneous: is 'partly', but must be true or false"),
+        ("body.homogeneous", True, "body.homogeneous: true, but nobody says how well it is known"),
+        ("body.uncertainty", {"size": 2.0}, "body.uncertainty.size: is 2.0, but must be below 1"),
+        ("body.uncertainty", {"inertia": 0}, "body.uncertainty.inertia: is 0, but must be above 0"),
+        ("body.uncertainty", {"inertja": 0.1}, "did you mean 'inertia'?"),
         ("rate", -250, "rate: is -250, but must be above 0"),
         ("gravity", float("inf"), "is inf, but must be a finite number"),
         ("body.shape.vertices", [[0, 0], [1, 1], [2, 2]], "the polygon has no area"),
@@ -213,6 +218,24 @@ def test_wrong_header_values(tmp_path, path, value, message):
     text = only(write(tmp_path, changed(path, value), trajectories=trajectories()))
     assert message in text
     assert "dataset.yaml" in text
+
+
+def test_what_a_homogeneous_body_cannot_be(tmp_path):
+    body = header()["body"] | {"homogeneous": True, "uncertainty": {"size": 0.005}}
+
+    def read(name: str, **changes):
+        return write(tmp_path / name, header(body=body | changes), trajectories=trajectories())
+
+    assert read_dataset(read("square")).header.body.known("inertia") == pytest.approx(0.01)
+    heavy_rim = only(read("rim", radius_of_gyration=0.026))
+    assert "gives a moment of inertia +13 % off that of this shape of one density (0.0244949 m)" in heavy_rim
+    assert "known to 1 %" in heavy_rim and "leave homogeneous out" in heavy_rim
+    moved = [[x + 0.002, y] for x, y in body["shape"]["vertices"]]
+    text = only(read("moved", shape={"kind": "polygon", "vertices": moved}))
+    assert "its centroid is 2 mm from the origin" in text and "give the vertices from the centroid" in text
+    # the same body, not said to be homogeneous, may be anything
+    plain = body | {"homogeneous": False, "radius_of_gyration": 0.026}
+    assert read_dataset(write(tmp_path / "plain", header(body=plain), trajectories=trajectories())).warnings == ()
 
 
 def test_header_problems_name_the_line(tmp_path):

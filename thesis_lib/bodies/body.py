@@ -1,5 +1,6 @@
 """What is known of a rig: the body that is dropped, the surface that it meets, the noise of its measurements."""
 
+import math
 from typing import Annotated
 
 from pydantic import Field
@@ -8,6 +9,15 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.foundation.settings import Section
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Relative = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
+
+
+class Uncertainty(Section):
+    """Relative standard uncertainties of what was weighed or measured of the body itself, not inferred from drops."""
+
+    mass: Relative | None = Field(None, description="of the mass")
+    size: Relative | None = Field(None, description="of the lengths of the shape")
+    inertia: Relative | None = Field(None, description="of the moment of inertia about the centre of mass")
 
 
 class Body(Section):
@@ -16,6 +26,36 @@ class Body(Section):
     shape: Shape
     mass: Positive | None = Field(None, description="kg; optional, planar impacts need only the radius of gyration")
     radius_of_gyration: Positive = Field(description="m, about the centre of mass")
+    homogeneous: bool | None = Field(
+        None, description="true if of one density throughout: inertia and centre of mass follow from the shape"
+    )
+    uncertainty: Uncertainty | None = Field(None, description="of what is known of the body without any drop; optional")
+
+    @property
+    def inertia_uncertainty(self) -> float | None:
+        """Relative standard uncertainty of k², k the radius of gyration; None if nobody measured it.
+
+        k² = I/m if inertia and mass were measured.  That of a homogeneous body goes with the square of its size;
+        `inertia` is then how far its density may be uneven.
+        """
+        known = self.uncertainty
+        if known is None or (known.inertia is None and not (self.homogeneous and known.size)):
+            return None
+        other = 2.0 * (known.size or 0.0) if self.homogeneous else known.mass or 0.0
+        return math.hypot(known.inertia or 0.0, other)
+
+    def known(self, what: str) -> float | None:
+        """Standard uncertainty of "inertia" or "size" (relative) or "centre of mass" (m); None if it is not known."""
+        size = None if self.uncertainty is None else self.uncertainty.size
+        by_name = {"inertia": self.inertia_uncertainty, "size": size, "centre of mass": self.centre_uncertainty}
+        return by_name.get(what)
+
+    @property
+    def centre_uncertainty(self) -> float | None:
+        """Standard uncertainty of the centre of mass in m, along each axis; None if it is not known to be central."""
+        if not self.homogeneous or self.inertia_uncertainty is None:
+            return None
+        return self.inertia_uncertainty * self.shape.extent
 
 
 class Surface(Section):

@@ -38,6 +38,11 @@ class _Shape(Section):
         raise NotImplementedError
 
     @property
+    def centroid(self) -> np.ndarray:
+        """Centroid (2,) in m of the area, from the body origin."""
+        return np.zeros(2)
+
+    @property
     def extent(self) -> float:
         """Largest distance in m of the outline from the body origin."""
         return float(np.max(np.linalg.norm(self.outline(), axis=1)))
@@ -126,11 +131,15 @@ class Polygon(_Shape):
         return np.array([*self.vertices, self.vertices[0]])
 
     @property
+    def centroid(self) -> np.ndarray:
+        p, cross = np.array(self.vertices), self._cross()
+        return ((p + np.roll(p, -1, axis=0)) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
+
+    @property
     def radius_of_gyration(self) -> float:
-        p = np.array(self.vertices)
+        p, centroid = np.array(self.vertices), self.centroid
         q, cross = np.roll(p, -1, axis=0), self._cross()
         area = cross.sum() / 2.0
-        centroid = ((p + q) * cross[:, None]).sum(axis=0) / (6.0 * area)
         # polar second moment of area about the origin, moved to the centroid (parallel axes)
         polar = (cross * ((p * p).sum(1) + (p * q).sum(1) + (q * q).sum(1))).sum() / 12.0
         return float(np.sqrt(polar / area - centroid @ centroid))

@@ -106,6 +106,9 @@ def build_parser() -> Parser:
     init.add_argument("--shape", required=True, help=shape)
     init.add_argument("--mass", type=float, help="kg; optional")
     init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")
+    homogeneous = "the body is of one density, and its size known to U (relative, one sigma, such as 0.002): effects "
+    homogeneous += "that contradict the inertia that follows are told as stand-ins, not as causes"
+    init.add_argument("--homogeneous", type=float, metavar="U", dest="size_uncertainty", help=homogeneous)
     init.add_argument("--rate", type=float, help="Hz; needed if the log has no time column")
     init.add_argument("--gravity", type=float, default=9.81, help="m/s²; default: %(default)s")
     init.add_argument("--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s")
@@ -202,7 +205,7 @@ def _init(args: argparse.Namespace) -> int:
     if len(delimiter) != 1:
         raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
     parsed = parse_units(args.units), parse_columns(args.columns), parse_shape(args.shape)
-    same = ("mass", "k_g", "rate", "gravity", "surface_height", "per_trial_files")
+    same = ("mass", "k_g", "size_uncertainty", "rate", "gravity", "surface_height", "per_trial_files")
     given: dict = {name: getattr(args, name) for name in same} | {"delimiter": delimiter}
     conversion = convert_logs(args.files, out.resolve().name, *parsed, **given)
     write_dataset(conversion.dataset, out, float_format=None)

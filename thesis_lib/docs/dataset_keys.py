@@ -32,13 +32,13 @@ def recording_text() -> str:
 
 
 def _rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, str]]:
-    from thesis_lib.bodies.body import Body, Noise, Surface
+    from thesis_lib.bodies.body import Body, Noise, Surface, Uncertainty
 
-    nested = {"body": Body, "surface": Surface, "noise": Noise}
+    nested = {"body": Body, "surface": Surface, "noise": Noise, "body.uncertainty": Uncertainty}
     for name, field in section.model_fields.items():
         key = f"{path}{field.alias or name}"
-        if not path and name in nested:
-            yield from _rows(f"{key}.", nested[name])
+        if key in nested:
+            yield from _rows(f"{key}.", nested[key])
         elif name == "shape":
             what = "see above: `ellipse`, `disk` or `polygon`"
             yield (code(key), "yes", what, "m, in the frame of the body, whose origin is the believed centre of mass")

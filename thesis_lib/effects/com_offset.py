@@ -31,6 +31,7 @@ class ComOffset(Effect):
         Parameter("c_y", "m", null=0.0, low=-0.02, high=0.02, scale=5e-4),
     )
     channels = ("impact", "flight")
+    denies = "centre of mass"
     reference = "rigid-body kinematics"
 
     def to_contact(self, state, p, rig):

@@ -19,6 +19,7 @@ class WrongInertia(Effect):
     title = "wrong inertia"
     equation = "k² = k₀² (1 + d_I)"
     parameters = (Parameter("d_I", "1", null=0.0, low=-0.7, high=2.0, scale=0.1),)
+    denies = "inertia"
     reference = "definition of the radius of gyration"
 
     def radius_of_gyration(self, k_g, p):

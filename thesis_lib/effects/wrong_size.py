@@ -20,6 +20,7 @@ class WrongSize(Effect):
     equation = "r = (1 + s) r_shape(θ)"
     parameters = (Parameter("s", "1", null=0.0, low=-0.5, high=0.5, scale=0.03),)
     channels = ("impact", "touch")
+    denies = "size"
     reference = "similarity of shapes"
 
     # the change is added, not multiplied: r may hold another effect's shift, which does not grow with the body

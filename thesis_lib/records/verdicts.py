@@ -47,7 +47,7 @@ def _missing(diagnosis: Mapping, effects: Sequence[Mapping]) -> str:
 
     law = LAWS[diagnosis["base_model"]["name"]].title
     faults = [effect for effect in effects if effect["family"] == "measurement"]
-    physics = [effect for effect in effects if effect not in faults]
+    physics = [effect for effect in effects if effect not in faults and not effect.get("stand_in")]
     fault = f"; the measurements look faulty: {named(faults)}" if faults else ""
     if diagnosis["verdict"] == "adequate":
         # effects chosen by hand are the only ones tried

@@ -6,6 +6,7 @@ reported errors come.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -17,6 +18,7 @@ from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, Judgement, testable_effects
 from thesis_lib.critique.selection.search import judge_held_out, paired_gain, search, split
@@ -64,8 +66,17 @@ class Critique:
 
     @property
     def verdict(self) -> str:
-        """adequate, effects or unexplained."""
-        return self.discovery.verdict(self.is_structured)
+        """adequate, effects or unexplained; what a stand-in explains has no name."""
+        nameless = {name for name, found in self.stand_ins.items() if not found.instead}
+        clearing = {step.effect.name for step in self.discovery.steps if step.clears}
+        return self.discovery.verdict(self.is_structured or bool(nameless & clearing))
+
+    @cached_property
+    def stand_ins(self) -> dict[str, StandIn]:
+        """Effects of the final model that contradict what is known of the body, by name."""
+        if self.source is None:
+            return {}
+        return stand_ins(self.source.header.body, self.discovery.steps, self.ladder[-1][1])
 
     @property
     def is_structured(self) -> bool:

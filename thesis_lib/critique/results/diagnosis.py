@@ -8,12 +8,15 @@
 |                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
+|                 | stand_in            | null, or why it is no cause: see `drops/stand_ins.py`                       |
 | error           | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
 | remaining       | channels            | those with a misfit far above noise                                         |
 """
+
+from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
@@ -56,6 +59,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
             "depends_on": list(remaining.depends_on) if critique.is_structured else [],
             "error": remaining.error_before,
             "error_without_it": remaining.error_after,
+            "stand_ins": list(critique.stand_ins),
         },
         "not_testable": [{"name": name, "why": why} for name, why in discovery.not_testable.items()],
         "left_out": _left_out(critique),
@@ -109,6 +113,7 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
         "material_in": [channel for channel in CHANNELS if channel_is_material(judged, without, channel, s)],
         "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
         "indistinguishable_from": list(step.alternatives),
+        "stand_in": asdict(critique.stand_ins[name]) if name in critique.stand_ins else None,
     }
 
 

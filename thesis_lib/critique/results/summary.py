@@ -1,7 +1,7 @@
 """The verdict and what to do, in a few sentences from the content of diagnosis.json.
 
-Their order: faults of the measurement and possible ones, impacts left out, the verdict, effects switched on by hand
-without support in the data, single impacts with large errors, and what to do next.
+Their order: faults of the measurement and possible ones, impacts left out, the verdict, effects that only stand in for
+a cause, effects switched on by hand without support in the data, single impacts with large errors, and what to do next.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,8 +27,20 @@ def summary(content: Mapping) -> list[str]:
     sentences = [*_low_pass(content), *_faults(clearing, faults), *_left_out(content)]
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
-    more = [*_contact_time(content["augmented_model"]["parameters"]), *_by_hand(content, clearing, by_hand)]
+    more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
+    more += [*_contact_time(content["augmented_model"]["parameters"]), *_by_hand(content, clearing, by_hand)]
     return [*sentences, first, *more, *_worst(content["error"]), *rest]
+
+
+def stands_in(effect: Mapping) -> str:
+    """Why an effect is no cause, as a sentence."""
+    why, title = effect["stand_in"], EFFECTS[effect["name"]].title
+    said = f"“{title}” stands in for something else: it contradicts the stated {why['denies']} by "
+    said += f"{why['standard_errors']:.2g} standard errors"
+    if not why["instead"]:
+        return f"{said}, so its cause has no name here."
+    names = alternatives_listed([EFFECTS[name].title for name in why["instead"]])
+    return f"{said}; these data cannot tell it from “{names}”, which contradicts nothing that is stated."
 
 
 def possible_faults(effect: Mapping) -> list[str]:
@@ -111,15 +123,21 @@ def _effects(content: Mapping, found: Sequence, faults: Sequence, by_hand: Seque
 
 def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
     error, remaining = content["error"], content["remaining"]
-    physics = [_named(e) for e in found if e not in faults]
+    physics = [_named(e) for e in found if e not in faults and not e["stand_in"]]
+    replaced = [EFFECTS[e["name"]].title for e in found if e["stand_in"]]
     beyond = f"; its held-out error is {_speed(error['base'])}{_floor(error)}"
     if found:
-        beyond = f" beyond {listed(physics) or 'that fault'}; {_with(content, found)} {_fall(content, found)}"
+        besides = listed(physics) or ("that fault" if faults else "")
+        taken = f"with {listed(replaced)} as a stand-in" if len(replaced) == len(found) else _with(content, found)
+        beyond = f"{besides and f' beyond {besides}'}; {taken} {_fall(content, found)}"
     tried = "that your choice of effects does not explain" if by_hand else "that no effect in the library explains"
     sentences = [f"{_law(content, 'base_model')} misses something {tried}{beyond}."]
     channels = [CHANNEL_TEXT[name] for name in remaining["channels"] if name != "impact"]
     if channels:
         sentences.append(f"Far more than noise is left in {listed(channels)}.")
+    if replaced and not remaining["structured"]:
+        again = listed(sorted({e["stand_in"]["denies"] for e in found if e["stand_in"]}))
+        return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
     on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
     sentences.append(
         (f"What is left depends on {on}: look there" if on else "Look at what is left")
@@ -199,6 +217,9 @@ def _floor(error: Mapping) -> str:
 
 def _named(effect: Mapping) -> str:
     title = EFFECTS[effect["name"]].title
+    if effect["stand_in"] and effect["stand_in"]["instead"]:
+        likely = [EFFECTS[name].title for name in effect["stand_in"]["instead"]]
+        return f"{alternatives_listed(likely)} (fitted as {title})"
     others = [EFFECTS[name].title for name in effect["indistinguishable_from"]]
     return title + (f" (or {alternatives_listed(others)}, which these data cannot tell apart)" if others else "")
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import Problem
@@ -24,7 +25,10 @@ FACTORS = {  # likely causes of a shape that is too large by a factor
     100.0: "centimetres?",
     1000.0: "millimetres?",
 }
+ROUNDED = 1e-3  # relative; numbers in dataset.yaml may have three digits
 NEAR = 0.15  # relative distance to such a factor
+
+BELIEVED = 3.0  # standard uncertainties by which what a header says of one body may differ
 
 RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
@@ -93,3 +97,29 @@ def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
         return [Problem(FILE, "body.shape", what, SHAPE_METRES + ", semi-axes and not diameters")]
     remedy = "correct surface.height, or the shape, or y, which must be that of the body's centre of mass"
     return [Problem(FILE, "surface.height", f"{what}: {closes}", remedy)]
+
+
+def contradictory_body(body: Body) -> list[Problem]:
+    """How what dataset.yaml says of a homogeneous body contradicts itself."""
+    if not body.homogeneous:
+        return []
+    if body.inertia_uncertainty is None:
+        what = "true, but nobody says how well it is known"
+        remedy = "add uncertainty: {size: 0.002} (relative, one sigma, as a caliper gives it), or leave homogeneous out"
+        return [Problem(FILE, "body.homogeneous", what, remedy)]
+    shape, found = body.shape, []
+    off = (body.radius_of_gyration / shape.radius_of_gyration) ** 2 - 1.0
+    if abs(off) > BELIEVED * body.inertia_uncertainty + ROUNDED:
+        what = (
+            f"{body.radius_of_gyration:g} m gives a moment of inertia {100 * off:+.2g} % off that of this shape of one "
+            f"density ({shape.radius_of_gyration:.6g} m), which is said to be known to "
+            f"{100 * body.inertia_uncertainty:.2g} %"
+        )
+        remedy = "give that of the shape, or leave homogeneous out and state uncertainty.inertia of what was measured"
+        found.append(Problem(FILE, "body.radius_of_gyration", what, remedy))
+    centre = float(np.hypot(*shape.centroid))
+    if centre > BELIEVED * (body.centre_uncertainty or 0.0) + ROUNDED * shape.extent:
+        what = f"its centroid is {1e3 * centre:.3g} mm from the origin, where a homogeneous body has its centre of mass"
+        remedy = "give the vertices from the centroid, or leave homogeneous out"
+        found.append(Problem(FILE, "body.shape", what, remedy))
+    return found

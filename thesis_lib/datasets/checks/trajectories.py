@@ -22,6 +22,7 @@ from thesis_lib.datasets.checks.known_body import (
     SHAPE_METRES,
     UPWARDS,
     KnownBody,
+    contradictory_body,
 )
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples, noise_from_differences
@@ -54,6 +55,7 @@ def check_header(header: Header, report: Report) -> None:
     elif body.mass is not None and body.mass > DENSEST * (2.0 * extent) ** 3:
         what = f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?"
         report.warn(FILE, "body.mass", what, "give the mass in kg")
+    report.errors += contradictory_body(body)
     if header.gravity > LARGEST_GRAVITY:
         error("gravity", f"{header.gravity:g} m/s² is more than on any planet", "give it in m/s² (9.81 on Earth)")
     if noise is not None and noise.position is not None and noise.position > extent:

@@ -17,6 +17,8 @@ from thesis_lib.foundation.errors import UserError
 if TYPE_CHECKING:
     from thesis_lib.datasets.format.validate import Problem
 
+# what is said about the data is none of them: it changes no split and no seed
+_NOT_DATA = {"description": True, "body": {"homogeneous", "uncertainty"}}
 TRAJECTORY_COLUMNS = ("trial", "t", "x", "y", "theta")
 
 
@@ -88,7 +90,7 @@ class Dataset:
 
     def digest(self) -> str:
         """SHA-256 (hex) of the content, whatever its folder, file type or description; seeds derive from it."""
-        content = self.header.model_dump(mode="json", by_alias=True, exclude={"description"})
+        content = self.header.model_dump(mode="json", by_alias=True, exclude=_NOT_DATA)
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
         for kind, table in (("trajectories", self.trajectories), ("impacts", self.impacts)):
             if table is None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from thesis_lib.bodies.body import Body, Noise, Surface
+from thesis_lib.bodies.body import Body, Noise, Surface, Uncertainty
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import Report
@@ -20,6 +20,7 @@ SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
 _SECTIONS: dict[tuple, type[BaseModel]] = {
     (): Header,
     ("body",): Body,
+    ("body", "uncertainty"): Uncertainty,
     ("surface",): Surface,
     ("noise",): Noise,
     **{("body", "shape", kind): model for kind, model in SHAPES.items()},
@@ -34,6 +35,11 @@ _REMEDIES = {
     ("body", "mass"): "give the mass in kg as a number above 0, or leave it out",
     ("body", "radius_of_gyration"): "give it in m as a number above 0: sqrt(I/m) about the centre of mass "
     "(a/sqrt(6) for a uniform square of side a)",
+    ("body", "homogeneous"): "write true if the body is of one density throughout, or leave it out",
+    (
+        "body",
+        "uncertainty",
+    ): "give relative standard uncertainties above 0 and below 1 ({mass: 0.001, size: 0.002}), or leave it out",
     ("surface",): "write {height: 0.0}, the height of the surface in m, or leave it out",
     ("gravity",): "give 9.81 in m/s² (positive: it points down by convention), or leave it out",
     ("rate",): "give the sampling rate in Hz as a number above 0, or leave it out",
@@ -109,6 +115,9 @@ def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report
     context = mistake.get("ctx", {})
     must_be = {
         "greater_than": f"above {context.get('gt')}",
+        "less_than": f"below {context.get('lt')}",
+        "bool_type": "true or false",
+        "bool_parsing": "true or false",
         "finite_number": "a finite number",
         "float_parsing": "a number",
         "float_type": "a number",

@@ -29,6 +29,7 @@ UNITS = {  # name -> (quantity, factor to SI)
 }
 MAX_COLUMNS = 1000
 MAX_LOG = 200_000_000  # bytes; as lists of cells a log takes about ten times that
+_OPTIONS = {"size": "homogeneous"}  # keys of dataset.yaml whose option has another name
 QUANTITY = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 
 
@@ -99,6 +100,7 @@ def convert_logs(
     *,
     mass: float | None = None,
     k_g: float | None = None,
+    size_uncertainty: float | None = None,
     rate: float | None = None,
     gravity: float = 9.81,
     surface_height: float = 0.0,
@@ -109,7 +111,8 @@ def convert_logs(
 
     `units` are factors to SI by quantity (`parse_units`), `columns` our column -> (column of the log, sign); others are
     expected under our names.  Mass is in kg, k_g (by default that of a uniform lamina) and surface_height in m, gravity
-    in m/s², rate (needed if the log has no time) in Hz.  With `per_trial_files` each file is one trial, whatever its
+    in m/s², rate (needed if the log has no time) in Hz.  `size_uncertainty` (relative, one sigma) says that the body is
+    homogeneous and how well its size is known.  With `per_trial_files` each file is one trial, whatever its
     trial column.  UserError: a file or column is missing, a row is too long, a cell is not a number, or a value of the
     experiment is impossible.
     """
@@ -145,13 +148,16 @@ def convert_logs(
         notes.append(f"theta made continuous within trials ({wrapped} rows moved by whole turns)")
 
     lamina, step = shape.radius_of_gyration, median_step(poses)
-    if k_g is None:
+    body: dict = {"shape": shape, "mass": mass, "radius_of_gyration": lamina if k_g is None else k_g}
+    if size_uncertainty is not None:
+        body |= {"homogeneous": True, "uncertainty": {"size": size_uncertainty}}
+    elif k_g is None:
         notes.append(f"radius of gyration {lamina:.5g} m, that of a uniform lamina (--k-g to change)")
     others = f" and {len(files) - 1} more" if len(files) > 1 else ""
     content = {
         "schema": 1,
         "description": f"converted from {Path(files[0]).name}{others}",
-        "body": {"shape": shape, "mass": mass, "radius_of_gyration": lamina if k_g is None else k_g},
+        "body": body,
         "surface": {"height": surface_height},
         "gravity": gravity,
         "rate": rate if rate is not None else (float(f"{1.0 / step:.6g}") if step > 0 else None),
@@ -160,7 +166,7 @@ def convert_logs(
         header = Header.model_validate(content)
     except ValidationError as error:
         mistake = error.errors()[0]
-        option = str(mistake["loc"][-1]).replace("_", "-")
+        option = _OPTIONS.get(str(mistake["loc"][-1]), str(mistake["loc"][-1]).replace("_", "-"))
         raise UserError(f"--{option}: {mistake['input']}: {mistake['msg']}.") from error
     return Conversion(Dataset(name, header, poses), notes, warnings)
 

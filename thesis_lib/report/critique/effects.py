@@ -12,7 +12,7 @@ from markupsafe import Markup
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
-from thesis_lib.critique.results.summary import possible_faults
+from thesis_lib.critique.results.summary import possible_faults, stands_in
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.critique.tables import sizes
@@ -59,6 +59,8 @@ def _effect(effect: Mapping) -> Markup:
         return paragraph(by_hand, _effect_sentence(effect))
     if effect["family"] == "measurement":
         return paragraph(f"{title} is a fault of the measurement; see above.")
+    if effect.get("stand_in"):
+        return paragraph(stands_in(effect), _effect_sentence(effect), _shown_by(effect))
     return paragraph(_effect_sentence(effect), _doubt(effect), _shown_by(effect))
 
 

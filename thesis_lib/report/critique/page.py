@@ -56,12 +56,16 @@ def report_html(
     }
     clearing = [e for e in d["effects"] if e["clears"]]
     fault = any(e["family"] == "measurement" or possible_faults(e) for e in clearing)
-    by_hand = d["verdict"] == "adequate" and len(clearing) < len(d["effects"])
+    word = ""
+    if d["verdict"] == "adequate" and len(clearing) < len(d["effects"]):
+        word = "✓ adequate: the effects that you switched on are not needed"
+    elif d["verdict"] == "unexplained" and not d["remaining"]["structured"]:
+        word = "? unexplained: what would explain it contradicts what is known of the body"
     return critique_page(
         d,
         contents,
         "effect",
-        word="✓ adequate: the effects that you switched on are not needed" if by_hand else "",
+        word=word,
         kind="fault" if fault else "",
         about=_description(critique),
         key_numbers=_key_numbers(d, ladder),

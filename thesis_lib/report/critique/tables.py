@@ -87,6 +87,7 @@ def effects_table(d: Mapping) -> Markup:
     rows = []
     for e in d["effects"]:
         title = effect_title(e["name"]) + ("" if e["clears"] else " (switched on by you)")
+        title += " (a stand-in)" if e.get("stand_in") else ""
         gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(*e['gain']['interval'])}"
         others = alternatives_listed([effect_title(name) for name in e["indistinguishable_from"]]) or "–"
         size = "; ".join(sizes(e))

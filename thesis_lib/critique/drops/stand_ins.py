@@ -1,0 +1,49 @@
+"""Effects that contradict what was weighed or measured of the body: they stand in for something else.
+
+The search knows drops only.  Where dataset.yaml says how well inertia, size or centre of mass are known without any
+drop (`Body.known`), an effect that denies this by
+
+    N = √(Σ_i (p_i − p_0i)² / (σ_i² + σ²)),    p_0 the nulls, σ_i from the drops, σ as stated
+
+standard errors, N > `CONTRADICTS`, is not the cause, however well it predicts.  If the data cannot tell it from an
+effect that denies nothing, that one may be the cause.  Otherwise the cause has no name, and the verdict is
+`unexplained`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.selection.search import Step
+from thesis_lib.effects import EFFECTS
+
+CONTRADICTS = 4.0  # standard errors; by chance once in 16,000 effects, of two parameters once in 3,000
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """Why an effect is no cause: what it denies, by how many standard errors, and effects that may be the cause."""
+
+    denies: str
+    standard_errors: float
+    instead: tuple[str, ...]
+
+
+def stand_ins(body: Body, steps: Sequence[Step], fitted: Fit) -> dict[str, StandIn]:
+    """By name, those effects of the final model that contradict what is known of the body."""
+    found = {}
+    for step in steps:
+        effect, known = step.effect, body.known(step.effect.denies)
+        if known is None:
+            continue
+        names = [(f"{effect.name}.{p.name}", p.null) for p in effect.parameters]
+        off = [(fitted.values[name] - null) / np.hypot(fitted.std[name], known) for name, null in names]
+        errors = float(np.linalg.norm(off))
+        if errors > CONTRADICTS:
+            others = [name for name in step.alternatives if name in EFFECTS]
+            instead = tuple(name for name in others if body.known(EFFECTS[name].denies) is None)
+            found[effect.name] = StandIn(effect.denies, errors, instead)
+    return found
