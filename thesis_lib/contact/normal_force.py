@@ -20,8 +20,15 @@ A contact at another speed v or of another mass 1/b has the same motion in other
 | linear damper | D √b     | is less where less mass is behind   | s(D √b) L'/v  |
 | Hunt-Crossley | D v/v₀   | is less in faster contacts          | s(D v/v₀) L'/v |
 
+A convex contact is a linear damper whose friction is found together with it by a convex program, as simulators for
+control do.  Friction is a damper too, `ratio` times as strong as that of the normal force, within |f_t| ≤ μ f_n.  Where
+it slides, with the slip s in units of v₀, the program lifts the body,
+
+    f = (x + D (x' + μ |s|))₊ / (1 + μ²/ratio)    where ratio D |s| > μ f
+
 Sources: Walton and Braun 1986, doi:10.1122/1.549893; Schwager and Pöschel 2007, doi:10.1007/s10035-007-0065-z; Hunt and
-Crossley 1975, doi:10.1115/1.3423596; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731 (Hertz).
+Crossley 1975, doi:10.1115/1.3423596; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731 (Hertz); Todorov 2014,
+doi:10.1109/ICRA.2014.6907751 (convex contact).
 """
 
 from dataclasses import dataclass
@@ -174,3 +181,16 @@ class HuntCrossley(_Damped):
 
     def changed(self, loss, b, speed):
         return loss * speed
+
+
+@dataclass(frozen=True)
+class ConvexDamper(LinearDamper):
+    """A linear damper with the friction of a convex program."""
+
+    @staticmethod
+    def lifted(
+        force: np.ndarray, depth: np.ndarray, rate: np.ndarray, loss: np.ndarray, slip: np.ndarray, mu, ratio: float
+    ) -> np.ndarray:
+        """f where the contact slides, else `force`, that of the damper; slip |s| in units of v₀."""
+        lifted = np.maximum(depth + loss * (rate + mu * slip), 0.0) / (1.0 + mu * mu / ratio)
+        return np.where((depth >= 0.0) & (ratio * loss * slip > mu * force), lifted, force)

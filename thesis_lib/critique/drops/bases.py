@@ -17,7 +17,7 @@ import numpy as np
 
 from thesis_lib.contact import LAWS, mirtich
 from thesis_lib.contact.law import ImpulseFunction, Law
-from thesis_lib.contact.normal_force import HuntCrossley, LinearDamper, NormalForce
+from thesis_lib.contact.normal_force import ConvexDamper, HuntCrossley, LinearDamper, NormalForce
 from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.critique.drops.model import LEAST_MOBILITY
 
@@ -45,6 +45,12 @@ COMPLIANT = (
         "spring and damper",
         LinearDamper(),
         "Schwager and Pöschel 2007, doi:10.1007/s10035-007-0065-z",
+    ),
+    _compliant(
+        "convex_contact",
+        "spring and damper with convex friction",
+        ConvexDamper(),
+        "Todorov 2014, doi:10.1109/ICRA.2014.6907751",
     ),
     _compliant(
         "hunt_crossley_contact",

@@ -35,6 +35,7 @@ from functools import cached_property
 import numpy as np
 
 from thesis_lib.contact.law import Law
+from thesis_lib.contact.normal_force import ConvexDamper
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State
 
@@ -43,6 +44,8 @@ BASE_PARAMETERS = (
     Parameter("epsilon", "1", null=0.5, low=0.0, high=1.0, scale=0.05),
 )
 CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-4)
+# of a convex contact: damping of the slip over that of the normal force
+DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.5, high=500.0, scale=1.0)
 LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact is no spring under a mass
 TURNED = 0.25  # of t̄ Δω: turning of the body until the impulse acts, beyond that of the arc before
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
@@ -72,7 +75,7 @@ def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) 
 
 @dataclass(frozen=True)
 class Model:
-    """A law with effects; parameters are `mu`, `epsilon`, `tau` if it `takes_time`, and `effect.parameter`."""
+    """A law with effects; its parameters are those of the law, `tau` if it `takes_time`, and `effect.parameter`."""
 
     law: Law
     effects: tuple[Effect, ...] = ()
@@ -82,7 +85,8 @@ class Model:
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
         of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in effect.parameters}
-        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time
+        is_convex = self.is_compliant and isinstance(self.law.force, ConvexDamper)
+        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + (DAMPING_RATIO,) * is_convex
         return {p.name: p for p in of_law} | of_effects
 
     @cached_property
@@ -122,8 +126,9 @@ class Model:
 
     @property
     def limit(self) -> "Model":
-        """The model with the impulse that the contacts of a compliant law have in the limit of short ones."""
-        return replace(self, law=replace(self.law, force=None)) if self.is_compliant else self
+        """The model with the impulse of short contacts, for a compliant law; that of a convex contact is no formula."""
+        has_limit = self.is_compliant and not isinstance(self.law.force, ConvexDamper)
+        return replace(self, law=replace(self.law, force=None)) if has_limit else self
 
     def with_effect(self, effect: Effect) -> "Model":
         """The model with one more effect."""

@@ -5,7 +5,7 @@ law, or a linear spring that returns the share ε² of its work where the law ha
 the units of `thesis_lib/contact/normal_force.py`.  Per unit mass, with x the depth over L,
 
     normal     f_n = f(x, x', x_m; D) v₀²/L,   D and L from ε and τ of a central contact
-    friction   what ends the slip within the step, at most μ f_n
+    friction   what ends the slip within the step, at most μ f_n; of a convex contact a damper, at most μ f_n
 
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
@@ -18,9 +18,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from thesis_lib.bodies.shapes import Corner, Polygon, Shape
-from thesis_lib.contact.normal_force import SPEED, NormalForce
+from thesis_lib.contact.normal_force import SPEED, ConvexDamper, NormalForce
 from thesis_lib.contact.space import ContactSpace
-from thesis_lib.critique.drops.model import Model, contact_space_of
+from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, contact_space_of
 from thesis_lib.effects.effect import Impulse, Rig, State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
@@ -45,6 +45,7 @@ class _Springs:
     loss: np.ndarray
     length: np.ndarray
     force: NormalForce
+    ratio: float  # of a convex contact: damping along the surface over that across it
     w: float
     gravity: float
     shape: Shape | None
@@ -105,7 +106,15 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     length = force.length(np.maximum(tau, SHORTEST), as_fitted)
     of_corners = (r_x, r_y, model.gap(tiled, values, at_corner), mu, force.loss(epsilon), length)
     r, r_up, gap, friction, loss, unit = (a.reshape(corners, n) for a in of_corners)
-    springs = _Springs(r, r_up, gap, friction, loss, unit, force, k_g**-2.0, rig.gravity, smooth, true.theta)
+    springs = _Springs(
+        *(r, r_up, gap, friction, loss, unit),
+        force=force,
+        ratio=values.get(DAMPING_RATIO.name, DAMPING_RATIO.null),
+        w=k_g**-2.0,
+        gravity=rig.gravity,
+        shape=smooth,
+        theta=true.theta,
+    )
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * unit.min(axis=0) / SPEED
     pressed = _integrate(springs, frame.v, central / STEPS)
@@ -158,7 +167,11 @@ def _integrate(s: _Springs, v: np.ndarray, steps: np.ndarray) -> _Pressed:
         depth = -(s.gap[:, moving] + at[:, 1] + r_y - s.r_y[:, moving])
         rate = -(speed[:, 1] + r_x * speed[:, 2])
         most = np.maximum(deepest[:, moving], depth)
-        force, slope = s.force.push(depth / unit, rate / SPEED, most / unit, s.loss[:, moving])
+        deep, fast, loss = depth / unit, rate / SPEED, s.loss[:, moving]
+        force, slope = s.force.push(deep, fast, most / unit, loss)
+        if isinstance(s.force, ConvexDamper):
+            slip = np.abs(speed[:, 0] - r_y * speed[:, 2]) / SPEED
+            force = s.force.lifted(force, deep, fast, loss, slip, mu, s.ratio)
         # a damper acts at the velocity in the middle of the step
         kick = h * SPEED**2 / unit
         push = kick * force / (1.0 + 0.5 * kick * slope * (1.0 + r_x * r_x * s.w))
@@ -166,7 +179,11 @@ def _integrate(s: _Springs, v: np.ndarray, steps: np.ndarray) -> _Pressed:
         speed[:, 2] += s.w * (r_x * push).sum(axis=0)
         several = np.maximum((push > 0.0).sum(axis=0), 1)
         slip = speed[:, 0] - r_y * speed[:, 2]
-        drag = np.clip(-slip / ((1.0 + r_y * r_y * s.w) * several), -mu * push, mu * push)
+        ends = 1.0 / ((1.0 + r_y * r_y * s.w) * several)
+        if isinstance(s.force, ConvexDamper):
+            slows = s.ratio * loss * h * SPEED / unit
+            ends = ends * slows / (ends + slows)
+        drag = np.clip(-slip * ends, -mu * push, mu * push)
         speed[:, 0] += drag.sum(axis=0)
         speed[:, 2] -= s.w * (r_y * drag).sum(axis=0)
         shift[moving], v[moving] = at + half * speed, speed

@@ -172,9 +172,12 @@ class Drops(World[Effect, Fit, Judgement]):
         of_law = {p.name for p in BASE_PARAMETERS}
         start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
         for name in self.reserve:
-            limit = self.fit(name, fitted.effects, start, quick=True)
+            model = Model(BASES[name], fitted.effects, self.timed)
+            if model.limit is model:
+                fits.append(fit(model, self.quick, rigid.values, rounds=2))
+                continue
+            limit = fit(model.limit, self.quick, start, rounds=1)
             if turn > TURNS or limit.score > rigid.score + GAINS:
-                model = Model(BASES[name], fitted.effects, self.timed)
                 fits.append(fit(model, self.quick, limit.values, rounds=1))
         return fits
 

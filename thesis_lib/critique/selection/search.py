@@ -205,10 +205,10 @@ class _Search(Generic[E, F, J]):
         `step` is that with the next effect; None if there is none.
         """
         world, least = self.world, self.settings.tell_apart
-        quick = [] if fitted.base in world.reserve else world.reserve_fits(fitted, judged)
+        rival, to_beat = (step.fitted, step.judged) if step else (fitted, judged)
+        quick = [] if fitted.base in world.reserve else world.reserve_fits(fitted, to_beat)
         if not quick:
             return None
-        rival, to_beat = (step.fitted, step.judged) if step else (fitted, judged)
         best = max(quick, key=lambda fit: fit.score)
         best = world.fit(best.base, best.effects, best.values)
         if best.score - rival.score < least:

@@ -137,7 +137,10 @@ class World(ABC, Generic[E, F, J]):
         """Slopes of the fitted model and of the candidates."""
 
     def reserve_fits(self, fitted: F, judged: J) -> list[F]:
-        """Quick fits, with the same effects, of those of the reserve that may explain what a model leaves."""
+        """Quick fits, with the effects of `fitted`, of those of the reserve that may explain an error that is left.
+
+        `judged` is the best model without the reserve, which may have one effect more.
+        """
         return []
 
     @abstractmethod
