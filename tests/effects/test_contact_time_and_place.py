@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hand_cases import EXACT, HALF, SQUARE, on, one_state
 
+from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects.contact_place import along_surface, around_body
-from thesis_lib.effects.effect import Effect, State
+from thesis_lib.effects.effect import Effect, Rig, State
 
 INTEGRATED = 2e-3  # relative, of 4,000 steps
 CORNERS = np.pi / 4.0 * np.array([1.0, 3.0, 5.0, 7.0])
@@ -99,3 +100,22 @@ def test_starts_of_a_patch_are_where_the_body_has_hit() -> None:
     inside = [((x > shape["x_1"]) & (x < shape["x_2"])).mean() for shape in found]
     assert min(inside) > 0.05 and max(inside) < 0.8
     assert not Effect.shapes(on("wear")[0][0], one_state(), SQUARE)
+
+
+def test_a_soft_ellipse_is_pressed_in_the_middle_of_its_chord() -> None:
+    a, b, theta, speed, lam = 0.035, 0.025, 0.6, 2.0, 5e-4
+    rig = Rig(Ellipse(semi_axes=(a, b)), 0.02, 9.81, 0.0)
+    effect, p = on("soft_body", lam=lam)[0]
+    state = one_state(theta=theta, vy=-speed)
+    lowest = rig.shape.contact_point(state.theta)
+    r_x, r_y = effect.contact_point(lowest[:, 0], lowest[:, 1], state, p, rig)
+    assert r_y[0] == pytest.approx(lowest[0, 1] + lam * speed)
+    # the ends of the chord: points of the ellipse at that height
+    angle = np.linspace(0.0, 2.0 * np.pi, 400_001)
+    x = a * np.cos(angle) * np.cos(theta) - b * np.sin(angle) * np.sin(theta)
+    y = a * np.cos(angle) * np.sin(theta) + b * np.sin(angle) * np.cos(theta)
+    ends = x[np.flatnonzero(np.diff(y > r_y[0]))]
+    assert len(ends) == 2 and r_x[0] == pytest.approx(ends.mean(), abs=1e-6)
+    # a body that leaves is not pressed
+    up = one_state(theta=theta, vy=speed)
+    assert np.array_equal(effect.contact_point(lowest[:, 0], lowest[:, 1], up, p, rig), lowest.T)

@@ -270,6 +270,7 @@ def test_degree_one_homogeneity() -> None:
         "moving_surface",
         "sensor_drift",
         "time_lag",
+        "soft_body",
     }
     rig = RIGS["quadrilateral"]
     states = random_states(rig, N, np.random.default_rng(8))
