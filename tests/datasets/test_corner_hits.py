@@ -10,7 +10,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
 from thesis_lib.simulate.rig.record import Drops
 
 APART = 4e-3  # s, one frame: contacts nearer than this are one hit in the samples
@@ -19,7 +19,8 @@ REASON = "next corner"
 
 @cache
 def drops() -> Drops:
-    return simulate_compliant_drops(SQUARE, PROOF_RELEASE, 120, noise=RIG_NOISE, rng=np.random.default_rng(5))
+    contact, rng = CompliantContact(contact_time=2e-5), np.random.default_rng(5)
+    return simulate_compliant_drops(SQUARE, PROOF_RELEASE, 120, contact=contact, noise=RIG_NOISE, rng=rng)
 
 
 def found(limit: float, shape: Polygon | None = None) -> FoundImpacts:

@@ -5,11 +5,14 @@ import pandas as pd
 import pytest
 from bouncing import bounce
 
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.impacts.detect import find_in_arrays
+from thesis_lib.datasets.impacts.detect import find_impacts, find_in_arrays
 from thesis_lib.datasets.impacts.quality import contact_measures, flag_physics, has_flag, thesis_filter
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
 
 RADIUS = 0.03
 ROUNDING = 1e-9  # a dozen operations in double precision, with some cancellation
@@ -184,3 +187,18 @@ def test_moderate_deviation_from_the_parabola_is_flagged():
     q[:, 1] += 9e-4 * np.sin(2 * np.pi * t / 0.05)  # wobble of thrice the noise: no shorter arc is straight
     impacts, _ = assess(t, q, min_window=20)
     assert len(impacts) == 1 and "arc_deviation" in impacts.flags[0]
+
+
+@pytest.mark.parametrize("body", [ELLIPSE_BODY, SQUARE], ids=["ellipse", "square"])
+@pytest.mark.parametrize(("contact_time", "height", "off"), [(4e-3, 0.0, False), (1e-4, 0.005, True)])
+def test_a_body_that_sinks_in_is_not_off_the_surface(body, contact_time, height, off):
+    """Long contacts meet up to 5 mm below the surface; a surface believed too high is told as before."""
+    contact, rng = CompliantContact(contact_time=contact_time, steps=50), np.random.default_rng(2)
+    made = simulate_compliant_drops(body, PROOF_RELEASE, 30, contact=contact, noise=RIG_NOISE, rng=rng)
+    header = made.header.model_copy(update={"surface": made.header.surface.model_copy(update={"height": height})})
+    found = find_impacts(Dataset("drops", header, made.trajectories))
+    share = np.mean(["no_touch" in flags for flags in found.impacts.flags])
+    assert share > 0.9 if off else share < 0.1
+    assert any("off the surface" in text for text in found.warnings) == off
+    if not off:
+        assert (found.used_arcs["gap"] < -4e-3).sum() >= 5  # it did sink in

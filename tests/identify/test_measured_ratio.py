@@ -22,7 +22,7 @@ from thesis_lib.identify.impacts.measured_ratio import (
     regressions,
 )
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact, HiddenCauses
 
 SIGMAS = 4.0  # standard errors; one test in 16 000 would fail by chance
 SHAPE = Ellipse(semi_axes=(0.035, 0.025))
@@ -115,7 +115,10 @@ def test_mirrored_rotation_is_recovered_and_told_by_the_misfit(rng):
 
 
 def dataset(body, mechanisms, rng, n):
-    drops = simulate_compliant_drops(body, PROOF_RELEASE, n, hidden=mechanisms, duration=0.5, noise=RIG_NOISE, rng=rng)
+    contact = CompliantContact(contact_time=2e-5)  # the estimator takes contacts for instants
+    drops = simulate_compliant_drops(
+        body, PROOF_RELEASE, n, contact=contact, hidden=mechanisms, duration=0.5, noise=RIG_NOISE, rng=rng
+    )
     return Dataset("simulated", drops.header.model_copy(update={"noise": None}), drops.trajectories)
 
 

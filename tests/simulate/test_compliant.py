@@ -27,6 +27,7 @@ EXACT = 1e-9  # free flight in Runge-Kutta steps: rounding over some hundred ste
 # energy that gravity can give during a contact: m g v T; the rest is the switching error of single steps
 SWITCHING = 2e-4  # of the energy before
 RIG = Noise(position=3e-4, angle=3e-3)
+SHORT = 2e-5  # s; the body moves far less than the noise during such a contact: nearly a rigid impact
 ROUGH = {"steps": 40}  # where it matters little what the contact does
 
 ELLIPSE = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=0.01924)
@@ -44,7 +45,7 @@ def run(n=20, body=ELLIPSE, release=PROOF_RELEASE, seed=0, hidden=None, contact=
         body,
         release,
         n,
-        contact=CompliantContact(**(contact or {})),
+        contact=CompliantContact(**({"contact_time": SHORT} | (contact or {}))),
         hidden=HiddenCauses(**(hidden or {})),
         rng=np.random.default_rng(seed),
         **options,

@@ -25,6 +25,7 @@ ELLIPSE = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_g
 DISK = Body(shape=Disk(radius=0.03), mass=0.05, radius_of_gyration=0.02)
 CORNERS = ((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))
 SQUARE = Body(shape=Polygon(vertices=CORNERS), mass=0.05, radius_of_gyration=0.0245)
+BRIEF = 2e-5  # s; the body moves far less than the noise during such a contact: nearly a rigid impact
 PRE, POST = ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"]
 POSE = ["x", "y", "theta"]
 SHORT = Release(height=Spread(low=0.06, high=0.2), vx=Spread(low=-1.2, high=1.2), omega=Spread(low=-15, high=15))
@@ -35,7 +36,7 @@ def run(n=10, body=ELLIPSE, release=SHORT, seed=0, hidden=None, contact=None, si
         body,
         release,
         n,
-        contact=CompliantContact(**(contact or {})),
+        contact=CompliantContact(**({"contact_time": BRIEF} | (contact or {}))),
         hidden=HiddenCauses(**(hidden or {})),
         rng=np.random.default_rng(seed),
         **({"duration": 0.25} | options),

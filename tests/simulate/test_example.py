@@ -6,9 +6,11 @@ import pytest
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.commands.datasets import main
+from thesis_lib.critique.drops.model import duration
+from thesis_lib.datasets import find_impacts, read_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.example import NEW_IMPACTS, causes_text, simulate_example
-from thesis_lib.simulate.rig.hidden_causes import CAUSES
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact
 
 
 def new_impacts(hidden: str, size: float | None = None, seed: int = 0) -> pd.DataFrame:
@@ -32,7 +34,7 @@ def test_new_impacts_obey_the_balance_of_momentum_only_where_nothing_is_hidden()
     """k² Δω = r_x Δv_y − r_y Δv_x about the contact point, for every contact law."""
 
     def unbalanced(hidden: str) -> float:
-        example = simulate_example("e", hidden, drops=1)
+        example = simulate_example("e", hidden, drops=1, contact=CompliantContact(contact_time=2e-5))
         t, dataset = example.new_impacts, example.dataset
         r = dataset.shape.contact_point(t["theta"].to_numpy())
         dx, dy, dw = (t[f"{name}_seen"] - t[name] for name in ("vx", "vy", "omega"))
@@ -67,6 +69,7 @@ def test_a_cause_of_corners_gets_a_body_with_corners():
         ({"hidden": "size_error", "size": -2.0}, "size of -2 is not possible for size_error"),
         ({"hidden": "tilt", "drops": 0}, "at least one drop"),
         ({"hidden": "tilt", "seed": -1}, "seed must be 0 or more"),
+        ({"hidden": "corner_radius", "shape": "ellipse"}, "needs corners"),
     ],
 )
 def test_mistakes_are_explained(arguments, says):
@@ -85,6 +88,50 @@ def test_the_command_makes_a_dataset_that_check_accepts_and_keeps_what_is_there(
     assert "already holds a dataset" in capsys.readouterr().err
     assert main(["example", "-o", out, "--drops", "3", "--force"]) == 0
     assert "trials      3" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "drake"])
+def test_another_simulator_makes_the_drops_in_contacts_of_a_millisecond(engine, tmp_path, capsys):
+    """The same releases as ours; after the touch another contact, which is longer."""
+    folders = [tmp_path / name for name in ("own", engine)]
+    for folder in folders:
+        assert main(["example", "-o", str(folder), "--drops", "4", "--engine", folder.name]) == 0
+    ours, theirs = (pd.read_csv(folder / "trajectories.csv") for folder in folders)
+    both = ours.merge(theirs, on=["trial", "t"])
+    difference = (both["y_x"] - both["y_y"]).abs()
+    assert difference[both["t"] < 0.1].max() < 1e-5 and difference.max() > 1e-3
+    assert main(["example", "-o", str(tmp_path / "no"), "--engine", engine, "--hidden", "stribeck"]) == 2
+    assert "cannot have stribeck" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("lasting", [[], ["--contact-time", "3"]])
+def test_contacts_last_as_long_as_asked_for(lasting, tmp_path):
+    """As deep as the body sinks in; without the option 1 ms."""
+    asked = float(lasting[-1]) if lasting else 1.0
+    folder = tmp_path / "drops"
+    drops = ["--drops", "30", "--hidden", "nothing", "--shape", "square"]
+    assert main(["example", "-o", str(folder), *drops, *lasting]) == 0
+    found = find_impacts(read_dataset(folder))
+    one = found.impacts
+    r_x = one.r[:, 0]
+    # the arcs meet τ |v_n| / √K_nn below the surface
+    v_n = (one.v_pre[:, 1] + r_x * one.v_pre[:, 2]) / np.sqrt(1.0 + (r_x / one.k_g) ** 2)
+    tau = np.median(found.used_arcs["gap"] / v_n)
+    assert 1e3 * duration(tau, 0.55) == pytest.approx(asked, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--contact-time", "0"], "above 0 and at most 5 ms; got 0"),
+        (["--contact-time", "nan"], "above 0 and at most 5 ms; got nan"),
+        (["--mechanism", "arm", "--contact-time", "1"], "--contact-time, --filter and --cutoff are for drops"),
+        (["--mechanism", "arm", "--shape", "square"], "are for drops; leave them out with --mechanism"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(options, says, tmp_path, capsys):
+    assert main(["example", "-o", str(tmp_path / "no"), *options]) == 2
+    assert says in capsys.readouterr().err
 
 
 def test_help_lists_every_cause_with_its_size(capsys):

@@ -56,6 +56,8 @@ examples:
   python -m thesis_lib datasets example -o data/example                       centre of mass 0.5 mm off
   python -m thesis_lib datasets example -o data/tilted --hidden tilt --size 0.02
   python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
+  python -m thesis_lib datasets example -o data/soft --hidden nothing --shape square --contact-time 3
+  python -m thesis_lib datasets example -o data/other --engine mujoco         the same drops, in MuJoCo's own contact
   python -m thesis_lib datasets example -o data/arm --mechanism arm --hidden payload --size 0.1
   python -m thesis_lib datasets example -o data/wheel --mechanism wheel --hidden payload --engine mujoco
 
@@ -127,11 +129,18 @@ def build_parser() -> Parser:
     hidden = "see below; default: com_offset_x, in a mechanism rolling_resistance"
     example.add_argument("--hidden", metavar="NAME", help=hidden)
     engine = (
-        "who simulates a mechanism: the stepping of this program, or another simulator with sensors as rigs have them"
+        "which simulator: this program's own, MuJoCo, or Drake (drops: its point contact); default: %(default)s. A "
+        "mechanism in another simulator than our own has sensors as rigs have them"
     )
-    example.add_argument("--engine", choices=["stepping", "mujoco", "drake"], default="stepping", help=engine)
+    example.add_argument("--engine", choices=["own", "mujoco", "drake"], default="own", help=engine)
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
     example.add_argument("--drops", type=int, help="releases; default: 150, of a mechanism 16 trials")
+    example.add_argument("--shape", choices=["ellipse", "square"], help="of the body that is dropped; default: ellipse")
+    lasting = (
+        "how long a central impact at 2.5 m/s lasts, at most 5 ms; default: 1 ms, as of hard plastic on metal; rubber "
+        "takes 3 ms and more, and with 0.02 ms drops are nearly those of a rigid body"
+    )
+    example.add_argument("--contact-time", type=float, metavar="MS", help=lasting)
     filters = ["moving_average", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
     example.add_argument("--filter", choices=filters, help="smooths the drops before they are written; default: none")
     example.add_argument("--cutoff", type=float, help="of the filter, Hz, where its gain is 1/√2; default: 40")
@@ -230,11 +239,10 @@ def _example(args: argparse.Namespace) -> int:
     out = Path(args.out)
     if args.mechanism:
         return _example_recording(args, out)
-    if args.engine != "stepping":
-        raise UserError("--engine is for mechanisms; add --mechanism arm or --mechanism wheel, or leave it out.")
     name, hidden, drops = out.resolve().name, args.hidden or "com_offset_x", 150 if args.drops is None else args.drops
     chosen: dict = {"size": args.size, "drops": drops, "seed": args.seed, "tracker": _tracker(args)}
-    example = simulate_example(name, hidden, **chosen)
+    chosen["shape"] = args.shape or ""
+    example = simulate_example(name, hidden, **chosen, **_drops_in(args.engine, args.contact_time))
     write_example(example, out)
     print(summary_text(*check_dataset(out)))
     print(
@@ -258,17 +266,44 @@ def _tracker(args: argparse.Namespace):
     return Tracker(filter=args.filter, cutoff=cutoff)
 
 
+def _drops_in(engine: str, milliseconds: float | None) -> dict:
+    """Keywords `engine` and `contact` of `simulate_example`; UserError if the engine is not installed."""
+    from functools import partial
+    from importlib.util import find_spec
+
+    lasting = 1.0 if milliseconds is None else milliseconds
+    if not 0.0 < lasting <= 5.0:
+        raise UserError(f"--contact-time must be above 0 and at most 5 ms; got {lasting:g}.")
+    package = {"own": "numpy", "mujoco": "mujoco", "drake": "pydrake"}[engine]
+    if find_spec(package) is None:
+        raise UserError(f"--engine {engine} needs a package: pip install {engine}, or leave --engine out.")
+    if engine == "mujoco":
+        from thesis_lib.simulate.mujoco.contact import MujocoContact
+        from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+
+        return {"engine": simulate_mujoco_drops, "contact": MujocoContact(contact_time=1e-3 * lasting)}
+    from thesis_lib.simulate.rig.hidden_causes import CompliantContact
+
+    contact = {"contact": CompliantContact(contact_time=1e-3 * lasting)}
+    if engine == "own":
+        return contact
+    from thesis_lib.simulate.drake.drops import simulate_drake_drops
+
+    return contact | {"engine": partial(simulate_drake_drops, surface="point")}
+
+
 def _example_recording(args: argparse.Namespace, out: Path) -> int:
     from thesis_lib.datasets.recordings.read import read_recording
     from thesis_lib.datasets.recordings.recording import recording_text, write_recording
     from thesis_lib.simulate.chapter2.recording import TRIALS, simulate_recording
 
-    if args.filter or args.cutoff is not None:
-        raise UserError("--filter and --cutoff are for drops; leave them out with --mechanism.")
+    if args.filter or args.shape or args.cutoff is not None or args.contact_time is not None:
+        given = "--shape, --contact-time, --filter and --cutoff"
+        raise UserError(f"{given} are for drops; leave them out with --mechanism.")
     hidden, trials = args.hidden or "rolling_resistance", TRIALS if args.drops is None else args.drops
     name = out.resolve().name
     given = {"size": args.size, "trials": trials, "seed": args.seed}
-    if args.engine == "stepping":
+    if args.engine == "own":
         recording = simulate_recording(name, args.mechanism, hidden, **given)
     else:
         from thesis_lib.simulate.engines.recording import record_engine

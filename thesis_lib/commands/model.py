@@ -12,12 +12,13 @@ from thesis_lib.foundation.progress import Progress
 PREDICT = """\
 Predict the velocity after impact with the law and the effects in a model.json.
 
-STATES.csv holds one impact a row, just before it touches, as measured:
+STATES.csv holds one impact a row, when the body first touches, as measured:
 
   x,y,theta,vx,vy,omega          m, m, rad, m/s, m/s, rad/s
   0.00,0.031,0.30,0.8,-2.1,5.0
 
-and comes back with vx_post, vy_post, omega_post and status (ok, not_approaching, no_solution).
+and comes back with vx_post, vy_post, omega_post and status (ok, not_approaching, no_solution). They hold where the
+contact ends: in a model with a contact time (tau) about a millisecond later, by which the body has turned and sunk in.
 """
 PREDICT_EXAMPLES = """\
 examples:

@@ -12,6 +12,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.criticise import Critique, criticise
 from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import CONTACT_TIME, Model, duration
+from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
@@ -20,6 +21,7 @@ from thesis_lib.effects.effect import Rig, State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
 from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.tracker import Tracker
 
 BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
 EPSILON, MU = 0.55, 0.15
@@ -122,3 +124,32 @@ def test_a_contact_too_short_to_be_seen_has_no_time():
     fitted = critique("ellipse", 2e-5).ladder[-1][1]
     assert abs(fitted.values["tau"] - 1.1e-5) < SIGMAS * fitted.std["tau"]
     assert fitted.std["tau"] < 0.1 * CONTACT_TIME.scale
+
+
+FILTERS = {
+    "as seen": {},
+    "moving average": {"filter": "moving_average"},
+    "Butterworth": {"filter": "butterworth"},
+    "Butterworth, both ways": {"filter": "zero_phase_butterworth"},
+    "Kalman smoother": {"filter": "kalman_smoother"},
+    "first order": {"time_constant": 5e-3},
+}
+FOOLED = 0.12  # ms; a filter of variance s² in time lays a flight lower by g s²/2, 0.1 mm where s is 5 ms
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("contact_time", [2e-5, T])
+@pytest.mark.parametrize("recorded", FILTERS)
+def test_smoothed_samples_are_not_taken_for_long_contacts(recorded, contact_time):
+    """A filter rounds the corner at an impact as a contact of many milliseconds would."""
+    contact = CompliantContact(mu=MU, epsilon=EPSILON, contact_time=contact_time, steps=60)
+    tracker, rng = Tracker(**FILTERS[recorded]), np.random.default_rng(5)
+    made = simulate_compliant_drops(
+        ELLIPSE_BODY, PROOF_RELEASE, 100, contact=contact, noise=RIG_NOISE, rng=rng, tracker=tracker
+    )
+    o = observe(Dataset("filtered", made.header, made.trajectories), episodes=False)
+    fitted = fit(Model(LAWS["mirtich"], takes_time=True), o)
+    lasts = 1e3 * duration(fitted.values["tau"], EPSILON)
+    assert lasts == pytest.approx(1e3 * contact_time, abs=FOOLED)
+    assert fitted.values["epsilon"] == pytest.approx(EPSILON, abs=0.002)
+    assert any("were smoothed" in text for text in o.found.warnings) == bool(FILTERS[recorded])

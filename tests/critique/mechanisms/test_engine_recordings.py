@@ -43,11 +43,6 @@ def test_a_wheel_of_mujoco_with_a_payload_is_told_and_its_size_is_found(tmp_path
     assert abs(size["value"] - 0.08) < 4.0 * size["std"] < 0.008
 
 
-def test_an_engine_is_for_mechanisms(tmp_path, capsys):
-    assert main(["datasets", "example", "-o", str(tmp_path / "x"), "--engine", "drake"]) == 2
-    assert "--engine is for mechanisms" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("truth", "verdict", "named", "right"),
     [

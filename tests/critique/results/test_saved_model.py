@@ -1,6 +1,7 @@
 """A saved model predicts what the fitted one does, and a file that is wrong is refused with the reason."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -8,9 +9,17 @@ import pytest
 
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.episodes import contact
+from thesis_lib.critique.drops.model import duration
+from thesis_lib.critique.drops.residuals import end_of_episodes, states_at_impact
 from thesis_lib.critique.results.saved_model import STATE, SavedModel, load_model, predict, save_model, saved
+from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Rig, State
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE
 
 SIX_DIGITS = 1e-5  # parameters are stored with six digits
 EXACT = 1e-12
@@ -62,6 +71,71 @@ def test_a_critiques_model_comes_back_from_its_file(hidden_impacts, states, tmp_
     first = path.read_bytes()
     save_model(load_model(path), path)
     assert path.read_bytes() == first
+
+
+def at_touch(state: State, rig: Rig) -> State:
+    """The states flown back to where the believed body touches the believed surface."""
+    back, gravity = np.zeros(len(state.x)), np.array([[0.0, -rig.gravity, 0.0]])
+    earlier = state
+    for _ in range(20):
+        r_x = rig.shape.contact_point(earlier.theta)[:, 0]
+        back += rig.shape.gap(earlier.y, earlier.theta, rig.height) / (earlier.vy + r_x * earlier.omega)
+        earlier = state.flown(gravity, -back)
+    return earlier
+
+
+@pytest.mark.parametrize("law", ["as found", "compliant_contact"])
+def test_predictions_of_held_out_drops_are_the_critiques_own(nothing_hidden, law):
+    """Contacts of 1 ms: the critique predicts where the arcs meet, the file where contacts begin."""
+    fitted, o = nothing_hidden.ladder[-1][1], nothing_hidden.held_out.single
+    if law != "as found":
+        fitted = replace(fitted, model=replace(fitted.model, law=BASES[law]))
+    rig, model, values = o.rig, fitted.model, fitted.values
+    before = states_at_impact(model, values, o)[0]
+    # noise moves the place where the arcs meet; set the body as deep as the contact time says
+    deep = rig.shape.gap(before.y, before.theta, rig.height) + model.strike(before, values, rig)[1]
+    before = before.moved(y=before.y - deep)
+    own = model.predict(before, values, rig)
+    if model.is_compliant:
+        own = end_of_episodes(model, values, rig, before, np.zeros(len(o)), single=True)
+    touch = at_touch(before, rig)
+    table = pd.DataFrame({name: getattr(touch, name) for name in STATE})
+    found = predict(saved(fitted, rig, "drops"), table)[["vx_post", "vy_post", "omega_post"]].to_numpy()
+    found[:, 1] += rig.gravity * (contact(model, values, rig, touch).t - before.t)
+    scale = [1.0, 1.0, rig.k_g]
+    difference, instant = (
+        np.median(np.linalg.norm((v - own.v) * scale, axis=1))
+        for v in (found, model.predict(touch, values | {"tau": 0.0}, rig).v)
+    )
+    assert difference < 1e-4 < 1e-3 < instant  # m/s
+
+
+@pytest.mark.parametrize(("law", "error"), [("mirtich", 0.004), ("compliant_contact", 0.001)])
+@pytest.mark.parametrize("body", [ELLIPSE_BODY, SQUARE], ids=["ellipse", "square"])
+def test_a_contact_of_a_millisecond_is_predicted_from_touch_to_its_end(body, law, error):
+    """As the simulator integrates it, without noise; the square's next corner often hits in the same contact."""
+    made = simulate_compliant_drops(body, PROOF_RELEASE, 60, rng=np.random.default_rng(3))
+    truth = made.impacts.query("impact == 0 and separated")
+    states = truth[["x", "y", "theta", *V_PRE]].set_axis(list(STATE), axis=1)
+
+    def median_error(**tau: float) -> float:
+        values = {"mu": 0.15, "epsilon": 0.55, **tau}
+        rig = {"shape": body.shape, "radius_of_gyration": body.radius_of_gyration, "gravity": 9.81, "height": 0.0}
+        parameters = {name: {"value": value, "unit": ""} for name, value in values.items()}
+        model = SavedModel.model_validate({"law": law, "parameters": parameters, "rig": rig})
+        d = predict(model, states)[list(V_POST)].to_numpy() - truth[list(V_POST)].to_numpy()
+        return float(np.median(np.linalg.norm(d * [1.0, 1.0, body.radius_of_gyration], axis=1)))
+
+    taken = median_error(tau=1e-3 / duration(1.0, 0.55))
+    assert taken < error and taken < 0.4 * median_error()
+
+
+def test_a_contact_time_that_no_contact_has_is_refused(tmp_path):
+    path = tmp_path / "model.json"
+    for tau in (-1e-4, 1.0):
+        save_model(model_with(tau=tau), path)
+        with pytest.raises(UserError, match="tau must be between 0 and"):
+            load_model(path)
 
 
 def test_without_effects_it_is_the_law(states):

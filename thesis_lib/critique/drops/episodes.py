@@ -24,6 +24,7 @@ from thesis_lib.effects.effect import Rig, State
 MOST_HITS = 12  # a body that hits more often has come to rest
 LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
 LATEST = 8e-3  # s
+LONGEST = 2e-2  # s; longer contacts are no hits
 STEP = 1e-3  # s; a corner 0.05 m from the centre that turns with 60 rad/s is off a straight line by 0.02 mm
 NEWTON = 3  # steps to the instant of a touch within a step: the gap to 1 nm
 LARGEST = 400_000  # contact points that are looked at in one call
@@ -52,11 +53,43 @@ def play(
     return _Play(model, values, rig, true, span, most).outcome()
 
 
+def contact(model: Model, values: Mapping[str, float], rig: Rig, touch: State) -> State:
+    """True states (n,) at the end of a contact that takes time, from true states of bodies that touch.
+
+    A body is set down where it touches, flies to the centroid of the impulse, is struck, and flies until the contact is
+    over and it is back at the surface, at most `LONGEST` later.  Corners that hit before belong to the contact.  Bodies
+    that do not come down stay as they are.
+    """
+    down = touch.moved(y=touch.y - model.gap(touch, values, rig))
+    seen, r_x, *_ = model.contact_at(down, model.active(values), rig)
+    span = np.minimum(duration(1.0, values["epsilon"]) * model.delay(down, values, rig), LONGEST)
+    for _ in range(2):  # another corner may hit before the body is back at the surface
+        played = _Play(model, values, rig, down, span, MOST_HITS, touches=True)
+        end = played.outcome().after
+        left = np.maximum(np.where(played.hits > 0, played.over, 0.0) - span, 0.0)
+        end = end.flown(played.acceleration(end, left), left)
+        a, rise = played.rise(end)
+        end, span = end.flown(a, rise), span + left + rise
+    comes = (seen.vy + r_x * seen.omega < 0.0) & (played.hits > 0)
+    q, v = (np.where(comes[:, None], now, then) for now, then in ((end.q, touch.q), (end.v, touch.v)))
+    return State.of(q, v, touch.trial, np.where(comes, end.t, touch.t))
+
+
 class _Play:
-    """n bodies, each with its own clock `t` (n,) in s; `motion` (n, 6) are true poses and velocities."""
+    """n bodies, each with its own clock `t` (n,) in s; `motion` (n, 6) are true poses and velocities.
+
+    `touches`: the bodies touch where they start.
+    """
 
     def __init__(
-        self, model: Model, values: Mapping[str, float], rig: Rig, true: State, span: np.ndarray, most: int
+        self,
+        model: Model,
+        values: Mapping[str, float],
+        rig: Rig,
+        true: State,
+        span: np.ndarray,
+        most: int,
+        touches: bool = False,
     ) -> None:
         self.model, self.values, self.rig, self.start, self.most = model, values, rig, true, most
         self.span = span + LATEST if most == 1 else span
@@ -66,7 +99,8 @@ class _Play:
         # of the last hit: its contact point, motion and time at its touch, and the time at which it is over
         self.last = np.full(n, -1)
         self.touch, self.touch_t, self.over = self.motion.copy(), np.zeros(n), np.full(n, -np.inf)
-        self._rewind()
+        if not touches:
+            self._rewind()
         rows = np.arange(n)
         while len(rows := rows[(self.t[rows] < self.span[rows] - _NOW) & (self.hits[rows] < most)]):
             steps = int(np.ceil((self.span[rows] - self.t[rows]).max() / STEP))
@@ -76,7 +110,7 @@ class _Play:
         off = np.flatnonzero(np.abs(self.t - span) > _NOW)
         if len(off):
             state, h = self._state(off), (span - self.t)[off]
-            self._set(off, state.flown(self._acceleration(state, h), h))
+            self._set(off, state.flown(self.acceleration(state, h), h))
             self.t[off] = span[off]
 
     def _rewind(self) -> None:
@@ -84,7 +118,7 @@ class _Play:
         rows = np.arange(len(self.t))
         for _ in range(MOST_BACK):
             state, back = self._state(rows), np.full(len(rows), -LEAD)
-            self._set(rows, state.flown(self._acceleration(state, back), back))
+            self._set(rows, state.flown(self.acceleration(state, back), back))
             self.t[rows] -= LEAD
             rows = rows[_lands(*self._gaps(self._state(rows))).any(axis=0)]
             if not len(rows):
@@ -114,7 +148,7 @@ class _Play:
             return
         rows, step, h = rows[hit], np.maximum(step[hit] - 1, 0), h[hit]
         start = path.select(step * n + hit)
-        a = self._acceleration(start, h)
+        a = self.acceleration(start, h)
         t = self._instant(start, a, h)
         self._set(rows, start.flown(a, t))
         self.t[rows] = self.span[rows] - left[hit] + step * h + t
@@ -128,7 +162,7 @@ class _Play:
             return _joined([state] * (steps + 1)).flown(a, times)
         path = [state]
         for _ in range(steps):
-            path.append(path[-1].flown(self._acceleration(path[-1], h), h))
+            path.append(path[-1].flown(self.acceleration(path[-1], h), h))
         return _joined(path)
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -140,7 +174,21 @@ class _Play:
             t = np.clip(t - gap[point, rows] / v_n[point, rows], 0.0, h)
         return t
 
-    def _acceleration(self, state: State, h: np.ndarray) -> np.ndarray:
+    def rise(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Acceleration (n, 3) in m/s², m/s², rad/s² and time (n,) in s until the body leaves the surface.
+
+        0 s for bodies that are, and for those that do not come out within `LONGEST`.
+        """
+        rows, h = np.arange(len(state.x)), np.zeros(len(state.x))
+        a = self.acceleration(state, h)
+        for _ in range(NEWTON):
+            gap, v_n = self._gaps(state.flown(a, h))
+            point = np.where(v_n > 0.0, gap, np.inf).argmin(axis=0)  # of those that rise
+            gap, v_n = gap[point, rows], v_n[point, rows]
+            h = np.maximum(h - np.divide(gap, v_n, out=np.zeros_like(h), where=v_n > 0.0), 0.0)
+        return a, np.where((h < LONGEST) & (v_n > 0.0), h, 0.0)
+
+    def acceleration(self, state: State, h: np.ndarray) -> np.ndarray:
         a = self.model.true_acceleration(state, self.active, self.rig)
         if self.model.has_varying_flight:
             a = self.model.true_acceleration(state.flown(a, 0.5 * h), self.active, self.rig)
@@ -172,7 +220,7 @@ class _Play:
         self.touch[rows], self.touch_t[rows], self.last[rows] = self.motion[rows], now, point
         touch, rig = self._state(rows), one_point(self.rig, point)
         delay = self.model.delay(touch, self.values, rig)
-        after, _ = self.model.collide(touch.flown(self._acceleration(touch, delay), delay), self.values, rig)
+        after, _ = self.model.collide(touch.flown(self.acceleration(touch, delay), delay), self.values, rig)
         self._set(rows, after)
         self.t[rows] += delay
         if self.model.takes_time:

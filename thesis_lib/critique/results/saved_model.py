@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import CONTACT_TIME, Model
 from thesis_lib.effects import EFFECTS
@@ -123,6 +124,9 @@ def load_model(path: str | Path) -> SavedModel:
     if needed != set(model.parameters):
         wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
         raise UserError(f"{path}: missing or unknown parameter(s): {wrong}. Write it again.")
+    tau = CONTACT_TIME
+    if tau.name in needed and not tau.low <= (lasts := model.parameters[tau.name].value) <= tau.high:
+        raise UserError(f"{path}: tau must be between {tau.low:g} and {tau.high:g} s; got {lasts:g}.")
     try:
         with np.errstate(all="ignore"):
             _after(model, State(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
@@ -146,7 +150,8 @@ def read_states(path: str | Path) -> pd.DataFrame:
 def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.DataFrame:
     """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
 
-    `states` are x, y, theta, vx, vy, omega just before impact, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
+    The prediction holds where the contact ends: at once, or after the time that a model with `tau` gives it.
+    `states` are x, y, theta, vx, vy, omega at first touch, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
     effect depends on them, and any further columns.  UserError, which begins with `source`, the name of their file, if
     a column is missing or a value is not a finite number.
     """
@@ -182,4 +187,10 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
 
 
 def _after(model: SavedModel, state: State) -> np.ndarray:
-    return model.model.predict(state, model.values, model.believed).v
+    """Velocity (n, 3) in m/s, m/s, rad/s at the end of the contact; at once, if contacts take no time."""
+    fitted, values, rig = model.model, model.values, model.believed
+    if not fitted.takes_time:
+        return fitted.predict(state, values, rig).v
+    active = fitted.active(values)
+    end = contact(fitted, values, rig, fitted.to_true(state, active, rig))
+    return fitted.to_measured(end, active, rig).v

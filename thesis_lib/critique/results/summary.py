@@ -8,11 +8,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from thesis_lib.contact.normal_force import NormalForce
 from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.model import duration
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
 from thesis_lib.effects import EFFECTS
-from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.wording import listed
 
 SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
@@ -28,7 +27,7 @@ def summary(content: Mapping) -> list[str]:
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
-    more += [*_contact_time(content["augmented_model"]["parameters"]), *_by_hand(content, clearing, by_hand)]
+    more += [*_contact_time(content["augmented_model"]), *_by_hand(content, clearing, by_hand)]
     return [*sentences, first, *more, *_worst(content["error"]), *rest]
 
 
@@ -146,13 +145,15 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
     return sentences
 
 
-def _contact_time(parameters: Mapping) -> list[str]:
-    tau, epsilon = (parameters.get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
+def _contact_time(model: Mapping) -> list[str]:
+    tau, epsilon = (model["parameters"].get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
     if tau["value"] <= SEEN * tau["std"]:
         return []
-    per_tau = duration(1.0, epsilon["value"])
+    force = BASES[model["name"]].force or NormalForce()
+    loss = force.loss(np.asarray(epsilon["value"]))
+    per_tau = float(force.duration(loss) / force.centroid(loss))
     value, std = per_tau * 1e3 * tau["value"], per_tau * 1e3 * tau["std"]
-    return [f"Contacts last about {value:.2g} ms (± {Z95 * std:.1g} ms), which the model takes into account."]
+    return [f"Contacts last about {value:.2g} ms (standard error {std:.1g} ms), which the model takes into account."]
 
 
 def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mapping]) -> list[str]:

@@ -13,13 +13,13 @@ Left out, with a reason (the first that applies):
 
 Flagged (names joined by ';') and kept, because dropping them would drop the evidence of what a model lacks:
 
-| flag            | meaning                                                                           |
-|-----------------|-----------------------------------------------------------------------------------|
-| `energy`        | contact-space energy grows: α = v_C+ᵀ M_C v_C+ / v_C−ᵀ M_C v_C− > 1               |
-| `cone`          | |P_t| > mu_max P_n                                                                |
-| `compression`   | v_n+ < 0: the impulse lies below the line of maximum compression                  |
-| `arc_deviation` | an arc deviates from the parabola by more than noise explains, though not grossly |
-| `no_touch`      | the gap at impact is not 0 within 5 sigma and 2 mm                                |
+| flag            | meaning                                                                             |
+|-----------------|-------------------------------------------------------------------------------------|
+| `energy`        | contact-space energy grows: α = v_C+ᵀ M_C v_C+ / v_C−ᵀ M_C v_C− > 1                 |
+| `cone`          | |P_t| > mu_max P_n                                                                  |
+| `compression`   | v_n+ < 0: the impulse lies below the line of maximum compression                    |
+| `arc_deviation` | an arc deviates from the parabola by more than noise explains, though not grossly   |
+| `no_touch`      | the gap at impact is not 0 within 5 sigma and 2 mm, nor what a contact's time makes |
 
     v_C = J v,   J = [[1, 0, −r_y], [0, 1, r_x]],   M_C = (J M⁻¹ Jᵀ)⁻¹,   M = diag(m, m, m k²),   P = M_C J Δv
 
@@ -36,12 +36,14 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
 from thesis_lib.datasets.impacts.lines import norm
+from thesis_lib.datasets.impacts.rounding import touch_time
 
 REASONS = ("lost_frames", "second_hit", "window_too_short", "not_ballistic", "no_approach")
 FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
 THESIS_FLAGS = ("energy", "cone", "compression")
 _APPROACH_SIGMA = 3.0  # 1 in 700 motionless contacts would pass
 _TOUCH_SIGMA = 5.0
+_LONGEST_TOUCH = 5e-3  # s; τ of a contact of 10 ms, as of foam rubber
 _REST = 9.0  # chi² (3 sigmas) by which rest must beat free fall to be believed
 _RESTITUTIONS = (0.2, 0.9)
 _ONE_PLACE = 0.2  # radii of gyration between two contact points
@@ -142,11 +144,28 @@ def assess_arcs(
     v_n_std = np.sqrt(np.einsum("ni,nij,nj->n", row, fits.cov, row))
     leave_out(v_n > -_APPROACH_SIGMA * v_n_std, "no_approach", "v_n is " + _text(v_n) + " m/s before")
 
+    far = np.maximum(_TOUCH_SIGMA * fits.gap_std, settings.touch_limit)
     failed = {
         "arc_deviation": is_bent(fits, sigma, settings.arc_deviation).any(1),
-        "no_touch": np.abs(fits.gap) > np.maximum(_TOUCH_SIGMA * fits.gap_std, settings.touch_limit),
+        "no_touch": (np.abs(fits.gap) > far) & (np.abs(fits.gap + _sunk_in(fits, v_n, r_x, header)) > far),
     }
     return reason, detail, _add_flags(np.full(n, "", object), failed)
+
+
+def _sunk_in(fits: ArcFits, v_n: np.ndarray, r_x: np.ndarray, header: Header) -> np.ndarray:
+    """How deep (n,) in m below the surface the arcs of n impacts meet because contacts take time: τ |v_n| / √K_nn.
+
+    τ in s is the same for all, as the median of the gaps tells it; 0 if another height of the surface explains them
+    better.
+    """
+    sunk = min(touch_time(fits, header), _LONGEST_TOUCH) * np.abs(v_n)
+    sunk /= np.sqrt(1.0 + (r_x / header.body.radius_of_gyration) ** 2)
+    known = np.isfinite(fits.gap) & np.isfinite(sunk)
+    if not known.any():
+        return np.zeros_like(sunk)
+    gap = fits.gap[known]
+    by_time, by_height = np.median(np.abs(gap + sunk[known])), np.median(np.abs(gap - np.median(gap)))
+    return sunk if by_time < by_height else np.zeros_like(sunk)
 
 
 def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:

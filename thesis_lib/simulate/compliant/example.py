@@ -4,6 +4,7 @@ The folder holds only what a rig's owner has: dataset.yaml as believed, trajecto
 the first impacts of further drops (`compliant.drops`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,11 +19,20 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.camera import reported
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import (
+    CAUSES,
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    CompliantContact,
+    HiddenCauses,
+)
 from thesis_lib.simulate.rig.record import Drops
 from thesis_lib.simulate.rig.tracker import Tracker
 
 NOTHING = "nothing"
+BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
 NEW_IMPACTS = "new_impacts.csv"
 NEW_DROPS = 40
 DESCRIPTION = "example: simulated drops of a rig that may not be what dataset.yaml says"
@@ -47,24 +57,33 @@ def simulate_example(
     drops: int = 150,
     seed: int = 0,
     tracker: Tracker | None = None,
+    engine: Callable[..., Drops] = simulate_compliant_drops,
+    contact: CompliantContact | None = None,
+    shape: str = "",
 ) -> Example:
     """Simulate an example with the cause `hidden` of `CAUSES`, or "nothing"; `size`: in its unit, default there.
 
-    `tracker` is how the drops are recorded; if None, as they are seen.
+    `tracker` is how the drops are recorded; if None, as they are seen.  `engine` has the arguments and the result of
+    `simulate_compliant_drops`, `contact` what that engine calls contact; if None, its default.
+    `shape` is "ellipse" or "square"; by default the ellipse unless the cause needs corners.
 
     Raises:
-        UserError: the cause is unknown, its size is out of range, or there are no drops.
+        UserError: the cause is unknown or needs corners, its size is out of range, the engine cannot make it, or there
+            are no drops.
     """
     causes = _hidden_causes(hidden, size)
     if drops < 1:
         raise UserError(f"An example needs at least one drop; got {drops}.")
     if seed < 0:
         raise UserError(f"The seed must be 0 or more; got {seed}.")
-    body = SQUARE if hidden in CAUSES and CAUSES[hidden].polygon_only else ELLIPSE_BODY
+    cornered = hidden in CAUSES and CAUSES[hidden].polygon_only
+    if cornered and shape == "ellipse":
+        raise UserError(f"{hidden} needs corners, and an ellipse has none; leave --shape out, or give --shape square.")
+    body = BODIES[shape or ("square" if cornered else "ellipse")]
 
     def released(n: int, part: str) -> Drops:
-        chosen: dict = {"hidden": causes, "noise": RIG_NOISE, "tracker": tracker}
-        return simulate_compliant_drops(body, PROOF_RELEASE, n, rng=generator(seed, "example", part), **chosen)
+        chosen: dict = {"hidden": causes, "noise": RIG_NOISE, "tracker": tracker, "contact": contact}
+        return engine(body, PROOF_RELEASE, n, rng=generator(seed, "example", part), **chosen)
 
     made = released(drops, "drops")
     header = made.header.model_copy(update={"description": DESCRIPTION})

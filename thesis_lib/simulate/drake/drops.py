@@ -29,6 +29,7 @@ from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 from thesis_lib.simulate.rig.record import Drops
 from thesis_lib.simulate.rig.release import Release
+from thesis_lib.simulate.rig.tracker import Tracker
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
@@ -72,6 +73,7 @@ def simulate_drake_drops(
     duration: float = 0.5,
     rate: float = 250.0,
     noise: Noise | None = None,
+    tracker: Tracker | None = None,
     accuracy: float = ACCURACY,
     surface: str = "pad",
     rng: np.random.Generator,
@@ -86,6 +88,8 @@ def simulate_drake_drops(
     """
     contact, hidden = contact or CompliantContact(), hidden or HiddenCauses()
     _refuse(contact, hidden, surface)
+    if tracker and tracker.time_constant:  # the low-pass needs the ticks of our own integration
+        raise UserError("Drops in Drake cannot have a tracker's time_constant; give it a filter with a cutoff.")
     return simulate_compliant_drops(
         body,
         release,
@@ -96,6 +100,7 @@ def simulate_drake_drops(
         duration=duration,
         rate=rate,
         noise=noise,
+        tracker=tracker,
         rng=rng,
         engine=partial(_Drops, body, gravity, accuracy, surface),
     )
@@ -109,7 +114,7 @@ def _refuse(contact: CompliantContact, m: HiddenCauses, surface: str) -> None:
         over = "" if surface == "pad" else f" over the surface {surface!r}"
         raise UserError(
             f"Drops in Drake cannot have {', '.join(asked)}{over}: Drake has no such contact. "
-            f"Take simulate_compliant_drops for it; Drake makes {', '.join(SURFACES[surface])}."
+            f"Take our own simulator for it (simulate_compliant_drops); Drake makes {', '.join(SURFACES[surface])}."
         )
     if contact.exponent != 1.0:
         raise UserError(f"Drake's contact is linear: exponent must be 1, got {contact.exponent}.")

@@ -38,6 +38,7 @@ from thesis_lib.simulate.mujoco.contact import COARSEST, MujocoContact
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 from thesis_lib.simulate.rig.record import Drops
 from thesis_lib.simulate.rig.release import Release
+from thesis_lib.simulate.rig.tracker import Tracker
 
 FLIGHT_STEP = 1e-3  # s
 SKIN = 2e-4  # m; a corner at 0.05 m turning with 60 rad/s dips by 0.02 mm between two steps of a flight
@@ -54,6 +55,7 @@ def simulate_mujoco_drops(
     duration: float = 0.5,
     rate: float = 250.0,
     noise: Noise | None = None,
+    tracker: Tracker | None = None,
     threads: int = 1,
     rng: np.random.Generator,
 ) -> Drops:
@@ -65,6 +67,8 @@ def simulate_mujoco_drops(
     """
     contact, hidden = contact or MujocoContact(), MujocoCauses(**(hidden or HiddenCauses()).model_dump())
     _refuse(contact, hidden, threads)
+    if tracker and tracker.time_constant:  # the low-pass needs the ticks of our own integration
+        raise UserError("Drops in MuJoCo cannot have a tracker's time_constant; give it a filter with a cutoff.")
     return simulate_compliant_drops(
         body,
         release,
@@ -75,6 +79,7 @@ def simulate_mujoco_drops(
         duration=duration,
         rate=rate,
         noise=noise,
+        tracker=tracker,
         rng=rng,
         engine=partial(_Drops, body, gravity, threads, contact, hidden),
     )
@@ -85,7 +90,7 @@ def _refuse(contact: MujocoContact, m: MujocoCauses, threads: int) -> None:
     if asked:
         raise UserError(
             f"Drops in MuJoCo cannot have {', '.join(asked)}: MuJoCo has no such contact. "
-            f"Take simulate_compliant_drops for it; MuJoCo makes {', '.join(SUPPORTED)}."
+            f"Take our own simulator for it (simulate_compliant_drops); MuJoCo makes {', '.join(SUPPORTED)}."
         )
     if contact.exponent != 1.0:
         raise UserError(f"MuJoCo's contact is linear: exponent must be 1, got {contact.exponent}.")
