@@ -65,8 +65,9 @@ class Line(World[Curve, Fitted, Scores]):
         rows = np.isin(self.trial, trials)
         return Line(self.trial[rows], self.x[rows], self.y[rows])
 
-    def columns(self, effects) -> np.ndarray:
-        return np.column_stack([np.ones_like(self.x), self.x, *(self.shape(e.name) for e in effects)])
+    def columns(self, effects, base: str = "line") -> np.ndarray:
+        of_base = [np.ones_like(self.x), self.x] + [np.exp(3.0 * self.x)] * (base == "bend")
+        return np.column_stack([*of_base, *(self.shape(e.name) for e in effects)])
 
     def shape(self, name: str) -> np.ndarray:
         """Columns (n, k) of a curve; those of a bundle are its square and what has nothing to do with y."""
@@ -76,14 +77,14 @@ class Line(World[Curve, Fitted, Scores]):
         return np.column_stack([SHAPES["square"](self.x), others])
 
     def residual(self, fitted: Fitted) -> np.ndarray:
-        return self.y - self.columns(fitted.effects) @ list(fitted.values.values())
+        return self.y - self.columns(fitted.effects, fitted.base) @ list(fitted.values.values())
 
     def fit(self, base, effects, start=None, *, quick=False) -> Fitted:
-        X = self.columns(effects)
+        X = self.columns(effects, base)
         p = np.linalg.lstsq(X, self.y, rcond=None)[0]
         z = self.y - X @ p
         names = [f"{e.name}{i or ''}" for e in effects for i in range(self.shape(e.name).shape[1])]
-        return Fitted(base, effects, dict(zip(("a", "b", *names), p)), float(-0.5 * z @ z))
+        return Fitted(base, effects, dict(zip((*"abc"[: X.shape[1] - len(names)], *names), p)), float(-0.5 * z @ z))
 
     def judge(self, fitted: Fitted) -> Scores:
         return Scores(self.trial, self.residual(fitted))
@@ -97,7 +98,7 @@ class Line(World[Curve, Fitted, Scores]):
 
     def slopes(self, fitted: Fitted, candidates) -> Slopes:
         columns = {e.name: -self.shape(e.name) for e in candidates}
-        return Slopes(self.residual(fitted), -self.columns(fitted.effects), columns, unit_noise=True)
+        return Slopes(self.residual(fitted), -self.columns(fitted.effects, fitted.base), columns, unit_noise=True)
 
     def is_material(self, better: Scores, worse: Scores, candidate: Curve, settings: SearchSettings) -> bool:
         before, after = (np.sqrt(np.mean(judgement.z**2)) for judgement in (worse, better))
@@ -136,6 +137,36 @@ def test_parameters_that_gain_by_chance_do_not_rank_a_candidate_first():
     assert gains["bundle"] > gains["square"]
     (step,) = found(world, SearchSettings(finalists=1)).steps
     assert step.effect.name == "square" and "bundle" in step.alternatives
+
+
+class WithReserve(Line):
+    """A line that may be a bend."""
+
+    reserve = ("bend",)
+
+    def reserve_fits(self, fitted, judged):
+        return [self.fit("bend", fitted.effects)]
+
+
+def with_reserve(seed: int, bend: float, **hidden: float) -> WithReserve:
+    world = line(seed, **hidden)
+    return WithReserve(world.trial, world.x, world.y + bend * np.exp(3.0 * world.x))
+
+
+def test_a_base_of_the_reserve_is_taken_where_it_beats_the_next_effect():
+    discovery = found(with_reserve(0, bend=3.0, wave=SIZE))
+    assert discovery.base == "bend" and discovery.fitted.base == "bend"
+    # the few candidates that are worth a fit are told from those that are not
+    (step,) = discovery.steps
+    assert step.effect.name in ("wave", "twin_of_wave") and set(step.alternatives) == {"wave", "twin_of_wave"} - {
+        step.effect.name
+    }
+
+
+def test_a_base_of_the_reserve_is_left_where_an_effect_says_the_same():
+    discovery = found(with_reserve(0, bend=0.0, square=3.0 * SIZE))
+    assert discovery.base == "line" and [step.effect.name for step in discovery.steps] == ["square"]
+    assert found(with_reserve(1, bend=0.0)).base == "line"
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -295,7 +295,7 @@ class _Search(Generic[E, F, J]):
         """Effects that would explain the same on this design, nearest first."""
         # the observed difference counts as well as the expected one
         loss = {
-            other: max(tests.expected_loss(name, other), gains[name] - gains[other])
+            other: max(tests.expected_loss(name, other), gains[name] - gains.get(other, tests.gain[other]))
             for other, columns in tests.basis.items()
             if other != name and columns.shape[1]
         }
