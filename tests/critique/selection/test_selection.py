@@ -153,7 +153,8 @@ def with_reserve(seed: int, bend: float, **hidden: float) -> WithReserve:
     return WithReserve(world.trial, world.x, world.y + bend * np.exp(3.0 * world.x))
 
 
-def test_a_base_of_the_reserve_is_taken_where_it_beats_the_next_effect():
+def test_a_base_of_the_reserve_is_taken_where_it_beats_the_next_effect(monkeypatch):
+    monkeypatch.setitem(SHAPES, "fast", lambda x: np.sin(40.0 * x))  # not worth a fit
     discovery = found(with_reserve(0, bend=3.0, wave=SIZE))
     assert discovery.base == "bend" and discovery.fitted.base == "bend"
     # the few candidates that are worth a fit are told from those that are not
