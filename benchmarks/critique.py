@@ -1,8 +1,13 @@
 """CPU time of one critique on one core: 300 drops, from trajectories to report.
 
-    python -m benchmarks.critique [--drops 300] [--hidden com_offset_x] [--quick] [-o FILE.csv]
+    python -m benchmarks.critique [--drops 300] [--hidden com_offset_x] [--sizes 100 200 400] [--quick] [-o FILE.csv]
 
-Counts user and system time of `python -m thesis_lib critique` as a whole, start-up and pictures included.
+- `--hidden`: the example of the command line with a hidden cause, by `python -m thesis_lib critique`;
+- an ellipse with single hits only, and a square with all episodes, nothing hidden and contacts of 1 ms: what is asked
+  for 300 drops is at most `ASKED` CPU seconds;
+- how the cost of both grows over `--sizes` drops: cost = a nᵖ by least squares to the logarithms, asked p < 1.
+
+Counts user and system time of a process as a whole, start-up and pictures included.
 """
 
 import json
@@ -12,9 +17,22 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.results import Results, benchmark_parser
+from benchmarks.results import Results, benchmark_parser, exponent
 
 ROOT = Path(__file__).resolve().parent.parent
+ASKED = {"single": 15.0, "episodes": 60.0}  # CPU s for 300 drops
+SHAPES = {"single": "ellipse", "episodes": "square"}
+CONTACT_TIME = 1e-3  # s
+SEED = 1
+# what the command line does, for either setting of episodes
+CRITIQUE = """
+import sys
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.report.critique.folder import critique_folder
+data, out, episodes = sys.argv[1:]
+critique_folder(read_dataset(data), out, 20190906, settings=CritiqueSettings(episodes=episodes == "episodes"))
+"""
 
 
 def measure(hidden: str, drops: int) -> dict[str, float | str]:
@@ -25,11 +43,34 @@ def measure(hidden: str, drops: int) -> dict[str, float | str]:
     """
     with tempfile.TemporaryDirectory() as folder:
         data, out = f"{folder}/example", f"{folder}/critique"
-        _run("datasets", "example", "-o", data, "--hidden", hidden, "--drops", str(drops))
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        _run("critique", data, "-o", out, "-q")
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        diagnosis = json.loads(Path(out, "diagnosis.json").read_text(encoding="utf-8"))
+        _run("-m", "thesis_lib", "datasets", "example", "-o", data, "--hidden", hidden, "--drops", str(drops))
+        return _critique(out, "-m", "thesis_lib", "critique", data, "-o", out, "-q")
+
+
+def measure_nothing_hidden(hits: str, drops: int) -> dict[str, float | str]:
+    """The same with nothing hidden, for `hits` "single" or "episodes"."""
+    import numpy as np
+
+    from thesis_lib.datasets.format.dataset import Dataset
+    from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+    from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
+
+    body = SQUARE if SHAPES[hits] == "square" else ELLIPSE_BODY
+    contact, rng = CompliantContact(contact_time=CONTACT_TIME), np.random.default_rng(SEED)
+    made = simulate_compliant_drops(body, PROOF_RELEASE, drops, contact=contact, noise=RIG_NOISE, rng=rng)
+    with tempfile.TemporaryDirectory() as folder:
+        data, out = f"{folder}/drops", f"{folder}/critique"
+        write_dataset(Dataset(SHAPES[hits], made.header, made.trajectories), data)
+        return _critique(out, "-c", CRITIQUE, data, out, hits)
+
+
+def _critique(out: str, *command: str) -> dict[str, float | str]:
+    """CPU seconds of a command of Python that writes a critique to `out`, and what that says."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    _run(*command)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    diagnosis = json.loads(Path(out, "diagnosis.json").read_text(encoding="utf-8"))
     return {
         "cpu_s": round(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, 1),
         "n_impacts": diagnosis["n_impacts"],
@@ -39,7 +80,7 @@ def measure(hidden: str, drops: int) -> dict[str, float | str]:
 
 
 def _run(*arguments: str) -> None:
-    command = [sys.executable, "-m", "thesis_lib", *arguments]
+    command = [sys.executable, *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr[-3000:]}")
@@ -49,17 +90,38 @@ def main(arguments: list[str] | None = None) -> None:
     parser = benchmark_parser("critique", "CPU time of one critique on one core.")
     parser.add_argument("--drops", type=int, default=300)
     parser.add_argument("--hidden", nargs="+", default=["com_offset_x"], metavar="CAUSE")
+    parser.add_argument("--sizes", type=int, nargs="+", default=[100, 200, 400], metavar="DROPS")
     options = parser.parse_args(arguments)
     if options.quick:
-        options.hidden, options.drops = ["nothing"], 30
+        options.hidden, options.drops, options.sizes = ["nothing"], 30, []
     results = Results("critique")
-    print(f"{'hidden':24s}{'drops':>6s}{'impacts':>9s}{'CPU s':>8s}  verdict")
+    print(f"{'drops of':24s}{'drops':>6s}{'impacts':>9s}{'CPU s':>8s}  verdict")
+
+    def tell(name: str, drops: int, found: dict) -> str:
+        said = f"{found['verdict']} {found['effects']}".strip()
+        print(f"{name:24s}{drops:6d}{found['n_impacts']:9d}{found['cpu_s']:8.1f}  {said}", flush=True)
+        return f"{drops} drops, from files to report; says: {said}"
+
     for hidden in options.hidden:
         found = measure(hidden, options.drops)
-        said = f"{found['verdict']} {found['effects']}"
-        print(f"{hidden:24s}{options.drops:6d}{found['n_impacts']:9d}{found['cpu_s']:8.1f}  {said}")
-        note = f"{options.drops} drops, from files to report; says: {said.strip()}"
-        results.add(f"{hidden}: CPU time", found["cpu_s"], "s", note)
+        results.add(f"{hidden}: CPU time", found["cpu_s"], "s", tell(hidden, options.drops, found))
+    for hits, asked in ASKED.items():
+        name = f"{SHAPES[hits]}, {hits}"
+        found = measure_nothing_hidden(hits, options.drops)
+        note = tell(name, options.drops, found)
+        results.add(f"{name}: CPU time", found["cpu_s"], "s", note)
+        if options.drops == 300:
+            results.add(f"{name}: over what is asked", found["cpu_s"] / asked, "1", f"asked: at most {asked:g} CPU s")
+        taken = []
+        for drops in options.sizes:
+            found = measure_nothing_hidden(hits, drops)
+            tell(name, drops, found)
+            taken.append(found["cpu_s"])
+        if len(taken) > 1:
+            p, half = exponent(options.sizes, taken)
+            note = f"± {half:.2f} (95 %), {min(options.sizes)} to {max(options.sizes)} drops; asked: below 1"
+            results.add(f"{name}: exponent of the CPU time", p, "1", note)
+            print(f"{name}: cost ~ n^{p:.2f} {note}")
     results.write(options.out)
 
 

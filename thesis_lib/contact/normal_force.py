@@ -189,7 +189,7 @@ class ConvexDamper(LinearDamper):
 
     @staticmethod
     def lifted(
-        force: np.ndarray, depth: np.ndarray, rate: np.ndarray, loss: np.ndarray, slip: np.ndarray, mu, ratio: float
+        force: np.ndarray, depth: np.ndarray, rate: np.ndarray, loss: np.ndarray, slip: np.ndarray, mu, ratio
     ) -> np.ndarray:
         """f where the contact slides, else `force`, that of the damper; slip |s| in units of v₀."""
         lifted = np.maximum(depth + loss * (rate + mu * slip), 0.0) / (1.0 + mu * mu / ratio)

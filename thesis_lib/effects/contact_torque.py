@@ -27,7 +27,7 @@ class ContactTorque(Effect):
     reference = "Brach 1989 (rigid body collisions: moment coefficient); Johnson 1985, chapter 8 (rolling resistance)"
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        if p["m_r"] == 0.0:
+        if not np.any(p["m_r"]):
             return impulse
         with np.errstate(all="ignore"):
             paths = _paths(space, mu, epsilon, r, state.omega, p["m_r"])

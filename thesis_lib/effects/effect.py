@@ -143,8 +143,9 @@ class Impulse:
 class Effect:
     """Base of all effects.  Override the class attributes, and the hooks of the stages at which the effect acts.
 
-    Hooks take arrays (n,) and the effect's own parameters `p` (name -> value) and return new arrays.  They are the
-    identity at the null parameters, and never change their arguments.
+    Hooks take arrays (n,) and the effect's own parameters `p` and return new arrays.  A parameter is a number, or an
+    array (n,) with one for each body: fits try several at once.  Hooks are the identity at the null parameters, and
+    never change their arguments.
 
     Attributes:
         name: file name and key, a standard term.

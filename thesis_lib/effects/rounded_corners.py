@@ -50,17 +50,18 @@ def _moved(shape, theta, rho):
     """Contact point of the rounded polygon (or of one corner of it) minus that of the sharp one, two arrays (n,)."""
     polygon = shape.polygon if isinstance(shape, Corner) else shape
     corners, inward, largest = _corners(polygon.vertices)
-    rho = min(rho, largest)
+    rho = np.minimum(rho, largest)
     sin, cos = np.sin(theta), np.cos(theta)
 
-    def lowest(points):
-        heights = np.multiply.outer(sin, points[:, 0]) + np.multiply.outer(cos, points[:, 1])
-        index = shape.index if isinstance(shape, Corner) else np.argmin(heights, axis=-1)
-        x, y = points[index].T
+    def lowest(rho):
+        x, y = (corners[:, i, None] + rho * inward[:, i, None] for i in (0, 1))
+        heights = sin * x + cos * y  # (corners, n)
+        index = shape.index if isinstance(shape, Corner) else np.argmin(heights, axis=0)
+        x, y = (corners[index, i] + rho * inward[index, i] for i in (0, 1))
         return cos * x - sin * y, sin * x + cos * y
 
-    round_x, round_y = lowest(corners + rho * inward)
-    sharp_x, sharp_y = lowest(corners)
+    round_x, round_y = lowest(rho)
+    sharp_x, sharp_y = lowest(0.0)
     return round_x - sharp_x, round_y - rho - sharp_y
 
 

@@ -11,7 +11,7 @@ to the right.
 | g        | `rig.gravity` | m/s² |       | believed gravity             |
 """
 
-import math
+import numpy as np
 
 from thesis_lib.effects.effect import Effect, Parameter
 
@@ -27,8 +27,8 @@ class SurfaceTilt(Effect):
     reference = "inclined plane"
 
     def acceleration(self, a, state, p, rig):
-        sin, cos = math.sin(p["phi"]), math.cos(p["phi"])
-        return a + [rig.gravity * sin, rig.gravity * (1.0 - cos), 0.0]
+        sin, cos, g = np.sin(p["phi"]), np.cos(p["phi"]), rig.gravity
+        return a + np.stack(np.broadcast_arrays(g * sin, g * (1.0 - cos), 0.0), axis=-1)
 
 
 EFFECT = SurfaceTilt()

@@ -48,14 +48,14 @@ class TangentialCompliance(Effect):
     )
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        if p["eta"] == 0.0:
+        if not np.any(p["eta"]):
             return impulse
         with np.errstate(all="ignore"):
             paths = _paths(space, mu, epsilon, p["eta"], p["zeta"])
         return added(impulse, paths, mu)
 
 
-def _propagator(w: np.ndarray, zeta: float, h: np.ndarray | float) -> tuple[np.ndarray, ...]:
+def _propagator(w: np.ndarray, zeta: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, ...]:
     """(z, v) from one end of a step h to the other, stuck: matrix elements zz, zv, vz, vv about the equilibrium."""
     turning = w * np.sqrt(1.0 - zeta * zeta)
     decay = np.exp(-zeta * w * h)
@@ -63,7 +63,7 @@ def _propagator(w: np.ndarray, zeta: float, h: np.ndarray | float) -> tuple[np.n
     return cos + zeta * w * sine, sine, -w * w * sine, cos - zeta * w * sine
 
 
-def _paths(space, mu, epsilon, eta: float, zeta: float) -> Impulse:
+def _paths(space, mu, epsilon, eta, zeta) -> Impulse:
     """Impulses (2, n) at the ends of the compliant path and of the rigid one."""
     K_tt, K_tn, v_t = space.K_tt, space.K_tn, space.v_t
     p_c = slip_path(space, mu).p_c

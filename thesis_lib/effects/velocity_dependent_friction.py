@@ -31,13 +31,13 @@ class VelocityDependentFriction(Effect):
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
         s, v_s = p["s"], p["v_s"]
-        if s == 0.0:
+        if not np.any(s):
             return impulse
 
         def factor(v_t: np.ndarray) -> np.ndarray:
             return 1.0 + s * np.exp(-((v_t / v_s) ** 2))
 
-        return added(impulse, walk(space, mu, epsilon, factor), mu, 1.0 + max(s, 0.0))
+        return added(impulse, walk(space, mu, epsilon, factor), mu, 1.0 + np.maximum(s, 0.0))
 
 
 EFFECT = VelocityDependentFriction()

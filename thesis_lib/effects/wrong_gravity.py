@@ -7,6 +7,8 @@
 | dg       | `dg`    | m/s² |       | true minus believed gravity   |
 """
 
+import numpy as np
+
 from thesis_lib.effects.effect import Effect, Parameter
 
 
@@ -21,7 +23,7 @@ class WrongGravity(Effect):
     reference = "free fall"
 
     def acceleration(self, a, state, p, rig):
-        return a - [0.0, p["dg"], 0.0]
+        return a - np.stack(np.broadcast_arrays(0.0, p["dg"], 0.0), axis=-1)
 
 
 EFFECT = WrongGravity()

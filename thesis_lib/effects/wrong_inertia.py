@@ -8,7 +8,7 @@
 | k        | `k_g`   | m    |       | radius of gyration                             |
 """
 
-import math
+import numpy as np
 
 from thesis_lib.effects.effect import Effect, Parameter
 
@@ -23,7 +23,7 @@ class WrongInertia(Effect):
     reference = "definition of the radius of gyration"
 
     def radius_of_gyration(self, k_g, p):
-        return k_g * math.sqrt(1.0 + p["d_I"])
+        return k_g * np.sqrt(1.0 + p["d_I"])
 
 
 EFFECT = WrongInertia()

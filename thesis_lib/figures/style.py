@@ -8,6 +8,7 @@ Figures are made without pyplot, so that they share no state and need no window 
 """
 
 import functools
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,8 +83,18 @@ def new_figure(width: float = WIDTH, height: float = 3.0, layout: str = "constra
 
 
 @house_style
-def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path) -> None:
+def png_of(figure: Figure) -> bytes:
+    """The figure as PNG; equal content gives equal bytes."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", metadata={"Software": None})
+    return file.getvalue()
+
+
+@house_style
+def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path, png: bytes | None = None) -> None:
     """Write `path`.png, `path`.pdf and the plotted numbers as `path`.csv; equal content gives equal bytes.
+
+    `png` is that of `png_of`, None: made here.
 
     Raises:
         KeyError: foundation/columns.yaml does not explain a column.  A figure of the run may have further columns,
@@ -93,7 +104,7 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path) -> None:
     if not path.name.startswith("figure_"):
         explain(path.name, table.columns)
     with atomic(path.with_name(f"{path.name}.png")) as tmp:
-        figure.savefig(tmp, metadata={"Software": None})
+        tmp.write_bytes(png_of(figure) if png is None else png)
     with atomic(path.with_name(f"{path.name}.pdf")) as tmp:
         figure.savefig(tmp, metadata={"Creator": None, "Producer": None, "CreationDate": None})
     write_table(table, path.with_name(f"{path.name}.csv"))

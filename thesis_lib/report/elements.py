@@ -1,7 +1,6 @@
 """Elements of a critique's page as HTML: numbers, sentences, tables and pictures."""
 
 import base64
-import io
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
@@ -10,7 +9,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from thesis_lib.critique.results.titles import handy_unit, symbol
-from thesis_lib.figures.style import house_style
+from thesis_lib.figures.style import png_of
 from thesis_lib.pages import element
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.wording import number
@@ -49,11 +48,10 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], n
     return element("table", caption, columns, cells, numeric) if cells else Markup()
 
 
-def picture(figure: Figure, caption: str) -> Markup:
-    """A figure as an embedded PNG; its title and the caption form the alternative text."""
-    title, png = " ".join(figure.get_suptitle().split()), io.BytesIO()
-    house_style(figure.savefig)(png, format="png", metadata={"Software": None})
-    data = base64.b64encode(png.getvalue()).decode("ascii")
+def picture(figure: Figure, caption: str, png: bytes | None = None) -> Markup:
+    """A figure as an embedded PNG (None: made here); its title and the caption form the alternative text."""
+    title = " ".join(figure.get_suptitle().split())
+    data = base64.b64encode(png or png_of(figure)).decode("ascii")
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
     return element("picture", data, f"{title}. {caption}" if title else caption, width, height, caption)
 

@@ -248,14 +248,21 @@ def test_section_2_says_that_it_uses_all_impacts(page):
 def with_last(critique, **changes):
     """The critique with another fit at the end of its ladder."""
     label, fitted, judged = critique.ladder[-1]
-    return replace(critique, ladder=(critique.ladder[0], (label, replace(fitted, **changes), judged)))
+    return replace(critique, ladder=(critique.ladder[0], (label, another(fitted, **changes), judged)))
+
+
+def another(fitted, std=None, **changes):
+    """The fit with some of its fields, and its standard errors, replaced."""
+    changed = replace(fitted, **changes)
+    vars(changed)["std"] = std or fitted.std  # computed at the first look otherwise
+    return changed
 
 
 def test_parameters_that_move_little_but_surely_do_not_hardly_move(hidden_drops):
     first = hidden_drops.ladder[0][1]
     last = hidden_drops.ladder[-1][1]
     std = {**last.std, "mu": 1e-4 * first.values["mu"], "epsilon": 1e-4 * first.values["epsilon"]}
-    sure = replace(first, std={**first.std, **std})
+    sure = another(first, std={**first.std, **std})
     critique = replace(
         hidden_drops, ladder=((hidden_drops.ladder[0][0], sure, hidden_drops.ladder[0][2]), hidden_drops.ladder[-1])
     )

@@ -22,7 +22,7 @@ from thesis_lib.critique.drops.residuals import compare, end_of_episodes, predic
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
-_DATA = tuple(product((0, 1), range(3), (0, 1)))  # side, channel, and value (0) or slope (1) of its line
+_DATA = tuple(product(range(3), (0, 1)))  # of one side: channel, and value (0) or slope (1) of its line
 
 
 @dataclass(frozen=True)
@@ -81,13 +81,17 @@ def noise_covariance(
 
 
 def _copies(o: Observations, with_samples: bool) -> Observations:
-    """26 copies of the impacts: each datum moved up and down by its step, and the instant as measured and later."""
-    copies, step = o.tiled(2 * len(_DATA) + 2, with_samples), _step(o)
-    lines = [array.reshape(-1, len(o), 2, 3) for array in (copies.value, copies.slope)]
-    for i, (side, channel, k) in enumerate(_DATA):
-        lines[k][2 * i, :, side, channel] += step[:, side, channel, k]
-        lines[k][2 * i + 1, :, side, channel] -= step[:, side, channel, k]
-    lines[0][-1] += _H_INSTANT * o.slope
+    """26 copies of the impacts, each of the data moved up and down by its step.
+
+    Twelve for the data after, two for the instant as measured and later, twelve for the data before.
+    """
+    copies, step = o.tiled(26, with_samples), _step(o)
+    lines = [array.reshape(26, len(o), 2, 3) for array in (copies.value, copies.slope)]
+    for first, side in ((0, 1), (14, 0)):
+        for i, (channel, k) in enumerate(_DATA):
+            lines[k][first + 2 * i, :, side, channel] += step[:, side, channel, k]
+            lines[k][first + 2 * i + 1, :, side, channel] -= step[:, side, channel, k]
+    lines[0][13] += _H_INSTANT * o.slope
     return copies
 
 
@@ -100,9 +104,9 @@ def _step(o: Observations) -> np.ndarray:
 def _noisy(o: Observations, R: np.ndarray) -> Noisy:
     """From the statistic (26 n, m) of the `_copies`."""
     n, step = len(o), _step(o)
-    R = R.reshape(2 * len(_DATA) + 2, n, -1)
-    up, down, (here, later) = R[0:-2:2], R[1:-2:2], R[-2:]
-    secants = (up - down).reshape(2, 3, 2, n, -1)
+    R = R.reshape(26, n, -1)
+    moved, (here, later) = np.concatenate([R[14:], R[:12]]), R[12:14]
+    secants = (moved[::2] - moved[1::2]).reshape(2, 3, 2, n, -1)  # side, channel, value or slope
     S = np.zeros((n, R.shape[2], R.shape[2]))
     for side, channel in product((0, 1), range(3)):
         A = np.stack(list(secants[side, channel]), axis=1) / (2.0 * step[:, side, channel, :, None])  # (n, 2, m)
@@ -113,16 +117,13 @@ def _noisy(o: Observations, R: np.ndarray) -> Noisy:
 def _of_single(model: Model, values: Mapping[str, float], o: Observations) -> Noisy:
     """Residuals of single hits; copies that differ after the hit only share its prediction."""
     n, copies = len(o), _copies(o, model.has_arc)
-    row = np.arange(len(copies))
-    first, last, here = row[: 12 * n], row[12 * n :], np.tile(row[24 * n : 25 * n], 12)
-    moved = np.concatenate([first, row[24 * n :]])
-    data = copies.picked(moved, model.has_arc)
+    after = state_beside(model, values, copies.part(slice(14 * n), model.has_arc), 1)
+    data = copies.part(slice(12 * n, None), model.has_arc)
     before = state_beside(model, values, data, 0)
-    after = state_beside(model, values, copies.picked(last, model.has_arc), 1)
     prediction = predict(model, values, data, before)
     # where in `before` and `after` each copy has its state
-    at = np.concatenate([row[: 12 * n], here - 12 * n, row[12 * n : 14 * n]])
-    of = np.concatenate([here - 12 * n, row[: 14 * n]])
+    row = np.arange(14 * n)
+    at, of = np.concatenate([np.tile(row[:n], 12), row]), np.concatenate([row, np.tile(row[12 * n : 13 * n], 12)])
     return _noisy(o, compare(model, values, before.select(at), after.select(of), prediction.select(at)))
 
 
@@ -140,7 +141,7 @@ def _of_episodes(model: Model, values: Mapping[str, float], o: Observations) -> 
     for side in (0, 1):
         copies = o.tiled(13, model.has_arc)
         lines = [array.reshape(13, len(o), 2, 3) for array in (copies.value, copies.slope)]
-        for j, (channel, i) in enumerate(product(range(3), (0, 1))):
+        for j, (channel, i) in enumerate(_DATA):
             for line, step in zip(lines, np.moveaxis(sigma[:, side, channel, :, i], 1, 0)):
                 line[2 * j, :, side, channel] += step
                 line[2 * j + 1, :, side, channel] -= step

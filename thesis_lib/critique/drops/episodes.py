@@ -48,7 +48,7 @@ def play(
 
     The states belong to the flight before the first hit, continued below the surface where it must: each body first
     flies back by `LEAD`, and until nothing that comes down is deep.  With `most` = 1 the hit may come up to `LATEST`
-    after `span`; the arc after it is then followed back.
+    after `span`; the arc after it is then followed back.  `values` are numbers, or arrays (n,) with one for each body.
     """
     return _Play(model, values, rig, true, span, most).outcome()
 
@@ -67,7 +67,7 @@ def contact(model: Model, values: Mapping[str, float], rig: Rig, touch: State) -
         played = _Play(model, values, rig, down, span, MOST_HITS, touches=True)
         end = played.outcome().after
         left = np.maximum(np.where(played.hits > 0, played.over, 0.0) - span, 0.0)
-        end = end.flown(played.acceleration(end, left), left)
+        end = end.flown(played.acceleration(end, left, np.arange(len(left))), left)
         a, rise = played.rise(end)
         end, span = end.flown(a, rise), span + left + rise
     comes = (seen.vy + r_x * seen.omega < 0.0) & (played.hits > 0)
@@ -93,7 +93,8 @@ class _Play:
     ) -> None:
         self.model, self.values, self.rig, self.start, self.most = model, values, rig, true, most
         self.span = span + LATEST if most == 1 else span
-        self.active, self.points, n = model.active(values), contact_points(rig), len(span)
+        self.varying = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+        self.points, n = contact_points(rig), len(span)
         self.motion, self.t = np.concatenate([true.q, true.v], axis=1), np.zeros(n)
         self.hits, self.pressed = np.zeros(n, int), np.zeros(n, bool)
         # of the last hit: its contact point, motion and time at its touch, and the time at which it is over
@@ -110,7 +111,7 @@ class _Play:
         off = np.flatnonzero(np.abs(self.t - span) > _NOW)
         if len(off):
             state, h = self._state(off), (span - self.t)[off]
-            self._set(off, state.flown(self.acceleration(state, h), h))
+            self._set(off, state.flown(self.acceleration(state, h, off), h))
             self.t[off] = span[off]
 
     def _rewind(self) -> None:
@@ -118,14 +119,21 @@ class _Play:
         rows = np.arange(len(self.t))
         for _ in range(MOST_BACK):
             state, back = self._state(rows), np.full(len(rows), -LEAD)
-            self._set(rows, state.flown(self.acceleration(state, back), back))
+            self._set(rows, state.flown(self.acceleration(state, back, rows), back))
             self.t[rows] -= LEAD
-            rows = rows[_lands(*self._gaps(self._state(rows))).any(axis=0)]
+            rows = rows[_lands(*self._gaps(self._state(rows), rows)).any(axis=0)]
             if not len(rows):
                 return
 
     def outcome(self) -> Outcome:
         return Outcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, self.rests)
+
+    def _values(self, rows: np.ndarray, copies: int = 1) -> Mapping:
+        """The values of the bodies `rows`, all of them `copies` times one after the other."""
+        if not self.varying:
+            return self.values
+        rows = np.tile(rows, copies)
+        return {**self.values, **{name: value[rows] for name, value in self.varying.items()}}
 
     def _state(self, rows: np.ndarray) -> State:
         q, v = self.motion[rows, :3], self.motion[rows, 3:]
@@ -139,8 +147,8 @@ class _Play:
         n, left = len(rows), self.span[rows] - self.t[rows]
         steps = int(np.ceil(left.max() / STEP))
         h = left / steps
-        path = self._path(self._state(rows), h, steps)
-        lands = _lands(*self._gaps(path)).any(axis=0).reshape(steps + 1, n)
+        path = self._path(self._state(rows), h, steps, rows)
+        lands = _lands(*self._gaps(path, np.tile(rows, steps + 1))).any(axis=0).reshape(steps + 1, n)
         hit, step = np.flatnonzero(lands.any(axis=0)), lands.argmax(axis=0)
         self._set(rows, path.select(np.arange(steps * n, (steps + 1) * n)))
         self.t[rows] = self.span[rows]
@@ -148,30 +156,29 @@ class _Play:
             return
         rows, step, h = rows[hit], np.maximum(step[hit] - 1, 0), h[hit]
         start = path.select(step * n + hit)
-        a = self.acceleration(start, h)
-        t = self._instant(start, a, h)
+        a = self.acceleration(start, h, rows)
+        t = self._instant(start, a, h, rows)
         self._set(rows, start.flown(a, t))
         self.t[rows] = self.span[rows] - left[hit] + step * h + t
         self._hit(rows)
 
-    def _path(self, state: State, h: np.ndarray, steps: int) -> State:
+    def _path(self, state: State, h: np.ndarray, steps: int, rows: np.ndarray) -> State:
         """The states (n,) after 0, 1, ... steps of h (n,) in s, ((steps + 1) n,)."""
         if not self.model.has_varying_flight:
             times = np.multiply.outer(np.arange(steps + 1), h).ravel()
-            a = self.model.true_acceleration(state.select(np.zeros(1, int)), self.active, self.rig)
-            return _joined([state] * (steps + 1)).flown(a, times)
+            return joined([state] * (steps + 1)).flown(np.array([[0.0, -self.rig.gravity, 0.0]]), times)
         path = [state]
         for _ in range(steps):
-            path.append(path[-1].flown(self.acceleration(path[-1], h), h))
-        return _joined(path)
+            path.append(path[-1].flown(self.acceleration(path[-1], h, rows), h))
+        return joined(path)
 
-    def _instant(self, start: State, a: np.ndarray, h: np.ndarray) -> np.ndarray:
+    def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Times (n,) in s after `start` at which the first point touches; after `h` it has."""
-        t, rows = h, np.arange(len(h))
+        t, each = h, np.arange(len(h))
         for _ in range(NEWTON):
-            gap, v_n = self._gaps(start.flown(a, t))
+            gap, v_n = self._gaps(start.flown(a, t), rows)
             point = _first(gap, v_n)
-            t = np.clip(t - gap[point, rows] / v_n[point, rows], 0.0, h)
+            t = np.clip(t - gap[point, each] / v_n[point, each], 0.0, h)
         return t
 
     def rise(self, state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -180,32 +187,34 @@ class _Play:
         0 s for bodies that are, and for those that do not come out within `LONGEST`.
         """
         rows, h = np.arange(len(state.x)), np.zeros(len(state.x))
-        a = self.acceleration(state, h)
+        a = self.acceleration(state, h, rows)
         for _ in range(NEWTON):
-            gap, v_n = self._gaps(state.flown(a, h))
+            gap, v_n = self._gaps(state.flown(a, h), rows)
             point = np.where(v_n > 0.0, gap, np.inf).argmin(axis=0)  # of those that rise
             gap, v_n = gap[point, rows], v_n[point, rows]
             h = np.maximum(h - np.divide(gap, v_n, out=np.zeros_like(h), where=v_n > 0.0), 0.0)
         return a, np.where((h < LONGEST) & (v_n > 0.0), h, 0.0)
 
-    def acceleration(self, state: State, h: np.ndarray) -> np.ndarray:
-        a = self.model.true_acceleration(state, self.active, self.rig)
+    def acceleration(self, state: State, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        active = self.model.active(self._values(rows))
+        a = self.model.true_acceleration(state, active, self.rig)
         if self.model.has_varying_flight:
-            a = self.model.true_acceleration(state.flown(a, 0.5 * h), self.active, self.rig)
+            a = self.model.true_acceleration(state.flown(a, 0.5 * h), active, self.rig)
         return a
 
-    def _gaps(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Gap in m and v_n in m/s of all contact points, each (p, n)."""
+    def _gaps(self, state: State, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gap in m and v_n in m/s of all contact points of the bodies `rows` in states (n,), each (p, n)."""
         n, p = len(state.x), self.points
+        values = self._values(rows, p)
         if p > 1:
-            state = _joined([state] * p)
+            state = joined([state] * p)
         rig = one_point(self.rig, np.repeat(np.arange(p), n))
-        seen, r_x, *_ = self.model.contact_at(state, self.active, rig)
-        return self.model.gap(state, self.values, rig).reshape(p, n), (seen.vy + r_x * seen.omega).reshape(p, n)
+        seen, r_x, *_ = self.model.contact_at(state, self.model.active(values), rig)
+        return self.model.gap(state, values, rig).reshape(p, n), (seen.vy + r_x * seen.omega).reshape(p, n)
 
     def _hit(self, rows: np.ndarray) -> None:
         """Resolve the hits of the bodies `rows`, which touch now."""
-        point, now = _first(*self._gaps(self._state(rows))), self.t[rows]
+        point, now = _first(*self._gaps(self._state(rows), rows)), self.t[rows]
         self.hits[rows] += 1
         if self.model.is_compliant:
             self.touch[rows], self.touch_t[rows] = self.motion[rows], now
@@ -219,32 +228,25 @@ class _Play:
             return
         self.touch[rows], self.touch_t[rows], self.last[rows] = self.motion[rows], now, point
         touch, rig = self._state(rows), one_point(self.rig, point)
-        delay = self.model.delay(touch, self.values, rig)
-        after, _ = self.model.collide(touch.flown(self.acceleration(touch, delay), delay), self.values, rig)
+        values = self._values(rows)
+        delay = self.model.delay(touch, values, rig)
+        after, _ = self.model.collide(touch.flown(self.acceleration(touch, delay, rows), delay), values, rig)
         self._set(rows, after)
         self.t[rows] += delay
         if self.model.takes_time:
-            self.over[rows] = now + duration(1.0, self.values["epsilon"]) * delay
+            self.over[rows] = now + duration(1.0, values["epsilon"]) * delay
 
     def _press(self, rows: np.ndarray) -> None:
         """Integrate the contacts of the bodies `rows` from the touch of their last hit."""
         self.pressed[rows] = True
-        after, elapsed = press(
-            self.model,
-            self.values,
-            self.rig,
-            State.of(
-                self.touch[rows, :3],
-                self.touch[rows, 3:],
-                self.start.trial[rows],
-                self.start.t[rows] + self.touch_t[rows],
-            ),
-        )
+        q, v, t = self.touch[rows, :3], self.touch[rows, 3:], self.touch_t[rows]
+        touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t)
+        after, elapsed = press(self.model, self._values(rows), self.rig, touch)
         self._set(rows, after)
-        self.t[rows] = self.over[rows] = self.touch_t[rows] + elapsed
+        self.t[rows] = self.over[rows] = t + elapsed
 
 
-def _joined(states: Sequence[State]) -> State:
+def joined(states: Sequence[State]) -> State:
     """The states one after the other."""
     return State(*(np.concatenate([getattr(state, item.name) for state in states]) for item in fields(State)))
 

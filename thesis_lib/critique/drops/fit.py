@@ -5,7 +5,7 @@ The fit is iteratively reweighted Gauss-Newton (Levenberg-Marquardt) on whitened
 between rounds.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import product
@@ -18,7 +18,7 @@ from thesis_lib.critique.drops.levenberg_marquardt import levenberg_marquardt
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
-from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, weight
+from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect, State
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
@@ -94,9 +94,27 @@ def fit(
         # single hits find the basin: an episode is far from linear while (μ, ε) are far off
         simple = observations.single if len(observations.single) >= ENOUGH_SINGLE else observations
         tries = [t | basin for t in tries for basin in _basins(model, simple, t)]
-        best = max((_fit_from(model, simple, t, 1) for t in tries), key=lambda fitted: fitted.score)
-        return _fit_from(model, observations, best.values, rounds)
-    return max((_fit_from(model, observations, t, rounds) for t in tries[:4]), key=lambda fitted: fitted.score)
+        best = max(fit_each(model, [(simple, t) for t in tries], 1), key=lambda fitted: fitted.score)
+        return fit_each(model, [(observations, best.values)], rounds)[0]
+    return max(fit_each(model, [(observations, t) for t in tries[:4]], rounds), key=lambda fitted: fitted.score)
+
+
+def fit_each(
+    model: Model, tasks: Sequence[tuple[Observations, Mapping[str, float]]], rounds: int = ROUNDS
+) -> list[Fit]:
+    """Fit each of several observations of one rig from its own start; the fits go step by step together."""
+    fits: dict[int, Fit] = {}
+    searches = {i: _fitting(model, observations, start, rounds) for i, (observations, start) in enumerate(tasks)}
+    asked = {i: next(search) for i, search in searches.items()}
+    while asked:
+        answers = together(list(asked.values()))
+        for i, answer in zip(list(asked), answers):
+            try:
+                asked[i] = searches[i].send(answer)
+            except StopIteration as end:
+                fits[i] = end.value
+                del asked[i]
+    return [fits[i] for i in range(len(tasks))]
 
 
 def _best_shapes(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
@@ -135,22 +153,27 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
     return [values for _, values in sorted(found, key=lambda pair: pair[0])[:SHAPES]]
 
 
-def _fit_from(model: Model, observations: Observations, start: dict[str, float], rounds: int) -> Fit:
+def _fitting(
+    model: Model, observations: Observations, start: Mapping[str, float], rounds: int
+) -> Generator[tuple[Whitening, list[dict[str, float]]], list[tuple[np.ndarray, np.ndarray]], Fit]:
+    """Fit from one start; yields what it needs whitened residuals of, and gets these."""
     values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
     free = model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
     for _ in range(rounds):
-        values |= dict(zip(free, map(float, x)))
+        values |= dict(zip(free, x.tolist()))
         whitening = Whitening.at(model, values, observations)
-
-        def residuals(points: Sequence[np.ndarray]) -> list[np.ndarray]:
-            found = whitening.many([{**values, **dict(zip(free, map(float, x)))} for x in points])  # noqa: B023
-            return [np.concatenate([robust(part).ravel() for part in z]) for z in found]
-
-        x = levenberg_marquardt(residuals, x, low, high, step)
-    values |= dict(zip(free, map(float, x)))
+        search = levenberg_marquardt(x, low, high, step)
+        points = next(search)
+        while points:
+            found = yield whitening, [{**values, **dict(zip(free, point.tolist()))} for point in points]
+            try:
+                points = search.send([np.concatenate([robust(part).ravel() for part in z]) for z in found])
+            except StopIteration as end:
+                x, points = end.value, []
+    values |= dict(zip(free, x.tolist()))
     whitening = Whitening.at(model, values, observations)
     score = float(sum(part.sum() for part in whitening.log_scores(values)))
     return Fit(model, values, score, len(observations), whitening)

@@ -3,7 +3,7 @@
 Source: Marquardt 1963, doi:10.1137/0111030.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Generator
 
 import numpy as np
 
@@ -12,21 +12,19 @@ ENOUGH = 1e-3  # nats; the search ends below this gain per step, a twentieth of 
 
 
 def levenberg_marquardt(
-    residuals: Callable[[Sequence[np.ndarray]], list[np.ndarray]],
-    x: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    step: np.ndarray,
-) -> np.ndarray:
+    x: np.ndarray, low: np.ndarray, high: np.ndarray, step: np.ndarray
+) -> Generator[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """Minimise |r(x)|² over x (p,) within the bounds `low`, `high`.
 
-    `residuals` takes several x at once and returns r (N,) of each; `step` (p,) is that of finite differences.
+    It yields the points at which it needs r, gets r (N,) of each, and returns the best point; so several searches can
+    share their calls.  `step` (p,) is that of finite differences.
     """
-    (r,) = residuals([x])
+    (r,) = yield [x]
     cost, damping = r @ r, 1e-3
     for _ in range(STEPS):
         h = np.where(x + step <= high, step, -step)
-        J = np.stack([(moved - r) / h_i for moved, h_i in zip(residuals(list(x + np.diag(h))), h)], axis=1)
+        moved = yield list(x + np.diag(h))
+        J = np.stack([(other - r) / h_i for other, h_i in zip(moved, h)], axis=1)
         JtJ, g = J.T @ J, J.T @ r
         for _ in range(6):
             # keep parameters at a bound if their step leaves the box
@@ -38,7 +36,7 @@ def levenberg_marquardt(
             H = JtJ[np.ix_(move, move)]
             d[move] = -np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g[move], rcond=None)[0]
             new = np.clip(x + d, low, high)
-            (r_new,) = residuals([new])
+            (r_new,) = yield [new]
             cost_new = r_new @ r_new
             if cost_new < cost:
                 break

@@ -19,6 +19,7 @@ from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.effects.effect import Rig
 
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
+FOR_MODELS, OF_SAMPLES = ("trial", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
 ROWS = ("trial", "impact", "hits", "t", "span", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset")
 
 
@@ -80,12 +81,12 @@ class Observations:
 
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
         """The impacts repeated `copies` times, for a model; without samples `nodes` and `weights` are not repeated."""
-        return self.picked(np.tile(np.arange(len(self)), copies), with_samples)
+        names = FOR_MODELS + OF_SAMPLES * with_samples
+        return replace(self, **{name: np.concatenate([getattr(self, name)] * copies) for name in names})
 
-    def picked(self, rows: np.ndarray, with_samples: bool) -> "Observations":
-        """What a model needs of the impacts at `rows` (indices, also repeated)."""
-        names = ("trial", "t", "span", "value", "slope", "bow", "offset") + ("nodes", "weights") * with_samples
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+    def part(self, rows: slice, with_samples: bool) -> "Observations":
+        """What a model needs of some of the impacts, without a copy."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in FOR_MODELS + OF_SAMPLES * with_samples})
 
 
 def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:

@@ -12,8 +12,9 @@ on (μ, ε) as in a single contact; shifts of a contact point turn with the body
 the law is added to the impulse of each corner, at the velocity with which it touched.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from thesis_lib.bodies.shapes import Corner, Polygon, Shape
 from thesis_lib.contact.normal_force import SPEED, ConvexDamper, NormalForce
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, contact_space_of
-from thesis_lib.effects.effect import Impulse, Rig, State
+from thesis_lib.effects.effect import Effect, Impulse, Rig, State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
 STEPS = 48  # in one central contact
@@ -45,8 +46,8 @@ class _Springs:
     loss: np.ndarray
     length: np.ndarray
     force: NormalForce
-    ratio: float  # of a convex contact: damping along the surface over that across it
-    w: float
+    ratio: np.ndarray  # of a convex contact: damping along the surface over that across it
+    w: np.ndarray
     gravity: float
     shape: Shape | None
     theta: np.ndarray
@@ -89,28 +90,34 @@ def one_point(rig: Rig, index: np.ndarray) -> Rig:
 
 
 def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> tuple[State, np.ndarray]:
-    """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s."""
-    active, n = model.active(values), len(true.x)
-    corners = contact_points(rig)
+    """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
+
+    `values` are numbers, or arrays (n,) with one for each body.
+    """
+    corners, n = contact_points(rig), len(true.x)
+    at_corners: dict[str, Any] = {
+        name: np.tile(v, corners) if isinstance(v, np.ndarray) else v for name, v in values.items()
+    }
+    active = model.active(at_corners)
     at_corner = one_point(rig, np.repeat(np.arange(corners), n))
     smooth = None if isinstance(rig.shape, Polygon) and corners > 1 else rig.shape
     tiled = State(*(np.tile(getattr(true, item.name), corners) for item in fields(State)))
     seen, r_x, r_y, k_g = model.contact_at(tiled, active, at_corner)
     space = contact_space_of(seen, r_x, r_y, k_g)
     force = model.law.force or SPRING
-    mu, epsilon, tau = (np.full(corners * n, values[name]) for name in ("mu", "epsilon", "tau"))
+    mu, epsilon, tau = (np.full(corners * n, at_corners[name]) for name in ("mu", "epsilon", "tau"))
     as_fitted = force.loss(epsilon)
     for effect, p in active:
         mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
         tau = effect.contact_time(tau, space, seen, p, rig)
     length = force.length(np.maximum(tau, SHORTEST), as_fitted)
-    of_corners = (r_x, r_y, model.gap(tiled, values, at_corner), mu, force.loss(epsilon), length)
+    of_corners = (r_x, r_y, model.gap(tiled, at_corners, at_corner), mu, force.loss(epsilon), length)
     r, r_up, gap, friction, loss, unit = (a.reshape(corners, n) for a in of_corners)
     springs = _Springs(
         *(r, r_up, gap, friction, loss, unit),
         force=force,
-        ratio=values.get(DAMPING_RATIO.name, DAMPING_RATIO.null),
-        w=k_g**-2.0,
+        ratio=np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null)),
+        w=np.full(corners * n, k_g**-2.0)[:n],
         gravity=rig.gravity,
         shape=smooth,
         theta=true.theta,
@@ -118,19 +125,18 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * unit.min(axis=0) / SPEED
     pressed = _integrate(springs, frame.v, central / STEPS)
-    v = pressed.v + _added(model, values, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
+    v = pressed.v + _added(active, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
     after = State.of(frame.q + pressed.shift, v, frame.trial, frame.t + pressed.elapsed)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
     origin, shift = after, pressed.shift
-    for effect, p in reversed(active):
+    for effect, p in reversed(model.active(values)):
         frame, origin = effect.from_contact(frame, p, rig), effect.from_contact(origin, p, rig)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
     return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed), pressed.elapsed
 
 
 def _added(
-    model: Model,
-    values: Mapping[str, float],
+    active: Sequence[tuple[Effect, Mapping]],
     rig: Rig,
     pressed: _Pressed,
     contact: tuple[State, np.ndarray, np.ndarray],
@@ -143,7 +149,7 @@ def _added(
     seen, r_x, r_y = contact
     plain = Impulse(pressed.c_t.ravel(), pressed.c_n.ravel(), np.zeros_like(r_x))
     impulse = plain
-    for effect, p in model.active(values):
+    for effect, p in active:
         impulse = effect.impulse(impulse, space, mu, epsilon, (r_x, r_y), seen, p, rig)
     touched = (plain.c_n > 0.0) & (space.v_n < 0.0)
     d_t, d_n, couple = (
@@ -160,7 +166,8 @@ def _integrate(s: _Springs, v: np.ndarray, steps: np.ndarray) -> _Pressed:
     c_t, c_n, deepest = (np.zeros_like(s.gap) for _ in range(3))
     v = v.copy()
     for _ in range(LONGEST * STEPS):
-        h, unit, mu = steps[moving], s.length[:, moving], s.mu[:, moving]
+        h, unit, mu, w = steps[moving], s.length[:, moving], s.mu[:, moving], s.w[moving]
+        ratio = s.ratio[moving]
         half, speed = 0.5 * h[:, None], v[moving]
         at = shift[moving] + half * speed
         r_x, r_y = s.points(moving, at[:, 2])
@@ -171,21 +178,21 @@ def _integrate(s: _Springs, v: np.ndarray, steps: np.ndarray) -> _Pressed:
         force, slope = s.force.push(deep, fast, most / unit, loss)
         if isinstance(s.force, ConvexDamper):
             slip = np.abs(speed[:, 0] - r_y * speed[:, 2]) / SPEED
-            force = s.force.lifted(force, deep, fast, loss, slip, mu, s.ratio)
+            force = s.force.lifted(force, deep, fast, loss, slip, mu, ratio)
         # a damper acts at the velocity in the middle of the step
         kick = h * SPEED**2 / unit
-        push = kick * force / (1.0 + 0.5 * kick * slope * (1.0 + r_x * r_x * s.w))
+        push = kick * force / (1.0 + 0.5 * kick * slope * (1.0 + r_x * r_x * w))
         speed[:, 1] += push.sum(axis=0) - h * s.gravity
-        speed[:, 2] += s.w * (r_x * push).sum(axis=0)
+        speed[:, 2] += w * (r_x * push).sum(axis=0)
         several = np.maximum((push > 0.0).sum(axis=0), 1)
         slip = speed[:, 0] - r_y * speed[:, 2]
-        ends = 1.0 / ((1.0 + r_y * r_y * s.w) * several)
+        ends = 1.0 / ((1.0 + r_y * r_y * w) * several)
         if isinstance(s.force, ConvexDamper):
-            slows = s.ratio * loss * h * SPEED / unit
+            slows = ratio * loss * h * SPEED / unit
             ends = ends * slows / (ends + slows)
         drag = np.clip(-slip * ends, -mu * push, mu * push)
         speed[:, 0] += drag.sum(axis=0)
-        speed[:, 2] -= s.w * (r_y * drag).sum(axis=0)
+        speed[:, 2] -= w * (r_y * drag).sum(axis=0)
         shift[moving], v[moving] = at + half * speed, speed
         elapsed[moving] += h
         c_t[:, moving] += drag

@@ -86,9 +86,9 @@ def predict(model: Model, values: Mapping[str, float], observations: Observation
     if not o.arcs:
         return Prediction(model.predict(before, values, rig, o.offset).v, None, None)
     v, touch, rows = np.empty((n, 3)), np.zeros(n), np.flatnonzero(o.span == 0.0)
-    single = before if len(rows) == n else before.select(rows)
-    after, depth = model.strike(single, values, rig, o.offset[rows])
-    v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(values), rig), values, rig) + depth
+    single, own = before.select(rows), values_of(values, rows)
+    after, depth = model.strike(single, own, rig, o.offset[rows])
+    v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(own), rig), own, rig) + depth
     q = None
     for rows, ends in _played(model, values, o, before):
         q = np.full((n, 3), np.nan) if q is None else q
@@ -116,7 +116,13 @@ def _played(
     for single in (True, False) if model.is_compliant else (False,):
         rows = np.flatnonzero((o.span == 0.0) == single)
         if len(rows):
-            yield rows, end_of_episodes(model, values, o.rig, before.select(rows), o.span[rows], single)
+            own = values_of(values, rows)
+            yield rows, end_of_episodes(model, own, o.rig, before.select(rows), o.span[rows], single)
+
+
+def values_of(values: Mapping, rows: np.ndarray) -> Mapping:
+    """The values of the impacts at `rows`: arrays (n,) have one for each impact."""
+    return {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
 def end_of_episodes(

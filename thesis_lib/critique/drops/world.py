@@ -22,7 +22,7 @@ from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES, RESERVE
 from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covariance
-from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, SLOPE_STEP, Fit, fit
+from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, SLOPE_STEP, Fit, fit, fit_each
 from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
@@ -144,10 +144,12 @@ class Drops(World[Effect, Fit, Judgement]):
         return Judgement(o.trial, o.flights.state.trial, *whitening.log_scores(values), error, sigmas, floor, excess)
 
     def cross_validate(self, fitted: Fit, folds: np.ndarray) -> Judgement:
-        parts = []
+        tasks, unseen = [], []
         for k in np.unique(folds):
             others, inside = (self.observations.select(self.trials[rows]) for rows in (folds != k, folds == k))
-            parts.append(Drops(inside).judge(fit(fitted.model, others, fitted.values, rounds=1)))
+            tasks.append((others, fitted.values))
+            unseen.append(Drops(inside))
+        parts = [world.judge(fit) for world, fit in zip(unseen, fit_each(fitted.model, tasks, rounds=1))]
         weights = np.array([len(part.score) for part in parts], float)
 
         def mean(values: list[float]) -> float:

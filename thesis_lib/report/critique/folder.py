@@ -105,19 +105,20 @@ def write_critique(critique: Critique, folder: str | Path, rng: np.random.Genera
     """Write all files of a critique into `folder` and return the content of diagnosis.json."""
     # late, because the critique itself needs neither pictures nor pages
     from thesis_lib.figures.critique.pictures import pictures
-    from thesis_lib.figures.style import save_figure
+    from thesis_lib.figures.style import png_of, save_figure
     from thesis_lib.report.critique.page import report_html
 
     regions = where(critique, rng)
     made = tables(critique, rng)
     content = diagnosis(critique, rng, made["ladder"])
     drawn = pictures(critique, made, regions)
-    page = report_html(critique, content, regions, made, drawn)
+    images = {name: png_of(figure) for name, (figure, _) in drawn.items()}
+    page = report_html(critique, content, regions, made, drawn, images)
 
     with whole_folder(folder) as part:
         for name, (figure, numbers) in drawn.items():
             # a picture of a table is stored with that table
-            save_figure(figure, made.get(name, numbers), part / name)
+            save_figure(figure, made.get(name, numbers), part / name, images[name])
         for name, table in made.items():
             write_result(table, part / f"{name}.csv")
         write_json(regions, part / REGIONS)

@@ -22,14 +22,25 @@ from thesis_lib.report.elements import amount, bullets, interval, paragraph, per
 
 
 def report_html(
-    critique: Critique, d: Mapping, where: Mapping, made: Mapping[str, pd.DataFrame], pictures: Mapping[str, Drawn]
+    critique: Critique,
+    d: Mapping,
+    where: Mapping,
+    made: Mapping[str, pd.DataFrame],
+    pictures: Mapping[str, Drawn],
+    images: Mapping[str, bytes] | None = None,
 ) -> str:
     """The whole page, from the contents of diagnosis.json and where.json, tables by file stem, and pictures by name.
 
-    The parts for missing tables and pictures are left out.
+    `images`: pictures as PNG by name, where they have been made.  The parts for missing
+    tables and pictures are left out.
     """
     captions = tables.captions(critique)
-    drawn = {name: picture(figure, captions[name]) for name, (figure, _) in pictures.items() if name in captions}
+    images = images or {}
+    drawn = {
+        name: picture(figure, captions[name], images.get(name))
+        for name, (figure, _) in pictures.items()
+        if name in captions
+    }
     ladder = ladder_table(critique, made)
     contents = {
         "First: the measurements themselves": ("faults", effects.faults(d)),

@@ -1,0 +1,67 @@
+"""Several points of several fits in one call say the same as one by one, for every effect and every base."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.critique.drops.bases import BASES, RESERVE
+from thesis_lib.critique.drops.fit import fit, fit_each
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.drops.whitening import Whitening, together
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.effects import EFFECTS
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
+
+CLOSE = 1e-5  # standard deviations; an instant of touch is found to a nanometre
+
+
+@pytest.fixture(scope="module", params=["ellipse", "square"])
+def observations(request):
+    body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[request.param]
+    contact, rng = CompliantContact(contact_time=1e-3), np.random.default_rng(0)
+    drops = simulate_compliant_drops(body, PROOF_RELEASE, 12, contact=contact, noise=RIG_NOISE, rng=rng)
+    return observe(Dataset("drops", drops.header, drops.trajectories))
+
+
+def points_of(model: Model) -> list[dict[str, float]]:
+    """Values off the null, and each parameter moved from there."""
+    at = {name: p.null for name, p in model.parameters.items()} | {"mu": 0.15, "epsilon": 0.55, "tau": 7e-4}
+    at |= {name: p.discrete for name, p in model.parameters.items() if p.discrete is not None}
+    moves = [
+        (name, p.scale if at[name] + p.scale <= p.high else -p.scale) for name, p in model.fitted_parameters.items()
+    ]
+    return [at, *({**at, name: at[name] + step} for name, step in moves)]
+
+
+def assert_the_same(model: Model, observations) -> None:
+    points = points_of(model)
+    whitening = Whitening.at(model, points[0], observations)
+    others = Whitening.at(model, points[0], observations.select(np.unique(observations.trial)[:6]))
+    for request, answers in zip((whitening, others), together([(whitening, points), (others, points)])):
+        for values, (z, f) in zip(points, answers):
+            alone, flights_alone = Whitening.at(model, points[0], request.observations)(values)
+            np.testing.assert_allclose(z, alone, atol=CLOSE, rtol=CLOSE)
+            np.testing.assert_allclose(f, flights_alone, atol=CLOSE, rtol=CLOSE)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_effects_take_a_value_for_each_body(observations, name):
+    if EFFECTS[name].applies_to(observations.rig):
+        assert_the_same(Model(BASES["mirtich"], (EFFECTS[name],), True), observations)
+
+
+@pytest.mark.parametrize("name", RESERVE)
+def test_contacts_that_take_time_take_a_value_for_each_body(observations, name):
+    assert_the_same(Model(BASES[name], (EFFECTS["wrong_inertia"],), True), observations)
+
+
+def test_fits_that_go_together_are_those_alone(observations):
+    model = Model(BASES["wang_mason"], (), True)
+    start = fit(model, observations, rounds=1).values
+    trials = np.unique(observations.trial)
+    parts = [observations.select(trials[trials % 3 != k]) for k in range(3)]
+    for part, fitted in zip(parts, fit_each(model, [(part, start) for part in parts], rounds=1)):
+        alone = fit(model, part, start, rounds=1)
+        assert fitted.score == pytest.approx(alone.score, abs=1e-6)
+        assert fitted.values == pytest.approx(alone.values, rel=1e-6)
