@@ -40,7 +40,7 @@ class TangentialCompliance(Effect):
     title = "tangential compliance"
     equation = "v_t' = K_tt f_t + K_tn f_n, f_t = −z / (η b) − 2 ζ w v_t / K_tt, |f_t| ≤ μ f_n"
     parameters = (
-        Parameter("eta", "1", null=0.0, low=0.0, high=4.0, scale=0.05, starts=(0.05, 0.5)),
+        Parameter("eta", "1", null=0.0, low=0.0, high=30.0, scale=0.05, starts=(0.05, 0.5)),
         Parameter("zeta", "1", null=0.2, low=0.02, high=0.9, scale=0.02, starts=(0.2,)),
     )
     reference = (

@@ -1,0 +1,113 @@
+"""How far a model could still be improved, without any model: is what is left a function of the state before impact?
+
+Two answers, of residuals e_i = (δv_x, δv_y, k δω) of n impacts of a fitted model.
+
+- *Learned*: a forest of extremely randomised trees (Geurts, Ernst and Wehenkel 2006) predicts e from all that is known
+  before the impact, on trials that it was not fitted to.  What it takes away is no noise.
+- *Pairs*: two impacts at nearly the same state have e_i − e_j = noise_i − noise_j, plus what the states still differ
+  by.  The mean of |e_i − e_j| / √2 over the nearest pairs bounds the error of a perfect model from above, closely if
+  the pairs are near.  The noise need not be known.
+
+A residual learner that errs more than either is not at the floor.
+
+Source of the forest: doi:10.1007/s10994-006-6226-1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
+from thesis_lib.statistics.bootstrap import bootstrap_mean
+
+FOLDS = 5
+TREES, LEAF = 150, 3  # impacts in the smallest leaf; 2 to 10 learn the same within its interval
+NEAREST = 0.05  # share of the impacts, those with the nearest neighbours
+LENGTH = 0.3  # m along the surface that counts as 1 m/s of velocity between neighbours; restitution by place is slow
+TURN = 1.0  # rad of angle that counts as 1 m/s
+DRAWS = 999
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Mean errors in m/s: of the model, with what was learned of the rest, of the nearest pairs; 95 % intervals.
+
+    `gain` is the fall of the error by what was learned, with its interval from a bootstrap over trials; `pairs` is
+    None with fewer than `FEWEST` pairs.
+    """
+
+    error: float
+    learned: float
+    gain: tuple[float, float, float]
+    pairs: float | None
+    pairs_interval: tuple[float, float] | None
+
+    @property
+    def is_learnable(self) -> bool:
+        """Whether some of what is left is a function of the state."""
+        return self.gain[1] > 0.0
+
+
+FEWEST = 20
+
+
+def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Floor:
+    """Both answers for the single hits of `observations`, best of trials that the model was not fitted to."""
+    o = observations.single
+    E = impact_residuals(fitted.model, fitted.values, o)[:, :3] * [1.0, 1.0, o.rig.k_g]
+    error, rest = velocity_error(E, 1.0), velocity_error(E - _learned(_state(fitted, o), E, o.trial, rng), 1.0)
+    fall = error - rest
+    low, high = bootstrap_mean(fall, o.trial, DRAWS, rng)
+    scatter, trial = _pairs(fitted, o, E)
+    known = len(scatter) >= FEWEST
+    return Floor(
+        float(error.mean()),
+        float(rest.mean()),
+        (float(fall.mean()), low, high),
+        float(scatter.mean()) if known else None,
+        bootstrap_mean(scatter, trial, DRAWS, rng) if known else None,
+    )
+
+
+def _state(fitted: Fit, o: Observations) -> np.ndarray:
+    """All that is known before n impacts, (n, p)."""
+    table = features(fitted, o)
+    before, _ = states_at_impact(fitted.model, fitted.values, o)
+    gap = before.y + o.rig.shape.contact_point(before.theta)[:, 1]
+    turned = [np.cos(before.theta), np.sin(before.theta), np.cos(2.0 * before.theta), np.sin(2.0 * before.theta)]
+    return np.column_stack([table.to_numpy(float), before.vx, before.vy, before.y, gap, *turned])
+
+
+def _learned(X: np.ndarray, E: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Predictions (n, 3) of E (n, 3) from X (n, p), each by a forest that has not seen its trial."""
+    from sklearn.ensemble import ExtraTreesRegressor
+
+    trials, of = np.unique(trial, return_inverse=True)
+    fold, seed = rng.permutation(np.arange(len(trials)) % FOLDS)[of], int(rng.integers(2**31))
+    learned = np.zeros_like(E)
+    for k in range(FOLDS):
+        if not (fold == k).any():
+            continue
+        forest = ExtraTreesRegressor(TREES, min_samples_leaf=LEAF, random_state=seed, n_jobs=1)
+        learned[fold == k] = forest.fit(X[fold != k], E[fold != k]).predict(X[fold == k])
+    return learned
+
+
+def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """|e_i − e_j| / √2 in m/s of the nearest pairs, each once, and the trial of their first."""
+    from scipy.spatial import cKDTree
+
+    before, _ = states_at_impact(fitted.model, fitted.values, o)
+    true = fitted.model.to_true(before, fitted.model.active(fitted.values), o.rig)
+    place = np.stack([true.x / LENGTH, np.cos(true.theta) / TURN, np.sin(true.theta) / TURN], axis=1)
+    S = np.concatenate([true.v * [1.0, 1.0, o.rig.k_g], place], axis=1)
+    if len(S) < 2:
+        return np.zeros(0), np.zeros(0, int)
+    distance, nearest = (part[:, 1] for part in cKDTree(S).query(S, k=2))
+    close = np.flatnonzero(distance <= np.quantile(distance, NEAREST))
+    pairs = np.unique(np.sort(np.stack([close, nearest[close]], axis=1), axis=1), axis=0)
+    return velocity_error(E[pairs[:, 0]] - E[pairs[:, 1]], 1.0) / np.sqrt(2.0), o.trial[pairs[:, 0]]
