@@ -52,7 +52,7 @@ class Floor:
         return self.gain[1] > 0.0
 
 
-FEWEST = 20
+FEWEST = 10
 
 
 def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Floor:
@@ -99,7 +99,7 @@ def _learned(X: np.ndarray, E: np.ndarray, trial: np.ndarray, rng: np.random.Gen
 
 def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """|e_i − e_j| / √2 in m/s of the nearest pairs, each once, and the trial of their first."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     before, _ = states_at_impact(fitted.model, fitted.values, o)
     true = fitted.model.to_true(before, fitted.model.active(fitted.values), o.rig)
@@ -107,7 +107,7 @@ def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> tuple[np.ndarray, np.
     S = np.concatenate([true.v * [1.0, 1.0, o.rig.k_g], place], axis=1)
     if len(S) < 2:
         return np.zeros(0), np.zeros(0, int)
-    distance, nearest = (part[:, 1] for part in cKDTree(S).query(S, k=2))
+    distance, nearest = (np.asarray(part)[:, 1] for part in KDTree(S).query(S, k=2))
     close = np.flatnonzero(distance <= np.quantile(distance, NEAREST))
     pairs = np.unique(np.sort(np.stack([close, nearest[close]], axis=1), axis=1), axis=0)
     return velocity_error(E[pairs[:, 0]] - E[pairs[:, 1]], 1.0) / np.sqrt(2.0), o.trial[pairs[:, 0]]

@@ -1,0 +1,39 @@
+"""The stored critiques of measured sets: a row each, and the table in README and findings that is printed from them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.drops.stand_ins import StandIn
+from thesis_lib.critique.proof.measured import COLUMNS, STORE, row, store, table
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_a_row_says_what_the_critique_says(hidden_impacts, tmp_path):
+    told = row(hidden_impacts, "all", "searched")
+    assert tuple(told) == COLUMNS and told["effects"] == "tangential_restitution" and told["verdict"] == "effects"
+    assert told["used"] == told["detected"] == 80 and told["error"] < told["base"]
+    path = tmp_path / "rows.csv"
+    store(told, path)
+    store(told | {"verdict": "adequate"}, path)  # the same key replaces
+    store(told | {"hits": "single"}, path)
+    assert list(pd.read_csv(path)["verdict"]) == ["adequate", "effects"]
+    assert "100 % of 80 | tangential restitution | adequate" in table(path)[2]
+
+
+def test_a_stand_in_is_marked(hidden_impacts, tmp_path):
+    marked = replace(hidden_impacts)
+    marked.__dict__["stand_ins"] = {"tangential_restitution": StandIn("inertia", 9.0, ())}
+    told = row(marked, "all", "searched")
+    assert told["effects"] == "~tangential_restitution" and told["verdict"] == "unexplained"
+    store(told, tmp_path / "rows.csv")
+    assert "tangential restitution (a stand-in) | unexplained" in table(tmp_path / "rows.csv")[2]
+
+
+def test_the_documents_hold_the_table():
+    assert np.isfinite(pd.read_csv(STORE)["error"]).all()
+    for line in table():
+        assert line in (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")

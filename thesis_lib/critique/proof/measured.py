@@ -1,0 +1,145 @@
+"""The critique of measured sets, stored: verdict, effects, errors, and whether what is left could be explained at all.
+
+    python -m thesis_lib.critique.proof.measured run data/measured/planar_dice --trials 150 --single
+    python -m thesis_lib.critique.proof.measured table
+
+`run` adds or replaces a row of config/proof/measured.csv.  CI does not run it: the sets are not part of this project.
+
+| column                     | unit | meaning                                                                    |
+|----------------------------|------|----------------------------------------------------------------------------|
+| dataset, trials, hits      |      | the set, trials with usable hits, and `all` or `single` hits               |
+| detected, used             | 1    | hits                                                                       |
+| verdict, effects           |      | effects in the order of selection, "~" before a stand-in                   |
+| chosen                     |      | `searched`, or `by hand`                                                   |
+| base, error, noise_floor   | m/s  | held-out error before and with the effects, and of noise, empty if unknown |
+| median                     | m/s  | of the held-out errors with the effects                                    |
+| learned, low, high, pairs  | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`, `pairs`      |
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.questions.floor import floor
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.progress import Progress
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.statistics.wording import number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "measured.csv"
+KEY = ("dataset", "trials", "hits", "chosen")
+COLUMNS = (
+    *(*KEY, "detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
+    *("learned", "low", "high", "pairs"),
+)
+MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
+SEED = 0
+_SEEN = {"planar_impact": "ellipse", "planar_dice": "dice"}
+
+
+def row(critique: Critique, hits: str, chosen: str) -> dict:
+    """The row of a critique."""
+    (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
+    o, stand_ins = critique.observations, critique.stand_ins
+    names = [step.effect.name for step in critique.discovery.steps if step.clears or chosen != "searched"]
+    rest = floor(fitted, critique.held_out, generator(SEED, "floor"))
+    return {
+        "dataset": critique.dataset,
+        "trials": len(np.unique(o.trial)),
+        "hits": hits,
+        "chosen": chosen,
+        "detected": int(o.hits.sum()) + len(o.found.left_out),
+        "used": int(o.hits.sum()),
+        "verdict": critique.verdict,
+        "effects": " + ".join(f"{'~' * (name in stand_ins)}{name}" for name in names),
+        "base": float(before.error.mean()),
+        "error": float(after.error.mean()),
+        "median": float(np.median(after.error)),
+        "noise_floor": after.floor,
+        "learned": rest.learned,
+        "low": rest.gain[1],
+        "high": rest.gain[2],
+        "pairs": np.nan if rest.pairs is None else rest.pairs,
+    }
+
+
+def store(new: dict, path: Path = STORE) -> None:
+    """Add a row, or replace that of the same key."""
+    import pandas as pd
+
+    rows = [] if not path.exists() else pd.read_csv(path).to_dict("records")
+    rows = [old for old in rows if any(str(old[name]) != str(new[name]) for name in KEY)] + [new]
+    table = pd.DataFrame(rows, columns=list(COLUMNS)).sort_values(list(KEY))
+    write_text(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"), path)
+
+
+def table(path: Path = STORE) -> list[str]:
+    """The stored rows as lines of Markdown."""
+    import pandas as pd
+
+    lines = [
+        "| set | hits used | effects | verdict | before | after (median) | noise | with the rest learned |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [_line(one) for _, one in pd.read_csv(path).iterrows()]
+    return lines
+
+
+def _line(one: "pd.Series") -> str:
+    share = f"{100 * one['used'] / one['detected']:.0f} % of {one['detected']:,}"
+    noise = "unknown" if np.isnan(one["noise_floor"]) else number(one["noise_floor"], 2)
+    titles = "; ".join(
+        f"{EFFECTS[name.lstrip('~')].title}{' (a stand-in)' * name.startswith('~')}"
+        for name in str(one["effects"]).split(" + ")
+    )
+    by_hand = "" if one["chosen"] == "searched" else " (chosen by hand)"
+    errors = f"{number(one['base'])} | {number(one['error'])} ({number(one['median'])})"
+    return (
+        f"| {_SEEN.get(one['dataset'], one['dataset'])}, {one['trials']} trials | {share} | {titles}{by_hand} | "
+        f"{one['verdict']} | {errors} | {noise} | {number(one['learned'])} |"
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m thesis_lib.critique.proof.measured", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("table", help="print the stored rows")
+    run = commands.add_parser("run", help="criticise a measured set and store its row")
+    run.add_argument("folder")
+    run.add_argument("--trials", type=int, help="the first ones; default: all")
+    run.add_argument("--single", action="store_true", help="single hits only, no episodes")
+    run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
+    args = parser.parse_args(argv)
+    if args.command == "table":
+        print("\n".join(table()))
+        return 0
+    from thesis_lib.datasets import read_dataset
+
+    dataset = read_dataset(args.folder)
+    if args.trials and dataset.trajectories is not None:
+        poses = dataset.trajectories
+        first = poses["trial"].isin(np.unique(poses["trial"])[: args.trials])
+        dataset = replace(dataset, trajectories=poses[first].reset_index(drop=True))
+    settings = CritiqueSettings(episodes=not args.single, max_effects=MOST_EFFECTS)
+    by_hand = list(filter(None, args.effects.split(","))) or None
+    with Progress(dataset.name) as say:
+        critique = criticise(dataset, rng=generator(SEED, dataset.name), settings=settings, effects=by_hand, say=say)
+    new = row(critique, "single" if args.single else "all", "by hand" if by_hand else "searched")
+    store(new)
+    print("\n".join(f"{name}: {value}" for name, value in new.items()))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
