@@ -87,7 +87,7 @@ def test_a_convex_contact_is_that_of_mujoco():
 def test_hertz_is_named_where_contacts_are_long():
     contact = CompliantContact(contact_time=3e-3, exponent=1.5)
     rng = np.random.default_rng(1)
-    made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 150, contact=contact, noise=RIG_NOISE, rng=rng)
+    made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 70, contact=contact, noise=RIG_NOISE, rng=rng)
     judged = criticise(Dataset("hertz", made.header, made.trajectories), rng=np.random.default_rng(1))
     assert judged.verdict == "adequate"
     fitted = judged.ladder[-1][1]
