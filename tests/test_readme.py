@@ -16,6 +16,7 @@ import yaml
 
 from tests.docs.tutorial_runner import compare
 from thesis_lib.critique.results.saved_model import load_model, predict
+from thesis_lib.effects import EFFECTS
 from thesis_lib.ledger.format import read_ledger
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -28,6 +29,10 @@ LINES = 150  # of a front page
 
 def test_it_is_a_front_page():
     assert len(README.splitlines()) <= LINES
+
+
+def test_as_many_effects_are_looked_for_as_it_says():
+    assert f"({len(EFFECTS)} are looked for)" in README
 
 
 def test_benchmarks_are_six_rows_of_all():

@@ -16,7 +16,7 @@ from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
-from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.drops.residuals import states_at_impact, turned_until_impulse
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
@@ -163,8 +163,11 @@ def _irb(fitted: Fit, observations: Observations) -> float:
     """Mean IRB bound, m/s, of the single hits in the geometry of the fitted contact."""
     observations = observations.single
     before, after = states_at_impact(fitted.model, fitted.values, observations)
+    model, values, rig = fitted.model, fitted.values, observations.rig
+    turned = turned_until_impulse(model, values, observations, before, after)
+    at_impulse = before.moved(theta=before.theta + turned), after.moved(theta=after.theta + turned)
     (seen_before, r_x, r_y, k_g), (seen_after, *_) = (
-        fitted.model.contact(state, fitted.values, observations.rig, observations.offset) for state in (before, after)
+        model.contact(state, values, rig, observations.offset) for state in at_impulse
     )
     bound = irb_bound(seen_before.v, seen_after.v, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g)
     return float(bound.error.mean())

@@ -14,7 +14,7 @@ from scipy.special import roots_gegenbauer
 
 from thesis_lib.critique.drops.episodes import MOST_HITS, play
 from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.model import TURNED, Model
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects.effect import Rig, State
 
@@ -49,6 +49,19 @@ class Prediction:
 def states_at_impact(model: Model, values: Mapping[str, float], observations: Observations) -> tuple[State, State]:
     """Measured states just before and after impact, extrapolated with the model's flight."""
     return state_beside(model, values, observations, 0), state_beside(model, values, observations, 1)
+
+
+def turned_until_impulse(
+    model: Model, values: Mapping[str, float], observations: Observations, before: State, after: State
+) -> np.ndarray | float:
+    """Angle (n,) in rad by which bodies turn beyond the pose before impact until the impulse acts, as in `Model`.
+
+    From the measured states `before` and `after`, with the sense of turning of the camera.
+    """
+    if not (model.takes_time and observations.arcs):
+        return 0.0
+    true = model.to_true(before, model.active(values), observations.rig)
+    return TURNED * model.delay(true, values, observations.rig) * (after.omega - before.omega)
 
 
 def state_beside(model: Model, values: Mapping[str, float], observations: Observations, side: int) -> State:

@@ -124,7 +124,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if args.command == "table":
         print("\n".join(table()))
         return 0
-    from thesis_lib.datasets import read_dataset
+    from thesis_lib.datasets.read import read_dataset
 
     dataset = read_dataset(args.folder)
     if args.trials and dataset.trajectories is not None:

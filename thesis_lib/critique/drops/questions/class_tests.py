@@ -22,7 +22,7 @@ from thesis_lib.contact.space import contact_space, measured_impulse, residual_c
 from thesis_lib.critique.drops.covariance import noise_covariance, residual_covariance
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
+from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact, turned_until_impulse
 from thesis_lib.statistics.spread import robust_std
 
 SIGMAS = 3.0  # standard deviations: an impact beyond is outside a class
@@ -39,9 +39,10 @@ def class_tests(fitted: Fit, observations: Observations) -> dict:
 
 
 def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measured v_pre, v_post (n, 3) in m/s, rad/s, and contact point r (n, 2) in m at the measured angle."""
+    """Measured v_pre, v_post (n, 3) in m/s, rad/s, and contact point r (n, 2) in m where the impulse acts."""
     before, after = states_at_impact(fitted.model, fitted.values, observations)
-    r = observations.rig.shape.contact_point(before.theta) + observations.offset
+    turned = turned_until_impulse(fitted.model, fitted.values, observations, before, after)
+    r = observations.rig.shape.contact_point(before.theta + turned) + observations.offset
     return before.v, after.v, r
 
 
