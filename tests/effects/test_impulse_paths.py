@@ -45,6 +45,16 @@ def test_compliance_without_slip_is_an_oscillator(eta: float) -> None:
     np.testing.assert_allclose(made.c_n, 4.0, rtol=1e-9)
 
 
+def test_critically_damped_compliance_does_not_swing_back() -> None:
+    """Stuck from the start: z = v₀ s exp(−w s), of which the contact ends at s = π, where it is elastic."""
+    K_tt = np.array([1.5, 3.0, 4.0])
+    space = ContactSpace(np.full(3, 1e-3), np.full(3, -2.0), K_tt, np.ones(3), np.zeros(3))
+    made, _ = with_path("tangential_compliance", space, 1e6, 1.0, eta=1.2, zeta=1.0)
+    w = np.sqrt(K_tt / 1.2)
+    left = (1.0 - np.pi * w) * np.exp(-np.pi * w)
+    np.testing.assert_allclose(made.c_t / (-space.v_t / K_tt), 1.0 - left, atol=1e-9)
+
+
 def test_compliance_in_gross_slip_is_coulomb() -> None:
     space = ContactSpace(np.full(1, 6.0), np.full(1, -1.0), np.full(1, 3.0), np.ones(1), np.zeros(1))
     made, _ = with_path("tangential_compliance", space, 0.2, 0.5, eta=1.2)

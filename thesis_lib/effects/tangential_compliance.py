@@ -32,6 +32,7 @@ _MEAN = np.concatenate([-np.diff(np.cos(_NODES)), np.diff(np.sin(_NODES))]) / _S
 _END = np.concatenate([np.sin(_NODES[1:]), np.cos(_NODES[1:])])
 _END[-1] = 0.0
 _SHORTEST = 1e-6  # of restitution against compression, for ε = 0
+_CRITICAL = 1e-12  # least 1 − ζ²: critical damping, ζ = 1, is the strongest
 
 
 class TangentialCompliance(Effect):
@@ -57,7 +58,7 @@ class TangentialCompliance(Effect):
 
 def _propagator(w: np.ndarray, zeta: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, ...]:
     """(z, v) from one end of a step h to the other, stuck: matrix elements zz, zv, vz, vv about the equilibrium."""
-    turning = w * np.sqrt(1.0 - zeta * zeta)
+    turning = w * np.sqrt(np.maximum(1.0 - zeta * zeta, _CRITICAL))
     decay = np.exp(-zeta * w * h)
     cos, sine = decay * np.cos(turning * h), decay * np.sin(turning * h) / turning
     return cos + zeta * w * sine, sine, -w * w * sine, cos - zeta * w * sine

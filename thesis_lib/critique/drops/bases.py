@@ -6,7 +6,8 @@ A compliant contact takes time, and the critique integrates the motion of the bo
 
 The shorter the contact, the less does the body move meanwhile.  In the limit the impulse is that of Routh's path with
 Stronge's energetic restitution, which is Mirtich's law, with the ε that the force has for the mass that the contact
-feels in compression and for its speed; `impulse` is this limit.
+feels in compression and for its speed; `impulse` is this limit.  It leaves out the lift of a convex contact where that
+slides, which lasts however short the contact is; only the integrated contact has it.
 """
 
 from collections import ChainMap
