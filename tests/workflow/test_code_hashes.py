@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pipeline_copy import copy_pipeline
 
-from thesis_lib.foundation.provenance import lib_hash
+from thesis_lib.foundation.provenance import Sources
 
 STUDY = {"ch3_identify", "ch3_evaluate", "ch3_figures"}
 DRAWN = {"ch2_table_2_1", "ch3_figures", "ch3_schematics", "ch3_trajectories"}
@@ -63,7 +63,8 @@ EDITS = [
 
 
 def hashes(root: Path) -> dict[str, str]:
-    return {path.stem: lib_hash(path, root) for path in sorted((root / "workflow/scripts").glob("*/*.py"))}
+    sources = Sources(root)
+    return {path.stem: sources.lib_hash(path) for path in sorted((root / "workflow/scripts").glob("*/*.py"))}
 
 
 @pytest.fixture(scope="module")

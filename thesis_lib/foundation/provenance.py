@@ -30,26 +30,53 @@ def lib_hash(script: str | Path, root: str | Path | None = None) -> str:
     """Hash (16 hex digits) of a script and of every module of thesis_lib that it uses.
 
     Moving a module and changing the imports that name it leaves the hash as it was.  `root` is the folder that holds
-    the package, by default the parent of this package.
+    the package, by default the parent of this package.  For many scripts, `Sources` reads each module only once.
     """
-    root = Path(root) if root else Path(__file__).resolve().parents[2]
-    script = Path(script)
-    hashes: dict[Path, str] = {}
-    queue = [script]
-    while queue:
-        path = queue.pop()
-        if path in hashes:
-            continue
+    return Sources(root).lib_hash(script)
+
+
+class Sources:
+    """The package below `root` as it stands: what is read of it is read once, however many scripts use it."""
+
+    def __init__(self, root: str | Path | None = None) -> None:
+        self.root = Path(root) if root else Path(__file__).resolve().parents[2]
+        # of this object, and not of the class: another one looks again
+        self._read = functools.cache(lambda path: _read_module(path.read_text(encoding="utf-8"), str(path)))
+        self._module_file = functools.cache(functools.partial(_module_file, root=self.root))
+        self._files_of = functools.cache(functools.partial(_files_of, root=self.root))
+        self._hashed = functools.cache(self._hash_file)
+
+    def lib_hash(self, script: str | Path) -> str:
+        """Hash of a script and of what it uses, as `lib_hash` says."""
+        script = Path(script)
+        hashes: dict[Path, str] = {}
+        queue = [script]
+        while queue:
+            path = queue.pop()
+            if path not in hashes:
+                hashes[path], modules, beside = self._hashed(path)
+                queue += modules if path == script else modules + beside
+        used = sorted({value for path, value in hashes.items() if path != script})
+        return hashlib.sha256("\n".join([hashes[script], *used]).encode()).hexdigest()[:16]
+
+    def _hash_file(self, path: Path) -> tuple[str, tuple[Path, ...], tuple[Path, ...]]:
+        """Hash of a file, the files of the package that it imports, and the data files beside it."""
         if path.suffix != ".py":
-            hashes[path] = file_sha256(path)
-            continue
-        module = _read_module(path.read_text(encoding="utf-8"), str(path))
-        hashes[path] = _hash_with_imports(module, root)
-        queue += [file for name in module.names for file in _files_of(name, root)]
-        if path != script:
-            queue += [p for p in path.parent.iterdir() if p.suffix in DATA_SUFFIXES]
-    used = sorted({value for path, value in hashes.items() if path != script})
-    return hashlib.sha256("\n".join([hashes[script], *used]).encode()).hexdigest()[:16]
+            return file_sha256(path), (), ()
+        module = self._read(path)
+        modules = dict.fromkeys(file for name in module.names for file in self._files_of(name))
+        beside = tuple(file for file in path.parent.iterdir() if file.suffix in DATA_SUFFIXES)
+        return self._hash_with_imports(module), tuple(modules), beside
+
+    def _hash_with_imports(self, module: "_Module") -> str:
+        """Hash of a module's code, with the path of each import replaced by the imported code."""
+        digest = hashlib.sha256(module.code.encode())
+        for path, name in module.imports:
+            inner = self._module_file(f"{path}.{name}")  # the name of an imported module is part of its path
+            file = inner or self._module_file(path)
+            code = self._read(file).digest if file else hashlib.sha256(path.encode()).hexdigest()
+            digest.update(f"\n{'' if inner else name}:{code}".encode())
+        return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -64,11 +91,16 @@ class _Module:
     imports: tuple[tuple[str, str], ...]
     names: tuple[str, ...]
 
+    @functools.cached_property
+    def digest(self) -> str:
+        """SHA-256 of the code, as hex digits."""
+        return hashlib.sha256(self.code.encode()).hexdigest()
+
 
 _IMPORT = "import from the package"
 
 
-@functools.cache  # scripts share most of their modules
+@functools.cache  # most modules have not changed where a hash is asked for again
 def _read_module(text: str, filename: str) -> _Module:
     tree = ast.parse(text, filename=filename)
     names: list[str] = []
@@ -109,17 +141,6 @@ def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> lis
             out.append(node)
     close()
     return out
-
-
-def _hash_with_imports(module: _Module, root: Path) -> str:
-    """Hash of a module's code, with the path of each import replaced by the imported code."""
-    digest = hashlib.sha256(module.code.encode())
-    for path, name in module.imports:
-        inner = _module_file(f"{path}.{name}", root)  # the name of an imported module is part of its path
-        file = inner or _module_file(path, root)
-        code = _read_module(file.read_text(encoding="utf-8"), str(file)).code if file else path
-        digest.update(f"\n{'' if inner else name}:{hashlib.sha256(code.encode()).hexdigest()}".encode())
-    return digest.hexdigest()
 
 
 def _module_file(name: str, root: Path) -> Path | None:

@@ -9,7 +9,7 @@ from thesis_lib.datasets.sources.locate import SIMULATED, locate
 from thesis_lib.datasets.sources.published import SOURCES
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.kernels import use_common_kernels
-from thesis_lib.foundation.provenance import lib_hash, value_sha256
+from thesis_lib.foundation.provenance import Sources, value_sha256
 from thesis_lib.records.catalogue import figures, records, tables_read
 from thesis_lib.resources import read_measured, request
 
@@ -28,11 +28,12 @@ wildcard_constraints:
 
 
 SCRIPTS = {path.stem: path for path in Path(workflow.basedir, "workflow/scripts").glob("*/*.py")}
+SOURCES_OF_SCRIPTS = Sources(workflow.basedir)
 
 
 def code_of(script):
     """Hash of the code that a script uses: an edit in thesis_lib reruns exactly the rules that use it."""
-    return lib_hash(SCRIPTS[script])
+    return SOURCES_OF_SCRIPTS.lib_hash(SCRIPTS[script])
 
 
 def settings(section, *keys):
