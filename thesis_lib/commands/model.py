@@ -27,8 +27,8 @@ examples:
   python -m thesis_lib predict out/model.json states.csv -o predicted.csv --json | jq .status
 """
 SIMULATE = """\
-Drop the body of a model.json on its surface: law and effects act as they do in the critique, in our own simulator or in
-Drake. What comes out is a dataset (dataset.yaml, trajectories.csv) like a measured one, with noise.
+Drop the body of a model.json on its surface: law, contact time and effects act as they do in the critique, in our own
+simulator or in Drake. What comes out is a dataset (dataset.yaml, trajectories.csv) like a measured one, with noise.
 
 Releases are those of the proof (both ways, 0.8 to 3.3 m/s, 0.3 mm and 3 mrad of noise at 250 Hz), or with --like those
 of a dataset, with its noise, rate and duration. Scatter that the model could not explain is not simulated.

@@ -16,6 +16,7 @@ from thesis_lib.critique.drops.whitening import NU, Whitening, log_t, most_proba
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
+from thesis_lib.foundation.errors import UserError
 
 EXACT = 1e-12  # rounding of two orders of the same operations
 SIGMAS = 4.0
@@ -101,6 +102,13 @@ def test_fit_finds_the_parameters_of_an_injected_effect(name):
     key = f"{name}.{effect.parameters[0].name}"
     assert abs(values[key] - effect.parameters[0].null) > SIGMAS * fitted.std[key]
     assert fitted.score > fit(Model(LAW), o).score + 10.0
+
+
+def test_a_fit_to_no_impact_says_what_is_missing():
+    o = observed()
+    for takes_time in (False, True):
+        with pytest.raises(UserError, match="no impact to fit"):
+            fit(Model(LAW, takes_time=takes_time), o.rows(np.zeros(0, int)))
 
 
 def test_fit_finds_extra_scatter():

@@ -8,15 +8,17 @@ import pytest
 from hidden_effects import RIG_NOISE
 from plain_drops import LAW, TRUTH, sizes
 
-from thesis_lib.bodies.body import Noise
+from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.simulation.law_drops import simulate_law_drops
+from thesis_lib.critique.simulation.law_drops import between, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
+from thesis_lib.effects.effect import State
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE
 from thesis_lib.simulate.stepping.drops import simulate_drops
 
 DT = 1.0 / 250.0
@@ -138,6 +140,59 @@ def test_drag_takes_energy_in_flight():
         for table in (plain, dragged)
     ]
     assert high.sum() >= 3 and (fall[1] < fall[0]).all()
+
+
+def lasting(law: str, body: Body, tau: float, n: int = 30) -> tuple[Model, dict[str, float], Dataset]:
+    """A model whose contacts take time, its values, and its drops as measured."""
+    model, values = Model(BASES[law], takes_time=True), TRUTH | {"tau": tau}
+    made = simulate_law_drops(body, PROOF_RELEASE, n, model, values, noise=RIG_NOISE, rng=np.random.default_rng(0))
+    return model, values, made
+
+
+@pytest.mark.parametrize("body", [ELLIPSE_BODY, SQUARE], ids=["ellipse", "square"])
+@pytest.mark.parametrize("law", ["mirtich", "compliant_contact"])
+def test_contacts_last_as_long_as_the_model_says(law, body):
+    model, values, made = lasting(law, body, 6e-4)
+    fitted = fit(model, observe(made))
+    for name, value in values.items():
+        assert abs(fitted.values[name] - value) < SIGMAS * fitted.std[name], name
+
+
+def test_a_body_sinks_in_while_it_touches():
+    """At most by τ times the fastest approach, 3 m/s; and the shorter the contact, the less."""
+    depths = []
+    for tau in (6e-4, 1.8e-3):
+        _, _, made = lasting("mirtich", ELLIPSE_BODY, tau)
+        table = made.trajectories
+        depths.append(-made.shape.gap(table["y"].to_numpy(), table["theta"].to_numpy(), 0.0).min())
+        assert 3.0 * RIG_NOISE.position < depths[-1] < 3.0 * tau
+    assert depths[1] > 2.0 * depths[0]
+
+
+def test_a_contact_that_takes_no_time_is_an_impulse():
+    rng = [np.random.default_rng(0) for _ in range(2)]
+    short, rigid = (
+        simulate_law_drops(ELLIPSE_BODY, PROOF_RELEASE, 12, model, values, noise=EXACT, rng=stream).trajectories
+        for model, values, stream in (
+            (Model(LAW, takes_time=True), TRUTH | {"tau": 1e-8}, rng[0]),
+            (Model(LAW), TRUTH, rng[1]),
+        )
+    )
+    first = rigid["t"] < 0.3  # later impacts amplify what differs
+    np.testing.assert_allclose(short[first][["x", "y", "theta"]], rigid[first][["x", "y", "theta"]], atol=1e-5)
+
+
+def test_the_path_within_a_contact_joins_both_ends():
+    zero = np.zeros(1)
+    touch = State.of(np.array([[0.0, 0.03, 0.1]]), np.array([[0.5, -2.0, 3.0]]), zero, zero + 0.1)
+    end = State.of(np.array([[0.0005, 0.03, 0.11]]), np.array([[0.3, 1.0, 9.0]]), zero, zero + 0.101)
+    np.testing.assert_allclose(between(touch, end, 0.1).q, touch.q, atol=1e-15)
+    np.testing.assert_allclose(between(touch, end, 0.1).v, touch.v, atol=1e-12)
+    near = between(touch, end, 0.101 - 2e-9)
+    np.testing.assert_allclose(near.v, end.v, atol=1e-3)
+    middle = between(touch, end, 0.1005)
+    assert middle.t[0] == pytest.approx(0.1005) and middle.y[0] == pytest.approx(0.03 - 0.001 * 3.0 / 8.0)
+    assert between(touch, end, 0.101) is end
 
 
 def test_deterministic_and_seeded():

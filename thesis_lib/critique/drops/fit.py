@@ -20,6 +20,7 @@ from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect, State
+from thesis_lib.foundation.errors import UserError
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
@@ -75,7 +76,15 @@ class Fit:
 def fit(
     model: Model, observations: Observations, start: Mapping[str, float] | None = None, rounds: int = ROUNDS
 ) -> Fit:
-    """Fit all parameters from `start` (nulls if absent) and from every start that the last effect declares or finds."""
+    """Fit all parameters from `start` (nulls if absent) and from every start that the last effect declares or finds.
+
+    UserError if there is no impact.
+    """
+    if not len(observations):
+        raise UserError(
+            f"There is no impact to fit {model.law.title} to: none was found, or all were left out "
+            "(python -m thesis_lib datasets check DATASET says which and why)."
+        )
     tries = [dict(start or {})]
     if model.effects:
         effect = model.effects[-1]

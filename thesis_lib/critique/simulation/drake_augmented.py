@@ -6,8 +6,9 @@ vanishes, and goes on with the velocity that the model predicts:
 
     M v̇ = M g + f     between touches,        v⁺ = predict(q, v⁻)     where φ_n(q) − gap(q, v⁻) = 0
 
-Here q, v (3,) are the true pose and velocity, and φ_n is the gap of the believed shape in m.  The record holds the
-state as the model's camera, with its faults, sees it.
+Here q, v (3,) are the true pose and velocity, and φ_n is the gap of the believed shape in m.  A contact that takes
+time goes from touch to its end as in our own simulator (`law_drops`).  The record holds the state as the model's
+camera, with its faults, sees it.
 
 Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu (LeafSystem, MultibodyPlant).
 """
@@ -19,9 +20,10 @@ import pandas as pd
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from thesis_lib.bodies.body import Body, Noise, Surface
+from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.critique.simulation.law_drops import REST, Releases
+from thesis_lib.critique.simulation.law_drops import REST, Releases, between, camera_and_body
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import POSE
@@ -107,7 +109,7 @@ class _Drops:
 
     def __init__(self, saved: SavedModel, body: Body) -> None:
         # faults of the camera act on the record only
-        self.camera, self.inner = saved.model.camera_and_body()
+        self.camera, self.inner = camera_and_body(saved.model)
         self.saved, self.rig = saved, saved.believed
         self._trial = [0]
         air = _Air(self.inner, saved, self._trial) if self.inner.effects else None
@@ -132,11 +134,21 @@ class _Drops:
                 break
             t, q = times[-1], q_path[-1]
             before = _state(q[None], v_path[-1:], times[-1:], trial)
-            after = self.inner.predict(before, self.saved.values, self.rig)
             r_x = self.rig.shape.contact_point(q[2:3])[0, 0]
             if before.vy[0] + r_x * before.omega[0] > -REST:
                 break
-            v = after.v[0]
+            if not self.inner.takes_time:
+                v = self.inner.predict(before, self.saved.values, self.rig).v[0]
+                continue
+            end = contact(self.inner, self.saved.values, self.rig, before)
+            within = samples[(samples > t + 1e-12) & (samples < end.t[0] - 1e-12)]
+            if len(within):
+                n = np.zeros(len(within), int)
+                path = between(before.select(n), end.select(n), within)
+                legs.append(self._seen(path.q, path.v, within, trial))
+            t, q, v = end.t[0], end.q[0], end.v[0]
+            if t >= samples[-1]:
+                break
         return pd.concat(legs, ignore_index=True)
 
     def _seen(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> pd.DataFrame:

@@ -3,15 +3,20 @@
 The midpoint rule integrates flights with the model's acceleration, in quarters of the sampling period.  An impact is
 located within its step where the model's gap vanishes; the model resolves it.  The model also maps the true state to
 what the camera reports.  So an effect acts at every stage that it declares.
+
+A contact that takes time goes from touch to its end as `episodes.contact` says.  In between the model knows no path;
+the record has the cubic that joins poses and velocities of both ends, which sinks in as a body does.
 """
 
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from typing import Protocol
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
+from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
@@ -20,6 +25,8 @@ from thesis_lib.effects.effect import Rig, State
 
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
 REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
+_NOW = 1e-9  # s
+_VELOCITY = ("vx", "vy", "omega")
 
 
 class Releases(Protocol):
@@ -45,26 +52,48 @@ def simulate_law_drops(
 ) -> Dataset:
     """Trajectories of n drops as a camera records them; gravity in m/s², duration in s, rate in Hz."""
     rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0)
-    camera, inner = model.camera_and_body()
+    camera, inner = camera_and_body(model)
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
     trial, zero = np.arange(n), np.zeros(n)
-    state = State.of(q, v, trial, zero)
+    touch = state = State.of(q, v, trial, zero)
     samples = round(duration * rate) + 1
     h = 1.0 / (rate * SUBSTEPS)
     alive = np.ones(n, bool)
     pose = np.full((n, samples, 3), np.nan)
     for k in range(samples):
-        measured = camera.to_measured(state, camera.active(values), rig)
+        measured = camera.to_measured(between(touch, state, k / rate), camera.active(values), rig)
         pose[alive, k] = measured.q[alive]
-        for _ in range(SUBSTEPS):
-            state = _step(inner, values, rig, state, h, alive)
+        for step in range(1, SUBSTEPS + 1):
+            touch, state = _step(inner, values, rig, touch, state, (k + step / SUBSTEPS) / rate, h, alive)
     sigma = [noise.position or 0.0, noise.position or 0.0, noise.angle or 0.0]
     pose = pose + sigma * noise_rng.standard_normal(pose.shape)
     trials, frames = np.nonzero(np.isfinite(pose[:, :, 0]))
     table = pd.DataFrame({"trial": trials, "t": frames / rate} | dict(zip(POSE, pose[trials, frames].T)))
     about = {"schema": 1, "description": "simulated drops", "body": body, "gravity": gravity, "rate": rate}
     return Dataset("drops", Header(**about, noise=noise), table)
+
+
+def camera_and_body(model: Model) -> tuple[Model, Model]:
+    """The model with measurement effects only, and the one with all others, whose contacts last as long."""
+    camera, body = model.camera_and_body()
+    return camera, replace(body, takes_time=model.takes_time)
+
+
+def between(touch: State, end: State, t: np.ndarray | float) -> State:
+    """States at times t (n,) in s: within a contact on the cubic from touch to end, else `end`."""
+    rows = np.flatnonzero(end.t > t + _NOW)
+    if not len(rows):
+        return end
+    T = (end.t - touch.t)[rows, None]
+    u = (np.broadcast_to(t, end.t.shape) - touch.t)[rows, None] / T
+    q_0, v_0, q_1, v_1 = touch.q[rows], T * touch.v[rows], end.q[rows], T * end.v[rows]
+    bend, turn = 3.0 * (q_1 - q_0) - 2.0 * v_0 - v_1, 2.0 * (q_0 - q_1) + v_0 + v_1
+    q, v, now = end.q, end.v, end.t.copy()
+    q[rows] = q_0 + u * (v_0 + u * (bend + u * turn))
+    v[rows] = (v_0 + u * (2.0 * bend + 3.0 * u * turn)) / T
+    now[rows] = np.broadcast_to(t, now.shape)[rows]
+    return State.of(q, v, end.trial, now)
 
 
 def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.ndarray) -> State:
@@ -74,26 +103,44 @@ def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.nd
     return s.flown(model.acceleration(half, values, rig), h)
 
 
-def _step(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: float, alive: np.ndarray) -> State:
-    """One step of h seconds for all drops; `alive` (n,) is cleared for drops that come to rest."""
-    n = len(s.x)
-    remaining = np.full(n, h)
+def _step(
+    model: Model, values: Mapping[str, float], rig: Rig, touch: State, s: State, t: float, h: float, alive: np.ndarray
+) -> tuple[State, State]:
+    """The last touches, and the states after one step of h seconds to t for all drops, later within a contact.
+
+    `alive` (n,) is cleared for drops that come to rest.
+    """
+    remaining = np.full(len(s.x), h)
+    if model.takes_time:
+        remaining = np.where(s.t > t - h + _NOW, np.maximum(t - s.t, 0.0), h)
     for _ in range(3):  # impacts of one body within a millisecond
         end = _fly(model, values, rig, s, remaining)
         hits = alive & (model.gap(end, values, rig) < 0.0) & (remaining > 0.0)
         if not hits.any():
-            return end
-        low, high = np.zeros(n), remaining.copy()
+            return touch, end
+        low, high = np.zeros(len(s.x)), remaining.copy()
         for _ in range(40):
             middle = 0.5 * (low + high)
             below = model.gap(_fly(model, values, rig, s, middle), values, rig) < 0.0
             low, high = np.where(below, low, middle), np.where(below, middle, high)
         at = _fly(model, values, rig, s, np.where(hits, low, remaining))
-        after = model.predict(at, values, rig)
-        moved = {name: np.where(hits, getattr(after, name), getattr(at, name)) for name in ("vx", "vy", "omega")}
         r = rig.shape.contact_point(at.theta)
         approach = at.vy + r[:, 0] * at.omega
         alive &= ~(hits & (approach > -REST))
-        s = at.moved(**moved)
-        remaining = np.where(hits, remaining - low, 0.0)
-    return s
+        if model.takes_time:
+            rows = np.flatnonzero(hits)
+            touch, s = _put(touch, rows, at.select(rows)), _put(at, rows, contact(model, values, rig, at.select(rows)))
+            low += s.t - at.t
+        else:
+            after = model.predict(at, values, rig)
+            s = at.moved(**{name: np.where(hits, getattr(after, name), getattr(at, name)) for name in _VELOCITY})
+        remaining = np.where(hits, np.maximum(remaining - low, 0.0), 0.0)
+    return touch, s
+
+
+def _put(state: State, rows: np.ndarray, new: State) -> State:
+    """The states with those of the bodies `rows` replaced."""
+    arrays = {item.name: getattr(state, item.name).copy() for item in fields(State)}
+    for name, array in arrays.items():
+        array[rows] = getattr(new, name)
+    return State(**arrays)
