@@ -151,11 +151,23 @@ class Corner:
     def __init__(self, polygon: Polygon, index: np.ndarray) -> None:
         self.polygon, self.index, self.kind = polygon, index, polygon.kind
         self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self._bodies = 0
+
+    @classmethod
+    def each(cls, polygon: Polygon, bodies: int) -> "Corner":
+        """The first corner of all `bodies`, then the second of all, and so on; their angles repeat with the corner."""
+        corners = cls(polygon, np.repeat(np.arange(len(polygon.corners)), bodies))
+        corners._bodies = bodies
+        return corners
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         """That corner of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
         if self._last is None or self._last[0] is not theta:  # a prediction asks for the same angles again
-            self._last = theta, _turned(self.polygon.corners[self.index], theta)
+            if self._bodies:
+                turned = _turned(self.polygon.corners[:, None], theta[: self._bodies]).reshape(-1, 2)
+            else:
+                turned = _turned(self.polygon.corners[self.index], theta)
+            self._last = theta, turned
         return self._last[1]
 
     def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:

@@ -8,11 +8,14 @@ import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thesis_lib.contact.normal_force import NormalForce
 from thesis_lib.contact.space import ContactSpace, contact_space
+
+if TYPE_CHECKING:  # numba comes with it
+    from thesis_lib.contact.compliant.normal_force import NormalForce
 
 
 class Status(enum.IntEnum):
@@ -77,7 +80,7 @@ class Law:
     reference: str
     breaks: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
     mu_unit: str = "1"
-    force: NormalForce | None = None
+    force: "NormalForce | None" = None
 
     @property
     def as_published(self) -> bool:

@@ -2,7 +2,7 @@
 
 A compliant contact takes time, and the critique integrates the motion of the body under its force
 (`thesis_lib/critique/drops/pressing.py`), with Coulomb friction.  They differ in their normal force
-(`thesis_lib/contact/normal_force.py`).
+(`thesis_lib/contact/compliant/normal_force.py`).
 
 The shorter the contact, the less does the body move meanwhile.  In the limit the impulse is that of Routh's path with
 Stronge's energetic restitution, which is Mirtich's law, with the ε that the force has for the mass that the contact
@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.contact import LAWS, mirtich
+from thesis_lib.contact.compliant.normal_force import ConvexDamper, HuntCrossley, LinearDamper, NormalForce
 from thesis_lib.contact.law import ImpulseFunction, Law
-from thesis_lib.contact.normal_force import ConvexDamper, HuntCrossley, LinearDamper, NormalForce
 from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.critique.drops.model import LEAST_MOBILITY
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.critique.drops.model import Model, duration
-from thesis_lib.critique.drops.pressing import contact_points, one_point, press
+from thesis_lib.critique.drops.pressing import all_points, contact_points, one_point, press
 from thesis_lib.effects.effect import Rig, State
 
 MOST_HITS = 12  # a body that hits more often has come to rest
@@ -208,7 +208,7 @@ class _Play:
         values = self._values(rows, p)
         if p > 1:
             state = joined([state] * p)
-        rig = one_point(self.rig, np.repeat(np.arange(p), n))
+        rig = all_points(self.rig, n)
         seen, r_x, *_ = self.model.contact_at(state, self.model.active(values), rig)
         return self.model.gap(state, values, rig).reshape(p, n), (seen.vy + r_x * seen.omega).reshape(p, n)
 

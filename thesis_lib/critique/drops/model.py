@@ -34,8 +34,8 @@ from functools import cached_property
 
 import numpy as np
 
+from thesis_lib.contact.compliant.normal_force import ConvexDamper
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.normal_force import ConvexDamper
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from thesis_lib.contact.normal_force import NormalForce
+from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
 from thesis_lib.effects import EFFECTS

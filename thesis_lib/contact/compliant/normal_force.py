@@ -33,10 +33,12 @@ doi:10.1109/ICRA.2014.6907751 (convex contact).
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
-SPEED = 1.0  # m/s, v₀
+from thesis_lib.contact.compliant.compiled import CONVEX, HUNT_CROSSLEY, HYSTERESIS, LINEAR_DAMPER, SPEED, pushes
+
 LEAST = 1e-6  # D of a hysteresis: of the work that a plastic contact returns, so that its unloading has a slope
 LOSSES = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 300)])  # D of the table; ε is below 0.05 at the last
 FINE = 4e-3  # step of the table's integration; ε and S to 1e-5
@@ -48,13 +50,13 @@ class NormalForce:
     """A force with the `exponent` n; this one returns the share ε² of its work."""
 
     exponent: float = 1.0
+    kind: ClassVar[int] = HYSTERESIS
 
     def push(
         self, depth: np.ndarray, rate: np.ndarray, deepest: np.ndarray, loss: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """f and ∂f/∂x' for x, x', x_m and D, arrays that broadcast, in the units of the docstring."""
-        below = np.maximum(depth - (1.0 - loss) * deepest, 0.0) / loss
-        return self._power(np.where(depth < deepest, below, np.maximum(depth, 0.0))), np.zeros_like(depth)
+        """f and ∂f/∂x' (n,) for x, x', x_m and D (n,), in the units of the docstring."""
+        return pushes(self.kind, self.exponent, depth, rate, deepest, loss)
 
     def loss(self, epsilon: np.ndarray) -> np.ndarray:
         """D of contacts with restitutions ε at v₀."""
@@ -89,9 +91,6 @@ class NormalForce:
 
         power = 1.0 / (self.exponent + 1.0)
         return float(self._depth * np.sqrt(np.pi) * gamma(1.0 + power) / gamma(0.5 + power))
-
-    def _power(self, depth: np.ndarray) -> np.ndarray:
-        return depth if self.exponent == 1.0 else depth**self.exponent
 
     # --- of impacts ---
 
@@ -158,10 +157,7 @@ class _Damped(NormalForce):
 class LinearDamper(_Damped):
     """A linear spring with a damper beside it; the exponent is 1."""
 
-    def push(self, depth, rate, deepest, loss):
-        force = depth + loss * rate
-        presses = (depth >= 0.0) & (force > 0.0)
-        return np.where(presses, force, 0.0), np.where(presses, loss, 0.0)
+    kind: ClassVar[int] = LINEAR_DAMPER
 
     def changed(self, loss, b, speed):
         return loss * np.sqrt(b)
@@ -174,10 +170,7 @@ class LinearDamper(_Damped):
 class HuntCrossley(_Damped):
     """A spring whose loss grows with depth and rate."""
 
-    def push(self, depth, rate, deepest, loss):
-        elastic = self._power(np.maximum(depth, 0.0))
-        factor = 1.0 + loss * rate
-        return elastic * np.maximum(factor, 0.0), np.where(factor > 0.0, loss * elastic, 0.0)
+    kind: ClassVar[int] = HUNT_CROSSLEY
 
     def changed(self, loss, b, speed):
         return loss * speed
@@ -187,10 +180,4 @@ class HuntCrossley(_Damped):
 class ConvexDamper(LinearDamper):
     """A linear damper with the friction of a convex program."""
 
-    @staticmethod
-    def lifted(
-        force: np.ndarray, depth: np.ndarray, rate: np.ndarray, loss: np.ndarray, slip: np.ndarray, mu, ratio
-    ) -> np.ndarray:
-        """f where the contact slides, else `force`, that of the damper; slip |s| in units of v₀."""
-        lifted = np.maximum(depth + loss * (rate + mu * slip), 0.0) / (1.0 + mu * mu / ratio)
-        return np.where((depth >= 0.0) & (ratio * loss * slip > mu * force), lifted, force)
+    kind: ClassVar[int] = CONVEX

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.contact.normal_force import HuntCrossley, LinearDamper, NormalForce
+from thesis_lib.contact.compliant.normal_force import HuntCrossley, LinearDamper, NormalForce
 from thesis_lib.critique.drops.model import duration
 from thesis_lib.simulate.mujoco.contact import damped_bounce
 

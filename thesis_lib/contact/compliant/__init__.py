@@ -1,0 +1,1 @@
+"""Contacts that take time: their normal forces, and the motion of bodies on them."""

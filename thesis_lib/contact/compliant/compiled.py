@@ -1,0 +1,156 @@
+"""Contacts that take time, compiled: the normal forces, and the motion of bodies on them.
+
+numba compiles this file at the first call and keeps the result beside it.  A change of the file compiles it anew;
+what is compiled must stand here, since numba does not see changes of functions in other files.
+
+Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass in v₀²/L.  Steps of the motion are half a
+drift, a kick and half a drift.  A damper acts at the velocity in the middle of the step; friction ends the slip within
+the step, at most μ f_n, shared by the corners that press.  In a convex contact it is a damper, at most μ f_n.
+"""
+
+import numpy as np
+from numba import njit
+
+HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX = range(4)
+SPEED = 1.0  # m/s, v₀
+
+compiled = njit(cache=True, error_model="numpy")
+
+
+@compiled
+def _power(depth, exponent):
+    if exponent == 1.0:
+        return depth
+    return depth * np.sqrt(depth) if exponent == 1.5 else depth**exponent
+
+
+@compiled
+def _push(kind, exponent, depth, rate, deepest, loss):
+    """f and ∂f/∂x' of one contact, from x, x', x_m and D; of a convex contact that sticks."""
+    if kind == HYSTERESIS:
+        if depth < deepest:
+            return _power(max(depth - (1.0 - loss) * deepest, 0.0) / loss, exponent), 0.0
+        return _power(max(depth, 0.0), exponent), 0.0
+    if kind == HUNT_CROSSLEY:
+        elastic, factor = _power(max(depth, 0.0), exponent), 1.0 + loss * rate
+        return (elastic * factor, loss * elastic) if factor > 0.0 else (0.0, 0.0)
+    force = depth + loss * rate
+    return (force, loss) if depth >= 0.0 and force > 0.0 else (0.0, 0.0)
+
+
+@compiled
+def pushes(kind, exponent, depth, rate, deepest, loss):
+    """f and ∂f/∂x' (n,) of n contacts, from x, x', x_m and D (n,)."""
+    force, slope = np.empty(len(depth)), np.empty(len(depth))
+    for i in range(len(depth)):
+        force[i], slope[i] = _push(kind, exponent, depth[i], rate[i], deepest[i], loss[i])
+    return force, slope
+
+
+@compiled
+def _lifted(force, depth, rate, loss, slip, mu, ratio):
+    """f of a convex contact, from that of its damper and the slip |s| in v₀."""
+    if depth >= 0.0 and ratio * loss * slip > mu * force:
+        return max(depth + loss * (rate + mu * slip), 0.0) / (1.0 + mu * mu / ratio)
+    return force
+
+
+@compiled
+def _lowest(axes, vertices, theta):
+    """The lowest point (x, y) in m of a body at the angle θ: of vertices (k, 2), or of an ellipse with squares `axes`
+    of its semi-axes."""
+    sin, cos = np.sin(theta), np.cos(theta)
+    if len(vertices) == 0:
+        h = np.sqrt(axes[0] * sin * sin + axes[1] * cos * cos)
+        return -(axes[0] - axes[1]) * sin * cos / h, -h
+    best, lowest = 0, np.inf
+    for i in range(len(vertices)):
+        height = vertices[i, 0] * sin + vertices[i, 1] * cos
+        if height < lowest:
+            best, lowest = i, height
+    return cos * vertices[best, 0] - sin * vertices[best, 1], lowest
+
+
+@compiled
+def integrate(force, points, body, outline, velocity, step, most):
+    """The motion of n bodies from their first touch until none of their p contact points presses any more.
+
+    Args:
+        force: kind, exponent, and damping along the surface over that across it (n,) of a convex contact.
+        points: r_x, r_y, gap in m, μ, D and L in m of each point, (6, p, n).
+        body: 1/k² (n,) in 1/m², gravity in m/s², angle θ (n,) in rad.
+        outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
+            (k, 2) in m.
+        velocity: (n, 3) in m/s and rad/s.
+        step: (n,) in s.
+        most: steps.
+
+    Returns:
+        Shift (n, 3) in m and rad, velocity (n, 3), time (n,) in s, and of each point (p, n) the impulses along the
+        surface and across it, per mass, in m/s.
+    """
+    kind, exponent, ratios = force
+    r_xs, r_ys, gaps, mus, losses, lengths = points
+    ws, gravity, thetas = body
+    smooth, axes, vertices = outline
+    p, n = gaps.shape
+    shift, after, elapsed = np.zeros((n, 3)), velocity.copy(), np.zeros(n)
+    c_t, c_n = np.zeros((p, n)), np.zeros((p, n))
+    r_x, r_y, push, depths, deepest = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
+    for i in range(n):
+        h, w, ratio = step[i], ws[i], ratios[i]
+        x = y = turn = t = 0.0
+        v_x, v_y, omega = velocity[i]
+        deepest[:] = 0.0
+        # where the contact point is beside the lowest one of a smooth body
+        beside = _lowest(axes, vertices, thetas[i]) if smooth else (0.0, 0.0)
+        for _ in range(most):
+            x, y, turn = x + 0.5 * h * v_x, y + 0.5 * h * v_y, turn + 0.5 * h * omega
+            sin, cos = np.sin(turn), np.cos(turn)
+            under = _lowest(axes, vertices, thetas[i] + turn) if smooth else (0.0, 0.0)
+            pressing = 0
+            gained, turned = 0.0, 0.0
+            for k in range(p):
+                at_x, at_y = r_xs[k, i] - beside[0], r_ys[k, i] - beside[1]
+                r_x[k], r_y[k] = under[0] + cos * at_x - sin * at_y, under[1] + sin * at_x + cos * at_y
+                depth = -(gaps[k, i] + y + r_y[k] - r_ys[k, i])
+                depths[k] = depth
+                deepest[k] = max(deepest[k], depth)
+                length, loss = lengths[k, i], losses[k, i]
+                deep, fast = depth / length, -(v_y + r_x[k] * omega) / SPEED
+                f, slope = _push(kind, exponent, deep, fast, deepest[k] / length, loss)
+                if kind == CONVEX:
+                    f = _lifted(f, deep, fast, loss, abs(v_x - r_y[k] * omega) / SPEED, mus[k, i], ratio)
+                kick = h * SPEED**2 / length
+                push[k] = kick * f / (1.0 + 0.5 * kick * slope * (1.0 + r_x[k] * r_x[k] * w))
+                pressing += push[k] > 0.0
+                gained += push[k]
+                turned += r_x[k] * push[k]
+            v_y += gained - h * gravity
+            omega += w * turned
+            dragged, turned = 0.0, 0.0
+            for k in range(p):
+                ends = 1.0 / ((1.0 + r_y[k] * r_y[k] * w) * max(pressing, 1))
+                if kind == CONVEX:
+                    slows = ratio * losses[k, i] * h * SPEED / lengths[k, i]
+                    ends = ends * slows / (ends + slows)
+                limit = mus[k, i] * push[k]
+                drag = min(max(-(v_x - r_y[k] * omega) * ends, -limit), limit)
+                dragged += drag
+                turned += r_y[k] * drag
+                c_t[k, i] += drag
+                c_n[k, i] += push[k]
+            v_x += dragged
+            omega -= w * turned
+            x, y, turn, t = x + 0.5 * h * v_x, y + 0.5 * h * v_y, turn + 0.5 * h * omega, t + h
+            deep = False
+            for k in range(p):
+                deep |= depths[k] > 0.0
+                if depths[k] <= 0.0:  # a corner that has left the surface may press again
+                    deepest[k] = 0.0
+            if not pressing and not (deep and t < 2.0 * h):
+                break
+        shift[i, 0], shift[i, 1], shift[i, 2] = x, y, turn
+        after[i, 0], after[i, 1], after[i, 2] = v_x, v_y, omega
+        elapsed[i] = t
+    return shift, after, elapsed, c_t, c_n
