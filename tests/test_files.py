@@ -18,6 +18,7 @@ WRITERS = {
     "to_csv": {
         "thesis_lib/commands/model.py",
         "thesis_lib/critique/mechanisms/proof.py",
+        "thesis_lib/critique/proof/direct_fits.py",
         "thesis_lib/critique/proof/measured.py",
     },
     "to_parquet": set(),

@@ -21,7 +21,10 @@ def test_a_row_says_what_the_critique_says(hidden_impacts, tmp_path):
     store(told | {"verdict": "adequate"}, path)  # the same key replaces
     store(told | {"hits": "single"}, path)
     assert list(pd.read_csv(path)["verdict"]) == ["adequate", "effects"]
-    assert "100 % of 80 | tangential restitution | adequate" in table(path)[2]
+    for effects in ("time_lag", "wear", "time_lag"):  # another choice by hand is another row
+        store(told | {"chosen": "by hand", "effects": effects}, path)
+    assert list(pd.read_csv(path)["effects"]) == ["time_lag", "wear", *[told["effects"]] * 2]
+    assert "100 % of 80 | tangential restitution | adequate" in table(path)[4]
 
 
 def test_a_stand_in_is_marked(hidden_impacts, tmp_path):

@@ -13,11 +13,11 @@
 | chosen                     |      | `searched`, or `by hand`                                                   |
 | base, error, noise_floor   | m/s  | held-out error before and with the effects, and of noise, empty if unknown |
 | median                     | m/s  | of the held-out errors with the effects                                    |
-| learned, low, high, pairs  | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`, `pairs`      |
+| learned, low, high         | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`               |
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "measured.csv"
-KEY = ("dataset", "trials", "hits", "chosen")
+KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
 COLUMNS = (
     *(*KEY, "detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
-    *("learned", "low", "high", "pairs"),
+    *("learned", "low", "high"),
 )
 MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
 SEED = 0
@@ -69,8 +69,12 @@ def row(critique: Critique, hits: str, chosen: str) -> dict:
         "learned": rest.learned,
         "low": rest.gain[1],
         "high": rest.gain[2],
-        "pairs": np.nan if rest.pairs is None else rest.pairs,
     }
+
+
+def _key(one: Mapping) -> tuple[str, ...]:
+    by_hand = () if one["chosen"] == "searched" else (one["effects"],)
+    return (*(str(one[name]) for name in KEY), *by_hand)
 
 
 def store(new: dict, path: Path = STORE) -> None:
@@ -78,8 +82,8 @@ def store(new: dict, path: Path = STORE) -> None:
     import pandas as pd
 
     rows = [] if not path.exists() else pd.read_csv(path).to_dict("records")
-    rows = [old for old in rows if any(str(old[name]) != str(new[name]) for name in KEY)] + [new]
-    table = pd.DataFrame(rows, columns=list(COLUMNS)).sort_values(list(KEY))
+    rows = [old for old in rows if _key(old) != _key(new)] + [new]
+    table = pd.DataFrame(rows, columns=list(COLUMNS)).sort_values([*KEY, "effects"])
     write_text(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"), path)
 
 

@@ -1,0 +1,70 @@
+"""Models that are fitted directly: rows of one series, the store, and the documents that hold the table."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.critique.proof import direct_fits
+from thesis_lib.critique.proof.direct_fits import COLUMNS, SERIES, STORE, Series, rows, store, table
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
+
+ROOT = Path(__file__).resolve().parents[3]
+OFFSET = 0.05
+
+
+@pytest.fixture(scope="module")
+def square() -> Dataset:
+    """60 drops of a square, the angle of which the camera misreads."""
+    hidden, rng = HiddenCauses(angle_offset=OFFSET), np.random.default_rng(0)
+    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 60, hidden=hidden, noise=RIG_NOISE, rng=rng)
+    return Dataset("square", made.header, made.trajectories)
+
+
+def test_effects_are_added_and_judged_on_other_trials(monkeypatch, square):
+    models = ("mirtich", "mirtich+angle_offset")
+    monkeypatch.setitem(SERIES, "square", Series("planar_square", models, episodes=True))
+    law, whole = rows("square", square)
+    assert set(law) <= set(COLUMNS) and (law["model"], whole["model"]) == models
+    assert law["gain"] == 0.0 < whole["gain"]
+    assert whole["error"] < 0.5 * law["error"] and whole["error"] < 1.5 * whole["noise_floor"]
+    hits = whole["single"] - whole["error"], whole["error"] - whole["episodes"]
+    assert hits[0] * hits[1] > 0.0  # the mean of all lies between those of single hits and of episodes
+    assert whole["used"] < whole["detected"]
+    found = dict(part.split(" ", 1) for part in whole["parameters"].split("; "))
+    value, error = (float(text) for text in found["angle_offset.d_theta"].split(" ± "))
+    assert abs(value - OFFSET) < 4.0 * error
+
+
+def test_drops_of_a_simulator_are_all_fitted_and_judged(monkeypatch, square):
+    monkeypatch.setitem(SERIES, "square", Series("mechanism", ("mirtich",)))
+    (law,) = rows("square", square)
+    assert "learned" not in law and law["single"] == law["error"] and np.isnan(law["episodes"])
+
+
+def test_rows_are_replaced_and_kept_in_order(tmp_path):
+    names, path = list(SERIES), tmp_path / "rows.csv"
+    row = dict.fromkeys(COLUMNS, 1.0) | {"model": "mirtich", "parameters": "mu 0.1 ± 0.01", "flat_hits": 0}
+    for name, error in ((names[-1], 0.3), (names[0], 0.2), (names[0], 0.1)):
+        store(name, [row | {"drops": name, "error": error}], path)
+    assert pd.read_csv(path)["drops"].tolist() == [names[0], names[-1]]
+    assert pd.read_csv(path)["error"].tolist() == [0.1, 0.3]
+    assert any("| Mirtich | 0.100 |" in line for line in table(path))
+
+
+def test_all_series_are_stored_and_the_documents_hold_them():
+    stored = pd.read_csv(STORE)
+    assert [(row.drops, row.model) for row in stored.itertuples()] == [
+        (name, model) for name, series in SERIES.items() for model in series.models
+    ]
+    findings = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+    for line in table():
+        assert not line.startswith("|") or line in findings
+
+
+def test_the_command_prints_the_table(capsys):
+    assert direct_fits.main(["table"]) == 0
+    assert capsys.readouterr().out.splitlines() == table()

@@ -1,0 +1,259 @@
+"""Models fitted directly, without a search: what a contact leaves, and what its parts are worth.
+
+    python -m thesis_lib.critique.proof.direct_fits run --drops "MuJoCo, ellipse" --drops "MuJoCo, square"
+    python -m thesis_lib.critique.proof.direct_fits run --drops "die, single hits" --measured data/measured
+    python -m thesis_lib.critique.proof.direct_fits table
+
+Two kinds of drops: simulated ones of other sources with nothing hidden, all of which are fitted and judged, as nothing
+is chosen by them; and measured ones, with the effects that residuals ask for, judged on the 30 % of the trials that are
+not fitted.  Effects are added in their order.  `run` replaces the rows of some drops in config/proof/direct_fits.csv.
+
+| column              | unit | meaning                                                                     |
+|---------------------|------|-----------------------------------------------------------------------------|
+| drops, model        |      | key of `SERIES`; base, and effects behind "+"                               |
+| detected, used      | 1    | hits                                                                        |
+| gain                | nats | log score of the fitted hits over that of the first model                   |
+| error, median       | m/s  | of the velocity after impact, of the judged hits                            |
+| noise_floor         | m/s  | what noise makes of `error`                                                 |
+| single, episodes    | m/s  | `error` of single hits and of episodes                                      |
+| flat_hits, flat     | m/s  | number and `error` of single hits at which two corners touch at once        |
+| learned, low, high  | m/s  | `questions.floor` of measured drops: `learned`, and the interval of `gain`  |
+| pairs               | m/s  | its bound from pairs                                                        |
+| parameters          |      | with standard errors                                                        |
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.drops.questions.floor import floor
+from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.drops.unpredictable import predictable
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.proof.cases import BODIES, NOTHING, SEEDS, Case, make
+from thesis_lib.critique.proof.law_free import nearest_face
+from thesis_lib.critique.selection.search import split
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.statistics.wording import number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "direct_fits.csv"
+COLUMNS = (
+    *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
+    *("flat_hits", "flat", "learned", "low", "high", "pairs", "parameters"),
+)
+HERTZ_TIME = 3e-3  # s
+FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
+HELD_OUT = 0.3  # of the trials
+SEED = 0
+
+
+@dataclass(frozen=True)
+class Series:
+    """Drops of a source of the proof, of "hertz", or of a measured set, and the models that are fitted to them."""
+
+    source: str
+    models: tuple[str, ...]
+    shape: str = "ellipse"
+    trials: int | None = None  # the first ones of a measured set
+    episodes: bool = False
+
+    @property
+    def is_measured(self) -> bool:
+        return self.source.startswith("planar_")
+
+
+_MUJOCO = ("mirtich", "damped_contact", "convex_contact")
+_POINT = ("mirtich", "mirtich+velocity_dependent_restitution", "hunt_crossley_contact")
+_SOFT = tuple(f"hunt_crossley_hertz_contact{more}" for more in ("", "+wrong_size", "+soft_body"))
+_HERTZ = ("mirtich", "mirtich+velocity_dependent_contact_time", "hertz_contact")
+_DIE = (
+    "mirtich+linear_drag+rounded_corners+angle_offset+wrong_inertia+tangential_compliance"
+    "+velocity_dependent_restitution+surface_patch"
+)
+_PLATE = "mirtich+mirrored_rotation+surface_patch+tangential_compliance+position_dependent_restitution"
+SERIES = {
+    "MuJoCo, ellipse": Series("mujoco", _MUJOCO),
+    "MuJoCo, square": Series("mujoco", _MUJOCO, "square"),
+    "Drake, point, ellipse": Series("drake_point", _POINT),
+    "Drake, point, square": Series("drake_point", _POINT, "square"),
+    "Drake, hydroelastic, ellipse": Series("drake_hydroelastic", _SOFT),
+    "Hertz, 3 ms, ellipse": Series("hertz", _HERTZ),
+    "die, single hits": Series("planar_dice", ("mirtich", f"{_DIE}+com_offset")),
+    "die, all hits of 150 throws": Series(
+        "planar_dice", ("mirtich", f"{_DIE}+surface_height"), trials=150, episodes=True
+    ),
+    "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
+}
+
+
+def drops_of(series: Series, measured: Path) -> Dataset:
+    """The drops of a series: the first of the proof's seeds, or the trials of a set in the folder `measured`."""
+    if series.is_measured:
+        from thesis_lib.datasets.read import read_dataset
+
+        dataset = read_dataset(measured / series.source)
+        if series.trials and dataset.trajectories is not None:
+            poses = dataset.trajectories
+            first = poses["trial"].isin(np.unique(poses["trial"])[: series.trials])
+            dataset = replace(dataset, trajectories=poses[first].reset_index(drop=True))
+        return dataset
+    if series.source != "hertz":
+        return make(Case(series.source, NOTHING, SEEDS, shape=series.shape, contact_time=1e-3))[0]
+    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+    from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, CompliantContact
+
+    contact = CompliantContact(contact_time=HERTZ_TIME, exponent=1.5)
+    rng, body = generator(SEEDS, "proof", series.source, series.shape), BODIES[series.shape]
+    made = simulate_compliant_drops(body, PROOF_RELEASE, 150, contact=contact, noise=RIG_NOISE, rng=rng)
+    return Dataset(series.source, made.header, made.trajectories)
+
+
+def fit_in_steps(world: Drops, model: str) -> Fit:
+    """Fit a model to all hits from where quick fits end, in which its effects are added one after the other."""
+    base, *names = model.split("+")
+    effects = tuple(EFFECTS[name] for name in names)
+    fitted = world.fit(base, (), quick=True)
+    for i, effect in enumerate(effects):
+        fitted = world.fit(base, effects[: i + 1], world.start_with(fitted, effect), quick=True)
+    return world.fit(base, effects, fitted.values)
+
+
+def rows(name: str, dataset: Dataset) -> list[dict]:
+    """A row for each model of a series."""
+    series = SERIES[name]
+    o = observe(dataset, episodes=series.episodes)
+    training = judged = o
+    if series.is_measured:
+        fitted_trials, others = split(np.unique(o.trial), HELD_OUT, generator(SEED, dataset.name))
+        o = predictable(o, o.select(fitted_trials), o.arcs)
+        training, judged = o.select(fitted_trials), o.select(others)
+    fits = [fit_in_steps(Drops(training), model) for model in series.models]
+    about = {"drops": name, "detected": int(o.hits.sum()) + len(o.found.left_out), "used": int(o.hits.sum())}
+    return [
+        about
+        | {"model": model, "gain": fitted.score - fits[0].score}
+        | _errors(fitted, judged)
+        | (_floor(fitted, judged) if series.is_measured else {})
+        | {"parameters": "; ".join(f"{key} {number(x)} ± {number(fitted.std[key], 2)}" for key, x in _free(fitted))}
+        for model, fitted in zip(series.models, fits)
+    ]
+
+
+def _free(fitted: Fit) -> list[tuple[str, float]]:
+    return [(name, fitted.values[name]) for name in fitted.model.fitted_parameters]
+
+
+def _errors(fitted: Fit, o: Observations) -> dict[str, float]:
+    judged = Drops(o).judge(fitted)
+    is_single, is_flat = o.span == 0.0, np.zeros(len(o), bool)
+    if isinstance(o.rig.shape, Polygon):
+        touch, _ = states_at_impact(fitted.model, fitted.values, o)
+        true = fitted.model.to_true(touch, fitted.model.active(fitted.values), o.rig)
+        is_flat = is_single & (np.abs(nearest_face(o.rig.shape, true.theta)[1]) < FLAT)
+    kinds = {"single": is_single, "episodes": ~is_single, "flat": is_flat}
+    means = {kind: float(judged.error[rows].mean()) if rows.any() else np.nan for kind, rows in kinds.items()}
+    whole = {"error": float(judged.error.mean()), "median": float(np.median(judged.error))}
+    return whole | {"noise_floor": judged.floor, "flat_hits": int(is_flat.sum())} | means
+
+
+def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:
+    rest = floor(fitted, o, generator(SEED, "floor"))
+    return {"learned": rest.learned, "low": rest.gain[1], "high": rest.gain[2], "pairs": rest.pairs}
+
+
+def table(path: Path = STORE) -> list[str]:
+    """The stored rows as lines of Markdown: of simulated drops, of measured ones, and parameters of the latter."""
+    import pandas as pd
+
+    stored = pd.read_csv(path)
+    measured = np.array([SERIES[str(name)].is_measured for name in stored["drops"]])
+    lines = ["| drops | model | error | noise | gain in nats | parameters |", "|---|---|---|---|---|---|"]
+    for _, one in stored[~measured].iterrows():
+        cells = (one["drops"], _model(one), number(one["error"]), number(one["noise_floor"]), _gain(one))
+        lines.append(f"| {' | '.join(cells)} | {one['parameters']} |")
+    lines += [
+        "",
+        "| drops | model | hits used | error (median) | noise | single hits | two corners at once | episodes "
+        "| with the rest learned | nearest pairs |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for _, one in stored[measured].iterrows():
+        flat = f"{_cell(one['flat'])} ({one['flat_hits']})" if one["flat_hits"] else ""
+        share = f"{100 * one['used'] / one['detected']:.0f} % of {one['detected']:,}"
+        error = f"{number(one['error'])} ({number(one['median'])})"
+        numbers = (_cell(one[name]) for name in ("episodes", "learned", "pairs"))
+        cells = (
+            one["drops"],
+            _model(one),
+            share,
+            error,
+            _cell(one["noise_floor"]),
+            _cell(one["single"]),
+            flat,
+            *numbers,
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return [*lines, "", *(f"{one['drops']}: {one['parameters']}" for _, one in stored[measured].iterrows())]
+
+
+def _model(one: "pd.Series") -> str:
+    base, *effects = one["model"].split("+")
+    return " with ".join(
+        [BASES[base].title, *([", ".join(EFFECTS[name].title for name in effects)] if effects else [])]
+    )
+
+
+def _gain(one: "pd.Series") -> str:
+    return "" if one["gain"] == 0.0 else f"{one['gain']:,.0f}"
+
+
+def _cell(value: float) -> str:
+    return "" if np.isnan(value) else number(value)
+
+
+def store(name: str, new: Sequence[dict], path: Path = STORE) -> None:
+    """Replace the rows of a series."""
+    import pandas as pd
+
+    old = pd.read_csv(path).to_dict("records") if path.exists() else []
+    stored = [*(row for row in old if row["drops"] != name), *new]
+    stored.sort(key=lambda row: list(SERIES).index(row["drops"]))
+    made = pd.DataFrame(stored, columns=list(COLUMNS))
+    write_text(made.to_csv(index=False, float_format="%.6g", lineterminator="\n"), path)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m thesis_lib.critique.proof.direct_fits", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("table", help="print the stored rows")
+    run = commands.add_parser("run", help="fit the models and store their rows; a minute or more each")
+    run.add_argument("--drops", action="append", choices=tuple(SERIES), help="once or more; default: all")
+    run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
+    args = parser.parse_args(argv)
+    if args.command == "table":
+        print("\n".join(table()))
+        return 0
+    for name in args.drops or SERIES:
+        made = rows(name, drops_of(SERIES[name], args.measured))
+        store(name, made)
+        print("\n".join(f"{name}: {row['model']} {row['error']:.4f} m/s" for row in made), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
