@@ -14,6 +14,7 @@ INPUTS ?= 10000
 SEED ?= 0
 BENCH ?=
 BENCH_OUT ?= results/benchmarks
+BENCH_JOBS ?= 1
 PIP_OPTIONS ?=
 # snakemake runs the scripts; matplotlib and friends must not look for a screen or a writable HOME
 export MPLBACKEND := Agg
@@ -59,8 +60,8 @@ BENCHMARKS := laws engines bandwidth identification ensemble arcs simulators pro
 
 bench: setup  ## measure speed and accuracy against other tools, into results/benchmarks (BENCH=--quick: does it run)
 	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement benchmarks/requirements.txt
-	@for name in $(BENCHMARKS); do echo "== $$name"; \
-	    $(BIN)/python -m benchmarks.$$name $(BENCH) --out $(BENCH_OUT)/$$name.csv || exit 1; done
+	@printf '%s\n' $(BENCHMARKS) | xargs -n 1 -P $(BENCH_JOBS) sh -c 'echo "== $$0"; \
+	    $(BIN)/python -m benchmarks.$$0 $(BENCH) --out $(BENCH_OUT)/$$0.csv || exit 255'
 	$(BIN)/python -m benchmarks.table $(BENCH_OUT)
 
 audit: setup  ## known vulnerabilities of what is installed (says so where it cannot look)

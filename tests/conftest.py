@@ -1,4 +1,7 @@
-"""One thread a process, and measured data: found beside the repository, skipped elsewhere (not ours to pass on)."""
+"""One thread a process, measured data, and which tests share a process.
+
+Measured data are found beside the repository and skipped elsewhere (not ours to pass on).
+"""
 
 import os
 
@@ -17,6 +20,27 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SEARCH = (ROOT / "data" / "measured", ROOT.parent / "shared" / "data")
+# these share critiques that take longest: one process makes them (tests/critique/conftest.py, test_contact_time.py)
+TOGETHER = tuple(f"tests/critique/{room}/" for room in ("commands", "drops", "report", "results", "selection"))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """With several processes a file stays in one, and `TOGETHER` too; files with slow tests start first."""
+    from xdist.scheduler.loadfile import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return TOGETHER[0] if nodeid.startswith(TOGETHER) else super()._split_scope(nodeid)
+
+    config.option.loadscopereorder = False  # by number of tests
+    return ByFile(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        slow = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture

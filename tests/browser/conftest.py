@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.foundation.files import write_text
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
@@ -88,8 +89,9 @@ def run_page(folder: Path) -> str:
 def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Critique of few drops with a hidden cause, index of a batch, claims ledger."""
     folder = tmp_path_factory.mktemp("pages")
-    drops = simulate_example("drops", "com_offset_x", drops=60).dataset
-    diagnosis = critique_folder(drops, folder / "drops", 0, effects=("com_offset",))
+    drops = simulate_example("drops", "com_offset_x", drops=40).dataset
+    settings = CritiqueSettings(folds=2, finalists=1)
+    diagnosis = critique_folder(drops, folder / "drops", 0, effects=("com_offset",), settings=settings)
     rows = [row_of_verdict("drops", diagnosis), row_of_failure("bad", "The table is empty.")]
     write_index(rows, folder, total=2, seed=0, effects=None)
     (folder / "bad.log").touch()

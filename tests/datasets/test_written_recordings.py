@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 
 from tests.datasets.written_recordings import CASES as RECORDINGS
-from tests.datasets.written_recordings import NORMAL, Case, measure, simulated
+from tests.datasets.written_recordings import NORMAL, Case, measure, recorded
 from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.world import Drops
@@ -55,7 +55,7 @@ def test_intervals_hold(name: str):
 
 @pytest.mark.parametrize("rate", [100.0, 250.0])
 def test_unsmoothed_data_keep_guard_and_colour(rate: float):
-    dataset, _ = simulated(Case(rate), "square", 3e-4, 60, 3)
+    dataset = recorded(Case(rate), "square", 3e-4, 60, 3)
     found = find_impacts(dataset)
     assert found.guard == ArcSettings().guard
     np.testing.assert_array_equal(found.noise.colour, 1.0)
@@ -71,7 +71,7 @@ def test_air_drag_is_not_taken_for_slow_noise():
 
 
 def test_smoothed_data_widen_the_guard_and_say_so():
-    dataset, _ = simulated(RECORDINGS["filtfilt 30 Hz"], "ellipse", 1e-3, 60, 4)
+    dataset = recorded(RECORDINGS["filtfilt 30 Hz"], "ellipse", 1e-3, 60, 4)
     found = find_impacts(dataset)
     # the filter's response to a corner ends within a period of the cutoff
     assert 0.25 / 30.0 < found.guard < 1.0 / 30.0
@@ -82,7 +82,7 @@ def test_smoothed_data_widen_the_guard_and_say_so():
 
 @pytest.mark.parametrize("contact_time", [1e-3, 4e-3])
 def test_a_long_contact_is_not_called_a_filter(contact_time: float):
-    dataset, _ = simulated(Case(1000.0), "ellipse", contact_time, 60, 6)
+    dataset = recorded(Case(1000.0), "ellipse", contact_time, 60, 6)
     assert not any("were smoothed" in text for text in find_impacts(dataset).warnings)
 
 
@@ -108,7 +108,7 @@ FILTERS = {  # name of the recording and its cutoff in Hz
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("contact_time", [1e-3, 3e-3])
 def test_a_filter_is_measured_whatever_its_kind(name: str, contact_time: float):
-    dataset, _ = simulated(RECORDINGS[name], "ellipse", contact_time, 60, 905)
+    dataset = recorded(RECORDINGS[name], "ellipse", contact_time, 60, 905)
     low_pass = find_impacts(dataset).low_pass
     assert low_pass is not None
     value, std = low_pass.cutoff
@@ -117,8 +117,8 @@ def test_a_filter_is_measured_whatever_its_kind(name: str, contact_time: float):
 
 def test_a_moving_average_lowers_falling_bodies_and_that_is_put_right():
     n, interval = 3, 4e-3  # samples of the average, and seconds between them
-    dataset, _ = simulated(RECORDINGS["moving average 50 Hz"], "ellipse", 1e-3, 60, 905)
-    plain, _ = simulated(Case(), "ellipse", 1e-3, 60, 905)
+    dataset = recorded(RECORDINGS["moving average 50 Hz"], "ellipse", 1e-3, 60, 905)
+    plain = recorded(Case(), "ellipse", 1e-3, 60, 905)
     found, expected = find_impacts(dataset), find_impacts(plain)
     low_pass = found.low_pass
     assert low_pass is not None and low_pass.moves_parabolas
@@ -133,7 +133,7 @@ def test_a_moving_average_lowers_falling_bodies_and_that_is_put_right():
 @pytest.mark.slow
 def test_smoothed_drops_are_adequate_with_the_contact_time_that_they_have():
     plain, smoothed = (
-        simulated(case, "ellipse", 1e-3, 80, 906)[0] for case in (Case(), RECORDINGS["moving average 50 Hz"])
+        recorded(case, "ellipse", 1e-3, 80, 906) for case in (Case(), RECORDINGS["moving average 50 Hz"])
     )
     judged = criticise(smoothed, rng=np.random.default_rng(0))
     assert judged.verdict == "adequate"
@@ -146,7 +146,7 @@ def test_smoothed_drops_are_adequate_with_the_contact_time_that_they_have():
 
 
 def test_data_smoothed_beyond_their_flights_are_refused():
-    dataset, _ = simulated(Case(250.0, Tracker(filter="zero_phase_butterworth", cutoff=8.0)), "ellipse", 1e-3, 60, 5)
+    dataset = recorded(Case(250.0, Tracker(filter="zero_phase_butterworth", cutoff=8.0)), "ellipse", 1e-3, 60, 5)
     with pytest.raises(UserError, match=r"The samples are smoothed: .* Write the data without a filter"):
         find_impacts(dataset)
 

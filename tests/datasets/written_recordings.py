@@ -12,6 +12,7 @@ the true velocities are those of the arcs there.
 
 import argparse
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -95,18 +96,28 @@ class Truth:
 
 def simulated(case: Case, shape: str, contact_time: float, drops: int, seed: int) -> tuple[Dataset, Truth]:
     """Drops of a body with nothing hidden, recorded as the case says, and their true contacts."""
-
-    def drop(rate: float, noise: Noise | None, tracker: Tracker | None) -> Drops:
-        contact = CompliantContact(contact_time=contact_time, steps=STEPS)
-        chosen: dict = {"contact": contact, "rate": rate, "noise": noise, "tracker": tracker}
-        return simulate_compliant_drops(BODIES[shape], PROOF_RELEASE, drops, rng=np.random.default_rng(seed), **chosen)
-
-    made, exact = drop(case.rate, RIG_NOISE, case.tracker), drop(1000.0, None, None)
-    return Dataset("written", made.header, made.trajectories), _truth(exact)
+    return recorded(case, shape, contact_time, drops, seed), _truth(shape, contact_time, drops, seed)
 
 
-def _truth(exact: Drops) -> Truth:
+def recorded(case: Case, shape: str, contact_time: float, drops: int, seed: int) -> Dataset:
+    """The drops of `simulated` alone."""
+    made = _drop(shape, contact_time, drops, seed, case.rate, RIG_NOISE, case.tracker)
+    return Dataset("written", made.header, made.trajectories)
+
+
+def _drop(
+    shape: str, contact_time: float, drops: int, seed: int, rate: float, noise: Noise | None, tracker: Tracker | None
+) -> Drops:
+    contact, rng = CompliantContact(contact_time=contact_time, steps=STEPS), np.random.default_rng(seed)
+    return simulate_compliant_drops(
+        BODIES[shape], PROOF_RELEASE, drops, contact=contact, rate=rate, noise=noise, tracker=tracker, rng=rng
+    )
+
+
+@cache
+def _truth(shape: str, contact_time: float, drops: int, seed: int) -> Truth:
     """True contacts, from drops without noise: the pose at release follows from the next sample or touch."""
+    exact = _drop(shape, contact_time, drops, seed, 1000.0, None, None)
     table, samples = exact.impacts, exact.trajectories
     trial, touch = table["trial"].to_numpy(), table["t"].to_numpy()
     release, v_post = touch + table["duration"].to_numpy(), table[list(V_POST)].to_numpy()

@@ -71,13 +71,6 @@ def test_no_title_leaves_its_figure(drawn):
         assert figure._suptitle.get_window_extent().x1 < figure.bbox.x1, name
 
 
-def test_equal_critiques_give_equal_bytes(critique):
-    # both freshly drawn: a figure that has been saved keeps its layout
-    first, second = (pictures(critique, {"budget": BUDGET}, {"regions": [REGION]}) for _ in range(2))
-    for name in NAMES:
-        assert png(first[name][0]) == png(second[name][0]), name
-
-
 def test_impacts_alone_without_effects_or_regions_are_drawn(without_effects):
     found = pictures(without_effects, {}, where(without_effects))
     assert set(NAMES) - set(found) == {"budget", "flights"}

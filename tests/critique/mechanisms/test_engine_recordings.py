@@ -105,7 +105,6 @@ def test_the_stored_proof_is_whole_and_meets_what_was_asked(capsys):
 @pytest.mark.parametrize(
     ("mechanism", "engine", "truth"),
     [
-        ("arm", "mujoco", "nothing"),
         ("arm", "mujoco", "cogging"),
         ("arm", "drake", "coulomb_joint_friction"),
         ("wheel", "mujoco", "rolling_resistance"),

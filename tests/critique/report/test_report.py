@@ -148,9 +148,7 @@ def test_text_of_users_is_escaped(made, diagnosis):
 
 def test_equal_content_gives_equal_bytes_without_paths_or_times(made, diagnosis, html):
     critique, regions, found, _ = made
-    drawn = pictures(critique, found, regions), pictures(critique, found, regions)
-    first, second = (page_of(made, diagnosis, pictures=one) for one in drawn)
-    assert first == second
+    assert page_of(made, diagnosis, pictures=pictures(critique, found, regions)) == html
     words = re.sub(r"base64,[^\"]*", "", html)
     assert "/tmp" not in words and "/home" not in words and not re.search(r"\b20[2-9]\d-\d\d", words)
 

@@ -123,7 +123,7 @@ def test_the_reduced_tower_weighs_the_same_and_fixes_what_it_says():
 
 @pytest.mark.slow
 def test_the_reduced_tower_agrees_with_the_full_one_on_force_and_label():
-    blocks = [0, 4, 7, 13, 16, 20, 25, 28, 33, 38, 41, 44]
+    blocks = [0, 7, 13, 20, 25, 33, 38, 44]
     tower, settings = Settled.get(), MovableSettings()
     pairs = [[scan(pushed, settings, [block]) for pushed in (tower, reduce(tower, block))] for block in blocks]
     full, reduced = (pd.concat(scans, ignore_index=True) for scans in zip(*pairs))

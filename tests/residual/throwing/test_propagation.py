@@ -116,8 +116,8 @@ def test_without_a_feasible_sample_the_distribution_is_the_laws():
 
 @pytest.mark.slow
 def test_the_fit_finds_a_planted_body_and_contact():
-    contacts = made_contacts(SOFT, 250)
-    fitted, misfit = fit_dice(BELIEVED, contacts, np.random.default_rng(0), DiceFitSettings(evaluations=3000))
+    contacts = made_contacts(SOFT, 120)
+    fitted, misfit = fit_dice(BELIEVED, contacts, np.random.default_rng(0), DiceFitSettings(evaluations=1500))
     even = replace(SOFT, contact=CompliantContact())
     _, v = contact_path(even, even.seen(contacts.q), contacts.v, contacts.span, ThrowSettings())
     without = np.linalg.norm((contacts.v_after - v) * [1.0, 1.0, SOFT.k_g], axis=1).mean()
