@@ -25,7 +25,7 @@ def row_of(case: Case, groups: list[list[str]] | None = None, **content) -> Row:
     """A result; what is not given is that of effects named rightly, each in a group of its own."""
     groups = [[names[0]] for names in case.expected if names] if groups is None else groups
     fields = {"verdict": "effects" if groups else "adequate", "law": "mirtich", "n_impacts": 300}
-    fields |= {"errors": error(), "remaining_p": 0.4, "groups": tuple(map(tuple, groups))}
+    fields |= {"errors": error(), "remaining_p": 0.4, "groups": tuple(map(tuple, groups)), "sizes": case.sizes}
     return Row(case, **(fields | content))
 
 

@@ -49,17 +49,6 @@ class TestStore:
             put(tmp_path, case)
         assert set(read_rows("mujoco", tmp_path)) == set(cases)
 
-    def test_tables_from_before_shapes_are_read_with_what_they_meant(self, tmp_path):
-        put(tmp_path, Case("mechanism", "corner_radius", SEEDS))
-        put(tmp_path, Case("mechanism", "wear", SEEDS))
-        path = tmp_path / "mechanism.csv"
-        lines = [line.split(",") for line in path.read_text().splitlines()]
-        at = lines[0].index("shape")
-        assert [line[at : at + 2] for line in lines[1:]] == [["square", "2e-05"], ["ellipse", "2e-05"]]
-        now = read_rows("mechanism", tmp_path)
-        path.write_text("".join(",".join(line[:at] + line[at + 2 :]) + "\n" for line in lines))
-        assert read_rows("mechanism", tmp_path) == now and len(now) == 2
-
     def test_rows_are_sorted_whatever_the_order_in_which_they_came(self, tmp_path):
         cases = [WEAR, replace(WEAR, seed=999), replace(WEAR, drops=50), Case("law", "adhesion", 5)]
         for folder, order in (("one", cases), ("two", cases[::-1])):
@@ -91,15 +80,13 @@ class TestStore:
 
 
 class TestCode:
-    def test_the_hash_is_that_of_the_code_and_of_the_sizes(self, tmp_path, monkeypatch):
-        first = code_hash()
-        sizes = tmp_path / "proof_sizes.json"
-        sizes.write_text("{}")
-        monkeypatch.setattr(proof_compute, "SIZES", sizes)
-        code_hash.cache_clear()
-        other = code_hash()
-        code_hash.cache_clear()
-        assert other != first and len(first) == len(other) == 16
+    def test_a_row_is_of_today_s_code_and_sizes_or_older(self, monkeypatch):
+        case = Case("mujoco", "tilt", 5)
+        row = replace(row_of(case), code=code_hash(), sizes=case.sizes)
+        assert row.is_of_today and not replace(row, code="0" * 16).is_of_today
+        other = {"mujoco": {"ellipse": {"tilt": 2.0 * case.sizes["tilt"]}}}
+        monkeypatch.setattr(proof_sizes, "_stored_sizes", lambda: other)
+        assert not row.is_of_today
 
     def test_a_row_knows_the_code_that_made_it(self, monkeypatch):
         def refuse_all(dataset, **kwargs):

@@ -7,10 +7,10 @@ the loss, the force per mass is
     linear damper   f = (x + D x')₊
     Hunt-Crossley   f = xⁿ (1 + D x')₊
 
-with n = 1 for a linear spring and 3/2 for Hertz's contact.  No contact pulls.  A central contact, x'' = −f from x = 0
-and x' = 1, is over after S, where f is 0 again; its velocity is −ε then.  The centroid of its impulse is at
-s = (ε S + x(S)) / (1 + ε).  So ε and τ = s L / v₀ of a central contact at v₀ say everything: D follows from ε, and L
-from τ.
+with n = 1 for a linear spring, 3/2 for Hertz's contact, and 2 where pressure and area both grow with the depth.  No
+contact pulls.  A central contact, x'' = −f from x = 0 and x' = 1, is over after S, where f is 0 again; its velocity is
+−ε then.  The centroid of its impulse is at s = (ε S + x(S)) / (1 + ε).  So ε and τ = s L / v₀ of a central contact at
+v₀ say everything: D follows from ε, and L from τ.
 
 A contact at another speed v or of another mass 1/b has the same motion in other units, L' = L (v²/(b v₀²))^(1/(n+1)):
 
@@ -28,7 +28,7 @@ it slides, with the slip s in units of v₀, the program lifts the body,
 
 Sources: Walton and Braun 1986, doi:10.1122/1.549893; Schwager and Pöschel 2007, doi:10.1007/s10035-007-0065-z; Hunt and
 Crossley 1975, doi:10.1115/1.3423596; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731 (Hertz); Todorov 2014,
-doi:10.1109/ICRA.2014.6907751 (convex contact).
+doi:10.1109/ICRA.2014.6907751 (convex contact); Elandt et al. 2019, doi:10.1109/IROS40897.2019.8968548 (n = 2).
 """
 
 from dataclasses import dataclass

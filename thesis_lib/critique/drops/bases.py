@@ -22,7 +22,7 @@ from thesis_lib.contact.law import ImpulseFunction, Law
 from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.critique.drops.model import LEAST_MOBILITY
 
-HERTZ = 1.5  # exponent
+HERTZ, PRESSURE_FIELD = 1.5, 2.0  # exponents: of Hertz; pressure and area both grow with the depth
 
 
 def _limit(force: NormalForce) -> ImpulseFunction:
@@ -64,6 +64,12 @@ COMPLIANT = (
         "Hunt and Crossley's contact on Hertz's spring",
         HuntCrossley(HERTZ),
         "Hunt and Crossley 1975, doi:10.1115/1.3423596",
+    ),
+    _compliant(
+        "pressure_field_contact",
+        "contact of a pressure field",
+        HuntCrossley(PRESSURE_FIELD),
+        "Elandt et al. 2019, doi:10.1109/IROS40897.2019.8968548",
     ),
 )
 BASES: Mapping[str, Law] = ChainMap({law.name: law for law in COMPLIANT}, LAWS)

@@ -18,7 +18,7 @@ from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, 
 from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.check import ages, check, rows_to_check
 from thesis_lib.critique.proof.compute import compute
-from thesis_lib.critique.proof.sizes import find_size, require_checkout, stored_factor
+from thesis_lib.critique.proof.sizes import find_size, require_checkout, store_cause_size, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.critique.proof.summary import report
 from thesis_lib.foundation.errors import UserError
@@ -49,17 +49,25 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _size(options: argparse.Namespace) -> None:
     known = truths(options.source)[1:]
-    if options.name not in known:
-        raise UserError(f"The source {options.source} hides no {options.name!r}; known are {', '.join(known)}.")
-    if options.source == "law":
-        factor = find_size(options.name, RATIO, options.seed)
-        print(f"{options.name}: {factor:g} (factor on its scales)", flush=True)
-        print(f"stored: {stored_factor(options.name):g}")
-        return
-    shape = "square" if options.name in CORNERED else options.shape or "ellipse"
-    case = Case(options.source, options.name, options.seed, shape=shape, contact_time=_seconds(options.contact_time))
-    found = find_cause_size(case)
-    print(f"{options.name}, {case.shape}: {found:g}, stored {case.size(options.name):g}")
+    if unknown := set(options.name) - set(known):
+        raise UserError(f"The source {options.source} hides no {unknown.pop()!r}; known are {', '.join(known)}.")
+    for name in options.name or known:
+        if options.source == "law":
+            factor = find_size(name, RATIO, options.seed)
+            print(f"{name}: {factor:g} (factor on its scales), stored {stored_factor(name):g}", flush=True)
+            continue
+        shape = "square" if name in CORNERED else options.shape or "ellipse"
+        case = Case(options.source, name, options.seed, shape=shape, contact_time=_seconds(options.contact_time))
+        try:
+            found = find_cause_size(case)
+        except UserError as error:
+            if options.name:
+                raise
+            print(error, flush=True)
+            continue
+        print(f"{name}, {shape}: {found:g}, stored {case.size(name):g}", flush=True)
+        if options.store:
+            store_cause_size(options.source, shape, name, found)
 
 
 def _seconds(milliseconds: float | None) -> float:
@@ -125,10 +133,11 @@ def _parser() -> argparse.ArgumentParser:
     table.add_argument("--csv", type=Path, metavar="DIR", help=files)
     found = "find the size of an effect or cause at which the misfit is 3 times the floor again (half a minute)"
     size = commands.add_parser("size", help=found)
-    size.add_argument("name", help="an effect of the source law, a cause of another one")
+    size.add_argument("name", nargs="*", help="effects of the source law, causes of another one (all)")
     size.add_argument("--source", choices=SOURCES, default="law", help="other than law: some minutes (law)")
     size.add_argument("--shape", choices=tuple(BODIES), help="of a cause's body (ellipse)")
     size.add_argument("--contact-time", type=float, metavar="MS", help="of a cause, ms; that of the source")
+    size.add_argument("--store", action="store_true", help="put sizes of causes into config/proof_sizes.json")
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")
     return parser
 

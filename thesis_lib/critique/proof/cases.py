@@ -162,6 +162,13 @@ class Case:
         return self.factor * cause_size(self.source, self.shape, name, ALL_CAUSES[name].size)
 
     @property
+    def sizes(self) -> dict[str, float]:
+        """Size of each hidden cause, in its unit; of an effect of the source law the factor on its scales."""
+        if self.source == "law":
+            return {name: self.factor * stored_factor(name) for name in self.hidden}
+        return {name: self.size(name) for name in self.hidden}
+
+    @property
     def factor(self) -> float:
         """Factor on the stored sizes for the case's ratio, as if squares of misfit and noise added up."""
         return float(np.sqrt(self.ratio**2 - 1.0) / np.sqrt(RATIO**2 - 1.0))
@@ -197,11 +204,11 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
     if case.source == "law":
         true = {"mu": MU, "epsilon": EPSILON}
         for name in case.hidden:
-            true |= {f"{name}.{k}": v for k, v in law_size(name, case.factor * stored_factor(name)).items()}
+            true |= {f"{name}.{k}": v for k, v in law_size(name, case.sizes[name]).items()}
         model = Model(LAWS[LAW], tuple(EFFECTS[name] for name in case.hidden))
         drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=_noise(case), rng=rng)
         return drops, true
-    drops = simulate(case, {name: case.size(name) for name in case.hidden}, rng)
+    drops = simulate(case, case.sizes, rng)
     return Dataset("proof", drops.header, drops.trajectories), {}
 
 

@@ -57,8 +57,8 @@ def check(
 
 
 def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: Path = STORE) -> list[Case]:
-    """Rows made by other code than today's: a random sample, the same for equal code; None: all of them."""
-    older = [case for source in sources for case, row in read_rows(source, store).items() if row.code != code_hash()]
+    """Rows made by other code or sizes than today's: a random sample, the same for equal code; None: all of them."""
+    older = [case for source in sources for case, row in read_rows(source, store).items() if not row.is_of_today]
     if sample is None or sample >= len(older):
         return older
     chosen = generator(0, "proof check", code_hash()).choice(len(older), sample, replace=False)
@@ -69,8 +69,9 @@ def ages(store: Path = STORE) -> str:
     """Text that counts the rows of each source by the code that made them."""
     lines = [f"Today's code is {code_hash()}. Rows by the code that made them:"]
     for source in SOURCES:
-        counts = Counter(row.code for row in read_rows(source, store).values())
-        today = counts.pop(code_hash(), 0)
+        rows = read_rows(source, store).values()
+        today = sum(row.is_of_today for row in rows)
+        counts = Counter(row.code for row in rows if not row.is_of_today)
         older = [f"{count} {code or 'not known'}" for code, count in counts.most_common()]
         listed = f" ({', '.join(older)})" if older else ""
         lines.append(f"    {source:<10}{today:>5} today's, {sum(counts.values()):>5} older{listed}")

@@ -1,7 +1,6 @@
 """One row of the proof: the result of the critique of one dataset, and the hash of the code."""
 
 import functools
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -13,10 +12,10 @@ from thesis_lib.critique.drops.criticise import Critique, criticise
 from thesis_lib.critique.drops.fit import cramer_rao
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.proof.cases import Case, make
-from thesis_lib.critique.proof.sizes import LAW, SIZES
+from thesis_lib.critique.proof.sizes import LAW
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.provenance import file_sha256, lib_hash
+from thesis_lib.foundation.provenance import lib_hash
 from thesis_lib.foundation.randomness import generator
 
 
@@ -43,6 +42,7 @@ class Row:
         parameters: of a single hidden effect that the model contains, if a true value exists.
         why: reason of a refusal.
         code: `code_hash` of the code that made the row; "" if unknown.
+        sizes: `Case.sizes` of what was hidden; empty if unknown.
     """
 
     case: Case
@@ -55,6 +55,12 @@ class Row:
     parameters: Mapping[str, Recovered] = field(default_factory=dict)
     why: str = ""
     code: str = ""
+    sizes: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def is_of_today(self) -> bool:
+        """Whether today's code made the row, with today's sizes."""
+        return self.code == code_hash() and self.sizes == self.case.sizes
 
     @property
     def named(self) -> str:
@@ -64,8 +70,8 @@ class Row:
 
 @functools.cache
 def code_hash() -> str:
-    """Hash (16 hex digits) of the code that makes a row, and of the hidden sizes."""
-    return hashlib.sha256(f"{lib_hash(__file__)}{file_sha256(SIZES)}".encode()).hexdigest()[:16]
+    """Hash (16 hex digits) of the code that makes a row."""
+    return lib_hash(__file__)[:16]
 
 
 def compute(case: Case) -> Row:
@@ -74,7 +80,7 @@ def compute(case: Case) -> Row:
     try:
         critique = criticise(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     except UserError as error:
-        return Row(case, "refused", why=str(error).splitlines()[0][:200], code=code_hash())
+        return Row(case, "refused", why=str(error).splitlines()[0][:200], code=code_hash(), sizes=case.sizes)
     judged = {"base": critique.ladder[0][2], "augmented": critique.ladder[-1][2]}
     errors = {when: float(of.error.mean()) for when, of in judged.items()} | {"floor": judged["augmented"].floor}
     for channel in ("flight", "touch"):
@@ -89,6 +95,7 @@ def compute(case: Case) -> Row:
         remaining_p=critique.remaining.p_value,
         parameters=_parameters(critique, true) if len(case.hidden) == 1 else {},
         code=code_hash(),
+        sizes=case.sizes,
     )
 
 

@@ -20,6 +20,7 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE
 
@@ -57,6 +58,14 @@ def _stored_sizes() -> dict[str, dict]:
 def cause_size(source: str, shape: str, name: str, default: float) -> float:
     """Size of a hidden cause in config/proof_sizes.json, in its unit; `default` if none is stored for it."""
     return _stored_sizes().get(source, {}).get(shape, {}).get(name, default)
+
+
+def store_cause_size(source: str, shape: str, name: str, size: float) -> None:
+    """Put the size of a hidden cause, in its unit, into config/proof_sizes.json."""
+    stored = _stored_sizes()
+    of_shape = stored.setdefault(source, {}).setdefault(shape, {})
+    stored[source][shape] = dict(sorted({**of_shape, name: size}.items()))
+    write_text(json.dumps(stored, indent=1) + "\n", SIZES)
 
 
 def law_size(name: str, factor: float) -> dict[str, float]:

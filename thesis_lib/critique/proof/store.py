@@ -5,7 +5,8 @@ Rows are sorted, and numbers have the shortest exact form, so that git shows wha
 | column                            | unit | meaning                                                                   |
 |-----------------------------------|------|---------------------------------------------------------------------------|
 | truth, ratio, drops, noise, seed  |      | the dataset (`Case`)                                                      |
-| shape, contact_time               | s    | its body, and how long a central contact lasts; older tables lack both    |
+| shape, contact_time               | s    | its body, and how long a central contact lasts                            |
+| sizes                             |      | `Case.sizes`, "name=size" joined by ";"; empty: unknown                   |
 | verdict, law, n_impacts, why      |      | as in `Row`                                                               |
 | named                             |      | groups of effects in the order of selection: "a/b + c"                    |
 | base, augmented, floor            | m/s  | held-out error of the impacts before and after, and its noise floor       |
@@ -22,7 +23,7 @@ import math
 import os
 from pathlib import Path
 
-from thesis_lib.critique.proof.cases import OF_SOURCE, Case
+from thesis_lib.critique.proof.cases import Case
 from thesis_lib.critique.proof.compute import Recovered, Row
 from thesis_lib.critique.proof.sizes import CONFIG
 from thesis_lib.foundation.errors import CorruptFileError
@@ -32,9 +33,21 @@ from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_by
 STORE = CONFIG / "proof"
 VERDICTS = ("adequate", "effects", "unexplained", "refused")
 ERRORS = ("base", "augmented", "floor", "flight_base", "flight_augmented", "touch_base", "touch_augmented")
-CONTACT = ("shape", "contact_time")
 COLUMNS = (
-    *("truth", "ratio", "drops", "noise", "seed", *CONTACT, "verdict", "law", "named", "n_impacts"),
+    *(
+        "truth",
+        "ratio",
+        "drops",
+        "noise",
+        "seed",
+        "shape",
+        "contact_time",
+        "sizes",
+        "verdict",
+        "law",
+        "named",
+        "n_impacts",
+    ),
     *ERRORS,
     *("remaining_p", "parameters", "why", "code"),
 )
@@ -51,7 +64,7 @@ def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
     try:
         text = read_bytes(path, MAX_TABLE).decode("utf-8")
         header, *lines = csv.reader(io.StringIO(text, newline=""), strict=True)
-        if tuple(header) not in (COLUMNS, tuple(name for name in COLUMNS if name not in CONTACT)):
+        if tuple(header) != COLUMNS:
             raise ValueError(f"the columns are not {', '.join(COLUMNS)}")
         for cells in lines:
             line += 1
@@ -102,6 +115,7 @@ def _cells(row: Row) -> list[object]:
     parameters = (f"{name}={':'.join(map(_text, values))}" for name, values in sorted(row.parameters.items()))
     return [
         *(case.truth, case.ratio, case.drops, case.noise, case.seed, case.shape, case.contact_time),
+        ";".join(f"{name}={_text(size)}" for name, size in row.sizes.items()),
         *(row.verdict, row.law, row.named, row.n_impacts),
         *(row.errors.get(name, math.nan) for name in ERRORS),
         *(row.remaining_p, ";".join(parameters), row.why, row.code),
@@ -118,18 +132,23 @@ def _number(text: str) -> float:
     return float(text) if text else math.nan
 
 
+def _named(text: str) -> list[list[str]]:
+    """Pairs of "name=value" joined by ";"; ValueError if one is not."""
+    pairs = [part.split("=") for part in filter(None, text.split(";"))]
+    if any(len(pair) != 2 for pair in pairs):
+        raise ValueError(f"{text[:80]!r} is no list of name=value")
+    return pairs
+
+
 def _row(source: str, cells: dict[str, str]) -> Row:
     drops, seed = int(cells["drops"]), int(cells["seed"])
     size = float(cells["noise"]), float(cells["ratio"])
-    contact = cells.get("shape", ""), float(cells.get("contact_time", OF_SOURCE))
+    contact = cells["shape"], float(cells["contact_time"])
     case = Case(source, cells["truth"], seed, drops, *size, *contact)
     _ = case.kind  # raises KeyError if the truth is unknown
     if cells["verdict"] not in VERDICTS:
         raise ValueError(f"no verdict is called {cells['verdict']!r}")
-    parameters = {}
-    for text in filter(None, cells["parameters"].split(";")):
-        name, values = text.split("=")
-        parameters[name] = Recovered(*map(_number, values.split(":")))
+    parameters = {name: Recovered(*map(_number, values.split(":"))) for name, values in _named(cells["parameters"])}
     return Row(
         case,
         cells["verdict"],
@@ -141,4 +160,5 @@ def _row(source: str, cells: dict[str, str]) -> Row:
         parameters=parameters,
         why=cells["why"],
         code=cells["code"],
+        sizes={name: float(size) for name, size in _named(cells["sizes"])},
     )
