@@ -2,7 +2,7 @@
 #   make reproduce   environment, then the whole pipeline           (SCALE=quick|default|full, CORES=2)
 #   make test        environment, then the test suite               (TESTS="-m 'not slow'" for the fast part)
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test test-fuzz test-kill test-slurm bench check audit docs format clean
+.PHONY: help setup reproduce test test-fuzz test-kill test-slurm bench check lint types audit docs format clean
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -70,11 +70,15 @@ audit: setup  ## known vulnerabilities of what is installed (says so where it ca
 docs: setup  ## write the reference pages in docs/ from the code (with pictures: python -m thesis_lib.docs --pictures)
 	$(BIN)/python -m thesis_lib.docs
 
-check: setup  ## lint and formatting, as CI does
+check: lint types  ## lint, formatting and types, as CI does (make -j2 check: both at once)
+
+lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/snakemake --lint
+
+types: setup
 	$(BIN)/basedpyright --level error
 
 format: setup  ## format the code

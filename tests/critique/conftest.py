@@ -16,6 +16,15 @@ from thesis_lib.critique.results.tables import tables as all_tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.figures.critique.pictures import pictures
 
+LONG = {"nothing_hidden", "hidden_drops"}  # fixtures: critiques of about 10 s
+
+
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if LONG & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="session")
 def nothing_hidden() -> Critique:

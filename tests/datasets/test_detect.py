@@ -219,6 +219,7 @@ def test_driver_takes_a_dataset_and_refuses_an_empty_one(flights: Flights, found
         find_impacts(empty)
 
 
+@pytest.mark.slow
 def test_speed():
     f = fly(ellipse_header(), np.random.default_rng(6), 2000)
     start = time.process_time()

@@ -108,6 +108,7 @@ def _mutate(rng: np.random.Generator, content: bytes) -> bytes:
     return bytes(data)
 
 
+@pytest.mark.slow
 def test_mutated_files_never_crash_the_reader(tmp_path):
     head = yaml.safe_dump(header()).encode()
     files = {

@@ -62,6 +62,7 @@ def test_unsmoothed_data_keep_guard_and_colour(rate: float):
     assert not any("belong to no flight" in text for text in found.warnings)
 
 
+@pytest.mark.slow
 def test_air_drag_is_not_taken_for_slow_noise():
     hidden, rng = HiddenCauses(linear_drag=CAUSES["linear_drag"].size), np.random.default_rng(11)
     made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 80, hidden=hidden, noise=RIG_NOISE, rng=rng)
@@ -70,6 +71,7 @@ def test_air_drag_is_not_taken_for_slow_noise():
     assert found.guard == ArcSettings().guard
 
 
+@pytest.mark.slow
 def test_smoothed_data_widen_the_guard_and_say_so():
     dataset = recorded(RECORDINGS["filtfilt 30 Hz"], "ellipse", 1e-3, 60, 4)
     found = find_impacts(dataset)
@@ -80,6 +82,7 @@ def test_smoothed_data_widen_the_guard_and_say_so():
     assert find_impacts(dataset, ArcSettings(guard=found.guard)).guard == found.guard
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contact_time", [1e-3, 4e-3])
 def test_a_long_contact_is_not_called_a_filter(contact_time: float):
     dataset = recorded(Case(1000.0), "ellipse", contact_time, 60, 6)
@@ -105,6 +108,7 @@ FILTERS = {  # name of the recording and its cutoff in Hz
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("contact_time", [1e-3, 3e-3])
 def test_a_filter_is_measured_whatever_its_kind(name: str, contact_time: float):
@@ -115,6 +119,7 @@ def test_a_filter_is_measured_whatever_its_kind(name: str, contact_time: float):
     assert abs(value - FILTERS[name]) < 2.0 * std < 0.4 * value
 
 
+@pytest.mark.slow
 def test_a_moving_average_lowers_falling_bodies_and_that_is_put_right():
     n, interval = 3, 4e-3  # samples of the average, and seconds between them
     dataset = recorded(RECORDINGS["moving average 50 Hz"], "ellipse", 1e-3, 60, 905)
@@ -145,6 +150,7 @@ def test_smoothed_drops_are_adequate_with_the_contact_time_that_they_have():
     assert content["summary"][0].startswith("The samples were smoothed by a low-pass filter of about 3")
 
 
+@pytest.mark.slow
 def test_data_smoothed_beyond_their_flights_are_refused():
     dataset = recorded(Case(250.0, Tracker(filter="zero_phase_butterworth", cutoff=8.0)), "ellipse", 1e-3, 60, 5)
     with pytest.raises(UserError, match=r"The samples are smoothed: .* Write the data without a filter"):

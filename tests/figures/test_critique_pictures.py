@@ -58,6 +58,7 @@ def texts(figure):
     return [text.get_text() for text in figure.findobj(match=lambda artist: hasattr(artist, "get_text"))]
 
 
+@pytest.mark.slow
 def test_all_pictures_are_there_with_explained_numbers_and_one_sentence(drawn):
     assert tuple(drawn) == NAMES
     for name, (figure, table) in drawn.items():
@@ -71,6 +72,7 @@ def test_no_title_leaves_its_figure(drawn):
         assert figure._suptitle.get_window_extent().x1 < figure.bbox.x1, name
 
 
+@pytest.mark.slow
 def test_impacts_alone_without_effects_or_regions_are_drawn(without_effects):
     found = pictures(without_effects, {}, where(without_effects))
     assert set(NAMES) - set(found) == {"budget", "flights"}
@@ -236,6 +238,7 @@ def test_trials_shown_are_measured_ones(critique, without_effects):
     assert len(trials_to_show(without_effects)) == 0
 
 
+@pytest.mark.slow
 def test_a_picture_saved_twice_is_the_same_picture(drawn):
     for name, (figure, _) in drawn.items():
         assert png(figure) == png(figure), name

@@ -144,6 +144,7 @@ class TestAll:
         (row,) = table[(table["statement"] == statement) & (table["law"] == law)].itertuples()
         return row
 
+    @pytest.mark.slow
     def test_columns_and_unique_rows(self, table):
         assert table.columns.tolist() == ["statement", "law", "value", "std", "unit"]
         assert not table[["statement", "law"]].duplicated().any()

@@ -233,6 +233,7 @@ def test_energy_never_grows_without_restitution():
 # --- time step ---
 
 
+@pytest.mark.slow
 def test_flight_and_impacts_do_not_depend_on_the_time_step():
     fine = run(30, dt=2e-4)
     for dt in (4e-3, 2e-3, 1e-3):
@@ -246,6 +247,7 @@ def test_flight_and_impacts_do_not_depend_on_the_time_step():
         np.testing.assert_allclose(b[list(TRUTH[:12])], a[list(TRUTH[:12])], atol=CONTACT_TIME)
 
 
+@pytest.mark.slow
 def test_support_converges_at_first_order():
     # plastic landing, then a quarter of a second of rocking and rolling on the ellipse
     steps, finest = np.array([4e-3, 2e-3, 1e-3]), 2e-4

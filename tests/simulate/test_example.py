@@ -79,6 +79,7 @@ def test_mistakes_are_explained(arguments, says):
         simulate_example("e", **arguments)
 
 
+@pytest.mark.slow
 def test_the_command_makes_a_dataset_that_check_accepts_and_keeps_what_is_there(tmp_path, capsys):
     out = str(tmp_path / "one")
     assert main(["example", "-o", out, "--drops", "12"]) == 0
@@ -92,6 +93,7 @@ def test_the_command_makes_a_dataset_that_check_accepts_and_keeps_what_is_there(
     assert "trials      3" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "drake"])
 def test_another_simulator_makes_the_drops_in_contacts_of_a_millisecond(engine, tmp_path, capsys):
     """The same releases as ours; after the touch another contact, which is longer."""
@@ -106,6 +108,7 @@ def test_another_simulator_makes_the_drops_in_contacts_of_a_millisecond(engine, 
     assert "cannot have stribeck" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lasting", [[], ["--contact-time", "3"]])
 def test_contacts_last_as_long_as_asked_for(lasting, tmp_path):
     """As deep as the body sinks in; without the option 1 ms."""

@@ -153,6 +153,7 @@ def test_a_central_impact_gives_back_epsilon_at_any_speed(epsilon, contact_time)
     assert (one["duration"] < (1.1 + 0.3 / epsilon**0.5) * contact_time).all()
 
 
+@pytest.mark.slow
 def test_smaller_time_steps_converge():
     """Errors fall with the step: at most of first order, as the touch falls within a step."""
     fine = first(run(20, contact={"steps": 1600}))[POST].to_numpy()

@@ -35,6 +35,7 @@ def test_without_measured_data_the_simulated_drops_remain(checkout, snakemake):
     assert not any(name in outputs(done.stdout) for name in MEASURED)
 
 
+@pytest.mark.slow
 def test_measured_data_in_our_format_are_used_as_they_are(checkout, snakemake):
     """Two converted sets and the drops: three studies, nothing to convert, and the comparison with the authors."""
     for name in MEASURED:
@@ -52,6 +53,7 @@ def test_measured_data_in_our_format_are_used_as_they_are(checkout, snakemake):
     assert counts["ch3_published"] == counts["claims"] == 1
 
 
+@pytest.mark.slow
 def test_studied_datasets_are_a_choice(checkout, snakemake):
     (checkout / "overlay.yaml").write_text("chapter3: {datasets: [drops]}\nmeasured: []\n")
     done = snakemake(checkout, "-n", "results/chapter3/drops/table_3_1.csv", "--configfile", "overlay.yaml")

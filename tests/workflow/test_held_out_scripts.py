@@ -74,6 +74,7 @@ def keys(table: pd.DataFrame) -> set[tuple[int, int]]:
     return set(zip(table["trial"], table["impact"]))
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_held_out_impacts_only(results):
     split = results["split"]
     training, held_out = keys(split[split["train"] == 1]), keys(split[split["train"] == 0])

@@ -62,6 +62,7 @@ def test_effects_lists_the_whole_library(capsys):
     assert [entry["name"] for entry in listed] == list(EFFECTS)
 
 
+@pytest.mark.slow
 def test_critique_writes_every_file_and_names_the_effect(run_folder):
     assert set(FILES) <= {path.name for path in run_folder.iterdir()}
     assert not [path for path in run_folder.iterdir() if path.name.startswith(".")]
@@ -73,6 +74,7 @@ def test_critique_writes_every_file_and_names_the_effect(run_folder):
         assert str(run_folder.parent) not in path.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_library_writes_the_same_bytes_as_the_command(no_pictures, dataset_folder, run_folder, tmp_path):
     critique_folder(read_dataset(dataset_folder), tmp_path / "again", SEED)
     for name in FILES:

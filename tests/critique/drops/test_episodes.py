@@ -66,6 +66,7 @@ def played(contact_time: float) -> tuple[Outcome, np.ndarray, np.ndarray]:
     return outcome, np.array([len(group) for group in groups]), np.linalg.norm(error, axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("contact_time", "median", "most"), [(2e-5, 0.0015, 0.01), (T, 0.003, 0.02), (3e-3, 0.008, 0.08)]
 )
@@ -155,6 +156,7 @@ def test_a_corner_that_touches_as_another_comes_free_is_struck_once():
     assert stands.y.min() > 0.03  # half a side
 
 
+@pytest.mark.slow
 def test_most_hits_of_a_square_are_used():
     episodes, single = observed(), observed(episodes=False)
     detected = len(single.found.arcs)
@@ -267,6 +269,7 @@ def errors_of_single_hits(law: str, shape: str, contact_time: float) -> np.ndarr
     return np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", BODIES)
 def test_a_compliant_law_follows_long_contacts_that_no_impulse_does(shape):
     rigid, compliant = (np.median(errors_of_single_hits(law, shape, 3e-3)) for law in ("mirtich", "compliant_contact"))

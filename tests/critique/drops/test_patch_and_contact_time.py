@@ -26,6 +26,7 @@ def patch(**p: float) -> dict[str, float]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [(0.05, 0.2), (-0.3, -0.15), (0.1, 2.0)], ids=["right", "left", "step"])
 def test_a_fit_finds_a_patch_wherever_it_is(where):
     model = Model(LAW, (PATCH,), takes_time=True)

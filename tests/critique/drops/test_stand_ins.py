@@ -69,6 +69,7 @@ def told(cause: str, uncertainty: float | None) -> dict:
     return diagnosis(critique(cause, uncertainty), np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_an_inertia_that_nobody_measured_may_be_the_cause():
     (effect,) = told("lighter", None)["effects"]
     assert effect["name"] == "wrong_inertia" and effect["stand_in"] is None
@@ -105,6 +106,7 @@ def test_a_vague_statement_leaves_room_for_the_effect():
     assert effect["stand_in"] is None and told("lighter", UNSURE)["verdict"] == "effects"
 
 
+@pytest.mark.slow
 def test_a_cause_that_denies_nothing_stays_one():
     (effect,) = told("gripping", SURE)["effects"]
     assert effect["name"] == "tangential_restitution" and effect["stand_in"] is None

@@ -17,6 +17,7 @@ def row(truth="payload", seed=1, **changes):
     return stored | {"sensor_excess": 0.0, "parameters": "m_p=0.05:0.052:0.0005"} | changes
 
 
+@pytest.mark.slow
 def test_a_driven_arm_of_mujoco_is_adequate_and_tells_its_clocks(tmp_path, capsys):
     """Twelve trials with counts, delays, ripple and offsets, nothing hidden, by the command line."""
     data, out = str(tmp_path / "arm"), str(tmp_path / "out")
@@ -31,6 +32,7 @@ def test_a_driven_arm_of_mujoco_is_adequate_and_tells_its_clocks(tmp_path, capsy
     assert not sensors["exceeds"] and 1e-3 - 5e-4 < sensors["found"]["sensor_delay.d"]["value"] < 5e-3 + 5e-4
 
 
+@pytest.mark.slow
 def test_a_wheel_of_mujoco_with_a_payload_is_told_and_its_size_is_found(tmp_path):
     data, out = str(tmp_path / "wheel"), str(tmp_path / "out")
     command = ["datasets", "example", "-o", data, "--mechanism", "wheel", "--engine", "mujoco", "--hidden", "payload"]

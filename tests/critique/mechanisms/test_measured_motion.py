@@ -30,6 +30,7 @@ def weak_form(recording, velocities, settings=None):
     return WeakForm(trials, believed_model(recording.header), settings or WindowSettings())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("velocities", ["measured", "derived"])
 def test_an_engines_motion_leaves_unit_noise(velocities, recordings):
     z = weak_form(recordings["nothing"], velocities).residual(np.zeros(5))

@@ -33,6 +33,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_the_hidden_cause_of_a_wheel_is_named_in_file_page_and_terminal(wheel, run_folder, tmp_path, capsys):
     assert set(contents(run_folder)) == FILES
     content = json.loads((run_folder / "diagnosis.json").read_text())
@@ -48,6 +49,7 @@ def test_the_hidden_cause_of_a_wheel_is_named_in_file_page_and_terminal(wheel, r
     assert contents(tmp_path / "again") == contents(run_folder)
 
 
+@pytest.mark.slow
 def test_the_hidden_cause_of_an_arm_is_named(tmp_path, capsys):
     data, out = str(tmp_path / "arm"), str(tmp_path / "out")
     hidden = ["--mechanism", "arm", "--hidden", "viscous_joint_friction", "--drops", "8"]

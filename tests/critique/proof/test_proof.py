@@ -149,6 +149,7 @@ def test_a_case_has_the_body_and_contact_of_its_source_unless_it_says_otherwise(
             Case(source, truth, 0, **contact)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", [name for name in SOURCES if name != "law"])
 def test_each_source_drops_the_body_of_a_case_with_its_contact(source):
     """A contact of 3 ms is deeper than one of 0.3 ms, in each source, and of an ellipse as of a square."""

@@ -65,6 +65,7 @@ class TestPictures:
         assert (row.effect, row.parameter, row.n, row.coverage) == ("wear", "w", 4, 0.75)
         assert row.width == pytest.approx(1.1)
 
+    @pytest.mark.slow
     def test_every_column_is_explained_and_every_file_written(self, drawn, tmp_path):
         assert tuple(drawn) == NAMES
         for name, (figure, table) in drawn.items():

@@ -102,6 +102,7 @@ def test_unknown_noise_and_a_base_below_the_floor_give_null(hidden_impacts):
     assert with_floor(10.0)["explained_share"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "passes"), [(1.0, True), (0.25, False)])
 def test_the_smallest_detectable_size_is_found_in_most_repetitions(nothing_hidden, factor, passes):
     """Data made by the base law with the effect on, at that size: how often does the score test pass its null?"""

@@ -110,6 +110,7 @@ def test_predictions_of_held_out_drops_are_the_critiques_own(nothing_hidden, law
     assert difference < 1e-4 < 1e-3 < instant  # m/s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "error"), [("mirtich", 0.004), ("compliant_contact", 0.001)])
 @pytest.mark.parametrize("body", [ELLIPSE_BODY, SQUARE], ids=["ellipse", "square"])
 def test_a_contact_of_a_millisecond_is_predicted_from_touch_to_its_end(body, law, error):

@@ -35,6 +35,7 @@ def test_the_injected_effect_gains_most(name):
     assert found.p_value(found.gain[name]) == pytest.approx(1.0 / (RESAMPLES + 1))
 
 
+@pytest.mark.slow
 def test_p_values_are_fair_when_nothing_is_hidden():
     p_values = []
     for seed in range(24):

@@ -70,6 +70,7 @@ def test_engines_agree_where_the_surface_is_not_at_zero():
     np.testing.assert_allclose(own.trajectories[columns], drake.trajectories[columns], atol=SAME)
 
 
+@pytest.mark.slow
 def test_without_noise_the_measured_throws_come_back():
     """Free flight and its law are known here: what differs is what the noise does to the releases."""
     model = model_of(mu=0.15, epsilon=0.55)
@@ -86,6 +87,7 @@ def test_without_noise_the_measured_throws_come_back():
     assert made.rate == like.rate
 
 
+@pytest.mark.slow
 def test_more_drops_than_releases_repeat_them_in_another_order():
     releases, _ = _releases(simulated("throws", 3))
     count = len(releases.q)

@@ -34,6 +34,7 @@ def figures(study):
     }
 
 
+@pytest.mark.slow
 def test_all_can_be_saved_and_every_column_is_explained(study, tmp_path):
     for name, (figure, table) in figures(study).items():
         save_figure(figure, table, tmp_path / name)

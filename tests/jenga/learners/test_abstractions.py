@@ -39,6 +39,7 @@ def reference():
     return make_samples(800, np.random.default_rng(4), shares=KNOWN)[0]
 
 
+@pytest.mark.slow
 def test_stuck_and_free_are_told_apart_without_truth(all_kinds: Hma) -> None:
     samples, _ = make_samples(4000, np.random.default_rng(5))
     found = agreement(all_kinds, samples, np.random.default_rng(6))

@@ -25,6 +25,7 @@ def others():
     return make_samples(1500, np.random.default_rng(3))
 
 
+@pytest.mark.slow
 def test_abstractions_are_few_and_named(learned: Hma) -> None:
     assert 3 <= learned.n_abstractions <= 6
     kinds = {name.split(" ")[0] for name in learned.names}
@@ -89,6 +90,7 @@ def test_abstraction_of_a_sample_is_drawn_from_the_first_belief(learned: Hma) ->
     np.testing.assert_allclose(share, learned.initial_belief(np.zeros((1, 2)))[0], atol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
 def test_noise_of_readings_is_recovered(scale: float) -> None:
     samples, _ = make_samples(1200, np.random.default_rng(6), noise=scale)

@@ -111,6 +111,7 @@ def test_abstraction_without_data_falls_back_on_what_all_share() -> None:
     assert empty < 0.5 * np.mean(mean**2)
 
 
+@pytest.mark.slow
 def test_networks_of_a_batch_learn_their_own_samples() -> None:
     rng = np.random.default_rng(5)
     x = rng.uniform(-1, 1, (200, 2))

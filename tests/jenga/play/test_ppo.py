@@ -255,6 +255,7 @@ def toy():
     return policies, lines
 
 
+@pytest.mark.slow
 def test_it_learns_when_to_push_and_when_to_retract(toy):
     policies, lines = toy
     rewards = policies[4000].episodes["reward"].to_numpy()

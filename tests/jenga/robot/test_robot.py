@@ -98,6 +98,7 @@ def _out(tower: Tower, block: int = FREE_BLOCK) -> None:
     robot.retract()
 
 
+@pytest.mark.slow
 def test_a_free_block_is_extracted_and_placed_on_top():
     tower = Settled.get()
     _out(tower)

@@ -22,6 +22,7 @@ def collected() -> tuple[Samples, pd.DataFrame]:
     return explore_tower(SEED, 7, REDUCED, limit=25)
 
 
+@pytest.mark.slow
 def test_a_tower_gives_the_same_samples_again(collected):
     samples, _ = explore_tower(SEED, 7, REDUCED, limit=8)
     pd.testing.assert_frame_equal(as_table(samples), as_table(collected[0].first(8)))
@@ -45,6 +46,7 @@ def test_samples_of_a_push_follow_each_other(collected):
     assert not equal[same & ~kept].all()
 
 
+@pytest.mark.slow
 def test_the_whole_tower_is_played_on():
     samples, table = explore_tower(SEED, 7, limit=6)
     assert len(samples) == 6

@@ -32,6 +32,7 @@ def learner() -> Hma:
     return Hma().fit(samples, np.random.default_rng(2))
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_pushes_and_grow_where_the_tower_differs(learner):
     held, _ = make_samples(400, np.random.default_rng(1))
     block = np.where(held.push % 2 == 0, 18, 3)

@@ -19,6 +19,7 @@ def learned() -> tuple[Hma, object]:
     return Hma().fit(samples, np.random.default_rng(2)), held
 
 
+@pytest.mark.slow
 def test_the_belief_of_a_push_starts_at_the_prior_and_knows_no_later_sample(learned):
     learner, held = learned
     belief = filtered(learner, held)

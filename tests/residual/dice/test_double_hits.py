@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from throws_for_tests import BODY, RIG
 
 from thesis_lib.contact import LAWS
@@ -62,6 +63,7 @@ def test_a_measured_height_does_not_matter():
     np.testing.assert_array_equal(hit_again(BODY, LAW, given, WITHIN), hit_again(BODY, LAW, lifted, WITHIN))
 
 
+@pytest.mark.slow
 def test_without_double_hits_fewer_learned_impulses_are_infeasible():
     # a law makes every hit; what is measured is the velocity after all hits within 20 ms
     settings = ThrowSettings()

@@ -120,6 +120,7 @@ def measured(n, scatter):
     return releases.select(rng.permutation(n)), contacts.select(good)
 
 
+@pytest.mark.slow
 def test_a_right_belief_is_calibrated_and_scores_best():
     releases, contacts = measured(250, SCATTER)
     throwers = [

@@ -38,6 +38,7 @@ def trained(noisy):
     return {name: learner.fit(noisy[0], rng) for name, learner in ALL.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_every_learner_says_what_it_must(name, trained, noisy):
     _, test = noisy
