@@ -62,7 +62,7 @@ def cause_size(source: str, shape: str, name: str, default: float) -> float:
 
 def store_cause_size(source: str, shape: str, name: str, size: float) -> None:
     """Put the size of a hidden cause, in its unit, into config/proof_sizes.json."""
-    stored = _stored_sizes()
+    stored = json.loads(SIZES.read_text(encoding="utf-8"))  # another run may have added to it
     of_shape = stored.setdefault(source, {}).setdefault(shape, {})
     stored[source][shape] = dict(sorted({**of_shape, name: size}.items()))
     write_text(json.dumps(stored, indent=1) + "\n", SIZES)
