@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 from stored_proof import OUTSIDE, many, put
 
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.fit import fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.proof import cause_sizes, sizes
 from thesis_lib.critique.proof.by_contact import by_contact, contact_lines
 from thesis_lib.critique.proof.cases import (
@@ -193,10 +197,25 @@ def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
     table = by_contact(outcomes(tmp_path), recovered(tmp_path)).set_index(["figure", "source", "shape"])
     single = table.loc["one cause, named alone"]
     assert single.loc[("all", "all"), "n"] == 13 and single.loc[("all", "all"), "share"] == pytest.approx(10 / 13)
-    assert single.loc[("mujoco", "square"), "share"] == pytest.approx(9 / 11)  # right, but something remains
-    assert single.loc[("mechanism", "ellipse"), "n"] == 2
+    assert single.loc[("mujoco", "square"), "share"].tolist() == pytest.approx(
+        [9 / 11] * 2
+    )  # right, but something remains
+    assert single.loc[("mechanism", "ellipse"), "n"].tolist() == [2, 2]
     nothing = table.loc["nothing hidden: adequate"].loc[("drake_point", "ellipse")]
-    assert nothing["met"] == "met" and nothing["contact_time"] == 3e-3
+    assert set(nothing["met"]) == {"met"} and nothing["contact_time"].tolist() == pytest.approx(
+        [np.nan, 3e-3], nan_ok=True
+    )
     text = "\n".join(contact_lines(by_contact(outcomes(tmp_path), recovered(tmp_path))))
     assert "mujoco              square   1 ms     81.8" in text
     assert set(usual(outcomes(tmp_path))["source"]) == {"mechanism"}  # at 20 µs; a square and 3 ms are asked for
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name, cause in CAUSES.items() if cause.parameter])
+def test_the_size_of_a_cause_is_the_parameter_of_its_effect(name):
+    drops, true = make(Case("mechanism", name, 3, 60))
+    ((parameter, size),) = true.items()
+    found = fit(Model(LAWS["mirtich"], (EFFECTS[CAUSES[name].effects[0]],)), observe(drops))
+    # a slope of friction or restitution acts at the contact point, and the effect takes the place of the body
+    within = 0.04 * abs(size) if name.endswith("_slope") else 0.0
+    assert abs(found.values[parameter] - size) < 4.0 * found.std[parameter] + within

@@ -24,11 +24,11 @@ COVERED = "parameter inside its 95 % interval"
 COVERAGE = (0.90, 0.98)
 PLACE = ("source", "shape", "contact_time")
 CONTACTS = ("figure", *PLACE, "at_least", "share", "low", "high", "n", "met")
-EVERY = "all"  # stands for all sources or shapes; their contact time is empty
+EVERY = "all"  # stands for all sources or shapes; an empty contact time for all of them
 
 
 def by_contact(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> pd.DataFrame:
-    """A row per figure, source, shape and contact time with results, and one for all of them: columns `CONTACTS`.
+    """A row per figure, source, shape and contact time with results, and one for all times, and for all: `CONTACTS`.
 
     `outcomes` and `recovered` are those of `results`; datasets of the first table of the proof do not count.
     """
@@ -41,8 +41,10 @@ def by_contact(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> pd.DataFrame:
     for figure, table, measure, asked in parts:
         if len(table):
             rows.append(_row(figure, (EVERY, EVERY, np.nan), table[measure], asked))
-        for place, group in table.groupby(list(PLACE)):
-            rows.append(_row(figure, place, group[measure], asked))
+        for body, of_body in table.groupby(["source", "shape"]):
+            rows.append(_row(figure, (*body, np.nan), of_body[measure], asked))
+            for time, group in of_body.groupby("contact_time"):
+                rows.append(_row(figure, (*body, time), group[measure], asked))
     return pd.DataFrame(rows, columns=list(CONTACTS))
 
 

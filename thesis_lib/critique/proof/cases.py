@@ -198,7 +198,7 @@ def pairs(source: str) -> list[str]:
 
 
 def make(case: Case) -> tuple[Dataset, dict[str, float]]:
-    """The dataset, and the true parameters by full name; empty unless the source is "law"."""
+    """The dataset, and the true parameters by full name; of causes those that are a size."""
     contact = () if case.is_usual and case.source in RIGID else (case.shape, f"{case.contact_time:g}")
     rng = generator(case.seed, "proof", case.source, case.truth, *contact)
     if case.source == "law":
@@ -209,7 +209,9 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
         drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=_noise(case), rng=rng)
         return drops, true
     drops = simulate(case, case.sizes, rng)
-    return Dataset("proof", drops.header, drops.trajectories), {}
+    causes = {name: ALL_CAUSES[name] for name in case.hidden}
+    true = {f"{cause.effects[0]}.{cause.parameter}": case.sizes[n] for n, cause in causes.items() if cause.parameter}
+    return Dataset("proof", drops.header, drops.trajectories), true
 
 
 def simulate(case: Case, sizes: dict[str, float], rng: np.random.Generator) -> Drops:

@@ -20,7 +20,7 @@ from thesis_lib.foundation.randomness import generator
 
 
 class Recovered(NamedTuple):
-    """A parameter of the hidden effect; `std` of the fit, `fisher` from the Cramér-Rao bound."""
+    """A parameter of the hidden effect; `std` of the fit, `fisher` from the Cramér-Rao bound, NaN if no law is true."""
 
     true: float
     found: float
@@ -106,6 +106,8 @@ def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recover
     names = [name for name in true if name in continuous]
     if not names:
         return {}
-    effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in names))
-    bound = cramer_rao(Model(LAWS[LAW], effects), true, critique.training)
+    bound = dict.fromkeys(names, np.nan)
+    if "mu" in true:
+        effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in names))
+        bound = cramer_rao(Model(LAWS[LAW], effects), true, critique.training)
     return {key.split(".")[1]: Recovered(true[key], fitted.values[key], fitted.std[key], bound[key]) for key in names}
