@@ -1,12 +1,17 @@
 """One look, explained columns, and bytes that depend on nothing but the content."""
 
+import io
+import re
 import subprocess
 import sys
+import zlib
 
 import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+from fontTools.subset import Options
+from fontTools.ttLib import TTFont
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.figures.chapter3.contact_space import GROUPS
@@ -51,6 +56,19 @@ def test_files_name_no_program_and_no_date(tmp_path):
     files = saved(tmp_path)
     for word in (b"Software", b"CreationDate", b"Matplotlib", b"Producer"):
         assert word not in files[".png"] and word not in files[".pdf"]
+
+
+def test_fonts_are_embedded_as_outlines_without_tables_that_no_reader_uses(tmp_path):
+    streams = [
+        zlib.decompress(stream)
+        for stream in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", saved(tmp_path)[".pdf"], re.S)
+        if stream[:1] == b"x"
+    ]
+    fonts = [TTFont(io.BytesIO(stream)) for stream in streams if stream.startswith(b"\0\1\0\0")]
+    assert fonts
+    for font in fonts:
+        assert "glyf" in font and not {"GDEF", "GPOS", "GSUB"} & set(font.keys())
+    assert "GSUB" not in Options().drop_tables  # nobody else's fonts are changed
 
 
 def test_nothing_but_the_three_files_is_left(tmp_path):
