@@ -3,19 +3,31 @@
 import numpy as np
 import pytest
 
+from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.bases import BASES, RESERVE
 from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.episodes import play
+from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.pressing import press
+from thesis_lib.critique.drops.world import Drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
+from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
-from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, CompliantContact
+from thesis_lib.simulate.rig.hidden_causes import (
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    CompliantContact,
+    HiddenCauses,
+)
 
 RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
 SHORT = {"mu": 0.15, "epsilon": 0.6, "tau": 2e-6}  # s; nothing moves meanwhile
@@ -94,3 +106,47 @@ def test_hertz_is_named_where_contacts_are_long():
     assert fitted.base == "hertz_contact" and fitted.values["epsilon"] == pytest.approx(0.55, abs=0.003)
     assert fitted.values["mu"] == pytest.approx(0.15, abs=0.002)
     assert judged.discovery.bases["hertz_contact"][1].total > judged.discovery.bases["mirtich"][1].total + 100.0
+
+
+@pytest.mark.parametrize(("shape", "exponent"), [("ellipse", 1.5), ("square", 1.0)])
+def test_a_spring_along_the_surface_is_that_of_the_simulated_contact(shape, exponent):
+    body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[shape]
+    quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
+    drops = simulate_compliant_drops(
+        body,
+        PROOF_RELEASE,
+        40,
+        contact=CompliantContact(contact_time=3e-3, exponent=exponent),
+        hidden=HiddenCauses(tangential_compliance=0.3),
+        noise=quiet,
+        rng=np.random.default_rng(1),
+    )
+    o = observe(Dataset("spring", drops.header, drops.trajectories))
+    base = BASES["compliant_contact" if exponent == 1.0 else "hertz_contact"]
+    fitted = fit(Model(base, (EFFECTS["tangential_compliance"],), takes_time=True), o)
+    assert fitted.values["tangential_compliance.eta"] == pytest.approx(0.3, rel=0.02)
+    judged = Drops(o).judge(fitted)
+    assert judged.excess < 1.3  # an impulse added to a rigid one errs by 6 times the floor
+
+
+def test_a_stiff_spring_along_the_surface_is_a_rigid_contact():
+    rng = np.random.default_rng(4)
+    v = np.column_stack([rng.uniform(-1.5, 1.5, 60), rng.uniform(-3.0, -0.8, 60), rng.uniform(-12.0, 12.0, 60)])
+    state, spring = touching(rng.uniform(0.0, 2.0 * np.pi, 60), v), EFFECTS["tangential_compliance"]
+    values = {"mu": 0.3, "epsilon": 0.6, "tau": 1e-3, "tangential_compliance.zeta": 0.2}
+    model = Model(BASES["compliant_contact"], (spring,), takes_time=True)
+    rigid, stiff = (press(model, values | {"tangential_compliance.eta": eta}, RIG, state)[0] for eta in (0.0, 1e-6))
+    assert stiff.v == pytest.approx(rigid.v, abs=0.02)
+
+
+def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effect():
+    rng = np.random.default_rng(5)
+    v = np.column_stack([rng.uniform(-1.5, 1.5, 60), rng.uniform(-3.0, -0.8, 60), rng.uniform(-12.0, 12.0, 60)])
+    state = touching(rng.uniform(0.0, 2.0 * np.pi, 60), v)
+    r_x = RIG.shape.contact_point(state.theta)[:, 0]
+    state = state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
+    values = SHORT | {"tangential_compliance.eta": 0.5, "tangential_compliance.zeta": 0.2}
+    model = Model(BASES["compliant_contact"], (EFFECTS["tangential_compliance"],), takes_time=True)
+    after, _ = press(model, values, RIG, state)
+    limit, _ = model.limit.collide(state, values, RIG)
+    assert np.abs(after.v[:, :2] - limit.v[:, :2]).mean() < 0.01

@@ -5,7 +5,9 @@ what is compiled must stand here, since numba does not see changes of functions 
 
 Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass in v₀²/L.  Steps of the motion are half a
 drift, a kick and half a drift.  A damper acts at the velocity in the middle of the step; friction ends the slip within
-the step, at most μ f_n, shared by the corners that press.  In a convex contact it is a damper, at most μ f_n.
+the step, at most μ f_n, shared by the corners that press.  In a convex contact it is a damper, at most μ f_n.  Where
+the contact gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ carry the friction, at most
+μ f_n; k_n is the slope of the loading force.
 """
 
 import numpy as np
@@ -13,6 +15,8 @@ from numba import njit
 
 HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX = range(4)
 SPEED = 1.0  # m/s, v₀
+RESOLVED = 0.25  # (ω h)² of a tangential spring
+THIN = 1e-9  # depth over L of a contact that has just begun
 
 compiled = njit(cache=True, error_model="numpy")
 
@@ -72,7 +76,7 @@ def _lowest(axes, vertices, theta):
 
 
 @compiled
-def integrate(force, points, body, outline, velocity, step, most):
+def integrate(force, points, body, outline, compliance, velocity, step, most):
     """The motion of n bodies from their first touch until none of their p contact points presses any more.
 
     Args:
@@ -81,6 +85,7 @@ def integrate(force, points, body, outline, velocity, step, most):
         body: 1/k² (n,) in 1/m², gravity in m/s², angle θ (n,) in rad.
         outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
             (k, 2) in m.
+        compliance: η and ζ (n,) of the tangential spring; η = 0 is rigid.
         velocity: (n, 3) in m/s and rad/s.
         step: (n,) in s.
         most: steps.
@@ -93,15 +98,17 @@ def integrate(force, points, body, outline, velocity, step, most):
     r_xs, r_ys, gaps, mus, losses, lengths = points
     ws, gravity, thetas = body
     smooth, axes, vertices = outline
+    etas, zetas = compliance
     p, n = gaps.shape
     shift, after, elapsed = np.zeros((n, 3)), velocity.copy(), np.zeros(n)
     c_t, c_n = np.zeros((p, n)), np.zeros((p, n))
     r_x, r_y, push, depths, deepest = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
+    stretch = np.zeros(p)
     for i in range(n):
         h, w, ratio = step[i], ws[i], ratios[i]
         x = y = turn = t = 0.0
         v_x, v_y, omega = velocity[i]
-        deepest[:] = 0.0
+        deepest[:], stretch[:] = 0.0, 0.0
         # where the contact point is beside the lowest one of a smooth body
         beside = _lowest(axes, vertices, thetas[i]) if smooth else (0.0, 0.0)
         for _ in range(most):
@@ -130,12 +137,25 @@ def integrate(force, points, body, outline, velocity, step, most):
             omega += w * turned
             dragged, turned = 0.0, 0.0
             for k in range(p):
-                ends = 1.0 / ((1.0 + r_y[k] * r_y[k] * w) * max(pressing, 1))
-                if kind == CONVEX:
-                    slows = ratio * losses[k, i] * h * SPEED / lengths[k, i]
-                    ends = ends * slows / (ends + slows)
-                limit = mus[k, i] * push[k]
-                drag = min(max(-(v_x - r_y[k] * omega) * ends, -limit), limit)
+                mobility, slip, limit = 1.0 + r_y[k] * r_y[k] * w, v_x - r_y[k] * omega, mus[k, i] * push[k]
+                if etas[i] > 0.0 and push[k] > 0.0:
+                    thick = exponent * _power(max(deepest[k] / lengths[k, i], THIN), exponent - 1.0)
+                    stiffness = (SPEED / lengths[k, i]) ** 2 * thick / etas[i]
+                    damping = 2.0 * zetas[i] * np.sqrt(stiffness / mobility)
+                    # both at the middle of a step that resolves them, or it would damp; else at its end
+                    part = 0.5 if stiffness * mobility * h * h < RESOLVED else 1.0
+                    carries = h * (part * h * stiffness + damping)
+                    drag = -(h * stiffness * stretch[k] + carries * slip) / (1.0 + part * carries * mobility)
+                    drag = min(max(drag, -limit), limit)
+                    # spring and damper carry the drag together, sliding or not
+                    stretch[k] -= (h * stiffness * stretch[k] + drag) * h / carries
+                else:
+                    stretch[k] = 0.0
+                    ends = 1.0 / (mobility * max(pressing, 1))
+                    if kind == CONVEX:
+                        slows = ratio * losses[k, i] * h * SPEED / lengths[k, i]
+                        ends = ends * slows / (ends + slows)
+                    drag = min(max(-slip * ends, -limit), limit)
                 dragged += drag
                 turned += r_y[k] * drag
                 c_t[k, i] += drag

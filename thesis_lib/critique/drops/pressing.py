@@ -9,7 +9,8 @@ the units of `thesis_lib/contact/compliant/normal_force.py`.  Per unit mass, wit
 
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
-the law is added to the impulse of each corner, at the velocity with which it touched.
+the law is added to the impulse of each corner, at the velocity with which it touched; but `tangential_compliance` is a
+spring along the surface, integrated with the rest.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,13 +21,15 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Corner, Ellipse, Polygon, Shape
 from thesis_lib.contact.compliant.compiled import SPEED, integrate
-from thesis_lib.contact.compliant.normal_force import NormalForce
+from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce
+from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Impulse, Rig, State
+from thesis_lib.effects.tangential_compliance import TangentialCompliance
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
-STEPS = 48  # in one central contact
+STEPS, FINER = 48, 4  # in one central contact; times that with a tangential spring
 SHORTEST = 1e-6  # s; no camera tells it from an instant
 LONGEST = 4  # central contacts; a body that presses longer rests
 SPRING = NormalForce()  # of laws without a force
@@ -65,6 +68,11 @@ def all_points(rig: Rig, bodies: int) -> Rig:
     return replace(rig, shape=Corner.each(rig.shape, bodies))  # pyright: ignore[reportArgumentType]
 
 
+def integrates(law: Law, effect: Effect) -> bool:
+    """Whether the effect is a force of the integrated motion; friction of a convex contact is a damper of its own."""
+    return isinstance(effect, TangentialCompliance) and not isinstance(law.force, ConvexDamper)
+
+
 def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
 
@@ -91,18 +99,23 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
     ratio = np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null))
+    p_spring = next((p for effect, p in active if integrates(model.law, effect)), {"eta": 0.0, "zeta": 0.0})
+    eta, zeta = (np.full(corners * n, p_spring[name], float)[:n] for name in ("eta", "zeta"))
+    steps = STEPS * (FINER if eta.any() else 1)
     pressed = _Pressed(
         *integrate(
             (force.kind, force.exponent, ratio),
             points,
             (np.full(corners * n, k_g**-2.0)[:n], rig.gravity, true.theta),
             _outline(rig.shape, corners),
+            (eta, zeta),
             np.ascontiguousarray(frame.v),
-            central / STEPS,
-            LONGEST * STEPS,
+            central / steps,
+            LONGEST * steps,
         )
     )
-    v = pressed.v + _added(active, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
+    others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
+    v = pressed.v + _added(others, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
     after = State.of(frame.q + pressed.shift, v, frame.trial, frame.t + pressed.elapsed)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
     origin, shift = after, pressed.shift

@@ -30,7 +30,7 @@ from thesis_lib.foundation.randomness import generator
 DROPS = 80
 WIDE = 30.0  # the size is sought between the stored one over this and times this
 MOST = 7  # sizes that are tried
-CLOSE = 0.05  # relative, of the ratio
+CLOSE, NEAR = 0.05, 0.3  # relative, of the ratio: where the search ends, and what is taken when it has to
 FURTHEST = 5.0  # factor from one size to the next
 
 
@@ -46,24 +46,27 @@ def find_cause_size(case: Case) -> float:
     plain = replace(case, drops=DROPS)
     law, without = _base(plain.source, plain.shape, plain.contact_time, plain.seed)
     first = size = possible = case.size(name)
-    ratio = np.nan
+    tried: dict[float, float] = {}  # how far from the ratio, by size
     for _ in range(MOST):
         try:
             ratio = _ratio(name, without, _judged(plain, {name: size}, (law,))[1])
         except ValidationError:  # no such cause: it has a largest size
             size = float(np.sqrt(size * possible)) * np.sign(first)
             continue
-        possible = size
-        if abs(ratio / case.ratio - 1.0) < CLOSE:
-            return float(f"{size:.2g}")
+        possible, tried[size] = size, abs(ratio / case.ratio - 1.0)
+        if tried[size] < CLOSE:
+            break
         # what a cause adds to the square of the misfit grows with the square of its size
         further = np.sqrt((case.ratio**2 - 1.0) / max(ratio**2 - 1.0, 1e-9))
         wanted = size * float(np.clip(further, 1.0 / FURTHEST, FURTHEST))
         size = float(np.clip(abs(wanted), abs(first) / WIDE, abs(first) * WIDE)) * np.sign(first)
-    raise UserError(
-        f"{name} does not come to {case.ratio:g} times the floor with {MOST} sizes; the last was {size:.2g}, with "
-        f"{ratio:.2g} times the floor."
-    )
+    found = min(tried, key=lambda size: tried[size])
+    if tried[found] > NEAR:
+        raise UserError(
+            f"{name} does not come to {case.ratio:g} times the floor with {MOST} sizes; the nearest is {found:.2g}, "
+            f"{100 * tried[found]:.0f} % off."
+        )
+    return float(f"{found:.2g}")
 
 
 @functools.cache
