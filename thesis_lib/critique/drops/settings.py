@@ -31,4 +31,4 @@ class CritiqueRun(Section):
         ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),
         description="source/truth of the proof's datasets that the pipeline runs again to check the stored table",
     )
-    settings: CritiqueSettings = CritiqueSettings(contact_time=False, episodes=False)  # as in the thesis
+    settings: CritiqueSettings = CritiqueSettings()
