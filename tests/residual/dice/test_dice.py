@@ -8,7 +8,7 @@ import pytest
 from throws_for_tests import HALF, RIG, SQUARE, throws
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.critique.results.saved_model import SavedModel, predict
+from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter, predict
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
@@ -24,7 +24,7 @@ from thesis_lib.residual.dice.tables import contact_pits, difficulty, spread
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.throwing.flight import first_touch
 from thesis_lib.residual.throwing.settings import ThrowSettings
-from thesis_lib.residual.throwing.throw import LawImpact, simulate_throws, state_at
+from thesis_lib.residual.throwing.throw import simulate_throws, state_at
 
 MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.15, 0.45, 9.81, c_v=0.35, c_w=0.35)
 SIGMA = np.array([1e-4, 1e-4, 1e-3])
@@ -165,27 +165,45 @@ def saved(effects: dict[str, float]) -> SavedModel:
     )
 
 
-def test_the_critiques_model_hits_as_its_own_prediction_says():
-    model = saved(
-        {
-            "rounded_corners.rho": 0.003,
-            "angle_offset.d_theta": -0.03,
-            "linear_drag.c_v": 0.5,
-            "linear_drag.c_w": 0.6,
-            "wrong_inertia.d_I": -0.2,
-        }
-    )
+BODY = {
+    "rounded_corners.rho": 0.003,
+    "angle_offset.d_theta": -0.03,
+    "linear_drag.c_v": 0.5,
+    "linear_drag.c_w": 0.6,
+    "wrong_inertia.d_I": -0.2,
+}
+CONTACT = {
+    "angle_offset.d_theta": -0.03,
+    "tangential_compliance.eta": 5.0,
+    "tangential_compliance.zeta": 0.5,
+    "velocity_dependent_restitution.p": 0.3,
+    "velocity_dependent_restitution.c": -0.2,
+    "position_dependent_restitution.g_eps": 0.5,
+    "contact_torque.m_r": 5e-4,
+}
+
+
+@pytest.mark.parametrize("values", [BODY, CONTACT], ids=["body", "contact"])
+def test_the_critiques_model_hits_as_its_own_prediction_says(values):
+    model = saved(values)
     thrown = critique_model(model, 2 * HALF)
     q, v = throws(60)
     true = q - [0.0, 0.0, -0.03]
     r, _ = thrown.body.lowest(true[:, 2])
-    impact = LawImpact(thrown.impact.law, thrown.mu, thrown.epsilon, thrown.k_g)
-    _, after, _ = impact(true, v, r, np.zeros(60, bool), np.random.default_rng(0))
+    _, after, _ = thrown.impact(true, v, r, np.zeros(60, bool), np.random.default_rng(0))
     states = pd.DataFrame(np.hstack([q, v]), columns=["x", "y", "theta", "vx", "vy", "omega"])
     expected = predict(model, states)
     hit = (expected["status"] == "ok").to_numpy()
     assert hit.sum() > 50
     assert after[hit] == pytest.approx(expected.loc[hit, ["vx_post", "vy_post", "omega_post"]].to_numpy())
+
+
+def test_a_contact_time_is_left_out_of_throws():
+    model = saved(CONTACT)
+    tau = SavedParameter(value=6e-4, std=None, unit="s")
+    timed = model.model_copy(update={"parameters": model.parameters | {"tau": tau}})
+    assert timed.model.takes_time
+    assert critique_model(timed, 2 * HALF) == critique_model(model, 2 * HALF)
 
 
 def test_effects_that_throws_do_not_know_are_refused_by_name():

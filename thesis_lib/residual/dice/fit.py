@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.effects.effect import Effect, Parameters, Rig
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.settings import DiceFitSettings
 from thesis_lib.residual.throwing.compliant_contact import PARAMETERS, CompliantContact, compliant_path
@@ -53,6 +54,8 @@ class DiceModel:
     c_v: float = 0.0  # c_v, c_w: 1/s, drag in flight
     c_w: float = 0.0
     contact: CompliantContact | None = None
+    effects: tuple[tuple[Effect, Parameters], ...] = ()  # of the contacts, and what they are told of body and rig
+    rig: Rig | None = None
 
     @property
     def body(self) -> ThrownBody:
@@ -65,7 +68,7 @@ class DiceModel:
     @property
     def impact(self) -> LawImpact:
         """The impact law with its parameters."""
-        return LawImpact(LAWS[self.law], self.mu, self.epsilon, self.k_g)
+        return LawImpact(BASES[self.law], self.mu, self.epsilon, self.k_g, self.effects, self.rig)
 
     def seen(self, q: np.ndarray) -> np.ndarray:
         """True poses (n, 3) of measured poses `q` (n, 3), lifted where they already touch."""

@@ -20,6 +20,8 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
@@ -45,7 +47,9 @@ from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, Throws, simulate_throws
 
 FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
-KNOWN_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inertia")
+BODY_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inertia", "surface_height")
+CONTACT_HOOKS = {"coefficients", "impulse", "contact_time"}
+BY_TRIAL = "wear"  # of a surface that throws do not number
 
 
 @dataclass(frozen=True)
@@ -59,19 +63,25 @@ class Thrower:
 
 
 def critique_model(saved: SavedModel, side: float) -> DiceModel:
-    """The critique's body and law as a model that can be thrown; UserError for effects not in `KNOWN_EFFECTS`."""
-    strange = [name for name in saved.effects if name not in KNOWN_EFFECTS]
+    """The critique's body and law as a model that can be thrown, with contacts that take no time.
+
+    UserError for effects that are neither in `BODY_EFFECTS` nor act on contacts alone.
+    """
+    of_contact = [EFFECTS[name] for name in saved.effects if acts_on_contacts_alone(EFFECTS[name])]
+    known = {*BODY_EFFECTS, *(effect.name for effect in of_contact)}
+    strange = [name for name in saved.effects if name not in known]
     if strange:
         raise UserError(
-            f"The critique's model has effects that thrown dice do not know: {', '.join(strange)}. "
-            f"Known are {', '.join(KNOWN_EFFECTS)}; leave the critique's model out or choose its effects among them."
+            f"The critique's model has effects that thrown dice do not know: {', '.join(strange)}. Known are "
+            f"{', '.join(BODY_EFFECTS)} and those that act on contacts alone; leave the critique's model out or choose "
+            "its effects among them."
         )
     p = saved.values
     rho = p.get("rounded_corners.rho", 0.0)
     return DiceModel(
         half=side / 2 - rho,
         rho=rho,
-        height=saved.rig.height,
+        height=saved.rig.height + p.get("surface_height.h", 0.0),
         k_g=saved.rig.radius_of_gyration * float(np.sqrt(1.0 + p.get("wrong_inertia.d_I", 0.0))),
         law=saved.law,
         mu=p["mu"],
@@ -80,7 +90,18 @@ def critique_model(saved: SavedModel, side: float) -> DiceModel:
         d_theta=p.get("angle_offset.d_theta", 0.0),
         c_v=p.get("linear_drag.c_v", 0.0),
         c_w=p.get("linear_drag.c_w", 0.0),
+        effects=tuple(
+            (effect, {q.name: p[f"{effect.name}.{q.name}"] for q in effect.parameters}) for effect in of_contact
+        ),
+        rig=saved.believed,
     )
+
+
+def acts_on_contacts_alone(effect: Effect) -> bool:
+    """Whether an effect changes (μ, ε), the impulse or the contact time, and nothing else, in any throw alike."""
+    hooks = [name for name in vars(Effect) if callable(getattr(Effect, name)) and not name.startswith("_")]
+    acting = {name for name in hooks if getattr(type(effect), name) is not getattr(Effect, name)}
+    return bool(acting) and acting <= CONTACT_HOOKS | {"shapes"} and effect.name != BY_TRIAL
 
 
 def law_models(

@@ -30,7 +30,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import contact_space
+from thesis_lib.contact.space import ContactSpace, contact_space
+from thesis_lib.effects.effect import Effect, Impulse, Parameters, Rig, State
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 
@@ -42,12 +43,17 @@ ImpactModel = Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray | float]]
 
 @dataclass(frozen=True)
 class LawImpact:
-    """The `ImpactModel` of a law with constant parameters on a body with radius of gyration `k_g` (m)."""
+    """The `ImpactModel` of a law with constant parameters on a body with radius of gyration `k_g` (m).
+
+    `effects`, with their parameters, act on (μ, ε) and on the impulse; `rig` is what they are told of body and rig.
+    """
 
     law: Law
     mu: float
     epsilon: float
     k_g: float
+    effects: tuple[tuple[Effect, Parameters], ...] = ()
+    rig: Rig | None = None
 
     def __call__(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
@@ -55,8 +61,24 @@ class LawImpact:
         """The pose unchanged, velocity after impact, zero time."""
         with np.errstate(all="ignore"):
             space = contact_space(v, r, mass=1.0, k_g=self.k_g)
+            if self.effects:
+                return q, push(v, r, self._with_effects(space, q, v, r, slow), self.k_g), 0.0
             c_t, c_n = self.law.impulse(space, self.mu, np.where(slow, 1.0, self.epsilon))
         return q, push(v, r, np.stack([c_t, c_n], axis=1), self.k_g), 0.0
+
+    def _with_effects(
+        self, space: ContactSpace, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
+    ) -> np.ndarray:
+        """Impulse per unit mass and couple about r, (n, 3)."""
+        zero = np.zeros(len(q))
+        state, mu, epsilon = State.of(q, v, zero, zero), np.full(len(q), self.mu), np.full(len(q), self.epsilon)
+        for effect, p in self.effects:
+            mu, epsilon = effect.coefficients(mu, epsilon, space, state, p, self.rig)  # pyright: ignore[reportArgumentType]
+        epsilon = np.where(slow, 1.0, epsilon)
+        impulse = Impulse(*self.law.impulse(space, mu, epsilon), zero)
+        for effect, p in self.effects:
+            impulse = effect.impulse(impulse, space, mu, epsilon, (r[:, 0], r[:, 1]), state, p, self.rig)  # pyright: ignore[reportArgumentType]
+        return np.stack([impulse.c_t, impulse.c_n, impulse.tau], axis=1)
 
 
 def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.ndarray:
