@@ -20,6 +20,7 @@ from thesis_lib.critique.drops.pressing import press
 from thesis_lib.critique.drops.residuals import impact_residuals, synthesise
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.tables import impacts
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
@@ -241,6 +242,12 @@ def test_rounding_moves_each_corner_of_a_polygon_as_it_moves_the_lowest():
             model.contact_at(before, active, replace(RIG, shape=Corner(shape, lowest)))[1:3],
         ):
             assert np.allclose(by_shape, by_corner, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_noise_floor_of_single_hits_is_below_that_of_episodes():
+    error = diagnosis(critique("square"), np.random.default_rng(0))["error"]
+    assert 0.0 < error["noise_floor_single"] < error["noise_floor"]
 
 
 @pytest.mark.slow

@@ -61,6 +61,7 @@ def test_the_hidden_effect_is_named_with_its_size(told):
     low, high = effect["gain"]["interval"]
     assert 0.0 < low < effect["gain"]["held_out_log_score_per_impact"] < high
     assert told["error"]["explained_share"] > 0.9
+    assert told["error"]["noise_floor_single"] == told["error"]["noise_floor"]  # there are single hits only
     assert told["error"]["flight"] is None  # impacts alone say nothing of the flight
     assert {"name": "linear_drag", "why": "no trajectories"} in told["not_testable"]
 

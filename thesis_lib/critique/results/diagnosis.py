@@ -9,7 +9,8 @@
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
 |                 | stand_in            | null, or why it is no cause: see `drops/stand_ins.py`                       |
-| error           | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
+| error           | noise_floor_single  | noise floor of the single hits alone                                        |
+|                 | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
@@ -25,7 +26,7 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
-from thesis_lib.critique.drops.world import CHANNELS, channel_is_material
+from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
 from thesis_lib.foundation.randomness import generator
@@ -118,8 +119,12 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
 
 
 def _error(critique: Critique) -> dict:
-    (_, _, before), (_, _, after) = critique.ladder[0], critique.ladder[-1]
+    (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
     base, augmented, floor = float(before.error.mean()), float(after.error.mean()), after.floor
+    single = critique.held_out.single
+    of_single = floor if len(single) == len(critique.held_out) else np.nan
+    if 0 < len(single) < len(critique.held_out):
+        of_single = Drops(single).judge(fitted).floor
     misfits: dict = dict.fromkeys(CHANNELS[1:])
     for name in misfits:
         if np.isfinite(before.sigmas[name]):
@@ -128,6 +133,7 @@ def _error(critique: Critique) -> dict:
     share = (base - augmented) / (base - floor) if base > floor else None
     bounds = {"irb_bound": critique.irb, "irb_bound_augmented": critique.irb_augmented}
     errors = {"unit": "m/s", "base": base, "augmented": augmented, "noise_floor": floor, "explained_share": share}
+    errors |= {"noise_floor_single": of_single}
     return errors | bounds | {"no_impact": critique.no_impact, "worst": _worst(critique)} | misfits
 
 

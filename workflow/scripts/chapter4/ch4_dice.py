@@ -10,9 +10,11 @@ from thesis_lib.critique.results.saved_model import load_model
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.chapter4 import belief, dice
 from thesis_lib.figures.style import save_figure
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.residual.dice import results
+from thesis_lib.residual.dice.models import critique_model
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.study import dice_study, side_of
 
@@ -28,6 +30,11 @@ dataset = read_dataset(params.folder)
 impacts = read_dataset(Path(source.header).parent).stated_impacts()
 hits = read_table(source.arcs, ["trial", "t"])
 model = load_model(Path(params.critique) / "model.json")
+try:
+    critique_model(model, side_of(dataset))
+except UserError as error:
+    print(f"{error} Thrown without it.")
+    model = None
 studies = dice_study(dataset, hits, impacts, model, settings, stream("study"), say=print)
 tables = results.dice_tables(studies, stream("coverage"))
 for stem, table in tables.items():

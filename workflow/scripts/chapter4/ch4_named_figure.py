@@ -15,5 +15,5 @@ columns = ["model", "n", "mean", "low", "high"]
 rungs, summary = (read_table(snakemake.input[name], columns) for name in ("rungs", "summary"))
 found = read_json(snakemake.input.diagnosis)
 titles = [EFFECTS[effect["name"]].title for effect in found["effects"]]
-drawn = figure_named_physics(rungs, summary, titles, found["error"]["noise_floor"])
+drawn = figure_named_physics(rungs, summary, titles, found["error"]["noise_floor_single"])
 save_figure(*drawn, Path(snakemake.output[0]).with_suffix(""))
